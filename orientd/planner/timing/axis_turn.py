@@ -15,7 +15,7 @@ from orientd.planner.certify import shares_to_stop
 from orientd.planner.limits import Limits
 from orientd.planner.path import PathSegment
 from orientd.planner.timing.candidate_path import KeyframePath
-from orientd.rotation import Floats, angle
+from orientd.rotation import Floats, angle, exp, multiply
 
 SHARE = 0.999
 """Of acceleration and jerk that the quickest timing uses; the rest lets it be stopped at all."""
@@ -33,7 +33,8 @@ LEAST_SHARE = 0.2
 LONGEST_STOP = 6.0
 """Seconds that a stop on a longer motion may take: so much of a path is read ahead."""
 
-_SAME_AXIS = 1e-9  # of the velocity, across the axis
+_ONE_WAY = 1e-9  # of the velocity, by which it may differ from the one along the axis
+_ON_AXIS = 5e-10  # rad, within which a turn about one axis is the path
 _LOOKS = 8  # between two knots
 _BISECTIONS = 60
 
@@ -122,17 +123,20 @@ def turned_at_once(
     q, omega, _ = segment.sample(spots)
     speeds = np.sqrt(np.einsum("ij,ij->i", omega, omega))
     axis = omega[int(np.argmax(speeds))] / speeds.max()
-    if np.any(omega @ axis < (1.0 - _SAME_AXIS) * speeds - _SAME_AXIS * speeds.max()):
+    if np.any(omega @ axis < (1.0 - _ONE_WAY) * speeds - _ONE_WAY * speeds.max()):
         return None
     so_far = np.concatenate([[0.0], np.cumsum(angle(q[:-1], q[1:]))])
-    turn = float(so_far[-1])
-    curve = AxisTurn(
-        q[0], axis, turn, phases_of_turn(axis, turn, limits, share=share, jerk_share=share)
-    )
     # When it has turned as far as the curve has at each keyframe.
     keys = segment.sample(np.minimum(keyframe_path.times, keyframe_path.duration))[0]
     before = np.clip(np.searchsorted(spots, keyframe_path.times, side="right") - 1, 0, None)
     goal = so_far[before] + angle(q[before], keys)
+    turned = multiply(q[0], exp(np.concatenate([so_far, goal])[:, None] * axis))
+    if np.any(angle(turned, np.concatenate([q, keys])) > _ON_AXIS):
+        return None
+    turn = float(so_far[-1])
+    curve = AxisTurn(
+        q[0], axis, turn, phases_of_turn(axis, turn, limits, share=share, jerk_share=share)
+    )
     return KeyframePath(
         PathSegment(curve, 0.0, curve.domain[1]), keyframe_path.positions, _times(curve, goal)
     )
