@@ -76,6 +76,7 @@ class PlanJob:
     def of(cls, request: MotionRequest, start: State, own: Limits, period: float) -> PlanJob:
         """Check what can be checked before a curve is made."""
         limits = own.slowed(request.pace) if isinstance(request.pace, float | int) else own
+        limits = limits.at_period(period)
         method = check_method(request)
         if request.limits is not None:
             refusal.check_present_rates(start, own, period)

@@ -27,7 +27,7 @@ from orientd.errors import PlanError
 from orientd.planner.connect.quintic_connector import join
 from orientd.planner.limits import LONGEST, STILL, Limits
 from orientd.planner.path import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY, PathSegment
-from orientd.planner.timing import CAREFUL_JERK_SHARE, phases_of_turn
+from orientd.planner.timing import CAREFUL_JERK_SHARE, SHARE, phases_of_turn
 from orientd.rotation import (
     Floats,
     angle,
@@ -237,6 +237,7 @@ def approach(
     limits: Limits,
     *,
     is_even: bool = False,
+    share: float = SHARE,
     jerk_share: float = CAREFUL_JERK_SHARE,
     is_part: bool = True,
 ) -> PathSegment | None:
@@ -249,7 +250,8 @@ def approach(
         q1: where it ends.
         limits: to keep.
         is_even: whether it is to be a quintic, as long as its peaks need, instead.
-        jerk_share: of the jerk to use.
+        share: of the acceleration to use.
+        jerk_share: of the jerk.
         is_part: whether it is one of a longer motion.
 
     Raises:
@@ -260,7 +262,9 @@ def approach(
         return None
     axis = _axis_between(q0.tolist(), q1.tolist())
     if math.isfinite(limits.acceleration) and not is_even:
-        phases = phases_of_turn(axis, turn, limits, jerk_share=jerk_share, is_part=is_part)
+        phases = phases_of_turn(
+            axis, turn, limits, share=share, jerk_share=jerk_share, is_part=is_part
+        )
         check_lead("an approach", float(phases.sum()))
         curve: Curve = AxisTurn(q0, axis, turn, phases)
         return PathSegment(curve, 0.0, curve.domain[1])
