@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         FirstProfile,
         QuickPath,
         aimed_at,
+        lasting,
         quickest,
     )
     from orientd.planner.timing.timing import (
