@@ -190,6 +190,13 @@ def test_a_move_on_a_terminal_is_a_live_line(daemon, motion):
     assert b"rad/s  late" in shown
 
 
+def test_a_free_lease_is_taken_where_there_is_nothing_to_command_beside(daemon):
+    beside = ("--lease", "--socket", daemon.socket)
+    assert told(inside("speed", "0.5", *beside, "--json"))["speed"] == 0.5
+    assert told(inside("speed", "1", *beside, "--json"))["speed"] == 1.0
+    assert not daemon.stub.GetState(pb.GetStateRequest()).daemon.leases
+
+
 def test_a_second_terminal_commands_what_a_move_runs(daemon, slow):
     process = begin("move", slow, "--socket", daemon.socket, "--json")
     until(lambda: is_moving(daemon.device()), "motion")
