@@ -87,9 +87,10 @@ def plan(
     Keyframes with times are passed at those times, or not at all; keyframes without are passed
     as quickly as the limits permit at every point of the curve, or with ``pace="even"`` at the
     curve's own pace, slowed down by one factor.  Where no quickest timing is found the pace is
-    even, too, which a note of the certificate says.  The motion begins in
-    the state the device is commanded to be in and ends at rest: in front of the keyframes goes a
-    lead-in where the request says ``approach``, behind them a lead-out where they end with a
+    even, too, which a note of the certificate says.  Beside an end that moves a motion of the
+    default method may stop at a keyframe if that is quicker, with a connector there.  The motion
+    begins in the state the device is commanded to be in and ends at rest: in front of the keyframes
+    goes a lead-in where the request says ``approach``, behind them a lead-out where they end with a
     velocity or an acceleration.  A single keyframe is where to go, by the shortest way found.
 
     A start that moves is the state of another motion at one of its records, which this one takes

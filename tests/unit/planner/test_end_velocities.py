@@ -68,7 +68,8 @@ def chain(keys, ends, limits):
 def check(motion, keys, ends, limits):
     """Hold all records against the limits, and the keyframes and velocities against the request."""
     q = motion.sample(PERIOD * np.arange(motion.record_count)).q
-    held = np.concatenate([[q[0]] * 3, q, [q[-1]] * 3])
+    before = [q[0]] * 3 if motion.before is None else motion.before[0]
+    held = np.concatenate([before, q, [q[-1]] * 3])
     turned = Rotation.from_quat(held, scalar_first=True)
     rates = [(turned[:-1].inv() * turned[1:]).as_rotvec() / PERIOD]
     for _ in range(2):
@@ -285,3 +286,20 @@ def test_a_curve_that_takes_far_longer_than_stops_says_so():
     took = motion.end_time - motion.start_time
     assert took > 30.0
     assert any("with a stop at every keyframe" in note for note in motion.certificate.notes)
+
+
+@pytest.mark.parametrize("name", LIMITS)
+def test_a_motion_takes_over_from_another_one_whatever_comes_next(name):
+    limits, random = LIMITS[name], np.random.default_rng(13)
+    for _ in range(CASES):
+        keys, _ = random_case(random, limits)
+        away = Rotation.from_quat(keys[0], scalar_first=True) * Rotation.random(rng=random)
+        far = tuple(away.as_quat(scalar_first=True).tolist())
+        request = MotionRequest([Keyframe(far)])
+        first = plan(request, start=State.at_rest(keys[0]), limits=limits, period=PERIOD)
+        start = first.state_at(int(random.integers(3, first.record_count - 3)))
+        keys = [tuple(start.q.tolist()), *keys[1:]]
+        ends = [None, velocity(random, limits)]
+        request = MotionRequest([Keyframe(q) for q in keys], end_velocity=ends[1])
+        motion = plan(request, start=start, limits=limits, period=PERIOD)
+        check(motion, keys, [tuple(start.omega_body.tolist()), ends[1]], limits)
