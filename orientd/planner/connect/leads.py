@@ -119,7 +119,7 @@ def lead_out(q: Floats, omega: Floats, alpha: Floats, *, limits: Limits, period:
     raise PlanError(
         f"between rest and {np.linalg.norm(omega):.4g} rad/s with {np.linalg.norm(alpha):.4g} "
         f"rad/s^2 none keeps the limits of {limits.velocity:g} rad/s, {limits.acceleration:g} "
-        f"rad/s^2 and {limits.jerk:g} rad/s^3; ask for less velocity there, or more time beside it"
+        f"rad/s^2 and {limits.jerk:g} rad/s^3; ask for a lower velocity there, or give it more time"
     )
 
 
