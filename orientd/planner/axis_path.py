@@ -107,7 +107,8 @@ def reshaped(
     place = refusal.Place(request, float(begin), float(end), times)
     refusal.check_limits(peaks, place)
     refusal.check_stop(peaks, place)
-    certificate = summed_up(request, path, (float(begin), float(end)), times, peaks, period)
+    ends = float(begin), float(end)
+    certificate = summed_up(request, path, ends, times, peaks, period, motion.limits)
     return replace(
         motion,
         path=path,
@@ -118,7 +119,7 @@ def reshaped(
         certificate=replace(
             certificate,
             figures=(*certificate.figures, *shape.figures),
-            notes=shape.notes,
+            notes=(*motion.certificate.notes, *shape.notes),
         ),
         rough=rough,
         first_joints=path.joints_at(0),

@@ -154,6 +154,20 @@ def test_a_move_is_shown_in_plain_lines_where_nobody_looks(daemon, motion):
     assert any(line.strip().startswith("end velocities") for line in lines)
 
 
+def test_a_move_says_how_its_file_was_read(daemon, tmp_path):
+    file = tmp_path / "typed.yaml"
+    file.write_text(
+        "approach: true\nkeyframes:\n  - {quaternion: {w: 1, x: 0, y: 0, z: 0}}\n"
+        "  - {quaternion: {w: 0.9239, x: 0, y: 0, z: 0.3827}}\n"
+        "  - {euler: {axes: z, degrees: [390]}}\n"
+    )
+    done = orientd("move", file, "--socket", daemon.socket)
+    assert done.returncode == 0, done.stderr
+    assert "keyframes[1].quaternion of norm 1.000025 was scaled to norm 1" in done.stdout
+    assert "an angle of 390 deg, more than a whole turn, and taken for 30 deg" in done.stdout
+    assert done.stderr == ""
+
+
 def test_a_move_tells_programs_one_object(daemon, motion):
     move = told(orientd("move", motion, "--socket", daemon.socket, "--json"))
     summary, certificate = move["summary"], move["plan"]["certificate"]

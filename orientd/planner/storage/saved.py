@@ -129,4 +129,5 @@ def _limits(given: dict[str, Any]) -> Limits:
 def _certificate(given: dict[str, Any]) -> Certificate:
     peaks = {name: Peak(**given[name]) for name in given if name.startswith("peak_")}
     figures = tuple(Figure(*figure) for figure in given["figures"])
+    given = {"usual_stop_time": given["stop_time"], **given}  # not in files of earlier versions
     return Certificate(**{**given, **peaks, "figures": figures, "notes": tuple(given["notes"])})
