@@ -48,7 +48,7 @@ ConfigFile = Annotated[
 
 Beside = Annotated[
     bool,
-    typer.Option("--lease", help="Command beside what holds the lease in another terminal."),
+    typer.Option("--lease", help="Command beside your command in another terminal."),
 ]
 
 _REMOTE = {

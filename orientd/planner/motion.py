@@ -106,7 +106,7 @@ class Motion:
         """Write the motion with its certificate to a file that :func:`orientd.load_motion` reads.
 
         Raises:
-            OrientdError: the file cannot be written.
+            OrientdError: the file cannot be written, or its name is that of another format.
         """
         from orientd.planner.saving import save_motion
 

@@ -18,7 +18,11 @@ from orientd.driver import Quaternion, Vector3
 
 
 class ServoState(IntEnum):
-    """The servo's states; ``servo/state_table.py`` has the transitions."""
+    """The servo's states; ``servo/state_table.py`` has the transitions.
+
+    >>> print(ServoState.HOLDING)
+    HOLDING
+    """
 
     IDLE = 0
     HOLDING = 1
@@ -26,6 +30,9 @@ class ServoState(IntEnum):
     STOPPING = 3
     FAULT = 4
     TRACKING = 5
+
+    def __str__(self) -> str:
+        return self.name
 
 
 class Command(IntEnum):

@@ -215,6 +215,13 @@ def test_nothing_but_bad_lines_is_a_failure(daemon):
     assert done.stderr.startswith("orientd: line 1: expected a JSON object")
 
 
+def test_a_free_lease_is_taken_where_there_is_nothing_to_command_beside(daemon):
+    beside = ("--lease", "--socket", daemon.socket)
+    assert told(inside("speed", "0.5", *beside, "--json"))["speed"] == 0.5
+    assert told(inside("speed", "1", *beside, "--json"))["speed"] == 1.0
+    assert not daemon.stub.GetState(pb.GetStateRequest()).daemon.leases
+
+
 def test_a_second_terminal_commands_what_a_move_runs(daemon, slow):
     process = begin("move", slow, "--socket", daemon.socket, "--json")
     until(lambda: is_moving(daemon.device()), "motion")

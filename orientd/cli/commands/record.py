@@ -63,8 +63,8 @@ def record(
 ) -> None:
     """Record every cycle, event and plan to an MCAP file.
 
-    Ctrl-C or SIGTERM ends it.  Foxglove and Lichtblick open it is.  What was planned, sent
-    and measured are topics of their own.
+    Ctrl-C or SIGTERM ends it.  Foxglove and Lichtblick open the file as it is.  What was planned,
+    sent and measured are topics of their own.
     """
     check_output(file, seconds)
     from orientd.cli.shared_lease import connect_as
