@@ -85,9 +85,12 @@ class Following:
         speed_share, change_share = SPEED_SHARE, 1.0
         reserves = self._kinematics.reserve(near)
         poses = [(q, position) for _, q, position in coming]
-        solved = self._solve(poses, near)
-        self._looked = None if solved[0] is None else (poses[0], solved[0])
-        for place, ((seconds, _, _), joints) in enumerate(zip(coming, solved, strict=True)):
+        # One after the other: what is not followed is mostly found in the first.
+        path = follow(self._kinematics, poses, near, tcp_offset=self._tool)
+        self._looked = None
+        for place, ((seconds, _, _), joints) in enumerate(zip(coming, path, strict=False)):
+            if joints is not None and not place:
+                self._looked = poses[0], joints
             if joints is None:
                 return "the arm does not reach there"
             moved = tuple((a - b) / seconds for a, b in zip(joints, near, strict=True))

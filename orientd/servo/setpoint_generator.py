@@ -25,7 +25,7 @@ from orientd.servo.path import (
     eased,
 )
 from orientd.servo.state_table import Event, advance
-from orientd.servo.tracking import TargetFollower, coming
+from orientd.servo.tracking import TargetFollower, TrackPoint, coming
 from orientd.servo.watchdog import Stalls
 from orientd.stream import UNKNOWN, ServoLimits, ServoState, SharedMemory
 
@@ -36,6 +36,9 @@ _NO_FAULT = Fault.NONE
 _NO_LIMITS = ServoLimits(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
 _START_TOLERANCE = 1e-9
 _EASINGS = 3
+_SHARES = ((0.3, 0.3), (0.06, 0.06), (0.3, None), (None, 0.3))
+"""How much of the change of speed towards a target, of orientation and position, is tried where the
+axes cannot follow it whole; ``None`` brakes."""
 
 
 class SetpointGenerator:
@@ -358,8 +361,7 @@ class SetpointGenerator:
         if self._foresees and self.state is _TRACKING:
             self.hindrance = self._hindrance(point.q, position)
             if self.hindrance:
-                point = pursuit.tracker.brake()
-                position = guard.braked_position(self._servo_limits)
+                point, position = self._eased(position)
         problem = guard.admit(point.q, position, self._servo_limits)
         if problem:
             return self.leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
@@ -370,6 +372,19 @@ class SetpointGenerator:
             guard.anchor(self._sent, position)
             return PathPoint(self._sent, ZERO, ZERO, position, ZERO)
         return PathPoint(point.q, point.omega_body, point.alpha_body, position, guard.velocity)
+
+    def _eased(self, position: Vector3) -> tuple[TrackPoint, Vector3]:
+        """Return as much of a step as the axes can follow, which was to lead to *position*."""
+        tracker, guard, h = self._pursuit.tracker, self._guard, self._period_ns * 1e-9
+        braked = guard.braked_position(self._servo_limits)
+        even = plus(guard.position, guard.velocity, h)
+        for turning, moving in _SHARES:
+            point, there = tracker.ease(turning), braked
+            if moving is not None:
+                there = combine(even, 1.0 - moving, position, moving)
+            if not self._hindrance(point.q, there):
+                return point, there
+        return tracker.ease(None), braked
 
     def _hindrance(self, q: Quaternion, position: Vector3) -> str:
         """Return why the axes cannot follow a setpoint and a stop from it, or nothing."""

@@ -6,10 +6,10 @@ from math import inf, pi, sqrt
 from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
-from orientd.floats import difference, exp, multiply, norm, normalize, plus
+from orientd.floats import combine, difference, exp, multiply, norm, normalize, plus
 from orientd.servo.tracking.foresight import Stop
 from orientd.servo.tracking.knot import JUMP, Knot, ReferenceState, Target
-from orientd.servo.tracking.law import advance, halt
+from orientd.servo.tracking.law import advance, halt, reach
 from orientd.servo.tracking.law_bounds import Bounds, bounds_of, divided, loosened, softened, times
 from orientd.servo.tracking.reference import Reference
 from orientd.servo.tracking.restraint import Restraint
@@ -90,7 +90,7 @@ class Tracker:
         )
         self._reference.clear()
         self._restraint.release()
-        self._before = self._q, self._omega, self._alpha
+        self._before, self._wish = (self._q, self._omega, self._alpha), self._alpha
         self._way = ZERO
         self._forget()
         self.is_at_rest = omega_body == ZERO == alpha_body
@@ -128,17 +128,23 @@ class Tracker:
             self._way = ZERO
             if self._omega == ZERO == self._alpha:
                 self.is_at_rest = not self._reference.awaits
-                self._before = self._q, ZERO, ZERO
+                self._before, self._wish = (self._q, ZERO, ZERO), ZERO
                 return TrackPoint(self._q, ZERO, ZERO)
-            return self._move(*halt(self._omega, self._alpha, self._bounds))
+            omega, self._wish = halt(self._omega, self._alpha, self._bounds)
+            return self._move(omega, self._wish)
         self.is_at_rest = False
         alpha = advance(self._omega, self._alpha, self._wanted(found), self._bounds)
+        self._wish = alpha
         return self._move(plus(self._omega, alpha, self._period), alpha)
 
-    def brake(self) -> TrackPoint:
-        """Take the last step back and make one towards rest instead."""
+    def ease(self, share: float | None) -> TrackPoint:
+        """Take the last step back; go a *share* of the way from an even step to it, or brake."""
         self._q, self._omega, self._alpha = self._before
-        return self._move(*halt(self._omega, self._alpha, self._bounds))
+        if share is None:
+            return self._move(*halt(self._omega, self._alpha, self._bounds))
+        even = reach(self._alpha, ZERO, self._bounds)
+        alpha = combine(even, 1.0 - share, self._wish, share)
+        return self._move(plus(self._omega, alpha, self._period), alpha)
 
     def stop_ahead(self) -> tuple[Quaternion, Stop | None]:
         """Return where the first cycle of a stop leads, and the rest of it from there, if any."""
@@ -153,7 +159,7 @@ class Tracker:
             return q, None
         axis = plus(ZERO, ahead, 1.0 / size)
         speed, rate = (sum(a * b for a, b in zip(v, axis, strict=True)) for v in (omega, alpha))
-        return q, Stop(times(axis, self._units), max(speed + 0.5 * h * rate, 0.0), rate, limits)
+        return q, Stop(times(axis, self._units), speed + 0.5 * h * rate, rate, limits)
 
     def _move(self, omega: Vector3, alpha: Vector3) -> TrackPoint:
         """Turn for a period; all in the law's units."""

@@ -5,8 +5,9 @@ import time
 import pytest
 from ur_rig import device_of, is_holding, until
 
+from orientd.driver import ZERO
 from orientd.errors import Fault, RequestError
-from orientd.floats import exp, multiply
+from orientd.floats import difference, exp, multiply, norm
 from orientd.stream import ServoState
 
 pytest.importorskip("rtde_control")
@@ -51,8 +52,24 @@ def test_a_tilt_into_the_wrist_singularity_is_held_before_it(ur_robot, way):
 def test_targets_beyond_the_end_of_a_joint_are_refused_and_the_arm_stops_before_it(ur_robot):
     with device_of(ur_robot.host) as device:
         q = device.snapshot().cycle.q
-        refused = followed(device, turning(q, (0.0, 0.0, 1.0), 1.4, 9.0), 7.0)
-        assert any("wrist 3 would have to turn to" in text for text in refused)
+        device.track(device.limits)
+        for k in range(1, 20):
+            goal = multiply(q, exp((0.0, 0.0, 0.4 * k)))
+
+            def is_there(goal=goal):
+                now = time.monotonic_ns()
+                device.aim(goal, ZERO, now, now + 300_000_000)
+                return norm(difference(device.snapshot().cycle.q, goal)) < 0.01
+
+            try:
+                until(is_there, lambda: f"there: {device.snapshot()}")
+            except RequestError as error:
+                refusal = error.problem
+                break
+        device.stop()
+        until(lambda: is_holding(device), lambda: f"holding {device.snapshot()}")
+        assert refusal.startswith("wrist 3 would have to turn to 6.4")
+        assert 5.9 < ur_robot.state()["target_q"][5] < 6.28
         assert ur_robot.state()["safety_mode"] == "NORMAL"
 
 
