@@ -154,20 +154,6 @@ def test_a_move_is_shown_in_plain_lines_where_nobody_looks(daemon, motion):
     assert any(line.strip().startswith("end velocities") for line in lines)
 
 
-def test_a_move_says_how_its_file_was_read(daemon, tmp_path):
-    file = tmp_path / "typed.yaml"
-    file.write_text(
-        "approach: true\nkeyframes:\n  - {quaternion: {w: 1, x: 0, y: 0, z: 0}}\n"
-        "  - {quaternion: {w: 0.9239, x: 0, y: 0, z: 0.3827}}\n"
-        "  - {euler: {axes: z, degrees: [390]}}\n"
-    )
-    done = orientd("move", file, "--socket", daemon.socket)
-    assert done.returncode == 0, done.stderr
-    assert "keyframes[1].quaternion of norm 1.000025 was scaled to norm 1" in done.stdout
-    assert "an angle of 390 deg, more than a whole turn, and taken for 30 deg" in done.stdout
-    assert done.stderr == ""
-
-
 def test_a_move_tells_programs_one_object(daemon, motion):
     move = told(orientd("move", motion, "--socket", daemon.socket, "--json"))
     summary, certificate = move["summary"], move["plan"]["certificate"]
@@ -202,6 +188,31 @@ def test_a_move_on_a_terminal_is_a_live_line(daemon, motion):
     assert (process.wait(20), errors) == (0, b"")
     assert b"\x1b[" in shown
     assert b"rad/s  late" in shown
+
+
+def follow(daemon, *lines):
+    """Give lines to a command that follows targets; return what came of it."""
+    process = begin("track", "--socket", daemon.socket, "--json", stdin=subprocess.PIPE)
+    output, errors = process.communicate("".join(f"{line}\n" for line in lines), timeout=30.0)
+    return subprocess.CompletedProcess(lines, process.returncode, output, errors)
+
+
+def test_targets_go_on_after_a_bad_line_which_is_named(daemon):
+    good = json.dumps({"rotation_vector": [0, 0, 0.1], "time_to_live": 5.0})
+    zero = '{"quaternion": {"w": 0, "x": 0, "y": 0, "z": 0}}'
+    done = follow(daemon, good, zero, "null", good[:20], good)
+    assert done.returncode == 0
+    assert [line[:15] for line in done.stderr.splitlines()] == [
+        f"orientd: line {k}" for k in (2, 3, 4)
+    ]
+    report = json.loads(done.stdout)
+    assert (report["targets"], report["refused"]) == (2, 3)
+
+
+def test_nothing_but_bad_lines_is_a_failure(daemon):
+    done = follow(daemon, "null")
+    assert (done.returncode, json.loads(done.stdout)["refused"]) == (1, 1)
+    assert done.stderr.startswith("orientd: line 1: expected a JSON object")
 
 
 def test_a_free_lease_is_taken_where_there_is_nothing_to_command_beside(daemon):

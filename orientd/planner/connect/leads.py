@@ -27,7 +27,7 @@ from orientd.errors import PlanError
 from orientd.planner.connect.quintic_connector import join
 from orientd.planner.limits import LONGEST, STILL, Limits
 from orientd.planner.path import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY, PathSegment
-from orientd.planner.timing import CAREFUL_JERK_SHARE, phases_of_turn
+from orientd.planner.timing import CAREFUL_JERK_SHARE, SHARE, phases_of_turn
 from orientd.rotation import (
     Floats,
     align,
@@ -121,7 +121,7 @@ def lead_out(q: Floats, omega: Floats, alpha: Floats, *, limits: Limits, period:
     raise PlanError(
         f"between rest and {np.linalg.norm(omega):.4g} rad/s with {np.linalg.norm(alpha):.4g} "
         f"rad/s^2 none keeps the limits of {limits.velocity:g} rad/s, {limits.acceleration:g} "
-        f"rad/s^2 and {limits.jerk:g} rad/s^3; ask for less velocity there, or more time beside it"
+        f"rad/s^2 and {limits.jerk:g} rad/s^3; ask for a lower velocity there, or give it more time"
     )
 
 
@@ -239,6 +239,7 @@ def approach(
     limits: Limits,
     *,
     is_even: bool = False,
+    share: float = SHARE,
     jerk_share: float = CAREFUL_JERK_SHARE,
     is_part: bool = True,
 ) -> PathSegment | None:
@@ -251,7 +252,8 @@ def approach(
         q1: where it ends.
         limits: to keep.
         is_even: whether it is to be a quintic, as long as its peaks need, instead.
-        jerk_share: of the jerk to use.
+        share: of the acceleration to use.
+        jerk_share: of the jerk.
         is_part: whether it is one of a longer motion.
 
     Raises:
@@ -264,7 +266,9 @@ def approach(
     if not is_shorter:
         turn = 2.0 * math.pi - turn
     if math.isfinite(limits.acceleration) and not is_even:
-        phases = phases_of_turn(axis, turn, limits, jerk_share=jerk_share, is_part=is_part)
+        phases = phases_of_turn(
+            axis, turn, limits, share=share, jerk_share=jerk_share, is_part=is_part
+        )
         check_lead("an approach", float(phases.sum()))
         curve: Curve = AxisTurn(q0, axis, turn, phases)
         return PathSegment(curve, 0.0, curve.domain[1])
