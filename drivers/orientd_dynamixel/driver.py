@@ -40,8 +40,7 @@ from orientd_dynamixel.axes import (
     Supervisor,
     Turns,
     check_angle,
-    check_rate,
-    way,
+    complain_of_step,
 )
 from orientd_dynamixel.axis import Axis
 from orientd_dynamixel.bus import (
@@ -91,6 +90,7 @@ class DynamixelDriver(Driver):
             is_pointing=self.settings.pointing,
         )  # fmt: skip
         self._is_enabled = self._is_homing = self._is_free = self._is_out_of_reach = False
+        self._is_braking = False
         self._feedback: Feedback | None = None
         self._closed = f"{self.settings.port} is not open"
         self._written_ns = 0
@@ -102,6 +102,11 @@ class DynamixelDriver(Driver):
         self._told_restarts = 0
         self._conditions = Conditions()
 
+    @property
+    def sent_joints(self) -> tuple[float, ...]:
+        """The axis angles of the last goals; empty before there are any."""
+        return self._tracker.angles if self._is_enabled else ()
+
     def shape(
         self,
         period: float,
@@ -109,11 +114,12 @@ class DynamixelDriver(Driver):
         joints: tuple[float, ...],
         before: Sequence[tuple[float, ...]] = (),
         rates: Vector3 = (math.inf, math.inf, math.inf),
+        free: float = 0.0,
     ) -> ShapedPath:
         """Choose branch, winding and deviation of every axis over the whole path."""
         # By name: planning needs NumPy, which a servo process does without.
         shape = importlib.import_module("orientd_dynamixel.shaping").shape
-        shaped: ShapedPath = shape(self.settings, period, orientations, joints, before, rates)
+        shaped: ShapedPath = shape(self.settings, period, orientations, joints, before, rates, free)
         return shaped
 
     def pace(
@@ -133,12 +139,18 @@ class DynamixelDriver(Driver):
         self._is_homing = switch("home", options.get("home", False))
 
     def way(
-        self, joints: tuple[float, ...], q: Quaternion, *, is_refused: bool
-    ) -> Sequence[Quaternion]:
-        """Return the way home, or the one to *q* on which every axis stays inside its limits."""
+        self, joints: tuple[float, ...], q: Quaternion, *, period: float, rates: Vector3,
+        least: float, is_refused: bool,
+    ) -> ShapedPath | None:  # fmt: skip
+        """Return the way of the axes home, or to *q* where the shortest turn is refused."""
         if not (is_refused or self._is_homing):
-            return ()
-        return way(self.settings, joints, q, is_homing=self._is_homing)
+            return None
+        along = importlib.import_module("orientd_dynamixel.shaping").along
+        way: ShapedPath | None = along(
+            self.settings, joints, q, period=period, rates=rates, least=least,
+            is_homing=self._is_homing,
+        )  # fmt: skip
+        return way
 
     def pointed(self, direction: Vector3, axis: str) -> Quaternion | None:
         """Return how three axes point there without a roll."""
@@ -188,7 +200,7 @@ class DynamixelDriver(Driver):
         angles = tuple(axis.angle(axis.goal) for axis in self._axes)
         self._tracker.angles = angles
         self._following.rest()
-        self._is_enabled, self._is_free = True, False
+        self._is_enabled, self._is_free, self._is_braking = True, False, False
         self._written_ns = self.clock.now_ns()
         self._standing = Standing(self._axes)
         self._supervisor = Supervisor(self.settings, self._axes)
@@ -234,7 +246,9 @@ class DynamixelDriver(Driver):
 
         Raises:
             LinkError: the port is gone.
-            DeviceFaultError: an axis would leave its limits or turn faster than it can.
+            AxisFaultError: an axis would turn or accelerate faster than it may; all axes brake
+                within their limits from now on, whatever the setpoints.
+            DeviceFaultError: an axis would leave its limits.
         """
         bus, group = self._connected()
         if self._standing.is_at_rest:
@@ -242,6 +256,11 @@ class DynamixelDriver(Driver):
             self._standing.send(bus)
             if group.can_ask(now_ns):
                 group.ask(now_ns, self._standing.alone(now_ns))
+            return
+        if self._is_braking:
+            self._brake(bus, group)
+            if not any(self._following.rates):
+                self._standing.rest(self.clock.now_ns())
             return
         angles, missed = self._tracker.solve(setpoint.q)
         if missed > self.settings.roll_tolerance:
@@ -251,11 +270,18 @@ class DynamixelDriver(Driver):
             )
         now_ns = self.clock.now_ns()
         # Judged by the cycle, not by the clock: two writes may come closer together than that.
-        span = max(1, round((now_ns - self._written_ns) / self.period_ns)) * self.period_ns * 1e-9
+        cycles = max(1, round((now_ns - self._written_ns) / self.period_ns))
+        span = cycles * self.period_ns * 1e-9
         goals = []
-        for axis, angle, last in zip(self._axes, angles, self._tracker.angles, strict=True):
+        steps = zip(self._axes, angles, self._tracker.angles, self._following.rates, strict=True)
+        for axis, angle, last, rate in steps:
             check_angle(axis, angle)
-            check_rate(axis, angle, last, span)
+            # Where a cycle was missed the axis has stood still meanwhile, or has not.
+            problem = complain_of_step(axis, angle, last, rate if cycles == 1 else None, span)
+            if problem:
+                self._is_braking = True
+                self._brake(bus, group)
+                raise AxisFaultError(problem)
             goals.append(axis.ticks(angle))
         self._following.took(angles)
         self._send(bus, group, angles, goals, now_ns)
@@ -267,13 +293,19 @@ class DynamixelDriver(Driver):
             LinkError: the port is gone.
         """
         bus, group = self._connected()
-        if self._standing.is_at_rest:
+        if self._standing.is_at_rest or self._is_braking:
             self.write(setpoint)
             return self._tracker.forward(self._tracker.angles)
         angles = self._following.step(setpoint.q)
         goals = [axis.ticks(angle) for axis, angle in zip(self._axes, angles, strict=True)]
         self._send(bus, group, angles, goals, self.clock.now_ns())
         return self._tracker.forward(angles)
+
+    def _brake(self, bus: ServoBus, group: Group) -> None:
+        """Bring every axis nearer to rest, within its limits."""
+        angles = self._following.brake()
+        goals = [axis.ticks(angle) for axis, angle in zip(self._axes, angles, strict=True)]
+        self._send(bus, group, angles, goals, self.clock.now_ns())
 
     def _send(
         self, bus: ServoBus, group: Group, angles: tuple[float, ...], goals: list[int], now_ns: int
@@ -289,7 +321,12 @@ class DynamixelDriver(Driver):
         group.ask(now_ns)
 
     def rest_in_fault(self) -> None:
-        """Let every axis stand where it is from now on; look again where each is if they do."""
+        """Let every axis stand where it is from now on, or where it has braked to.
+
+        The driver looks again where each axis is if they stand already.
+        """
+        if self._is_braking and any(self._following.rates):
+            return  # write() goes on with it
         self._standing.rest(self.clock.now_ns())
 
     def gaps(self) -> Sequence[AxisGap]:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         IDENTITY,
         ZERO,
         AxisGap,
+        ComingPose,
         Feedback,
         Figure,
         PartHealth,

@@ -1,8 +1,9 @@
 """Whether the device's axes have arrived where a motion has ended.
 
 A motion ends with its last setpoint; the axes come after it.  They have arrived once each was
-measured to be within its tolerance.  What has not arrived half a second later is blocked or
-overloaded: a fault, which says which axis it is and how far it is behind.
+measured to be within its tolerance.  What has not arrived in the time that its driver allows, half
+a second for most, is blocked or overloaded: a fault, which says which axis it is and how far it is
+behind.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from collections.abc import Sequence
 from orientd.driver import AxisGap
 
 ARRIVAL_NS = 500_000_000
-"""How long after a motion's last setpoint the axes may take to arrive."""
+"""How long after a motion's last setpoint the axes of most devices may take to arrive."""
 
 
 class Arrival:
@@ -35,8 +36,13 @@ class Arrival:
         """Wait no longer."""
         self.is_awaited = False
 
-    def look(self, gaps: Sequence[AxisGap], measured_ns: int) -> str:
+    def look(self, gaps: Sequence[AxisGap], measured_ns: int, allowed_ns: int = ARRIVAL_NS) -> str:
         """Look at the axes as they were measured at *measured_ns*.
+
+        Args:
+            gaps: of the axes.
+            measured_ns: when.
+            allowed_ns: how long after the last setpoint they may take.
 
         Returns:
             Which of them will not arrive; empty while they may, and once they have.
@@ -47,16 +53,16 @@ class Arrival:
         behind = [axis for axis in gaps if not abs(axis.gap) <= axis.tolerance]
         if not behind:
             self.is_awaited = False
-        elif measured_ns - self._sent_ns >= ARRIVAL_NS:
+        elif measured_ns - self._sent_ns >= allowed_ns:
             self.is_awaited = False
-            return "; ".join(map(_explain, behind))
+            return "; ".join(_explain(axis, allowed_ns) for axis in behind)
         return ""
 
 
-def _explain(axis: AxisGap) -> str:
+def _explain(axis: AxisGap, allowed_ns: int) -> str:
     load = f", with {axis.load}" if axis.load else ""
     return (
         f"{axis.name} has not arrived: it is {math.degrees(abs(axis.gap)):.1f} deg behind the end "
-        f"of the motion {ARRIVAL_NS * 1e-9:g} s after the last setpoint, at most "
+        f"of the motion {allowed_ns * 1e-9:.2g} s after the last setpoint, at most "
         f"{math.degrees(axis.tolerance):.3g} deg are allowed{load}; is it blocked or overloaded?"
     )

@@ -146,6 +146,8 @@ class Servo:
             point = self.setpoints.step(deadline_ns, self._clock.now_ns())
         except Exception as error:  # noqa: BLE001 - what others may write must not end the servo
             point = self._lose_path(error)
+        if self.setpoints.hindrance:
+            self.teller.tell_hindrance(self.setpoints.hindrance, self._cycle_count)
         is_written = self._is_enabled
         if is_written:
             try:
@@ -171,7 +173,9 @@ class Servo:
             return
         try:
             measured_ns = self._feedback.time_ns if self._feedback else 0
-            problem = arrival.look(self._driver.gaps(), measured_ns)
+            problem = arrival.look(
+                self._driver.gaps(), measured_ns, round(self._driver.arrival_time * 1e9)
+            )
             if problem:
                 raise AxisFaultError(problem)
         except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
@@ -425,6 +429,7 @@ class Servo:
             *measured.omega_body,
             *measured.position,
             *(measured.joints + NO_JOINTS)[:JOINTS],
+            *(self._driver.sent_joints + NO_JOINTS)[:JOINTS],
         )
         ring.append(record)
         self._cycle_count += 1

@@ -196,7 +196,9 @@ class Motions:
         return ahead
 
     def _joints(self) -> tuple[float, ...]:
-        return () if (cycle := self._link.newest()) is None else cycle.joints
+        """Return the axis angles that were sent last, or else those measured."""
+        cycle = self._link.newest()
+        return () if cycle is None else cycle.sent_joints or cycle.joints
 
     # Running
 
