@@ -42,9 +42,8 @@ def test_blocked_shaft_is_told_by_exit_status_json_and_python(bus, daemon, tmp_p
     assert text in done.stderr
     assert bus.state(1)["torque"] == 1
     assert abs(bus.state(1)["goal"] - 2389) < 6
+    await_hold(daemon, "gimbal")
     with connect(daemon.socket) as robot:
-        robot.reset("gimbal")
-        robot.enable("gimbal")
         keyframe = {"euler": {"axes": "ZYX", "degrees": [34, 0, 0]}}
         summary = robot.move([keyframe], approach=True).wait(20)
         assert summary.outcome is Outcome.FAULT
