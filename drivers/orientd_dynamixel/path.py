@@ -40,6 +40,8 @@ _SAME = 1e-3
 """How far a path may begin from the angles that are given, rad."""
 _RESERVE = 0.97
 """Share of the fastest slew that keeps the tool's limits; the rest is for stops on it."""
+PLANNED = 0.95
+"""Share of an axis' acceleration that a plan of its own uses; the rest is to brake on it with."""
 _GLANCE = 4096
 """Samples of a long path that are looked at first: what is too much is often its lead-in."""
 _ADVICE = "allow a deviation, a slower path or a slew, or choose another path"
@@ -85,9 +87,10 @@ def plan_axes(
     origin = None if start is None else np.asarray(start, dtype=np.float64)
     past = np.empty((0, len(limits))) if before is None else np.reshape(before, (-1, len(limits)))
     tool = tool or ToolLimits()
-    found = _choose(gimbal, q, period, limits, origin, policy, tool)
+    own = [replace(limit, acceleration=PLANNED * limit.acceleration) for limit in limits]
+    found = _choose(gimbal, q, period, own, origin, policy, tool)
     _refuse(found[0], gimbal, q, period, limits, past)
-    paths = [_path(gimbal, q, period, limits, choice, past, tool) for choice in found]
+    paths = [_path(gimbal, q, period, (limits, own), choice, past, tool) for choice in found]
     path = min(paths, key=lambda one: len(one.times))
     _verify(path.certificate, limits)
     return path
@@ -257,13 +260,15 @@ def _path(
     gimbal: Gimbal,
     q: Floats,
     period: float,
-    limits: Sequence[AxisLimits],
+    bounds: tuple[Sequence[AxisLimits], Sequence[AxisLimits]],
     choice: Choice,
     past: Floats,
     tool: ToolLimits,
 ) -> AxisPath:
+    """Return the path of *choice*, with what the axes may do and what slews are to use of it."""
+    limits, own = bounds
     line = with_stops(
-        choice.angles, period, choice.slews, limits, is_moving=_is_moving(past),
+        choice.angles, period, choice.slews, own, is_moving=_is_moving(past),
         ramp=stop_time(q, period, tool),
         excess=lambda angles: tool.excess(gimbal.forward(angles), period) / _RESERVE,
         is_at_pole=lambda angles: _is_at_pole(gimbal, gimbal.forward(angles)),

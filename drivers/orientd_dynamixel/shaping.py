@@ -65,7 +65,7 @@ def shape(
     figures = _figures(path, options)
     if len(options.axes) == 2 and not options.pointing:
         figures.append(_roll(path, orientations, period, options.roll_tolerance))
-    return _shaped(path, figures, describe(path.certificate, options))
+    return _shaped(path, options, figures, describe(path.certificate, options))
 
 
 def along(
@@ -84,10 +84,12 @@ def along(
         return None
     goal = ", ".join(f"{degrees(angle):.1f}" for angle in path.angles[-1])
     notes = [f"all axes turn together to {goal} deg", *described(path.certificate, options)]
-    return _shaped(path, _figures(path, options), notes)
+    return _shaped(path, options, _figures(path, options), notes)
 
 
-def _shaped(path: AxisPath, figures: list[Figure], notes: list[str]) -> ShapedPath:
+def _shaped(
+    path: AxisPath, options: GimbalOptions, figures: list[Figure], notes: list[str]
+) -> ShapedPath:
     # Arrays, which are sequences too: a long path is ten thousands of rows.
     return ShapedPath(
         cast("Sequence[Quaternion]", path.q),
@@ -95,6 +97,7 @@ def _shaped(path: AxisPath, figures: list[Figure], notes: list[str]) -> ShapedPa
         cast("Sequence[tuple[float, ...]]", path.angles),
         tuple(figures),
         tuple(notes),
+        tuple((axis.velocity, axis.acceleration) for axis in options.axes),
     )
 
 

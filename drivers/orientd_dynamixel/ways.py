@@ -24,7 +24,7 @@ from orientd_dynamixel.certificate import (
 )
 from orientd_dynamixel.kinematics import Gimbal
 from orientd_dynamixel.options import GimbalOptions
-from orientd_dynamixel.path import as_driven, refuse_angle
+from orientd_dynamixel.path import PLANNED, as_driven, refuse_angle
 from orientd_dynamixel.planning import gimbal_of, limits_of
 from orientd_dynamixel.stops import TILT, ramp_times
 from orientd_dynamixel.tracker import AxisTracker
@@ -183,7 +183,10 @@ def turned(
         more = max(
             tool.excess(path.q, period) / _RESERVE,
             *(one.value / one.limit for one in path.certificate.velocity),
-            *(math.sqrt(one.value / one.limit) for one in path.certificate.acceleration),
+            *(
+                math.sqrt(one.value / (PLANNED * one.limit))
+                for one in path.certificate.acceleration
+            ),
         )
         seconds = count * period * max(more, 1.01)
         if more > 1.0:
