@@ -123,7 +123,8 @@ class _Fitting:
             return way
         # What has times of the user's may stand before them only.
         free = math.inf if request.times is None else motion.start_time
-        if free > 0.0:
+        is_later = isinstance(refusal, LimitError) and refusal.time > free
+        if free > 0.0 and not is_later:
             with suppress(PlanError):
                 return replace(self, free=free).followed(motion)
         raise refusal
