@@ -89,6 +89,7 @@ def shortest(limits):
     return max(1.0 / velocity, 2.0 / math.sqrt(acceleration), math.cbrt(32.0 / jerk))
 
 
+@pytest.mark.timeout(900)
 def test_random_limits_of_the_whole_range_are_planned_or_refused_by_a_typed_error():
     rng = np.random.default_rng(37)
     planned = count = 0
