@@ -38,6 +38,10 @@ _HOMES = {
 }
 
 
+def __dir__() -> list[str]:
+    return __all__
+
+
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - the signature PEP 562 asks for
     if name != "curves" and name not in _HOMES:
         raise AttributeError(f"module 'orientd' has no attribute {name!r}")

@@ -198,3 +198,6 @@ class Fault(IntEnum):
     SERVO_DIED = 7
     INTERNAL = 8
     SERVO_STALLED = 9
+
+    def __str__(self) -> str:
+        return self.name

@@ -1,13 +1,19 @@
 import os
+import shutil
 import signal
 import sys
+import tempfile
 from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
 # A machine that stands still for half a second is no defect.
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
+
+# The path of a socket has at most 107 bytes, and other users cannot look into a private home.
+os.environ["TMPDIR"] = tempfile.tempdir = "/tmp"
 
 # What is started here starts and prints as it does for a user, whatever the surroundings say.
 for name in ("PYTHONUNBUFFERED", "PYTHONDONTWRITEBYTECODE"):
@@ -25,13 +31,24 @@ for folder in (
     "unit/planner",
     "unit/viewer",
     "unit/recorder",
+    "unit/driver_ur",
     "unit/dynamixel_bus",
     "system",
     "chaos",
     "storm",
+    "drivers/dynamixel",
     "drivers/ur",
     "data/standard",
     "bench",
     "docs",
 ):
     sys.path.insert(0, str(Path(__file__).parent / folder))
+
+
+@pytest.fixture(scope="module")
+def open_folder():
+    """A folder that every user may look into: pytest makes its own for one user alone."""
+    folder = Path(tempfile.mkdtemp(prefix="orientd-"))
+    folder.chmod(0o755)
+    yield folder
+    shutil.rmtree(folder)

@@ -129,7 +129,9 @@ def _comment(front: str, name: str) -> str:
     Raises:
         ValueError: it says nothing; so the build fails.
     """
-    home = dict(_homes(front))[name]
+    home = front
+    while name in dict(_homes(home)):
+        home = dict(_homes(home))[name]
     comments = ModuleAnalyzer.for_module(home).find_attr_docs().get(("", name))
     if not comments:
         raise ValueError(f"{home}.{name} is public and nothing says what it is")

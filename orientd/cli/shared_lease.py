@@ -32,22 +32,20 @@ def commander(
         socket: of the daemon.
         command: what others are told of.
         device: its name; may be empty where there is one only.
-        is_beside: whether to command beside what holds the lease in another terminal.
+        is_beside: whether to command beside what holds the lease in another terminal, if any does.
         is_shared: whether other terminals may command beside this one.
 
     Raises:
-        LeaseError: somebody else holds the lease; or nothing does to command beside.
+        LeaseError: somebody else holds the lease.
     """
     with connect_as(socket, command) as robot:
-        if is_beside:
-            if not borrow(robot, device):
-                raise LeaseError("no command of yours here holds the lease, to command beside it")
+        if is_beside and borrow(robot, device):
             yield robot
             return
         try:
             robot.acquire_lease(device)
         except LeaseError as error:
-            if not _read(_token_path(robot, device)):
+            if is_beside or not _read(_token_path(robot, device)):
                 raise
             raise LeaseError(f"{error}; with --lease, this commands beside it") from error
         with _told(robot, device) if is_shared else contextlib.nullcontext():

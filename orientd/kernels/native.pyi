@@ -33,7 +33,6 @@ def find_increments(
 ) -> int: ...
 def interpolate_c2(
     keyframes: Floats,
-    is_aligned: bool,
     times: Floats,
     given: Floats,
     start_known: int,

@@ -89,7 +89,7 @@ def with_leads(
         segment = segment.without(joint.end)
     end = begin + keyframe_path.duration
     segments.append(segment)
-    segments += _leads_out(last, end, limits, period)
+    segments += leads_out(last, end, limits, period)
     path = Path.joined(segments, positions, start.q)
     return CandidateMotion(path, begin, end, keyframe_path.times + begin, rough, keyframe_path)
 
@@ -161,13 +161,18 @@ def to_single(
         is_even=is_even,
     )
     end = lead.cycles * period
-    segments = [*lead.segments, *_leads_out(target, end, limits, period)]
+    segments = [*lead.segments, *leads_out(target, end, limits, period)]
     return CandidateMotion(
         Path.joined(segments, lead.positions, start.q), end, end, np.array([end]), None
     )
 
 
-def _leads_out(last: State, end: float, limits: Limits, period: float) -> list[PathSegment]:
+def leads_out(last: State, end: float, limits: Limits, period: float) -> list[PathSegment]:
+    """Return what leads to rest from a state at a path time; nothing if it is at rest.
+
+    Raises:
+        PlanError: no lead-out keeps the limits.
+    """
     if is_still(last.omega_body, last.alpha_body, limits):
         return []
     try:

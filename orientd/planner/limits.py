@@ -9,6 +9,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from orientd.errors import RequestError
+from orientd.spelling import unknown_key
 
 if TYPE_CHECKING:
     from orientd.rotation import Floats
@@ -135,11 +136,18 @@ class Limits:
             rates: by the names of :data:`UNITS`; three numbers limit the components in the body
                 frame, and their own length is then the limit of the norm.
 
+        Raises:
+            RequestError: there is no such limit.
+
         >>> Limits.partial().with_rates({"velocity": [2.0, 1.0, 2.0]}).velocity
         3.0
         """
         changes: dict[str, float | Triple] = {}
+        if not isinstance(rates, Mapping):
+            raise RequestError("limits", f"expected Limits or a mapping of {', '.join(UNITS)}")
         for name, rate in rates.items():
+            if name not in UNITS:
+                raise RequestError(f"limits.{name}", unknown_key(name, UNITS))
             if isinstance(rate, Sized):
                 x, y, z = map(float, rate)
                 changes[name], changes[f"axis_{name}"] = math.hypot(x, y, z), (x, y, z)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -15,6 +16,7 @@ from orientd.planner.motion import Motion
 from orientd.planner.planning import plan
 from orientd.planner.request import Keyframe, MotionRequest, State
 from orientd.rotation import Quaternion, is_rotation, unnamed
+from orientd.spelling import unknown_key
 
 
 def plan_offline(
@@ -47,7 +49,7 @@ def plan_offline(
     Raises:
         RequestError: something is not well formed, or not possible with the method.
         PlanError: the motion cannot be planned, or would break a limit.
-        TypeError: there is no such field, or one beside a whole request.
+        TypeError: a field stands beside a whole request.
     """
     if isinstance(keys, MotionRequest):
         columns = {"times": times, "positions": positions, "turns": turns}
@@ -56,6 +58,11 @@ def plan_offline(
             raise TypeError(f"a whole request has its own {beside[0]}, got another")
         request = keys
     else:
+        known = [one.name for one in dataclasses.fields(MotionRequest) if one.name != "keyframes"]
+        for name in fields:
+            if name not in known:
+                expected = ["times", "positions", "turns", "limits", "period", "start", *known]
+                raise RequestError(name, unknown_key(name, expected))
         request = MotionRequest(_keyframes(keys, times, positions, turns), **fields)
     request = in_device_coordinates(request, start)
     if start is None:

@@ -18,7 +18,7 @@ from orientd.planner.connect import (
     STOPS,
     WITHOUT_RESERVE,
     Caution,
-    turn_to_stop,
+    stops_take,
     turns_with_stops,
 )
 from orientd.planner.keyframes import at_rate, in_device_coordinates, with_least_roll, wound
@@ -26,6 +26,22 @@ from orientd.planner.limits import ANGULAR, LONGEST, PERIODS, Limits
 from orientd.planner.motion import Motion
 from orientd.planner.plan_job import PlanJob
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
+from orientd.planner.resting import (
+    CONNECTS,
+    WAITS,
+    WORTH,
+    Connectors,
+    arrives,
+    can_rest,
+    connected,
+    job_between,
+    least_with_connectors,
+    more_careful,
+    quickest_connectors,
+    rests_noted,
+    unhurried,
+    with_a_rest,
+)
 from orientd.planner.timing import (
     CAREFUL_JERK_SHARE,
     LEAST_SHARE,
@@ -37,23 +53,21 @@ from orientd.planner.timing import (
     QuickPath,
     corners,
     evenly_paced,
+    lasting,
     least_with_rests,
+    least_with_stops,
     longest_stop,
     quickest,
     quickest_by_parts,
 )
-from orientd.rotation import between, log
 
-_AHEAD = 0.7
-"""Cosine between the velocity and the way to a keyframe that is ahead of a device."""
+EVEN = "at an even pace: stopping wherever the acceleration jumps is no quicker"
 
-_NEAR = 1.25
-"""Times as far as it takes to stop with all of the limits: what is nearer may be overshot."""
+_FAR_LONGER = 2.5
+"""Times as long as stops take: the usual duration of a curve that is hardly the quicker way."""
 
-_WORTH = 0.95
-"""Of a duration: going without the reserve is worth that much."""
-
-EVEN = "at an even pace: no quicker with a rest wherever the acceleration has a step"
+_FAR_SLOWER = 4.0
+"""Times as long as stops take: a note says so of a motion that is slower."""
 
 SLOW = (
     f"slower than its limits allow, so that a stop on the path takes {LONGEST_STOP:g} s: with such "
@@ -80,9 +94,10 @@ def plan(
     Keyframes with times are passed at those times, or not at all; keyframes without are passed
     as quickly as the limits permit at every point of the curve, or with ``pace="even"`` at the
     curve's own pace, slowed down by one factor.  Where no quickest timing is found the pace is
-    even, too, which a note of the certificate says.  The motion begins in
-    the state the device is commanded to be in and ends at rest: in front of the keyframes goes a
-    lead-in where the request says ``approach``, behind them a lead-out where they end with a
+    even, too, which a note of the certificate says.  Beside an end that moves a motion of the
+    default method may stop at a keyframe if that is quicker, with a connector there.  The motion
+    begins in the state the device is commanded to be in and ends at rest: in front of the keyframes
+    goes a lead-in where the request says ``approach``, behind them a lead-out where they end with a
     velocity or an acceleration.  A single keyframe is where to go, by the shortest way found.
 
     A start that moves is the state of another motion at one of its records, which this one takes
@@ -109,11 +124,13 @@ def plan(
     within.check_range(period)
     is_free = not within.has_axes and math.isinf(min(getattr(within, one) for one in ANGULAR))
     if is_free and request.times is None:
-        raise RequestError("limits", "how quickly keyframes without times are passed, none says")
+        raise RequestError(
+            "limits", "none are set, so there is no quickest motion: set one, or give times"
+        )
     turned = at_rate(in_device_coordinates(request, start), start, within)
     request = with_least_roll(wound(turned, start), start)
     job = PlanJob.of(request, start, within, period)
-    if not request.approach or (start.is_at_rest and not request.is_single):
+    if not job.is_led_by_connector:
         return _told_of_stops(_motion(job, name))
     first: LimitError | None = None
     for caution in Caution:
@@ -127,14 +144,8 @@ def plan(
 
 
 def _arrives(job: PlanJob) -> bool:
-    """Return whether a single keyframe is ahead of a device, and hardly further than a stop."""
-    speed = float(np.linalg.norm(job.start.omega_body))
-    if not (job.request.is_single and speed):
-        return False
-    way, direction = log(between(job.start.q, job.request.keys[0])), job.start.omega_body / speed
-    distance = float(np.linalg.norm(way))
-    is_near = distance < _NEAR * turn_to_stop(job.start, job.limits)
-    return is_near and float(way @ direction) > _AHEAD * distance
+    request = job.request
+    return request.is_single and arrives(job.start, request.keys[0], job.limits)
 
 
 def _without_reserve(job: PlanJob, motion: Motion) -> Motion:
@@ -145,7 +156,7 @@ def _without_reserve(job: PlanJob, motion: Motion) -> Motion:
     for caution in WITHOUT_RESERVE:
         with suppress(PlanError):
             other = _motion(job.with_caution(caution), motion.id)
-            if other.duration < _WORTH * motion.duration:
+            if other.duration < WORTH * motion.duration:
                 return other
     return motion
 
@@ -158,6 +169,8 @@ def _motion(job: PlanJob, name: str) -> Motion:
         return job.certified(_as_timed(job), name)
     if job.is_even:
         return _at_even_pace(job, name)
+    if any(job.ends.moves) and can_rest(job):
+        return _with_moving_ends(job, name)
     motion, took, refused = None, math.inf, None
     try:
         motion = _quick_or_even(job, name)
@@ -168,7 +181,7 @@ def _motion(job: PlanJob, name: str) -> Motion:
         if job.is_for_more_caution(error):
             raise
         refused = error
-    for share in (SHARE, CAREFUL_JERK_SHARE):
+    for share in (SHARE, CAREFUL_JERK_SHARE) if can_rest(job) else ():
         stops = turns_with_stops(job.request, job.ends, job.start, job.limits, took, share)
         if stops is None or stops.duration >= took:
             break
@@ -177,7 +190,105 @@ def _motion(job: PlanJob, name: str) -> Motion:
             return motion.noted(STOPS) if len(job.request.keyframes) > 2 else motion
     if motion is None:
         raise refused or PlanError("no motion was tried")
+    return _slow_noted(job, motion)
+
+
+def _slow_noted(job: PlanJob, motion: Motion) -> Motion:
+    """Return the motion, with a note if stopping at every keyframe would take far less time."""
+    request, took = job.request, motion.end_time - motion.start_time
+    is_turning = request.total is None and request.positions is None and not request.turns.any()
+    if not is_turning or took < _FAR_SLOWER * least_with_stops(request.keys, job.limits):
+        return motion
+    stops = stops_take(request.keys, job.limits)
+    if took < _FAR_SLOWER * stops:
+        return motion
+    return motion.noted(
+        f"takes {took:.4g} s from the first keyframe to the last: with a stop at every keyframe "
+        f"the turns would take {stops:.4g} s; another method or other velocities may be quicker"
+    )
+
+
+def _with_moving_ends(job: PlanJob, name: str) -> Motion:
+    """Return the quicker motion: along one curve, or with rests beside the ends that move."""
+    total = job.request.total
+    if total is not None:
+        with suppress(PlanError):
+            return _at_even_pace(replace(job, is_even=True, leads={}), name)
+    motion, refused, connectors, least = None, None, None, math.inf
+    try:
+        connectors = quickest_connectors(job)
+        least = least_with_connectors(job, connectors)
+    except PlanError as error:
+        refused = error
+    try:
+        longest = min(_FAR_LONGER * least, LONGEST)
+        motion = _as_quick_as_possible(job, name, longest=longest)
+    except StartError:
+        raise
+    except PlanError as error:
+        if job.is_for_more_caution(error):
+            raise
+        refused = error
+    if motion is not None and (motion.duration <= least or total is not None):
+        return motion
+    if connectors is not None:
+        try:
+            resting = _resting(job, connectors, name)
+        except PlanError as error:
+            if motion is None and job.is_for_more_caution(error):
+                raise
+            refused = error if isinstance(refused, refusal.TotalError | None) else refused
+        else:
+            if motion is None or resting.duration < motion.duration:
+                return resting
+    if motion is None:
+        raise refused or PlanError("no motion was tried")
     return motion
+
+
+def _resting(job: PlanJob, connectors: Connectors, name: str) -> Motion:
+    """Return the motion with rests beside the ends that move, and connectors there.
+
+    Raises:
+        PlanError: there is none.
+    """
+    if job.request.total is not None and connectors.has_no_rest:
+        return _unhurried(job, job.request.total, name)
+    part = job_between(job)
+    between = None if part is None else _motion(part, name)
+    notes = () if between is None else between.certificate.notes
+    note = rests_noted(job, connectors)
+    try:
+        motion = job.certified(connected(job, connectors, between), name, merged=notes)
+        return motion.noted(note)
+    except PlanError as error:
+        if job.is_for_more_caution(error):
+            raise
+        first = error
+    for one in more_careful(job):
+        with suppress(PlanError):
+            motion = job.certified(connected(job, one, between), name, merged=notes)
+            return motion.noted(note)
+    raise first
+
+
+def _unhurried(job: PlanJob, total: float, name: str) -> Motion:
+    """Return the motion between two keyframes that both move, in a duration.
+
+    Raises:
+        TotalError: it takes longer.
+        PlanError: there is none, as there may be between two durations that are possible.
+    """
+    for path in unhurried(job, total):
+        with suppress(PlanError):
+            motion = _timed(job, path, None, name, has_rests=False)
+            return motion.noted(CONNECTS)
+    rests = with_a_rest(job)
+    for connectors in rests:
+        with suppress(PlanError):
+            motion = job.certified(connected(job, connectors, None), name)
+            return motion.noted(WAITS)
+    raise refusal.of_duration(total, [sum(one.durations) for one in rests])
 
 
 def _quick_or_even(job: PlanJob, name: str) -> Motion:
@@ -284,13 +395,16 @@ def _evenly_paced(job: PlanJob, *, everywhere: bool, longest: float = LONGEST) -
     return found
 
 
-def _as_quick_as_possible(job: PlanJob, motion_id: str, *, by_chord: bool = False) -> Motion:
+def _as_quick_as_possible(
+    job: PlanJob, motion_id: str, *, by_chord: bool = False, longest: float = LONGEST
+) -> Motion:
     """Return the motion along the keyframe path as quickly as the limits permit.
 
     Args:
         job: what to plan.
         motion_id: names the motion.
         by_chord: whether the path is that of an even pace.
+        longest: that the usual duration of a curve with a velocity at an end may be, s.
     """
     path_request, keyframe_path, profile = job.shape(is_quick=not by_chord)
     if path_request.has_one_shape:
@@ -299,10 +413,10 @@ def _as_quick_as_possible(job: PlanJob, motion_id: str, *, by_chord: bool = Fals
             return _timed(job, keyframe_path, profile, motion_id)
         return _resting_or_even(job, keyframe_path, rests, motion_id)
     refusal.check_smooth(job.request, keyframe_path.continuity)
-    if job.request.total is not None:
-        return _at_even_pace(job, motion_id)
     # A velocity at an end is one at some duration: take the curve of the usual one.
-    keyframe_path = _evenly_paced(job, everywhere=False).keyframe_path or keyframe_path
+    keyframe_path = (
+        _evenly_paced(job, everywhere=False, longest=longest).keyframe_path or keyframe_path
+    )
     return _timed(job, keyframe_path, profile, motion_id, has_rests=False)
 
 
@@ -362,7 +476,10 @@ def _timed(
     for _ in range(_MOST_TIMINGS):
         quick = job.timed(keyframe_path, share, partial(find, guess=guess))
         guess = quick.profile if isinstance(quick, QuickPath) else profile
-        quick = quick.in_total(job.request.total)
+        if has_rests:
+            quick = quick.in_total(job.request.total)
+        elif job.request.total is not None:
+            quick = lasting(keyframe_path, quick, job.limits, job.period, job.request.total)
         try:
             motion = job.certified(job.with_leads(quick), motion_id)
         except LimitError as error:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from orientd.errors import OrientdError
 from orientd.whole_file import written
 
 if TYPE_CHECKING:
@@ -17,13 +18,21 @@ if TYPE_CHECKING:
 FORMAT = "orientd motion"
 VERSION = 1
 
+OTHER_FORMATS = {".csv", ".json", ".mcap", ".parquet", ".txt", ".yaml", ".yml"}
+"""Endings that say what a saved motion is not."""
+
 
 def save_motion(motion: Motion, path: str | Path) -> None:
-    """Write a motion to a file, whatever the ending of its name.
+    """Write a motion to a file.
 
     Raises:
-        OrientdError: the file cannot be written.
+        OrientdError: the file cannot be written, or its name is that of another format.
     """
+    path = Path(path)
+    if path.suffix in OTHER_FORMATS:
+        raise OrientdError(
+            f"a motion is saved as .npz, got {path.name!r}; `orientd plan --output` writes samples"
+        )
     request = motion.request.given()
     header = {
         "format": FORMAT,
@@ -43,6 +52,7 @@ def save_motion(motion: Motion, path: str | Path) -> None:
         "rough": None if motion.rough is None else asdict(motion.rough),
         "first_joints": motion.first_joints,
         "last_joints": motion.last_joints,
+        "joint_shares": motion.joint_shares,
     }
     arrays: dict[str, Any] = {
         "header": np.array(json.dumps(header, default=_plain)),
@@ -52,7 +62,7 @@ def save_motion(motion: Motion, path: str | Path) -> None:
     }
     if motion.before is not None:
         arrays["q_before"], arrays["position_before"] = motion.before
-    with written(Path(path)) as part, part.open("wb") as file:
+    with written(path) as part, part.open("wb") as file:
         np.savez(file, **arrays)
 
 

@@ -51,7 +51,7 @@ class Proposal:
                 return
             title = (
                 f"{name}: {len(request.keyframes)} keyframes, shown as +1, +2 and so on. "
-                "Not sent yet: that needs the lease."
+                "Not sent yet."
             )
             self.html = words.note(title) + words.certificate(planned.certificate)
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from html import escape
 
+import numpy as np
+
 from orientd.errors import Fault
 from orientd.planner import Certificate, Peak
+from orientd.rotation import to_euler
 from orientd.rpc import DaemonReport, DeviceReport, titled
 from orientd.stream import ServoState
 from orientd.viewer.cell import Member
@@ -92,6 +96,7 @@ def status(
         _row("Device", f"{device.name} ({device.driver}, {device.rate_hz:g} Hz)")
         + _row("Lease", lease(device, daemon, is_ours=is_ours))
         + _row("Measured", measured(device))
+        + where(device)
     )
     return _page(*lines)
 
@@ -127,6 +132,27 @@ def _age(member: Member) -> str:
     return f'<span style="opacity:0.72">{text}</span>'
 
 
+def where(device: DeviceReport) -> str:
+    """Return the orientation that was sent and the one that was measured, in numbers, as HTML."""
+    cycle = device.cycle
+    if cycle is None:
+        return ""
+    rows = _orientation("Sent", cycle.q)
+    if cycle.has_feedback:
+        rows += _orientation("Measured", cycle.feedback_q)
+    if cycle.joints:
+        angles = " ".join(f"{math.degrees(angle):.2f}°" for angle in cycle.joints)
+        rows += _row("Axes measured", angles)
+    return rows
+
+
+def _orientation(name: str, q: Sequence[float]) -> str:
+    yaw, pitch, roll = np.degrees(to_euler(q, "ZYX"))
+    quaternion = " ".join(f"{axis} {part:+.4f}" for axis, part in zip("wxyz", q, strict=True))
+    angles = f"yaw {yaw:.2f}° pitch {pitch:.2f}° roll {roll:.2f}° (ZYX)"
+    return _row(name, quaternion) + _row("", angles)
+
+
 def measured(device: DeviceReport) -> str:
     """Return how long ago the device was measured, in steps that a reader can follow."""
     age = device.feedback_age
@@ -153,7 +179,8 @@ def certificate(of: Certificate) -> str:
     if of.peak_linear_velocity.value > 0.0:
         rows.append(("Linear velocity", peak(of.peak_linear_velocity, "m/s")))
         rows.append(("Linear accel.", peak(of.peak_linear_acceleration, "m/s²")))
-    rows.append(("A stop takes", f"{of.stop_time:.2f} s at the most"))
+    usual = min(of.usual_stop_time or of.stop_time, of.stop_time)
+    rows.append(("A stop takes", f"about {usual:.2f} s, at most {of.stop_time:.2f} s"))
     for name, value, unit, limit, _ in of.figures:
         against = "" if limit is None else f" of {limit:.3g}"
         rows.append((name, f"{value:.3g}{against} {unit}"))

@@ -8,10 +8,8 @@ import json
 import os
 import random
 import re
-import shutil
 import subprocess
 import sys
-import tempfile
 import time
 from collections import Counter
 from pathlib import Path
@@ -163,17 +161,13 @@ class Storm:
 
 
 @pytest.fixture
-def daemon():
-    # Others cannot look into the folders that pytest makes.
-    folder = Path(tempfile.mkdtemp(prefix="orientd-"))
-    folder.chmod(0o755)
-    process = DaemonProcess(folder, lease=LEASE, patience=30.0, others=["leg"])
+def daemon(open_folder):
+    process = DaemonProcess(open_folder, lease=LEASE, patience=30.0, others=["leg"])
     text = process.config.read_text()
     process.config.write_text(f"[access.users]\n{OTHER} = 'administrator'\n{text}\n")
     with process:
         process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
         yield process
-    shutil.rmtree(folder)
 
 
 def test_no_motion_ends_but_by_whom_it_may_be_ended(daemon):

@@ -80,7 +80,7 @@ def test_refused_terminals_leave_the_holders_motion_alone(daemon, ana, files):
     shared = environment(ORIENTD_LEASE=ana.lease_token)
     assert_refused(inside("move", slow, *at), "the lease of arm is held by 'ana'")
     assert_refused(inside("move", slow, "--queue", *at), "the lease of arm is held by 'ana'")
-    assert_refused(inside("move", slow, "--lease", *at), "no command of yours here holds the lease")
+    assert_refused(inside("move", slow, "--lease", *at), "the lease of arm is held by 'ana'")
     assert_refused(orientd("move", bad, *at, env=shared), "velocity")
     assert motion.wait(20.0).outcome is Outcome.DONE
 

@@ -11,6 +11,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 from orientd import processor
 from orientd.kernels.build import compiler
@@ -79,6 +80,26 @@ def test_the_wheel_holds_the_kernels_of_every_level_and_nothing_that_they_are_bu
     kernels = {name for name in names if name.startswith("orientd/kernels/")}
     libraries = {f"orientd/kernels/{level}/{processor.LIBRARY}" for level in processor.builds()}
     assert kernels == libraries | {"orientd/kernels/__init__.py", "orientd/kernels/native.pyi"}
+
+
+def test_everything_can_be_installed_where_ur_rtde_has_no_wheel(wheel):
+    (name,) = (n for n in zipfile.ZipFile(wheel).namelist() if n.endswith("/METADATA"))
+    metadata = zipfile.ZipFile(wheel).read(name).decode()
+    required = [
+        Requirement(line.removeprefix("Requires-Dist: "))
+        for line in metadata.splitlines()
+        if line.startswith("Requires-Dist: ")
+    ]
+
+    def brought(extra, version, machine):
+        where = {"extra": extra, "python_version": version, "platform_machine": machine}
+        return {one.name for one in required if not one.marker or one.marker.evaluate(where)}
+
+    assert "ur-rtde" in brought("all", "3.12", "x86_64")
+    for version, machine in [("3.13", "x86_64"), ("3.12", "aarch64")]:
+        assert "ur-rtde" not in brought("all", version, machine)
+        assert "ur-rtde" in brought("ur", version, machine)
+        assert brought("all", version, machine) >= brought("dynamixel", version, machine)
 
 
 def test_one_wheel_is_for_every_python_from_311_on(wheel):

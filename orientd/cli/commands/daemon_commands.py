@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import sys
@@ -48,6 +49,13 @@ def run(
     path = config or configuration.find()
     settings = configuration.load(path) if path else configuration.default_settings()
     set_up_log(log_format, settings.daemon.log_level)
+    if listen and settings.daemon.socket and listen != settings.daemon.socket:
+        logging.getLogger(__name__).warning(
+            "the socket is %s, by --socket or $ORIENTD_SOCKET, not the %s of %s",
+            listen,
+            settings.daemon.socket,
+            path,
+        )
     if until_end_of_input:
         threading.Thread(target=_end_with_input, name="input", daemon=True).start()
 

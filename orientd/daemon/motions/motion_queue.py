@@ -372,6 +372,7 @@ class MotionQueue:
         start_ns: int = UNKNOWN,
         leave_index: int = UNKNOWN,
     ) -> None:
+        facts = queued.motion.facts
         self._link.beat()
         self._link.ask(
             command,
@@ -381,9 +382,7 @@ class MotionQueue:
             final_index=feeder.final_index if feeder.is_whole else UNKNOWN,
             start_ns=start_ns,
             speed=speed,
-            servo_limits=servo_limits_of(
-                queued.motion.facts.limits, queued.motion.facts.brake_rate
-            ),
+            servo_limits=servo_limits_of(facts.limits, facts.brake_rate, facts.joint_shares),
         )
         queued.is_running = True
         feeder.take_up()

@@ -269,7 +269,7 @@ bool find_connector(row_t start, row_t end, matrix_t limits, double period, doub
     search.bounds = bounds_of(&begin, &finish, limits);
     put_points(&search.points);
     quat_t turn = relative(begin.q, finish.q);
-    vec_t way = times(2.0, logarithm(turn.w < 0.0 ? opposite(turn) : turn));
+    vec_t way = times(2.0, logarithm(shorter(turn)));
     search.into = ramps_from(&begin, way, limits, &search.bounds, period, false);
     search.out_of = ramps_from(&back, times(-1.0, way), limits, &search.bounds, period, false);
     for (int i = 0; i < search.out_of.count; i++)
@@ -317,7 +317,7 @@ void guess_connector(row_t start, row_t end, matrix_t limits, double period, dou
     search.period = period, search.least = least_duration;
     search.bounds = bounds_of(&begin, &finish, limits);
     quat_t turn = relative(begin.q, finish.q);
-    double angle = 2.0 * norm(logarithm(turn.w < 0.0 ? opposite(turn) : turn));
+    double angle = 2.0 * norm(logarithm(shorter(turn)));
     double total = duration * search.totals[put_grid(&begin, &finish, angle, &search) / 2];
     begin = with_share(begin, rates), finish = with_share(finish, rates);
     vec_t of[3][FACTORS] = {0};

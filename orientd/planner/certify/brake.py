@@ -22,6 +22,9 @@ acceleration, as a C1 curve has at its knots, falls only with the square of the 
 quadratic in *x*.  Near :math:`\sigma = 1` the first one leaves :math:`x \approx \sqrt r A/\omega`
 where the acceleration keeps a reserve *r* below *A*: no reserve, no brake.
 
+Where the joints of the device are planned, each of them obeys the first inequality with its own
+velocity, acceleration and limit (:mod:`orientd.planner.certify.joints`).
+
 Why this uniform rate, where the servo usually stops two to ten times as quickly
 (:mod:`orientd.servo.path.brake_law`)?  Because it needs no foresight: it is certified for every
 point, for resumptions and changes of speed as for stops, and for a path of which only a little is

@@ -13,6 +13,6 @@ if TYPE_CHECKING:
     from orientd.planner.connect.leads import approach, lead_out
     from orientd.planner.connect.position_stop import position_lead
     from orientd.planner.connect.quintic_connector import join, try_joins
-    from orientd.planner.connect.stops_at_keyframes import STOPS, turns_with_stops
+    from orientd.planner.connect.stops_at_keyframes import STOPS, stops_take, turns_with_stops
 
 __getattr__ = lazily(__name__)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         FirstProfile,
         QuickPath,
         aimed_at,
+        lasting,
         quickest,
     )
     from orientd.planner.timing.timing import (

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import orientd
+from orientd import planner
 from orientd.errors import RequestError
 from orientd.planner import Keyframe, Limits, MotionRequest
 
@@ -65,3 +66,17 @@ def test_a_motion_takes_times_of_any_shape():
     turned = motion(times).as_rotvec().reshape(-1, 3)
     assert turned == pytest.approx(motion(times.reshape(-1)).as_rotvec(), abs=0.0)
     assert math.isclose(turned[-1, 2], 1.0)
+
+
+def test_an_unknown_keyword_is_answered_as_an_unknown_key_of_a_file_is():
+    with pytest.raises(RequestError, match=r"rate_hz: unknown key.*known are .*period"):
+        orientd.plan(KEYS, rate_hz=1000)
+    with pytest.raises(RequestError, match=r"limits\.max_velocity: .*did you mean 'velocity'"):
+        orientd.plan(KEYS, limits={"max_velocity": 1.5})
+    with pytest.raises(RequestError, match="limits: expected Limits or a mapping of velocity"):
+        orientd.plan(KEYS, limits=(1.5, 6, 100))
+
+
+def test_tab_shows_what_there_is():
+    assert {"plan", "connect", "Quaternion", "curves", "OnTarget"} <= set(dir(orientd))
+    assert {"Limits", "Motion", "State"} <= set(dir(planner))

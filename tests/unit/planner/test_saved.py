@@ -95,6 +95,12 @@ def test_between_its_records_a_motion_from_a_file_is_near(name, tmp_path):
     assert np.abs(ours.position - theirs.position).max() < 1e-6
 
 
+def test_a_motion_is_not_saved_under_the_name_of_another_format(tmp_path):
+    with pytest.raises(OrientdError, match=r"saved as \.npz, got 'move\.csv'"):
+        MOTIONS["plain"].save(tmp_path / "move.csv")
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("motion", random_motions(5, 3, LIMITS["arm"]))
 def test_random_motions_are_saved(motion, tmp_path):
     motion.save(tmp_path / "a.npz")

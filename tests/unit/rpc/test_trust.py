@@ -3,7 +3,8 @@
 import contextlib
 import os
 import socket
-from pathlib import Path
+import subprocess
+import sys
 
 import pytest
 
@@ -119,37 +120,39 @@ def test_what_is_no_socket_is_refused(folder, listening, kind):
     refused(path, "is a symbolic link" if kind == "link" else "is no socket")
 
 
-def serve_as_other(path):
-    """Have a process of another user listen at *path* in one's own folder; return its number."""
-    ready, is_ready = os.pipe()
-    pid = os.fork()
-    if not pid:
-        listener = socket.socket(socket.AF_UNIX)
-        os.setgroups([])
-        os.setgid(OTHER)
-        os.setuid(OTHER)
-        listener.bind(str(path))
-        listener.listen(20)
-        os.write(is_ready, b"x")
-        while True:
-            with contextlib.suppress(OSError), listener.accept()[0] as caller:
-                caller.sendall(b'{"devices": []}\n')
-    os.read(ready, 1)
-    return pid
+SERVER = f"""
+import contextlib, os, socket, sys
+listener = socket.socket(socket.AF_UNIX)
+os.setgroups([]); os.setgid({OTHER}); os.setuid({OTHER})
+listener.bind(sys.argv[1])
+listener.listen(20)
+print("listening", flush=True)
+while True:
+    with contextlib.suppress(OSError), listener.accept()[0] as caller:
+        caller.sendall(b'{{"devices": []}}\\n')
+"""
+
+
+@contextlib.contextmanager
+def served_as_other(path):
+    """Have a process of another user listen at *path*."""
+    command = [sys.executable, "-c", SERVER, str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as server:
+        try:
+            assert server.stdout.readline() == b"listening\n"
+            yield
+        finally:
+            server.kill()
 
 
 @needs_root
 @pytest.mark.parametrize("name", ["control.sock", "control.sock.stop"])
-def test_a_daemon_of_others_is_refused_unless_it_is_named(tmp_path, monkeypatch, name):
-    for place in [tmp_path, *tmp_path.parents]:
-        if place not in (Path("/"), Path("/tmp")):
-            place.chmod(place.stat().st_mode | 0o011)
-    shared = tmp_path / "shared"
+def test_a_daemon_of_others_is_refused_unless_it_is_named(open_folder, monkeypatch, name):
+    shared = open_folder / name
     shared.mkdir()
     shared.chmod(0o777)
-    pid = serve_as_other(shared / name)
-    shared.chmod(0o755)
-    try:
+    with served_as_other(shared / name):
+        shared.chmod(0o755)
         talk = {
             "control.sock": lambda: check_socket(shared / "control.sock"),
             "control.sock.stop": lambda: ask_to_stop(shared / "control.sock", "stop"),
@@ -158,9 +161,6 @@ def test_a_daemon_of_others_is_refused_unless_it_is_named(tmp_path, monkeypatch,
             talk()
         monkeypatch.setenv(trust.DAEMON_USER, str(OTHER))
         talk()
-    finally:
-        os.kill(pid, 9)
-        os.waitpid(pid, 0)
 
 
 def test_a_user_that_there_is_not_is_no_daemon_user(folder, monkeypatch):

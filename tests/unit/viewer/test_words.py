@@ -1,5 +1,6 @@
 """What the page says."""
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -92,6 +93,22 @@ def test_a_measurement_has_an_age():
     assert words.measured(replace(DEVICE, cycle=cycle, cycle_age=3.0)) == "3.2 s ago"
     cycle.feedback_age_ns = 2_000_000
     assert words.measured(replace(DEVICE, cycle=cycle)) == "less than 0.1 s ago"
+
+
+def test_where_the_device_is_stands_there_in_numbers():
+    half = math.sqrt(0.5)
+    cycle = SimpleNamespace(
+        q=(half, 0.0, 0.0, half),
+        has_feedback=True,
+        feedback_q=(1.0, 0.0, 0.0, 0.0),
+        feedback_age_ns=0,
+        joints=(math.pi / 2, 0.0),
+    )
+    html = words.status(replace(DEVICE, cycle=cycle), DAEMON, is_ours=False)
+    assert "w +0.7071 x +0.0000 y +0.0000 z +0.7071" in html
+    assert "yaw 90.00° pitch 0.00° roll 0.00° (ZYX)" in html
+    assert "w +1.0000 x +0.0000 y +0.0000 z +0.0000" in html
+    assert "90.00° 0.00°" in html
 
 
 def test_a_daemon_of_a_cell_that_is_gone_or_silent_is_not_told_as_it_was():
