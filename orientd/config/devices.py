@@ -174,6 +174,15 @@ class DeviceSettings(Table):
         return self
 
     @model_validator(mode="after")
+    def _check_limits(self) -> DeviceSettings:
+        if self.limits.model_fields_set:
+            try:
+                self.limits.to_limits().check_range(1.0 / self.rate_hz)
+            except RequestError as error:
+                raise ValueError(f"devices.{self.name}.{error.field}: {error.problem}") from error
+        return self
+
+    @model_validator(mode="after")
     def _read_frames(self) -> DeviceSettings:
         try:
             self.to_frames()

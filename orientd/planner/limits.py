@@ -25,6 +25,12 @@ _STEEPEST = 20.0  # times in a cycle that the acceleration may rise to its limit
 LONGEST = 86_400.0
 """Seconds that a motion may take, so that a slip of a unit does not plan for ever."""
 
+LOWEST, HIGHEST = 1e-9, 1e12
+"""Of every limit, in its unit, where it is not infinite."""
+
+PERIODS = (1e-5, 1.0)
+"""Of the period of a device, the shortest and the longest, s."""
+
 STILL = 1e-9
 """Angular velocity, rad/s, and share of the acceleration limit that count as rest."""
 
@@ -181,6 +187,32 @@ class Limits:
                 if abs(component) * limit > most:
                     limit = most / abs(component)
             yield limit
+
+    def check_range(self, period: float) -> None:
+        """Refuse limits with which nothing can be planned.
+
+        Args:
+            period: of the device, s.
+
+        Raises:
+            RequestError: a limit is too low or too high, or permits more than half a turn in a
+                cycle, which a device cannot tell from less of a turn the other way.
+        """
+        for name, unit in UNITS.items():
+            axes = self.axes(name) if name in ANGULAR else ()
+            for limit in (getattr(self, name), *axes):
+                if math.isfinite(limit) and not LOWEST <= limit <= HIGHEST:
+                    raise RequestError(
+                        f"limits.{name}",
+                        f"must be within {LOWEST:g} and {HIGHEST:g} {unit}, got {limit:g}",
+                    )
+        most = math.pi / period
+        if math.isfinite(self.velocity) and self.velocity > most:
+            raise RequestError(
+                "limits.velocity",
+                f"must be at most half a turn in a cycle, {most:.6g} rad/s with a period of "
+                f"{period:g} s, got {self.velocity:g}",
+            )
 
     def within(self, other: Limits) -> bool:
         """Return whether every limit is at most as high as the one of *other*."""

@@ -25,7 +25,7 @@ def plan_offline(
     times: ArrayLike | None = None,
     positions: ArrayLike | None = None,
     turns: ArrayLike | None = None,
-    limits: Limits | Mapping[str, Rate] = DEFAULT_LIMITS,
+    limits: Limits | Mapping[str, Rate] | None = None,
     period: float = 0.002,
     start: State | None = None,
     **fields: Any,  # noqa: ANN401 - the arguments of a request
@@ -38,7 +38,8 @@ def plan_offline(
         times: when each is passed, s; ``None`` passes them as quickly as the limits permit.
         positions: of the tool, m, shape ``(n, 3)``.
         turns: whole turns in each interval, shape ``(n - 1,)``.
-        limits: of the device; a mapping lowers or raises those of :data:`.DEFAULT_LIMITS`.
+        limits: of the device; a mapping lowers or raises those of :data:`.DEFAULT_LIMITS`, which
+            ``None`` stands for.
         period: of the device, s.
         start: where it is; by default at rest at the first keyframe.
         fields: further arguments of :class:`.MotionRequest`: ``method``, ``start_velocity``,
@@ -67,7 +68,7 @@ def plan_offline(
     if start is None:
         start = State.at_rest(request.keys[0], request.keyframes[0].position or (0.0, 0.0, 0.0))
     if not isinstance(limits, Limits):
-        limits = DEFAULT_LIMITS.with_rates(limits)
+        limits = DEFAULT_LIMITS.with_rates(limits or {})
     return plan(request, start=start, limits=limits, period=period)
 
 

@@ -22,7 +22,7 @@ from orientd.planner.connect import (
     turns_with_stops,
 )
 from orientd.planner.keyframes import at_rate, in_device_coordinates, with_least_roll, wound
-from orientd.planner.limits import ANGULAR, LONGEST, Limits
+from orientd.planner.limits import ANGULAR, LONGEST, PERIODS, Limits
 from orientd.planner.motion import Motion
 from orientd.planner.plan_job import PlanJob
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
@@ -115,11 +115,13 @@ def plan(
         LimitError: the motion would break a limit.
         StartError: it does not begin where the device is commanded to be.
         PlanError: it cannot be planned for another reason.
-        ValueError: *period* is not positive.
+        ValueError: *period* is out of :data:`.PERIODS`.
     """
-    if not (math.isfinite(period) and period > 0.0):
-        raise ValueError(f"period must be positive, got {period} s")
+    shortest, longest = PERIODS
+    if not shortest <= period <= longest:
+        raise ValueError(f"period must be within {shortest:g} and {longest:g} s, got {period} s")
     within, name = limits.narrowed(request.limits), motion_id or os.urandom(6).hex()
+    within.check_range(period)
     is_free = not within.has_axes and math.isinf(min(getattr(within, one) for one in ANGULAR))
     if is_free and request.times is None:
         raise RequestError(

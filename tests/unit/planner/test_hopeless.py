@@ -57,11 +57,9 @@ def test_a_quickest_motion_gives_up_some_speed_to_be_stopped():
 @pytest.mark.parametrize(
     "limits",
     [
-        {"velocity": 1e-300, "acceleration": 1e-6, "jerk": 1e-12},
+        {"velocity": 1e-9, "acceleration": 1e-6, "jerk": 1e-9},
         {"velocity": 1e-7},
-        {"velocity": 2e-300, "acceleration": 8e-12},
-        {"acceleration": 8e-300},
-        {"jerk": 1e-318},
+        {"velocity": 2e-9, "acceleration": 8e-9},
     ],
 )
 def test_limits_that_would_take_days_are_refused_before_any_attempt(monkeypatch, limits, duration):

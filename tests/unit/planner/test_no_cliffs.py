@@ -90,6 +90,7 @@ def drawn(rng):
     return keyframes, str(rng.choice(list(rates))), rates
 
 
+@pytest.mark.timeout(900)
 def test_durations_are_monotone_in_every_limit_over_six_decades():
     rng = np.random.default_rng(37)
     worst, count = 0.0, 0
