@@ -7,8 +7,13 @@ from difflib import get_close_matches
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return a hint at the nearest of the *known* names, or an empty string."""
-    near = get_close_matches(name[:100], list(known), n=1, cutoff=0.5)
+    """Return a hint at the nearest of the *known* names, or an empty string.
+
+    A name's own initials are as near as can be: ``ttl`` is ``time_to_live``.
+    """
+    known = list(known)
+    near = [one for one in known if name == "".join(word[:1] for word in one.split("_"))]
+    near = near or get_close_matches(name[:100], known, n=1, cutoff=0.5)
     return f"; did you mean {near[0]!r}?" if near else ""
 
 

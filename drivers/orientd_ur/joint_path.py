@@ -21,7 +21,7 @@ SPEED_SHARE = 0.98
 
 # Nearer than this a joint turns many times faster than the tool, whatever the present path asks.
 LEAST_RESERVE = {"wrist": 0.02, "elbow": 0.02, "shoulder": 0.02}
-_UNITS = {"wrist": "rad", "elbow": "rad", "shoulder": "m"}
+UNITS = {"wrist": "rad", "elbow": "rad", "shoulder": "m"}
 _ADVICE = {
     "wrist": "begin with wrist 2 bent, or turn about another axis",
     "elbow": "move the tool nearer to the base",
@@ -142,9 +142,11 @@ def examine(
                 if rate > speeds[name].value:
                     speeds[name] = Extreme(rate, time)
             if not low <= there <= high:
+                # What is too fast before that is the first thing wrong with the path.
+                _refuse_fast(speeds, arm)
                 raise LimitError(
                     f"angle of joint {name}", abs(there), high if there > high else abs(low), time,
-                    "rad", "unwind the joint first",
+                    "rad", "turn less far (a turn by a shorter `--duration`), or unwind it first",
                 )  # fmt: skip
         before, before_time = joints, time
     _refuse_fast(speeds, arm)
@@ -167,7 +169,7 @@ def _refuse_singular(reserves: dict[str, Extreme]) -> None:
     for kind, least in reserves.items():
         if least.value < LEAST_RESERVE[kind]:
             raise PlanError(
-                f"the {kind} comes within {least.value:.4f} {_UNITS[kind]} of its singularity at "
+                f"the {kind} comes within {least.value:.4f} {UNITS[kind]} of its singularity at "
                 f"{least.time:.4f} s, at least {LEAST_RESERVE[kind]:g} are needed; {_ADVICE[kind]}"
             )
 

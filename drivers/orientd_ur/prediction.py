@@ -16,6 +16,7 @@ from orientd.driver import Feedback, Quaternion, Vector3
 from orientd.errors import LinkError, PlanError
 from orientd.floats import difference, exp
 from orientd_ur.arm import Arm, ask, published
+from orientd_ur.following import Following
 from orientd_ur.joint_path import examine, tool_pose
 from orientd_ur.options import UrOptions
 from orientd_ur.probe import Place, whereabouts
@@ -85,25 +86,50 @@ class Prediction:
         """
         ends = time.monotonic() + TIMEOUT
         address = self._address.get(TIMEOUT)
-        place = whereabouts(address, timeout=max(ends - time.monotonic(), 0.05))
+        left, offset = max(ends - time.monotonic(), 0.05), self._options.tcp_offset
+        place = whereabouts(address, timeout=left, tcp_offset=offset)
         if self._arm is None or not _fits(self._arm, place):
             # Another robot may have taken the place of the one that was asked.
             self._arm = self._identify(address, max(ends - time.monotonic(), 0.05))
-        if not _fits(self._arm, place):
+        # The tool of the options is set only once the device is enabled.
+        if place.is_offset_told and not _fits(self._arm, place):
             raise LinkError(
                 f"{self._options.host} says where its joints and its tool are, and they do not "
                 f"agree for the {self._arm.name}; `check_joints = false` plans without its joints"
             )
         return self._arm, place
 
-    def confirm(self, address: str) -> None:
-        """Do nothing where the controller has the arm that the options name, or does not say.
+    def confirm(self, address: str) -> Arm | None:
+        """Return the arm that the controller has; ``None`` where its joints are not to be checked.
+
+        ``None``, too, where neither the controller nor the options say which arm it is.
 
         Raises:
-            LinkError: it has another.
+            LinkError: it has another than the options name.
         """
-        if self._options.model is not None and self._options.check_joints:
-            self._identify(address, TIMEOUT)
+        if not self._options.check_joints:
+            return None
+        try:
+            return self._identify(address, TIMEOUT)
+        except LinkError:
+            if self._options.model is not None:
+                raise
+            return None
+
+    def following(self, period: float) -> Following | None:
+        """Return what targets are judged by; ``None`` where the joints are not to be checked.
+
+        Raises:
+            PlanError: the robot does not say where it is, or which arm it has.
+        """
+        if not self._options.check_joints:
+            return None
+        try:
+            arm, place = self.look()
+        except LinkError as error:
+            raise PlanError(f"cannot predict the joints: {error}") from error
+        x, y, z, rx, ry, rz = place.pose
+        return Following(arm, place.joints, (exp((rx, ry, rz)), (x, y, z)), period)
 
     def start(self, *, from_device: bool) -> Feedback:
         """Return where plans begin that are made without the daemon.

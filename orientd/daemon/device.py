@@ -11,7 +11,7 @@ from orientd.daemon.motions import AT_ONCE, Motions, MoveOptions, Prepared
 from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
 from orientd.daemon.supervised_device import SupervisedDevice
 from orientd.driver import Driver, Quaternion, Vector3, make_driver
-from orientd.errors import StateError
+from orientd.errors import RequestError, StateError
 from orientd.planner import Limits
 from orientd.planner import State as PlannedState
 from orientd.rpc import Statistics
@@ -71,11 +71,12 @@ class Device(SupervisedDevice):
         cycle = self._servo.running().newest()
         if cycle is None or cycle.state is not ServoState.HOLDING:
             state = "not ready" if cycle is None else cycle.state.name.lower()
+            problem = self._servo.fault_text
             advice = {
-                "idle": "; enable it first",
+                "idle": f": {problem}; then reset it" if problem else "; enable it first",
                 "streaming": "; stop the present motion first",
                 "tracking": "; end the following of targets first",
-                "fault": f": {self._servo.fault_text}; reset it first",
+                "fault": f": {problem}; reset it first",
             }.get(state, "")
             raise StateError(f"device {self.name} is {state}, not holding{advice}")
         return PlannedState.at_rest(cycle.q, cycle.position)
@@ -154,6 +155,7 @@ class Device(SupervisedDevice):
         Raises:
             RequestError: a limit is above the device's.
             StateError: the device is neither holding nor moving, or cannot follow targets.
+            PlanError: the device does not say what has to be known of it to judge targets.
         """
         servo_limits = servo_limits_of(self.limits.narrowed(limits), brake_rate=1.0)
         driver = type(self._examiner)
@@ -161,6 +163,7 @@ class Device(SupervisedDevice):
             raise StateError(
                 f"device {self.name} plans whole paths for its axes: it cannot follow targets"
             )
+        self._examiner.expect_targets()
         with self._lock:
             number = self._number + 1
             self._servo.running().ask(Command.TRACK, motion=number, servo_limits=servo_limits)
@@ -180,8 +183,21 @@ class Device(SupervisedDevice):
         expires_ns: int,
         position: Vector3 | None = None,
     ) -> None:
-        """Hand the servo a target; waits for nothing.  To be called by one thread at a time."""
-        self._servo.running().memory.targets.publish(
+        """Hand the servo a target; waits for nothing.  To be called by one thread at a time.
+
+        Raises:
+            RequestError: the device cannot be there.
+            StateError: there is no servo.
+        """
+        servo = self._servo.running()
+        if type(self._examiner).refusal is not Driver.refusal:
+            cycle = servo.newest()
+            if cycle is not None:
+                at = cycle.position if position is None else position
+                problem = self._examiner.refusal(q, at, cycle.joints)
+                if problem:
+                    raise RequestError("target", problem)
+        servo.memory.targets.publish(
             time_ns, expires_ns, *q, *(omega_body or NOT_GIVEN), *(position or NOT_GIVEN)
         )
 

@@ -15,6 +15,7 @@ from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, with_leads
 from orientd.planner.certify import before, measure_path, summed_up
 from orientd.planner.connect import Caution, LeadIn, lead_in, position_lead
+from orientd.planner.keyframes import half_turn_notes
 from orientd.planner.limits import LONGEST, Limits, is_still
 from orientd.planner.methods import Ends, check_method
 from orientd.planner.motion import Motion
@@ -57,6 +58,7 @@ class PlanJob:
         leads: lead-ins already found, by the state they lead to.
         shapes: keyframe paths already found, by whether they are for the quickest way.
         timings: the same timed, by path and share of the limits.
+        notes: what the certificate says of the request.
         merged: what there is to say of keyframes that are passed as one.
         offset: the index of the first keyframe in the request that this is a part of.
     """
@@ -72,6 +74,7 @@ class PlanJob:
     leads: dict[bytes, LeadIn] = field(default_factory=dict)
     shapes: dict[bool, Shape] = field(default_factory=dict)
     timings: dict[tuple[KeyframePath, float], KeyframePath] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
     merged: list[str] = field(default_factory=list)
     offset: int = 0
 
@@ -79,6 +82,7 @@ class PlanJob:
     def of(cls, request: MotionRequest, start: State, own: Limits, period: float) -> PlanJob:
         """Check what can be checked before a curve is made."""
         limits = own.slowed(request.pace) if isinstance(request.pace, float | int) else own
+        limits = limits.at_period(period)
         method = check_method(request)
         if request.limits is not None:
             refusal.check_present_rates(start, own, period)
@@ -99,7 +103,9 @@ class PlanJob:
             first = replace(start, q=request.keys[0], omega_body=omega)
             refusal.check_start(start, first, limits)
         ends = Ends(omega_start, request.omega_end, alpha_start)
-        return cls(request, start, limits, own, period, ends, not request.is_quickest)
+        has_turns = method.has_turns or request.is_single
+        notes = (*request.notes, *half_turn_notes(request, start, has_turns=has_turns))
+        return cls(request, start, limits, own, period, ends, not request.is_quickest, notes=notes)
 
     def with_caution(self, caution: Caution) -> PlanJob:
         """Return the job to be led in with *caution*; what is found of its path stays known."""
@@ -277,7 +283,7 @@ class PlanJob:
         motion = certified(
             candidate, self.request, self.start, self.own, self.period, motion_id=motion_id
         )
-        return motion.noted(*(self.merged if merged is None else merged))
+        return motion.noted(*self.notes, *(self.merged if merged is None else merged))
 
 
 def certified(
@@ -332,7 +338,13 @@ def certified(
         keyframe_times=candidate.keyframe_times,
         record_count=count,
         certificate=summed_up(
-            request, path, (candidate.begin, candidate.end), candidate.keyframe_times, peaks, period
+            request,
+            path,
+            (candidate.begin, candidate.end),
+            candidate.keyframe_times,
+            peaks,
+            period,
+            limits,
         ),
         rough=candidate.rough,
         before=start.before,

@@ -56,6 +56,7 @@ from orientd.planner.timing import (
     lasting,
     least_with_rests,
     least_with_stops,
+    longest_stop,
     quickest,
     quickest_by_parts,
 )
@@ -68,6 +69,12 @@ _FAR_LONGER = 2.5
 _FAR_SLOWER = 4.0
 """Times as long as stops take: a note says so of a motion that is slower."""
 
+SLOW = (
+    f"slower than its limits allow, so that a stop on the path takes {LONGEST_STOP:g} s: with such "
+    "an acceleration it takes that long from a higher velocity"
+)
+
+_MUCH = 0.9  # of a limit, and of the longest stop
 _MOST_DRAWN = 1.1  # times what is on the records is the most that is drawn between them
 _MOST_TIMINGS = 12  # until a stop is short enough, each of them a whole search
 _NO_LONGER = 0.98  # of a stop's time, above which twice the reserve has not helped
@@ -122,7 +129,7 @@ def plan(
     request = with_least_roll(wound(turned, start), start)
     job = PlanJob.of(request, start, within, period)
     if not job.is_led_by_connector:
-        return _motion(job, name)
+        return _told_of_stops(_motion(job, name))
     first: LimitError | None = None
     for caution in Caution:
         try:
@@ -130,7 +137,7 @@ def plan(
         except LimitError as error:
             first = first or error
         else:
-            return _without_reserve(job, motion) if _arrives(job) else motion
+            return _without_reserve(job, motion) if _arrives(job) else _told_of_stops(motion)
     raise first or PlanError("no lead-in was tried")
 
 
@@ -177,7 +184,8 @@ def _motion(job: PlanJob, name: str) -> Motion:
         if stops is None or stops.duration >= took:
             break
         with suppress(PlanError):
-            return job.certified(job.with_leads(stops), name).noted(STOPS)
+            motion = job.certified(job.with_leads(stops), name)
+            return motion.noted(STOPS) if len(job.request.keyframes) > 2 else motion
     if motion is None:
         raise refused or PlanError("no motion was tried")
     return motion if can_rest(job) else _slow_noted(job, motion)
@@ -316,7 +324,7 @@ def _at_even_pace(job: PlanJob, name: str) -> Motion:
 
 def _to_single(job: PlanJob, name: str) -> Motion:
     """Return the motion to the only keyframe."""
-    share = SHARE
+    share = jerk_share = SHARE
     for _ in range(_MOST_TIMINGS):
         candidate = to_single(
             job.request,
@@ -326,7 +334,8 @@ def _to_single(job: PlanJob, name: str) -> Motion:
             job.period,
             job.caution,
             is_even=job.is_even,
-            jerk_share=share,
+            share=share,
+            jerk_share=jerk_share,
         )
         try:
             return job.certified(candidate, name)
@@ -335,7 +344,10 @@ def _to_single(job: PlanJob, name: str) -> Motion:
             if job.is_even or not job.start.is_at_rest or not 1.0 < over <= _MOST_DRAWN:
                 raise
             # What is drawn between the records is a little more, where the jerk has a step.
-            share /= over
+            if error.quantity.startswith("angular jerk"):
+                jerk_share /= over
+            else:
+                share /= over
     return _to_single(replace(job, is_even=True), name)
 
 
@@ -460,7 +472,7 @@ def _timed(
     """
     find = quickest_by_parts if has_rests else quickest
     guess: FirstProfile | Profile | None = profile
-    share, before, stop_time = SHARE, None, math.inf
+    share, before, stop_time, longest = SHARE, None, math.inf, LONGEST_STOP
     for _ in range(_MOST_TIMINGS):
         quick = job.timed(keyframe_path, share, partial(find, guess=guess))
         guess = quick.profile if isinstance(quick, QuickPath) else profile
@@ -481,9 +493,10 @@ def _timed(
             continue
         rate, last = motion.certificate.brake_rate, stop_time
         stop_time = 1.0 / rate if rate else math.inf
-        if stop_time <= LONGEST_STOP or motion.duration <= LONGEST_STOP:
+        longest = _longest_stop(motion)
+        if stop_time <= longest or motion.duration <= longest:
             return motion
-        if quick.stop_time is not None and quick.stop_time <= LONGEST_STOP:
+        if quick.stop_time is not None and quick.stop_time <= longest:
             # It is not this timing that is slow to stop, but what leads to it or from it.
             return motion
         if before is not None and stop_time > _NO_LONGER * last:
@@ -492,6 +505,25 @@ def _timed(
         if share <= LEAST_SHARE:
             break
         # How fast a stop can be goes with the square root of the reserve.
-        more = min(max(1.05 * (stop_time / LONGEST_STOP) ** 2, _LEAST_MORE), _GREATEST_MORE)
+        more = min(max(1.05 * (stop_time / longest) ** 2, _LEAST_MORE), _GREATEST_MORE)
         share = max(1.0 - more * (1.0 - share), LEAST_SHARE)
-    raise refusal.of_slow_stop(stop_time, LONGEST_STOP, share)
+    raise refusal.of_slow_stop(stop_time, longest, share)
+
+
+def _told_of_stops(motion: Motion) -> Motion:
+    """Return the motion, with a note where it is slower than its limits so that it can be stopped.
+
+    That is where a stop with all of the acceleration takes long already.
+    """
+    found = motion.certificate
+    is_slower = max(found.peak_velocity.ratio, found.peak_acceleration.ratio) < _MUCH
+    if not (motion.request.is_quickest and found.stop_time > _MUCH * LONGEST_STOP and is_slower):
+        return motion
+    return motion.noted(SLOW)
+
+
+def _longest_stop(motion: Motion) -> float:
+    """Return how long a stop on a motion may take, s."""
+    limits, speed = motion.limits, motion.certificate.peak_velocity.value
+    rise = min(limits.acceleration / limits.jerk, math.sqrt(speed / limits.jerk))
+    return longest_stop(max(speed / limits.acceleration, rise) + rise)

@@ -18,7 +18,7 @@ import numpy as np
 from orientd.errors import PlanError
 from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, leads_out
-from orientd.planner.connect import WITHOUT_RESERVE, Caution, join
+from orientd.planner.connect import WITHOUT_RESERVE, Caution, join, turn_to_stop
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PathCurve, PathSegment, PositionPath
@@ -48,23 +48,14 @@ _NO_TURN = np.zeros((5, 3))
 
 
 def arrives(start: State, key: Floats, limits: Limits) -> bool:
-    """Return whether a keyframe is ahead of a device, and hardly further than a stop.
-
-    How far that is: half a double S (Biagiotti and Melchiorri 2008, section 3.4), behind the fall
-    of an acceleration.
-    """
+    """Return whether a keyframe is ahead of a device, and hardly further than a stop."""
     speed = float(np.linalg.norm(start.omega_body))
     if not speed:
         return False
     way, direction = log(turn_between(start.q, key)), start.omega_body / speed
-    _, most, jerk = limits.along(direction.tolist())
-    fall = max(0.0, float(direction @ start.alpha_body)) / jerk
-    highest = speed + 0.5 * jerk * fall**2
-    is_long = highest * jerk > most**2
-    half = 0.5 * (highest / most + most / jerk) if is_long else math.sqrt(highest / jerk)
-    stop = speed * fall + jerk * fall**3 / 3.0 + highest * half
     distance = float(np.linalg.norm(way))
-    return distance < _NEAR * stop and float(way @ direction) > _AHEAD * distance
+    is_near = distance < _NEAR * turn_to_stop(start, limits)
+    return is_near and float(way @ direction) > _AHEAD * distance
 
 
 def can_rest(job: PlanJob) -> bool:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         titled,
     )
     from orientd.rpc.stop_call import ask_to_stop, stop_socket
+    from orientd.rpc.tracking import TARGET_KEYS, target_message
     from orientd.rpc.trust import check_folder
     from orientd.rpc.urgent import begin_call, read_answer, text_fields
     from orientd.rpc.wire.limits import limits_to_wish

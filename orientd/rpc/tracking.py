@@ -19,8 +19,12 @@ from orientd.rpc.connection import Connection
 from orientd.rpc.motion_request import keyframe_mappings
 from orientd.rpc.reports import TrackReport
 from orientd.rpc.wire import report_from_message, target_to_message
+from orientd.spelling import did_you_mean
 
 Frame = Literal["body", "world"]
+
+TARGET_KEYS = ("angular_velocity", "velocity_frame", "time_ns", "time_to_live", "position")
+"""What a target may say beside its orientation."""
 
 
 class Tracking:
@@ -88,24 +92,25 @@ class Tracking:
             RequestError: the target is not well formed.
             OrientdError: the following has ended.
         """
+        self.hand_over(
+            target_message(
+                target,
+                angular_velocity=angular_velocity,
+                velocity_frame=velocity_frame,
+                time_ns=time_ns,
+                time_to_live=time_to_live,
+                position=position,
+            )
+        )
+
+    def hand_over(self, message: pb.TrackTarget) -> None:
+        """Hand a target over that :func:`target_message` made; returns at once.
+
+        Raises:
+            OrientdError: the following has ended.
+        """
         if self._ended.is_set():
             raise self._error or OrientdError("the device follows targets no more")
-        if velocity_frame not in get_args(Frame):
-            raise RequestError(
-                "target.velocity_frame", f"expected 'body' or 'world', got {velocity_frame!r}"
-            )
-        if not isinstance(time_ns, int):
-            raise RequestError("target.time_ns", f"expected a whole number, got {time_ns!r}")
-        if not isinstance(time_to_live, int | float):
-            raise RequestError("target.time_to_live", f"expected a number, got {time_to_live!r}")
-        message = target_to_message(
-            _orientation(target),
-            None if angular_velocity is None else _vector("angular_velocity", angular_velocity),
-            is_world=velocity_frame == "world",
-            time_ns=time_ns,
-            time_to_live=time_to_live,
-            position=None if position is None else _vector("position", position),
-        )
         self._outgoing.put(pb.TrackRequest(target=message))
 
     def close(self, timeout: float = 10.0) -> None:
@@ -132,6 +137,38 @@ class Tracking:
             self._ended.set()
 
 
+def target_message(
+    target: object,
+    *,
+    angular_velocity: Vector3 | None = None,
+    velocity_frame: Frame = "body",
+    time_ns: int = 0,
+    time_to_live: float = 0.0,
+    position: Vector3 | None = None,
+) -> pb.TrackTarget:
+    """Return a target as a message; see :meth:`Tracking.aim`.
+
+    Raises:
+        RequestError: the target is not well formed.
+    """
+    if velocity_frame not in get_args(Frame):
+        raise RequestError(
+            "target.velocity_frame", f"expected 'body' or 'world', got {velocity_frame!r}"
+        )
+    if not isinstance(time_ns, int):
+        raise RequestError("target.time_ns", f"expected a whole number, got {time_ns!r}")
+    if not isinstance(time_to_live, int | float):
+        raise RequestError("target.time_to_live", f"expected a number, got {time_to_live!r}")
+    return target_to_message(
+        _orientation(target),
+        None if angular_velocity is None else _vector("angular_velocity", angular_velocity),
+        is_world=velocity_frame == "world",
+        time_ns=time_ns,
+        time_to_live=time_to_live,
+        position=None if position is None else _vector("position", position),
+    )
+
+
 def _vector(name: str, given: object) -> Vector3:
     try:
         x, y, z = map(float, given)  # type: ignore[call-overload] # whatever came
@@ -144,7 +181,11 @@ def _orientation(target: object) -> Orientation:
     if isinstance(target, Quaternion):
         return (float(target.w), float(target.x), float(target.y), float(target.z))
     mapping = keyframe_mappings([target])[0]
-    extra = sorted(set(mapping) - set(motion_file.FORMS))
-    if extra:
-        raise RequestError(f"target.{extra[0]}", "expected an orientation and nothing else")
-    return motion_file.parse({"keyframes": [mapping, mapping]}).keyframes[0].q
+    for key in sorted(set(mapping) - set(motion_file.FORMS)):
+        near = did_you_mean(key, [*motion_file.FORMS, *TARGET_KEYS])
+        raise RequestError("target", f"unknown key {key!r}{near}")
+    try:
+        return motion_file.parse({"keyframes": [mapping, mapping]}).keyframes[0].q
+    except RequestError as error:
+        field = error.field.replace("keyframes[0]", "target", 1)
+        raise RequestError(field, error.problem) from None

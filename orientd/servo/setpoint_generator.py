@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from orientd.driver import IDENTITY, ZERO, Driver, Quaternion, Vector3
 from orientd.errors import Fault, NotYetError
-from orientd.floats import combine, difference, norm
+from orientd.floats import combine, difference, norm, plus
 from orientd.servo.guard import Guard
 from orientd.servo.path import (
     BrakeLaw,
@@ -25,7 +25,7 @@ from orientd.servo.path import (
     eased,
 )
 from orientd.servo.state_table import Event, advance
-from orientd.servo.tracking import TargetFollower
+from orientd.servo.tracking import TargetFollower, TrackPoint, coming
 from orientd.servo.watchdog import Stalls
 from orientd.stream import UNKNOWN, ServoLimits, ServoState, SharedMemory
 
@@ -36,6 +36,9 @@ _NO_FAULT = Fault.NONE
 _NO_LIMITS = ServoLimits(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
 _START_TOLERANCE = 1e-9
 _EASINGS = 3
+_SHARES = ((0.3, 0.3), (0.06, 0.06), (0.3, None), (None, 0.3))
+"""How much of the change of speed towards a target, of orientation and position, is tried where the
+axes cannot follow it whole; ``None`` brakes."""
 
 
 class SetpointGenerator:
@@ -50,6 +53,7 @@ class SetpointGenerator:
         time_scaling: how fast the path is run through.
         follower: where on the path the setpoint is.
         is_from_rest: whether motion goes on from rest with this cycle, after a stall.
+        hindrance: why the device's axes cannot follow the targets any nearer; empty while they can.
     """
 
     def __init__(
@@ -82,6 +86,8 @@ class SetpointGenerator:
         self._brake_law = BrakeLaw(self.time_scaling, self.follower, self._guard)
         self._pursuit = TargetFollower(memory.targets, period)
         self._stalls = Stalls(period_ns, stall_ns)
+        self.hindrance = ""
+        self._foresees = type(driver).foresee is not Driver.foresee
         self._driver = driver
         self._on_fault = on_fault
         self._period_ns = period_ns
@@ -126,8 +132,8 @@ class SetpointGenerator:
 
     @property
     def is_following(self) -> bool:
-        """Whether targets are followed, or their following comes to rest."""
-        return self._pursuit.is_on
+        """Whether targets are followed, or anything comes to rest that is on no planned path."""
+        return self._pursuit.is_on or self._escape is not None
 
     def confine(self, q: Quaternion) -> PathPoint:
         """Take note that *q* was sent in place of the last setpoint; return what was sent."""
@@ -150,7 +156,7 @@ class SetpointGenerator:
         """Come to rest as fast as the limits allow, wherever that leaves the path."""
         self.stop(Event.HALT)
         if self.is_moving and self._escape is None and not self._pursuit.is_on:
-            self._escape = self._guard.soft_stop(self._servo_limits)
+            self._begin_escape()
 
     def clear_fault(self) -> None:
         """Leave the fault behind."""
@@ -199,7 +205,7 @@ class SetpointGenerator:
         # Where a narrower limit is broken already, what there is of it is taken away.
         speed = max(part.servo_limits.linear_velocity, norm(guard.velocity))
         self._servo_limits = replace(part.servo_limits, linear_velocity=speed)
-        self.motion = part.number
+        self.motion, self.hindrance = part.number, ""
         self._sent, self._is_there = guard.q, False
         self._pursuit.begin(guard.q, guard.omega, guard.alpha, part.servo_limits)
         self.state = following
@@ -207,7 +213,7 @@ class SetpointGenerator:
     def stop(self, event: Event) -> None:
         """Begin to come to rest, on the path or away from the target."""
         following = advance(self.state, event)
-        self.time_scaling.target = 0.0
+        self.time_scaling.target, self.hindrance = 0.0, ""
         self._pursuit.tracker.cease()
         self.state = following
 
@@ -265,7 +271,7 @@ class SetpointGenerator:
             servo_limits = self._servo_limits if place.part is part else place.part.servo_limits
             problem = self._guard.admit(path.q, path.position, servo_limits)
             if problem and not scaling.is_led and (rate != 1.0 or follower.fraction):
-                path, place, rate, problem = self._ease(path, place, rate, problem)
+                path, place, rate, problem = self._ease(path, place, before, rate, problem)
         except StarvedError as error:
             return self.leave_path(Fault.PATH_STARVED, str(error))
         follower.move(place)
@@ -302,7 +308,7 @@ class SetpointGenerator:
         return min((deadline_ns + period_ns - self._start_ns) / period_ns, 1.0)
 
     def _ease(
-        self, path: PathPoint, place: PathPlace, rate: float, problem: str
+        self, path: PathPoint, place: PathPlace, before: float, rate: float, problem: str
     ) -> tuple[PathPoint, PathPlace, float, str]:
         """Return point and place on the path that another rate leads to, that, and what is wrong.
 
@@ -312,7 +318,8 @@ class SetpointGenerator:
         scaling, follower, guard = self.time_scaling, self.follower, self._guard
         part = place.part
         servo_limits = self._servo_limits if part is follower.part else part.servo_limits
-        past, tried, other = Past(guard.omega, guard.alpha, guard.velocity), path, rate
+        past = Past(guard.omega, guard.alpha, guard.velocity, before)
+        tried, other = path, rate
         for _ in range(_EASINGS):
             rates = guard.rates(tried.q, tried.position)
             found = eased(past, *rates, tried, other, servo_limits, scaling.period)
@@ -351,6 +358,10 @@ class SetpointGenerator:
         position = pursuit.position(guard.position, guard.velocity, self._servo_limits)
         if position is None:
             position = guard.braked_position(self._servo_limits)
+        if self._foresees and self.state is _TRACKING:
+            self.hindrance = self._hindrance(point.q, position)
+            if self.hindrance:
+                point, position = self._eased(position)
         problem = guard.admit(point.q, position, self._servo_limits)
         if problem:
             return self.leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
@@ -362,19 +373,48 @@ class SetpointGenerator:
             return PathPoint(self._sent, ZERO, ZERO, position, ZERO)
         return PathPoint(point.q, point.omega_body, point.alpha_body, position, guard.velocity)
 
+    def _eased(self, position: Vector3) -> tuple[TrackPoint, Vector3]:
+        """Return as much of a step as the axes can follow, which was to lead to *position*."""
+        tracker, guard, h = self._pursuit.tracker, self._guard, self._period_ns * 1e-9
+        braked = guard.braked_position(self._servo_limits)
+        even = plus(guard.position, guard.velocity, h)
+        for turning, moving in _SHARES:
+            point, there = tracker.ease(turning), braked
+            if moving is not None:
+                there = combine(even, 1.0 - moving, position, moving)
+            if not self._hindrance(point.q, there):
+                return point, there
+        return tracker.ease(None), braked
+
+    def _hindrance(self, q: Quaternion, position: Vector3) -> str:
+        """Return why the axes cannot follow a setpoint and a stop from it, or nothing."""
+        servo_limits, guard, period = self._servo_limits, self._guard, self._period_ns * 1e-9
+        velocity = plus(plus(ZERO, position, 1.0 / period), guard.position, -1.0 / period)
+        stop, acceleration = self._pursuit.tracker.stop_ahead(), servo_limits.linear_acceleration
+        return self._driver.foresee(
+            coming(q, position, velocity, stop, acceleration=acceleration, period=period)
+        )
+
     def leave_path(self, fault: Fault, text: str) -> PathPoint:
         """Begin to come to rest without the path."""
         self.brake(fault, text)
-        self._escape = self._guard.soft_stop(self._servo_limits)
+        self._begin_escape()
         return self._step_off_path()
+
+    def _begin_escape(self) -> None:
+        """Come to rest from what was written, as near to that as the device's axes can."""
+        self._escape = self._guard.soft_stop(self._servo_limits)
+        self._sent, self._is_there = self.last.q, False
 
     def _step_off_path(self) -> PathPoint:
         guard = self._guard
         step = next(self._escape, None) if self._escape is not None else None
         if step is None:
-            self._escape = None
-            self.time_scaling.halt()
-            self._finish(Event.REST)
+            if self._is_there:
+                self._escape = None
+                self._finish(Event.REST)
+                # Axes that could not get there hold where they could.
+                guard.anchor(self._sent, guard.position)
             return PathPoint(guard.q, ZERO, ZERO, guard.position, ZERO)
         return PathPoint(step[0], guard.omega, guard.alpha, step[1], guard.velocity)
 
@@ -395,6 +435,9 @@ class SetpointGenerator:
 
     def _brake_as_promised(self) -> None:
         """Stop as what is on the path permits, and never slower than a change under way."""
-        slowest, scaling = self.follower.slowest_brake_rate, self.time_scaling
+        follower, scaling = self.follower, self.time_scaling
+        slowest, shares = follower.slowest_brake_rate, follower.joint_shares
+        if shares != self._servo_limits.joint_shares:
+            self._servo_limits = replace(follower.part.servo_limits, joint_shares=shares)
         if not scaling.is_led and (scaling.is_steady or slowest > scaling.brake_rate):
             scaling.brake_rate = slowest

@@ -27,7 +27,7 @@ from orientd.stream.ring import RecordRing
 PAGE = 4096
 COMMANDS = 16
 NOTES = 64
-TARGETS = 64
+TARGETS = 4096
 TUNINGS = 4
 HEALTHS = 4
 DIRECTORY = "/dev/shm"

@@ -190,6 +190,31 @@ def test_a_move_on_a_terminal_is_a_live_line(daemon, motion):
     assert b"rad/s  late" in shown
 
 
+def follow(daemon, *lines):
+    """Give lines to a command that follows targets; return what came of it."""
+    process = begin("track", "--socket", daemon.socket, "--json", stdin=subprocess.PIPE)
+    output, errors = process.communicate("".join(f"{line}\n" for line in lines), timeout=30.0)
+    return subprocess.CompletedProcess(lines, process.returncode, output, errors)
+
+
+def test_targets_go_on_after_a_bad_line_which_is_named(daemon):
+    good = json.dumps({"rotation_vector": [0, 0, 0.1], "time_to_live": 5.0})
+    zero = '{"quaternion": {"w": 0, "x": 0, "y": 0, "z": 0}}'
+    done = follow(daemon, good, zero, "null", good[:20], good)
+    assert done.returncode == 0
+    assert [line[:15] for line in done.stderr.splitlines()] == [
+        f"orientd: line {k}" for k in (2, 3, 4)
+    ]
+    report = json.loads(done.stdout)
+    assert (report["targets"], report["refused"]) == (2, 3)
+
+
+def test_nothing_but_bad_lines_is_a_failure(daemon):
+    done = follow(daemon, "null")
+    assert (done.returncode, json.loads(done.stdout)["refused"]) == (1, 1)
+    assert done.stderr.startswith("orientd: line 1: expected a JSON object")
+
+
 def test_a_free_lease_is_taken_where_there_is_nothing_to_command_beside(daemon):
     beside = ("--lease", "--socket", daemon.socket)
     assert told(inside("speed", "0.5", *beside, "--json"))["speed"] == 0.5

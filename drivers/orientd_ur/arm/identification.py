@@ -28,6 +28,8 @@ _CALIBRATED = 1e-9
 # Messages come ten times a second, and not each one tells everything.
 _MESSAGES = 3
 _ENDLESS = 10.0 * tau
+FASTEST_CHANGE = 40.0
+"""Acceleration of a joint where the controller says nothing of it, rad/s^2: what it is set to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +42,7 @@ class Arm:
         kinematics: of this very arm where its calibration is known, else of the model.
         speeds: largest speed of each joint, rad/s.
         ranges: lowest and highest angle of each joint, rad.
+        accelerations: largest acceleration of each joint, rad/s^2.
     """
 
     name: str
@@ -47,6 +50,7 @@ class Arm:
     kinematics: Kinematics
     speeds: Six
     ranges: tuple[tuple[float, float], ...]
+    accelerations: Six = (FASTEST_CHANGE,) * 6
 
     @property
     def is_calibrated(self) -> bool:
@@ -133,6 +137,7 @@ def _described(told: primary.Configuration, own: Calibration | None, where: str)
         Kinematics(links, own if own is not None and _differs(own, links) else None),
         tuple(speeds),  # type: ignore[arg-type] # six of them
         tuple(ranges),
+        tuple(a if a > 0.0 else FASTEST_CHANGE for a in told.accelerations),  # type: ignore[arg-type] # six of them
     )
 
 

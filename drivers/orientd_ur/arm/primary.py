@@ -29,6 +29,7 @@ class Configuration:
     Attributes:
         lowest, highest: angle of each joint, rad.
         speeds: largest of each joint, rad/s.
+        accelerations: largest of each joint, rad/s^2.
         table: its Denavit-Hartenberg parameters.
         kind: the controller's number for the model.
     """
@@ -36,6 +37,7 @@ class Configuration:
     lowest: Six
     highest: Six
     speeds: Six
+    accelerations: Six
     table: Calibration
     kind: int
 
@@ -82,6 +84,7 @@ def configuration(found: dict[int, bytes]) -> Configuration | None:
         lowest=numbers[0:12:2],
         highest=numbers[1:12:2],
         speeds=numbers[12:24:2],
+        accelerations=numbers[13:24:2],
         table=Calibration(
             a=numbers[29:35], d=numbers[35:41], alpha=numbers[41:47], theta=numbers[47:53]
         ),

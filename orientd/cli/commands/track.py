@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
-from typing import Annotated, Any
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
 from orientd.cli.output import answer
-from orientd.errors import RequestError
+from orientd.one_line import one_line
 
-_KEYS = ("angular_velocity", "velocity_frame", "time_ns", "time_to_live", "position")
+if TYPE_CHECKING:
+    from orientd.rpc.control_pb2 import TrackTarget
+
+_NAMED = 10
+"""Bad lines that are named, at most."""
 
 
 @command
@@ -34,39 +39,82 @@ def track(
     `velocity_frame`, `position` (m), `time_ns` (monotonic clock) and `time_to_live` (s):
 
     {"rotation_vector": [0, 0, 0.3], "angular_velocity": [0, 0, 1], "time_to_live": 0.2}
+
+    A bad line is named on standard error, counted and left out; the exit status is 1 if every
+    line was bad.
     """
     from orientd.cli import texts
     from orientd.cli.shared_lease import commander
 
+    lines = _Lines(time_to_live)
     with commander(socket, "track", device, is_beside=lease, is_shared=True) as robot:
         with robot.track(device=device) as tracking:
-            for target, options in _targets():
-                tracking.aim(target, **{"time_to_live": time_to_live, **options})
+            for target in lines.targets(sys.stdin.buffer):
+                tracking.hand_over(target)
         report = tracking.report
+    report = replace(report, refused=report.refused + lines.bad)
+    if lines.bad:
+        report = replace(report, refusal=report.refusal or lines.last)
     answer(
         report,
-        f"{report.targets} targets followed, {report.left_out} of them left out as too old, "
+        f"{report.targets} targets followed, {report.left_out} of them left out as late, "
         f"{report.refused} refused",
         f"at rest at {texts.orientation(report.q)}",
         *([f"last refusal: {report.refusal}"] if report.refusal else []),
         as_json=as_json,
     )
+    if report.refused and not report.targets:
+        raise typer.Exit(1)
 
 
-def _targets() -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
-    """Yield the orientation and the options of every line.
+class _Lines:
+    """Targets from lines; a bad one is named once, counted and left out.
 
-    Raises:
-        RequestError: a line is not a JSON object.
+    Attributes:
+        bad: lines that were no targets.
+        last: what was wrong with the last of them.
     """
-    for number, line in enumerate(sys.stdin, 1):
-        if not line.strip():
-            continue
+
+    def __init__(self, time_to_live: float) -> None:
+        """Let a target count for *time_to_live* seconds that does not say so itself."""
+        self.bad = 0
+        self.last = ""
+        self._time_to_live = time_to_live
+
+    def targets(self, lines: Iterable[bytes]) -> Iterator[TrackTarget]:
+        """Yield the target of every line that is one."""
+        for number, line in enumerate(lines, 1):
+            if not line.strip():
+                continue
+            try:
+                yield self._target(line)
+            except (ValueError, TypeError, OverflowError, RecursionError) as error:
+                self.bad += 1
+                self.last = one_line(f"line {number}: {error}")
+                if self.bad <= _NAMED:
+                    more = "; further ones are only counted" if self.bad == _NAMED else ""
+                    print(f"orientd: {self.last}{more}", file=sys.stderr, flush=True)  # noqa: T201
+
+    def _target(self, line: bytes) -> TrackTarget:
+        """Return the target of a line.
+
+        Raises:
+            ValueError: it is none.
+        """
+        from orientd.rpc import TARGET_KEYS, target_from_message, target_message
+
         try:
-            mapping = json.loads(line)
-        except ValueError:
-            mapping = None
+            mapping = json.loads(line, parse_constant=_refuse_constant)
+        except json.JSONDecodeError as error:
+            raise ValueError(f"expected a JSON object: {error.msg}, column {error.colno}") from None
         if not isinstance(mapping, dict):
-            raise RequestError(f"line {number}", f"expected a JSON object, got {line.strip()!r}")
-        options = {key: mapping.pop(key) for key in _KEYS if key in mapping}
-        yield mapping, options
+            raise ValueError(f"expected a JSON object, got {one_line(repr(mapping), 60)}")
+        options = {key: mapping.pop(key) for key in TARGET_KEYS if key in mapping}
+        message = target_message(mapping, **{"time_to_live": self._time_to_live, **options})
+        # The daemon's checks, but for how far ahead it is of the daemon's clock.
+        target_from_message(message, message.time_ns)
+        return message
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"expected finite numbers, got {name}")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
+    from orientd.planner.connect.connector import turn_to_stop
     from orientd.planner.connect.curve_connector import join_in
     from orientd.planner.connect.lead_ins import WITHOUT_RESERVE, Caution, LeadIn, lead_in
     from orientd.planner.connect.leads import approach, lead_out

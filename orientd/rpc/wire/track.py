@@ -19,6 +19,9 @@ TIME_TO_LIVE = 0.5
 
 LONGEST_LIFE = 60.0
 
+LONGEST_AHEAD = 10.0
+"""How far ahead of its instant a target may come, s."""
+
 _FRAMES = (pb.FRAME_BODY, pb.FRAME_WORLD)
 
 
@@ -72,6 +75,11 @@ def target_from_message(message: pb.TrackTarget, now_ns: int) -> AimedAt:
             f"expected more than 0 and at most {LONGEST_LIFE:g} s, got {life}",
         )
     time_ns = message.time_ns or now_ns
+    ahead = (time_ns - now_ns) * 1e-9
+    if ahead > LONGEST_AHEAD:
+        raise RequestError(
+            "target.time_ns", f"expected at most {LONGEST_AHEAD:g} s ahead, got {ahead:.6g} s"
+        )
     return AimedAt(q, omega, time_ns, time_ns + round(life * 1e9), position)
 
 

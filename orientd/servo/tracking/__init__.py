@@ -11,6 +11,7 @@ about one axis its duration is the least there is.
 """
 
 from orientd.servo.tracking.approach import approach
+from orientd.servo.tracking.foresight import coming
 from orientd.servo.tracking.knot import Target
 from orientd.servo.tracking.law import halt
 from orientd.servo.tracking.law_bounds import bounds, loosened

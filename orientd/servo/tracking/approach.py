@@ -58,3 +58,15 @@ def approach(
     if size > most:
         s *= most / size
     return (a + s * x, b + s * y, c + s * z)
+
+
+def stopping_distance(speed: float, acceleration: float) -> float:
+    """Return from how far away :func:`approach` brakes to a target at rest, m.
+
+    Args:
+        speed: m/s.
+        acceleration: limit, m/s^2.
+    """
+    brake = BRAKING * acceleration
+    linear = brake / (CLOSING * CLOSING)
+    return speed / CLOSING if speed < CLOSING * linear else 0.5 * (speed * speed / brake + linear)

@@ -12,15 +12,19 @@ targets ahead by more than its jitter leaves no delay at all.
 
 A target at rest is an order to be there: it counts at once and is not joined to others; so does one
 that is far from what the one before it predicts.  One without velocity has the velocity that those
-before it tell of, until it is silent for longer than loss explains; then it is an order, too.
+before it tell of, until the next one is overdue; then it is an order, too.
+
+What arrives later counts: a target replaces everything that waits from its stamp on.  One that is
+only late, by no more than networks make of it, lies between its neighbours and is put in its place.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from math import dist
 
 from orientd.driver import ZERO, Vector3
-from orientd.floats import exp, multiply, normalize
+from orientd.floats import difference, exp, multiply, norm, normalize
 from orientd.servo.tracking.knot import (
     Knot,
     ReferenceState,
@@ -33,14 +37,17 @@ from orientd.servo.tracking.knot import (
 )
 from orientd.tolerances import NORM_TOLERANCE
 
-LOOKAHEAD_NS = 1_000_000_000
-"""How far ahead of its time a target may come: a wrong stamp must not lock the later ones out."""
+LOOKAHEAD_NS = 10_000_000_000
+"""How far ahead of its time a target may come."""
 
 SORTED = 16
 """A target that comes late is put in its place before so many others at most."""
 
-CAPACITY = 1024
-"""Targets that wait for their time, at most."""
+CAPACITY = 10_000
+"""Targets that wait for their time, at most: one a millisecond."""
+
+AGREEING = 5e-3
+"""By how much longer the way by a late target may be than between its neighbours, rad or m."""
 
 FASTEST = 1000.0
 """Largest angular velocity believed of a target, rad/s, per component."""
@@ -49,10 +56,14 @@ FARTHEST = 1000.0
 """Largest component of a position, m."""
 
 SILENT = 4.0
-"""After how many times their usual spacing, and :data:`SILENT_NS` more, targets without velocity
-are taken to have ceased."""
+"""After how many times the usual gap between arrivals, and :data:`SILENT_NS` more, targets without
+velocity are taken to have ceased where some are lost or late; where none is, the next one is
+overdue from :data:`DISTURBED` times the usual gap on."""
 
 SILENT_NS = 50_000_000
+
+PAUSE_NS = 250_000_000
+"""What comes so long after the time of the newest target begins anew, and tells of no usual gap."""
 
 LONGEST_DELAY_NS = 150_000_000
 """How stale targets may become before they are carried on without regard to their successors."""
@@ -123,6 +134,10 @@ class Reference:
         self._settled = 0
         self._delay_ns = 0.0
         self._bend = ZERO
+        self._arrived_ns = 0
+        self._gap_ns = self._longest_gap_ns = 0.0
+        self._is_concluded = False
+        self.last: Knot | None = None
 
     def take(self, target: Target, now_ns: int) -> str:
         """Take a target.
@@ -139,18 +154,23 @@ class Reference:
         if position is not None and not all(abs(x) <= FARTHEST for x in position):
             return f"expected a position within {FARTHEST:g} m, got {position}"
         if time_ns > now_ns + LOOKAHEAD_NS:
-            return f"stamped {(time_ns - now_ns) / 1e9:.6g} s ahead, the most is 1 s"
+            most = LOOKAHEAD_NS // 1_000_000_000
+            return f"stamped {(time_ns - now_ns) / 1e9:.6g} s ahead, the most is {most} s"
         if expires_ns <= now_ns or expires_ns <= time_ns:
             return "expired"
-        if len(self._knots) >= CAPACITY:
+        knots, place, newest_ns = self._knots, len(self._knots), self._newest_ns
+        if newest_ns is not None and time_ns <= newest_ns:
+            if time_ns > now_ns - 2.0 * self._period_ns:
+                place = self._make_way(target, newest_ns)
+            else:
+                place = self._place(time_ns, now_ns)
+                if place == 0:
+                    late = (newest_ns - time_ns) / 1e9
+                    return f"not newer than the newest one, {late:.6g} s older, nor to be sorted in"
+        elif len(knots) >= CAPACITY:
             return f"{CAPACITY} targets wait already"
-        knots, place = self._knots, len(self._knots)
-        if self._newest_ns is not None and time_ns <= self._newest_ns:
-            place = self._place(time_ns, now_ns)
-            if place == 0:
-                late = (self._newest_ns - time_ns) / 1e9
-                return f"not newer than the newest one, {late:.6g} s older, nor to be sorted in"
-        else:
+        self._note_arrival(now_ns)
+        if self._newest_ns is None or time_ns > self._newest_ns:
             self._note_spacing(time_ns)
         self._note_age(now_ns - time_ns)
         self._taken += 1
@@ -172,6 +192,34 @@ class Reference:
         self._youngest_ns = (
             age_ns if last_ns is None else min(age_ns, last_ns + RECOVERY * self._spacing_ns)
         )
+
+    def _note_arrival(self, now_ns: int) -> None:
+        """Note how far apart targets arrive; those that come together count as one."""
+        gap_ns = now_ns - self._arrived_ns
+        self._arrived_ns, self._is_concluded = now_ns, False
+        if self._newest_ns is None or gap_ns <= 0:
+            return
+        if now_ns - self._newest_ns > max(PAUSE_NS, SILENT * self._gap_ns + SILENT_NS):
+            return
+        share = USUAL if self._gap_ns else 1.0
+        self._gap_ns += share * (gap_ns - self._gap_ns)
+        self._longest_gap_ns = max(gap_ns, self._longest_gap_ns - RECOVERY * gap_ns)
+
+    def _make_way(self, target: Target, newest_ns: int) -> int:
+        """Drop what *target*, stamped before the newest one, replaces; return its place."""
+        knots, time_ns = self._knots, target.time_ns
+        if newest_ns - time_ns <= LONGEST_DELAY_NS:
+            place = len(knots)
+            while place and knots[place - 1].time_ns >= time_ns:
+                place -= 1
+            if 0 < place < len(knots) and _lies_between(knots[place - 1], target, knots[place]):
+                if knots[place].time_ns - time_ns < self._period_ns:
+                    del knots[place]
+                return place
+        while knots and knots[-1].time_ns >= time_ns:
+            knots.pop()
+        self._newest_ns, self._taken = time_ns, 0
+        return len(knots)
 
     def _place(self, time_ns: int, now_ns: int) -> int:
         """Return before which knot a late target belongs, 0 if the motion has been read there."""
@@ -209,22 +257,45 @@ class Reference:
 
         To be asked after :meth:`at` for the same instant.
         """
-        for knot in reversed(self._knots):
-            if knot.time_ns <= now_ns:
-                break
-        else:
+        knot = self.last
+        if knot is None:
             return None
-        if knot.told_position is not None and self._is_silent(now_ns - knot.time_ns):
+        is_end = knot is self._knots[-1] and self._has_ceased(now_ns)
+        if knot.told_position is not None and (is_end or self._is_concluded):
             return knot.told_position, ZERO
         return place_of(knot, (now_ns - knot.time_ns) * 1e-9)
 
-    def _is_silent(self, stale_ns: int) -> bool:
-        """Whether loss does not explain any more that no target has come for so long."""
-        youngest_ns = max(self._youngest_ns or 0.0, 0.0)
-        return stale_ns > SILENT * self._spacing_ns + youngest_ns + SILENT_NS
+    def end(self, now_ns: int) -> tuple[Knot, float] | None:
+        """Return the target that is known to be the last, and the time left to it, s.
+
+        ``None`` once its time has come: from then on it is the only one there is.
+        """
+        if not self._knots or self._is_concluded:
+            return None
+        newest = self._knots[-1]
+        if newest.time_ns <= now_ns:
+            return None
+        is_end = newest.omega == ZERO if newest.estimate is None else self._has_ceased(now_ns)
+        return (newest, (newest.time_ns - now_ns) * 1e-9) if is_end else None
+
+    def conclude(self) -> None:
+        """Let the last target be an order to be there from now on, until another one comes."""
+        self._is_concluded = True
+
+    def _has_ceased(self, now_ns: int) -> bool:
+        """Whether the next target is overdue."""
+        patience_ns = DISTURBED * self._gap_ns + 2.0 * self._period_ns
+        if self._longest_gap_ns > patience_ns:
+            patience_ns = SILENT * self._gap_ns + SILENT_NS
+        return now_ns - self._arrived_ns > patience_ns
 
     def _read(self, now_ns: int) -> ReferenceState | None:
         knots = self._knots
+        self.last = None
+        if self._is_concluded and knots and now_ns < knots[-1].expires_ns:
+            self.last = knots[-1]
+            self._bend = ZERO
+            return ReferenceState(self.last.told, ZERO, ZERO)
         due, first = -1, 0
         for k, knot in enumerate(knots):
             if knot.time_ns > now_ns:
@@ -240,11 +311,12 @@ class Reference:
             self._delay_ns = 0.0
             self._bend = ZERO
             return None
+        self.last = knots[due]
         for _ in range(first):
             knots.popleft()
         stale_ns = now_ns - knots[-1].time_ns
         newest = knots[-1]
-        if newest.estimate is not None and self._is_silent(stale_ns):
+        if newest.estimate is not None and stale_ns >= 0 and self._has_ceased(now_ns):
             self._bend = ZERO
             return ReferenceState(newest.told, ZERO, ZERO)
         self._stalest_ns = max(self._stalest_ns - self._recovery_ns, stale_ns)
@@ -291,3 +363,15 @@ class Reference:
         lead = 0.0 if self.is_disturbed else (ahead + SETTLING) / period
         swing = (lead * du, lead * dv, lead * dw)
         return ReferenceState(normalize(multiply(q, exp(turn))), omega, past.alpha, swing)
+
+
+def _lies_between(before: Knot, target: Target, after: Knot) -> bool:
+    """Whether a target lies on the way from one knot to another, or nearly."""
+    told = normalize(target.q)
+    way = norm(difference(before.told, told)) + norm(difference(told, after.told))
+    if way > norm(difference(before.told, after.told)) + AGREEING:
+        return False
+    a, b, c = before.told_position, target.position, after.told_position
+    if a is None or b is None or c is None:
+        return a is b is c
+    return dist(a, b) + dist(b, c) <= dist(a, c) + AGREEING

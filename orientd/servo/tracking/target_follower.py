@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import dist
 
-from orientd.driver import Quaternion, Vector3
-from orientd.servo.tracking.approach import approach
-from orientd.servo.tracking.knot import Target
+from orientd.driver import ZERO, Quaternion, Vector3
+from orientd.floats import norm
+from orientd.servo.tracking.approach import approach, stopping_distance
+from orientd.servo.tracking.knot import Knot, Target
 from orientd.servo.tracking.tracker import Tracker
 from orientd.stream import RecordRing, ServoLimits
 
@@ -33,6 +35,7 @@ class TargetFollower:
         self.tracker = Tracker(period)
         self._next = ring.head
         self._left_out = 0
+        self._landing: Knot | None = None
 
     def begin(
         self, q: Quaternion, omega: Vector3, alpha: Vector3, servo_limits: ServoLimits
@@ -68,6 +71,15 @@ class TargetFollower:
             return None
         (a, b, c), goal_velocity = place
         x, y, z = position
+        if self.tracker.end is not None:
+            knot, left = self.tracker.end
+            if knot is not self._landing and knot.told_position is not None:
+                stop = stopping_distance(norm(velocity), servo_limits.linear_acceleration)
+                stop += 2.0 * self._period * norm(velocity)
+                if dist(position, knot.told_position) <= stop >= 0.5 * left * norm(velocity):
+                    self._landing = knot
+            if knot is self._landing and knot.told_position is not None:
+                (a, b, c), goal_velocity = knot.told_position, ZERO
         h = self._period
         u, v, w = approach(
             (a - x, b - y, c - z),

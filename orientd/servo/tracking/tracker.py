@@ -6,18 +6,25 @@ from math import inf, pi, sqrt
 from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
-from orientd.floats import difference, exp, multiply, norm, normalize, plus
-from orientd.servo.tracking.knot import ReferenceState, Target
-from orientd.servo.tracking.law import advance, halt
+from orientd.floats import combine, difference, exp, multiply, norm, normalize, plus
+from orientd.servo.tracking.foresight import Stop
+from orientd.servo.tracking.knot import JUMP, Knot, ReferenceState, Target
+from orientd.servo.tracking.law import advance, halt, reach
 from orientd.servo.tracking.law_bounds import Bounds, bounds_of, divided, loosened, softened, times
 from orientd.servo.tracking.reference import Reference
 from orientd.servo.tracking.restraint import Restraint
-from orientd.servo.tracking.steering import steer
+from orientd.servo.tracking.steering import steer, stopping_angle
 from orientd.stream import ServoLimits
 
 _SEAM = 0.2
 """How far past half a turn the way once taken is kept, rad: a target there must not turn us back
 and forth."""
+
+_MET = 0.02
+"""How near the device has come to what it follows when it has met it, rad."""
+
+_ARRIVED = 1e-8
+"""Angle, rad, and velocity, rad/s, at which the device is where it was to end."""
 
 _DELAY_STEP = 1e-3
 """From which change of the delay on the gains are worked out anew, s."""
@@ -41,11 +48,14 @@ class Tracker:
     """Follows targets with bounded angular velocity, acceleration and jerk.
 
     The bounds are those of the guard: norms of backward differences.  A target that moves steadily
-    is followed without lag; without a live target the motion comes to rest as soon as it can.
+    is followed without lag.  Where targets end the motion comes to rest at the last one, without
+    passing it if that is known to be the last beforehand.  Without a live target the motion comes
+    to rest as soon as it can, or at the last target if it has met that and that had no velocity.
 
     Attributes:
         is_at_rest: whether nothing turns, no target lives and none waits for its time.
         place: position and velocity of the target at the last setpoint, m and m/s, if it has any.
+        end: the target that is known to be the last, and the time left to it, s, before that time.
     """
 
     def __init__(self, period: float) -> None:
@@ -80,8 +90,9 @@ class Tracker:
         )
         self._reference.clear()
         self._restraint.release()
+        self._before, self._wish = (self._q, self._omega, self._alpha), self._alpha
         self._way = ZERO
-        self.place: tuple[Vector3, Vector3] | None = None
+        self._forget()
         self.is_at_rest = omega_body == ZERO == alpha_body
         self._soften(0.0)
         self._bounds = loosened(self._limits, self._omega, self._alpha)
@@ -98,32 +109,119 @@ class Tracker:
     def cease(self) -> None:
         """Forget every target, and come to rest."""
         self._reference.clear()
+        self._forget()
+
+    def _forget(self) -> None:
+        self.place: tuple[Vector3, Vector3] | None = None
+        self.end: tuple[Knot, float] | None = None
+        self._last: Knot | None = None
+        self._home: Knot | None = None
+        self._has_met = False
 
     def step(self, now_ns: int) -> TrackPoint:
         """Return the setpoint of the cycle that is due at *now_ns*."""
         if self._bounds is not self._limits:
             self._bounds = loosened(self._limits, self._omega, self._alpha)
         # State and target of the same instant, that of the last setpoint.
-        units = self._units
-        found = self._reference.at(now_ns - self._period_ns)
+        found = self._found(now_ns - self._period_ns)
         if found is None:
-            self.place = None
             self._way = ZERO
             if self._omega == ZERO == self._alpha:
                 self.is_at_rest = not self._reference.awaits
+                self._before, self._wish = (self._q, ZERO, ZERO), ZERO
                 return TrackPoint(self._q, ZERO, ZERO)
-            omega, alpha = halt(self._omega, self._alpha, self._bounds)
-        else:
-            self.is_at_rest = False
-            self.place = self._reference.position_at(now_ns - self._period_ns)
-            wanted = self._wanted(found)
-            alpha = advance(self._omega, self._alpha, wanted, self._bounds)
-            omega = plus(self._omega, alpha, self._period)
+            omega, self._wish = halt(self._omega, self._alpha, self._bounds)
+            return self._move(omega, self._wish)
+        self.is_at_rest = False
+        alpha = advance(self._omega, self._alpha, self._wanted(found), self._bounds)
+        self._wish = alpha
+        return self._move(plus(self._omega, alpha, self._period), alpha)
+
+    def ease(self, share: float | None) -> TrackPoint:
+        """Take the last step back; go a *share* of the way from an even step to it, or brake."""
+        self._q, self._omega, self._alpha = self._before
+        if share is None:
+            return self._move(*halt(self._omega, self._alpha, self._bounds))
+        even = reach(self._alpha, ZERO, self._bounds)
+        alpha = combine(even, 1.0 - share, self._wish, share)
+        return self._move(plus(self._omega, alpha, self._period), alpha)
+
+    def stop_ahead(self) -> tuple[Quaternion, Stop | None]:
+        """Return where the first cycle of a stop leads, and the rest of it from there, if any."""
+        limits, h = self._limits, self._period
+        omega, alpha = halt(self._omega, self._alpha, self._bounds)
+        x, y, z = times(omega, self._units)
+        q = multiply(self._q, exp((h * x, h * y, h * z)))
+        # About where it would turn once the acceleration has run out.
+        ahead = plus(omega, alpha, 0.5 * (norm(alpha) / limits.jerk + h))
+        size = norm(ahead)
+        if size < _ARRIVED:
+            return q, None
+        axis = plus(ZERO, ahead, 1.0 / size)
+        speed, rate = (sum(a * b for a, b in zip(v, axis, strict=True)) for v in (omega, alpha))
+        return q, Stop(times(axis, self._units), speed + 0.5 * h * rate, rate, limits)
+
+    def _move(self, omega: Vector3, alpha: Vector3) -> TrackPoint:
+        """Turn for a period; all in the law's units."""
+        self._before = self._q, self._omega, self._alpha
         self._omega, self._alpha = omega, alpha
-        h, omega = self._period, times(omega, units)
+        h, omega = self._period, times(omega, self._units)
         x, y, z = omega
         self._q = normalize(multiply(self._q, exp((x * h, y * h, z * h))))
-        return TrackPoint(self._q, omega, times(alpha, units))
+        return TrackPoint(self._q, omega, times(alpha, self._units))
+
+    def _found(self, now_ns: int) -> ReferenceState | None:
+        """Return what to follow at *now_ns*; ``None`` to come to rest wherever that is."""
+        reference = self._reference
+        found = reference.at(now_ns)
+        self.end = reference.end(now_ns)
+        if found is None:
+            return self._expired()
+        if self.end is not None and self._must_brake(*self.end):
+            reference.conclude()
+            found = reference.at(now_ns) or found
+        self.place = reference.position_at(now_ns)
+        last = reference.last
+        if last is not None:
+            self._note(last, found)
+        return found
+
+    def _note(self, last: Knot, found: ReferenceState) -> None:
+        """Note whether the device has met what it follows, and where it is to end."""
+        if last is not self._last:
+            self._last = last
+            if last.begins and norm(difference(self._q, last.told)) > JUMP:
+                self._has_met = False
+        if not self._has_met:
+            self._has_met = norm(difference(self._q, found.q)) < _MET
+        is_order = last.estimate is not None or last.omega == ZERO
+        self._home = last if self._has_met and is_order else None
+
+    def _expired(self) -> ReferenceState | None:
+        """Return the target that has expired as long as there is a way left to it."""
+        home = self._home
+        self.place = None
+        if home is None:
+            return None
+        if home.told_position is not None:
+            self.place = (home.told_position, ZERO)
+        if norm(self._omega) < _ARRIVED and norm(difference(self._q, home.told)) < _ARRIVED:
+            return None
+        return ReferenceState(home.told, ZERO, ZERO)
+
+    def _must_brake(self, end: Knot, left: float) -> bool:
+        """Whether a stop that begins later would pass the last target, *left* s before its time."""
+        speed = norm(self._omega)
+        if speed < _ARRIVED:
+            return False
+        way = divided(difference(self._q, end.told), self._units)
+        along, rate = (
+            sum(a * b for a, b in zip(v, self._omega, strict=True)) / speed
+            for v in (way, self._alpha)
+        )
+        # What is sent next turns on for two cycles more.
+        stop = stopping_angle(speed, rate, self._limits) + 2.0 * self._period * speed
+        return speed * left <= 2.0 * stop and along <= stop
 
     def _wanted(self, found: ReferenceState) -> Vector3:
         """Return the acceleration to aim at, to follow the target, in the law's units."""

@@ -189,7 +189,7 @@ def test_targets_stamped_ahead_are_met_at_their_time(hz):
         (Target((float("nan"), 0.0, 0.0, 1.0), None, NS, 2 * NS), "unit"),
         (Target((0.5, 0.5, 0.5, 0.51), None, NS, 2 * NS), "unit"),
         (Target((1.0, 0.0, 0.0, 0.0), (float("inf"), 0.0, 0.0), NS, 2 * NS), "angular velocity"),
-        (Target((1.0, 0.0, 0.0, 0.0), None, 3 * NS, 4 * NS), "ahead"),
+        (Target((1.0, 0.0, 0.0, 0.0), None, 12 * NS, 13 * NS), "ahead"),
         (Target((1.0, 0.0, 0.0, 0.0), None, NS // 2, NS), "expired"),
     ],
 )
@@ -199,11 +199,19 @@ def test_a_target_that_makes_no_sense_is_refused_and_says_why(target, word):
     assert world.step().q == (1.0, 0.0, 0.0, 0.0)
 
 
-def test_a_target_not_newer_than_the_newest_is_refused():
+def test_of_two_targets_of_one_instant_the_later_one_counts():
+    world = World(LIMITS[0])
+    assert world.take(turned(0.1), live=1.0) == ""
+    assert world.take(turned(0.2), live=1.0) == ""
+    world.run(1.0)
+    assert angle(world.guard.q, turned(0.2)) < 1e-6
+
+
+def test_a_target_older_than_what_was_followed_is_refused():
     world = World(LIMITS[0])
     assert world.take(turned(0.1)) == ""
-    assert "not newer" in world.take(turned(0.2))
-    assert "not newer" in world.take(turned(0.2), time_ns=world.now_ns - 1)
+    world.run(0.02)
+    assert "not newer" in world.take(turned(0.2), time_ns=world.now_ns - NS // 50 - 1)
 
 
 def late_world():
@@ -240,13 +248,18 @@ def test_a_target_late_by_more_than_the_motion_is_read_is_refused(age):
     assert ("nor to be sorted in" in answer) is (age == 0.5)
 
 
-def test_a_target_is_put_before_a_few_others_only():
+@pytest.mark.parametrize(
+    ("place", "radians", "left"),
+    [(38.5, 0.6, 0.6), (24.5, 0.6, 0.6), (38.5, 0.7, 0.7), (20.5, 0.7, 0.7), (20.5, 0.6, 0.6)],
+)
+def test_a_late_target_that_says_otherwise_replaces_what_comes_after_it(place, radians, left):
     world = late_world()
     for k in range(1, 40):
-        world.take(turned(0.6), AXIS, world.now_ns + k * NS // 100, live=1.0)
-    for place, is_taken in ((38.5, True), (24.5, True), (20.5, False), (1.5, False)):
-        stamp = world.now_ns + round(place * NS / 100)
-        assert (world.take(turned(0.6), AXIS, stamp, live=1.0) == "") is is_taken
+        world.take(turned(0.6), ZERO, world.now_ns + k * NS // 100, live=1.0)
+    stamp = world.now_ns + round(place * NS / 100)
+    assert world.take(turned(radians), ZERO, stamp, live=1.0) == ""
+    world.run(1.0)
+    assert angle(world.guard.q, turned(left)) < 1e-6
 
 
 def test_a_stream_without_disturbance_is_followed_at_once_when_it_turns_quickly():

@@ -1,0 +1,80 @@
+"""Targets that an arm's joints cannot follow end in no protective stop of the emulated robot."""
+
+import time
+
+import pytest
+from ur_rig import device_of, is_holding, until
+
+from orientd.driver import ZERO
+from orientd.errors import Fault, RequestError
+from orientd.floats import difference, exp, multiply, norm
+from orientd.stream import ServoState
+
+pytest.importorskip("rtde_control")
+
+
+def followed(device, at, seconds, *, position=None):
+    """Stream targets at 50 Hz, then stop; return what was refused."""
+    refused = set()
+    device.track(device.limits)
+    begin = time.monotonic()
+    while (t := time.monotonic() - begin) < seconds:
+        now = time.monotonic_ns()
+        try:
+            device.aim(at(t), None, now, now + 300_000_000, position)
+        except RequestError as error:
+            refused.add(error.problem)
+        time.sleep(0.02)
+        snapshot = device.snapshot()
+        assert snapshot.state is ServoState.TRACKING, (snapshot.fault, snapshot.fault_text)
+    device.stop()
+    until(lambda: is_holding(device), lambda: f"holding {device.snapshot()}")
+    assert device.snapshot().fault is Fault.NONE
+    return refused
+
+
+def turning(q, axis, rate, most):
+    def at(t):
+        turn = min(rate * t, most)
+        return multiply(q, exp(tuple(turn * x for x in axis)))
+
+    return at
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_tilt_into_the_wrist_singularity_is_held_before_it(ur_robot, way):
+    with device_of(ur_robot.host) as device:
+        q = multiply(device.snapshot().cycle.q, exp((0.02, 0.0, 0.0)))
+        followed(device, turning(q, (0.0, way, 0.0), 0.6, 1.7), 4.0)
+        assert ur_robot.state()["safety_mode"] == "NORMAL"
+
+
+def test_targets_beyond_the_end_of_a_joint_are_refused_and_the_arm_stops_before_it(ur_robot):
+    with device_of(ur_robot.host) as device:
+        q = device.snapshot().cycle.q
+        device.track(device.limits)
+        for k in range(1, 20):
+            goal = multiply(q, exp((0.0, 0.0, 0.4 * k)))
+
+            def is_there(goal=goal):
+                now = time.monotonic_ns()
+                device.aim(goal, ZERO, now, now + 300_000_000)
+                return norm(difference(device.snapshot().cycle.q, goal)) < 0.01
+
+            try:
+                until(is_there, lambda: f"there: {device.snapshot()}")
+            except RequestError as error:
+                refusal = error.problem
+                break
+        device.stop()
+        until(lambda: is_holding(device), lambda: f"holding {device.snapshot()}")
+        assert refusal.startswith("wrist 3 would have to turn to 6.4")
+        assert 5.9 < ur_robot.state()["target_q"][5] < 6.28
+        assert ur_robot.state()["safety_mode"] == "NORMAL"
+
+
+def test_positions_out_of_reach_are_refused_by_name(ur_robot):
+    with device_of(ur_robot.host) as device:
+        q = device.snapshot().cycle.q
+        refused = followed(device, lambda _: q, 0.5, position=(1000.0, 0.0, 0.0))
+        assert refused == {"the arm does not reach there"}

@@ -1,0 +1,116 @@
+"""Lines that are targets, and lines that are none."""
+
+import json
+import math
+import os
+import random
+
+import pytest
+
+from orientd.cli.commands.track import _Lines
+from orientd.rpc import target_from_message
+
+CASES = int(os.environ.get("ORIENTD_CASES", "60"))
+GOOD = b'{"rotation_vector": [0, 0, 0.1]}'
+
+
+def read(*lines, time_to_live=0.5):
+    reader = _Lines(time_to_live)
+    return list(reader.targets([line + b"\n" for line in lines])), reader
+
+
+BAD = [
+    (b"null", "expected a JSON object, got None"),
+    (b"[1, 2]", "expected a JSON object, got [1, 2]"),
+    (b'{"rotation_vector": [0, 0, 0', "expected a JSON object: "),
+    (b'{"rotation_vector": [0, 0, NaN]}', "expected finite numbers, got NaN"),
+    (b'{"rotation_vector": [0, 0, Infinity]}', "expected finite numbers, got Infinity"),
+    (b'{"rotation_vector": [0, 0, 1e999]}', "rotation_vector"),
+    (b'{"rotation_vector": [0, 0, null]}', "rotation_vector"),
+    (b'{"quaternion": {"w": 0, "x": 0, "y": 0, "z": 0}}', "norm"),
+    (b'{"quaternion": {"w": 1.01, "x": 0, "y": 0, "z": 0}}', "norm"),
+    (b'{"quaternion": {"w": 0.99996, "x": 0, "y": 0, "z": 0}}', "norm"),
+    (
+        b'{"rotation_vector": [0, 0, 1], "ttl": 1}',
+        "unknown key 'ttl'; did you mean 'time_to_live'?",
+    ),
+    (
+        b'{"rotation_vectr": [0, 0, 1]}',
+        "unknown key 'rotation_vectr'; did you mean 'rotation_vector'?",
+    ),
+    (b'{"rotation_vector": [0, 0, 1], "angular_velocity": [0, 1e999, 0]}', "angular_velocity"),
+    (b'{"rotation_vector": [0, 0, 1], "angular_velocity": "fast"}', "angular_velocity"),
+    (b'{"rotation_vector": [0, 0, 1], "position": [0, 1]}', "position"),
+    (b'{"rotation_vector": [0, 0, 1], "time_to_live": -1}', "time_to_live"),
+    (b'{"rotation_vector": [0, 0, 1], "time_to_live": "long"}', "time_to_live"),
+    (b'{"rotation_vector": [0, 0, 1], "time_ns": 1.5}', "time_ns"),
+    (b'{"rotation_vector": [0, 0, 1], "time_ns": ' + b"9" * 40 + b"}", ""),
+    (b'{"rotation_vector": [0, 0, 1], "velocity_frame": "moon"}', "velocity_frame"),
+    (b"{}", ""),
+    (b"\xff\xfe\xfa", ""),
+    (b"[" * 100_000, ""),
+]
+
+
+@pytest.mark.parametrize(("line", "word"), BAD, ids=[str(line[:60]) for line, _ in BAD])
+def test_a_bad_line_is_named_and_the_next_one_counts(line, word, capsys):
+    targets, reader = read(GOOD, line, GOOD)
+    assert (len(targets), reader.bad) == (2, 1)
+    (said,) = capsys.readouterr().err.splitlines()
+    assert said.startswith("orientd: line 2: ")
+    assert word in said
+
+
+def test_a_flood_of_bad_lines_is_named_ten_times_and_counted(capsys):
+    targets, reader = read(*[b"null"] * 500, GOOD)
+    assert (len(targets), reader.bad) == (1, 500)
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 10
+    assert said[-1].endswith("further ones are only counted")
+
+
+def test_blank_lines_are_no_targets_and_no_mistakes(capsys):
+    targets, reader = read(b"", GOOD, b"  ")
+    assert (len(targets), reader.bad, capsys.readouterr().err) == (1, 0, "")
+
+
+def test_what_a_line_says_is_taken_and_the_rest_is_the_option():
+    own, other = read(
+        b'{"rotation_vector": [0, 0, 1], "time_to_live": 2, "time_ns": 5, "position": [1, 2, 3]}',
+        GOOD,
+        time_to_live=0.7,
+    )[0]
+    assert (own.time_to_live, own.time_ns, own.position.z) == (2.0, 5, 3.0)
+    assert other.time_to_live == 0.7
+
+
+def random_line(rng):
+    """Return a line cut, spoilt or whole."""
+    numbers = [0, 0.3, -1.0, 7, math.nan, math.inf, 1e308, None, "1", [], True]
+    mapping = {
+        rng.choice(["rotation_vector", "quaternion", "euler", "matrix", "turn"]): rng.choice(
+            [[rng.choice(numbers) for _ in range(rng.randrange(5))], rng.choice(numbers), {}]
+        )
+        if rng.random() < 0.6
+        else [0, 0, rng.uniform(-1.0, 1.0)]
+    }
+    for key in ("time_ns", "time_to_live", "position", "angular_velocity", "velocity_frame", "ttl"):
+        if rng.random() < 0.15:
+            mapping[key] = rng.choice([*numbers, [0.0, 0.1, 0.2], "world"])
+    line = json.dumps(mapping).encode()
+    if rng.random() < 0.2:
+        line = line[: rng.randrange(1, len(line))]
+    if rng.random() < 0.1:
+        at = rng.randrange(len(line))
+        line = line[:at] + bytes([rng.randrange(256)]) + line[at + 1 :]
+    return line.replace(b"\n", b"")
+
+
+@pytest.mark.parametrize("seed", range(CASES))
+def test_every_line_is_a_target_or_is_counted(seed):
+    rng = random.Random(seed)
+    lines = [random_line(rng) for _ in range(20)]
+    targets, reader = read(*lines, GOOD)
+    assert len(targets) + reader.bad == 21 - sum(not line.strip() for line in lines)
+    for target in targets:
+        target_from_message(target, target.time_ns)

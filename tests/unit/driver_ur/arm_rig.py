@@ -1,0 +1,152 @@
+"""The real servo in virtual time, with a loopback device that has an arm's joints."""
+
+import numpy as np
+
+from orientd.clock import ManualClock
+from orientd.servo import Servo, WatchdogTimeouts
+from orientd.stream import (
+    NOT_GIVEN,
+    Command,
+    NoteKind,
+    ServoLimits,
+    ServoState,
+    SharedMemory,
+    unpack_note,
+)
+from orientd_loopback import LoopbackDriver
+from orientd_ur.arm import MODELS, published
+from orientd_ur.following import NEAREST, Following
+from orientd_ur.joint_path import follow, tool_pose
+
+PERIOD_NS = 2_000_000
+PERIOD = PERIOD_NS * 1e-9
+TOOL = (0.02, -0.01, 0.12, 0.1, -0.2, 0.3)
+
+
+class ArmLoopback(LoopbackDriver):
+    """A loopback device that is where it was sent, and foresees the joints of an arm."""
+
+    def begin(self, arm, joints, pose):
+        self.joints = joints
+        self.setpoints = []
+        self.following = Following(arm, joints, pose, PERIOD)
+
+    def enable(self):
+        return super().enable()._replace(joints=self.joints)
+
+    def foresee(self, coming):
+        return self.following.look(coming)
+
+    def write(self, setpoint):
+        super().write(setpoint)
+        self.setpoints.append(setpoint)
+        self.following.stream(setpoint.q, setpoint.position, self.joints)
+
+    def follow(self, setpoint):
+        super().write(setpoint)
+        self.setpoints.append(setpoint)
+        self.following.took(setpoint.q, setpoint.position)
+        return setpoint.q
+
+
+class CarelessArm(ArmLoopback):
+    """The same without a look at its joints."""
+
+    foresee = LoopbackDriver.foresee
+
+
+class ArmRig:
+    """A servo that follows targets with an arm, and what was sent."""
+
+    def __init__(
+        self,
+        model,
+        joints,
+        *,
+        foresees=True,
+        velocity=1.5,
+        acceleration=8.0,
+        jerk=400.0,
+        linear_velocity=0.5,
+        linear_acceleration=2.0,
+    ):
+        self.arm, self.start = published(MODELS[model]), joints
+        self.q, self.position = tool_pose(self.arm.kinematics, joints, TOOL)
+        self.limits = ServoLimits(
+            velocity, acceleration, jerk, linear_velocity, linear_acceleration, 4.0
+        )
+        self.clock = ManualClock(10**9)
+        self.memory = SharedMemory.create(4096, 4096)
+        options = {
+            "orientation": dict(zip("wxyz", self.q, strict=True)),
+            "position": list(self.position),
+        }
+        kind = ArmLoopback if foresees else CarelessArm
+        self.driver = kind(options, period_ns=PERIOD_NS, clock=self.clock)
+        self.driver.begin(self.arm, joints, (self.q, self.position))
+        self.setpoints = self.driver.setpoints
+        self.driver.open()
+        self.servo = Servo(
+            self.driver,
+            self.memory,
+            period_ns=PERIOD_NS,
+            watch=WatchdogTimeouts(5 * 10**8, 10**8, 5 * 10**8),
+            clock=self.clock,
+            parent_is_alive=lambda: True,
+        )
+        self.hindrances = set()
+        for command in (Command.ENABLE, Command.TRACK):
+            self.memory.commands.publish(command, 1, 0, -1, -1, -1, 1.0, *self.limits.floats())
+            self.run()
+        assert self.servo.state is ServoState.TRACKING
+
+    def run(self):
+        """Let a cycle pass."""
+        self.clock.advance(PERIOD_NS)
+        self.memory.beat(self.clock.now_ns())
+        self.servo.cycle(self.clock.now_ns(), 0)
+        if self.servo.setpoints.hindrance:
+            self.hindrances.add(self.servo.setpoints.hindrance)
+
+    def notices(self):
+        """Return what the servo has said of the device."""
+        ring = self.memory.notes
+        notes = [unpack_note(ring.read_bytes(k)) for k in range(ring.head)]
+        return [note.text for note in notes if note.kind is NoteKind.NOTICE]
+
+    def follow(self, at, seconds, *, hz=50, position=None):
+        """Stream targets: orientations *at* a time, and positions."""
+        begin, count = self.clock.now_ns(), 0
+        while self.clock.now_ns() < begin + seconds * 1e9:
+            now = self.clock.now_ns()
+            t = (now - begin) * 1e-9
+            if t >= count / hz:
+                where = NOT_GIVEN if position is None else position(t)
+                self.memory.targets.publish(now, now + 3 * 10**8, *at(t), *NOT_GIVEN, *where)
+                count += 1
+            self.run()
+
+    def check(self):
+        """Stop, and look at all that was sent; return the joints of it, rad."""
+        self.memory.commands.publish(Command.STOP, 1, 0, -1, -1, -1, 1.0, *self.limits.floats())
+        for _ in range(5000):
+            self.run()
+            if not self.servo.is_moving:
+                break
+        assert self.servo.state is ServoState.HOLDING, self.servo.setpoints.fault_text
+        poses = [(s.q, s.position) for s in self.setpoints]
+        joints = list(follow(self.arm.kinematics, poses, self.start, tcp_offset=TOOL))
+        assert joints[-1] is not None, "the arm does not reach what was sent"
+        joints = np.array(joints)
+        rates = np.diff(joints, axis=0, prepend=joints[:1]) / PERIOD
+        changes = np.diff(rates, axis=0, prepend=rates[:1] * 0.0) / PERIOD
+        assert (np.abs(rates) / self.arm.speeds).max() <= 1.0
+        assert (np.abs(changes) / self.arm.accelerations).max() <= 1.0
+        low, high = np.array(self.arm.ranges).T
+        assert (low <= joints).all()
+        assert (joints <= high).all()
+        reserves = [self.arm.kinematics.reserve(row) for row in joints]
+        for kind, least in NEAREST.items():
+            nearest = min(reserve[kind] for reserve in reserves)
+            assert nearest >= min(0.98 * least, reserves[0][kind])
+        return joints

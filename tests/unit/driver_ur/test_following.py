@@ -1,0 +1,166 @@
+"""Targets that are followed ask no more of an arm's joints than they can do, in any cycle."""
+
+import os
+import random
+from math import pi, tau
+
+import numpy as np
+import pytest
+from arm_rig import TOOL, ArmRig
+
+from orientd.floats import difference, exp, multiply, norm
+from orientd.stream import ServoState
+from orientd_ur.arm import MODELS, published
+from orientd_ur.following import NEAREST, Following
+from orientd_ur.joint_path import tool_pose
+
+CASES = int(os.environ.get("ORIENTD_CASES", "2"))
+HOME = (0.0, -pi / 2, pi / 2, -pi / 2, -pi / 2, 0.0)
+SECOND = 10**9
+
+
+def turning(q, axis, rate, most):
+    """Return where a tool that turns about its own *axis* is after a time, and rests at *most*."""
+
+    def at(t):
+        turn = min(rate * t, most)
+        return multiply(q, exp(tuple(turn * x for x in axis)))
+
+    return at
+
+
+def bent(rig, radians):
+    """Return the pose of the tool with wrist 2 turned by *radians* from HOME."""
+    joints = (*HOME[:4], HOME[4] + radians, HOME[5])
+    return tool_pose(rig.arm.kinematics, joints, TOOL)
+
+
+def straighten(rig, way=1.0, most=2.2):
+    """Turn wrist 2 past its singularity, not quite straight."""
+    aside = exp((0.02, 0.01, 0.0))
+    rig.follow(
+        lambda t: multiply(bent(rig, way * min(0.6 * t, most))[0], aside),
+        seconds=3.8,
+        position=lambda t: bent(rig, way * min(0.6 * t, most))[1],
+    )
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_the_way_past_a_singularity_breaks_limits_where_nobody_looks(way):
+    rig = ArmRig("ur5e", HOME, foresees=False)
+    straighten(rig, way)
+    with pytest.raises(AssertionError):
+        rig.check()
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_wrist_that_is_to_pass_its_singularity_is_held_before_it(way):
+    rig = ArmRig("ur5e", HOME)
+    straighten(rig, way)
+    assert rig.servo.state is ServoState.TRACKING
+    assert rig.hindrances
+    (said,) = rig.notices()
+    assert said.startswith("targets are followed more slowly, or not to their end: ")
+    rig.check()
+
+
+def test_a_tool_that_is_held_goes_on_when_the_target_comes_back():
+    rig = ArmRig("ur5e", HOME)
+    straighten(rig)
+    assert rig.hindrances
+    q, position = bent(rig, 0.3)
+    rig.follow(lambda _: q, seconds=3.0, position=lambda _: position)
+    assert norm(difference(rig.setpoints[-1].q, q)) < 1e-4
+    assert not rig.servo.setpoints.hindrance
+    rig.check()
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_joint_stops_before_the_end_of_its_range(way):
+    rig = ArmRig("ur5e", (*HOME[:5], way * 5.9))
+    rig.follow(turning(rig.q, (0.0, 0.0, way), 0.4, 2.0), seconds=5.0)
+    joints = rig.check()
+    assert 0.01 < tau - np.abs(joints[:, 5]).max() < 0.05
+    assert any("wrist 3" in text for text in rig.hindrances)
+
+
+def test_a_position_that_is_out_of_reach_is_not_followed_to_the_end():
+    rig = ArmRig("ur5e", HOME)
+    far = tuple(3.0 * x for x in rig.position)
+    rig.follow(lambda _: rig.q, seconds=5.0, position=lambda _: far)
+    rig.check()
+    assert rig.hindrances
+
+
+def test_targets_that_the_joints_can_follow_are_followed_as_if_there_were_none():
+    moving, plain = ArmRig("ur5e", HOME), ArmRig("ur5e", HOME, foresees=False)
+    for rig in (moving, plain):
+        start = rig.q
+        rig.follow(lambda t, q=start: multiply(q, exp((0.2 * np.sin(t), 0.0, 0.3 * t))), 3.0)
+    assert not moving.hindrances
+    assert [s.q for s in moving.setpoints] == [s.q for s in plain.setpoints]
+
+
+def test_what_the_arm_cannot_do_is_said_by_name():
+    arm = published(MODELS["ur5e"])
+    pose = tool_pose(arm.kinematics, HOME, (0.0,) * 6)
+    following = Following(arm, HOME, pose, 0.002)
+    q, (x, y, z) = pose
+    assert following.refusal(q, (x, y, z), HOME) == ""
+    assert following.refusal(q, (3 * x, 3 * y, 3 * z), HOME) == "the arm does not reach there"
+    assert following.refusal(q, (1000.0, 0.0, 0.0), ()) == "the arm does not reach there"
+    wound = (*HOME[:5], 6.2)
+    beyond = multiply(multiply(q, exp((0.0, 0.0, 6.2))), exp((0.0, 0.0, 0.3)))
+    assert "wrist 3 would have to turn to 6.5" in following.refusal(beyond, (x, y, z), wound)
+    straight = tool_pose(arm.kinematics, (*HOME[:4], 0.0, 0.0), (0.0,) * 6)
+    assert "the wrist is" in following.refusal(*straight, (*HOME[:4], 0.1, 0.0))
+
+
+def random_arm(rng):
+    """Return a model and joints that are well away from every singularity."""
+    model = rng.choice(sorted(MODELS))
+    arm = published(MODELS[model])
+    while True:
+        joints = tuple(rng.uniform(-pi, pi) for _ in range(6))
+        if rng.random() < 0.2:
+            joints = (*joints[:5], rng.choice([-1.0, 1.0]) * rng.uniform(5.0, 6.2))
+        reserve = arm.kinematics.reserve(joints)
+        if all(reserve[kind] > 1.2 * least for kind, least in NEAREST.items()):
+            return model, joints
+
+
+@pytest.mark.parametrize("seed", range(CASES))
+def test_random_streams_keep_every_limit_of_the_joints(seed):
+    rng = random.Random(seed)
+    model, joints = random_arm(rng)
+    velocity = rng.uniform(0.3, 2.5)
+    limits = {
+        "velocity": velocity,
+        "acceleration": rng.uniform(2.0, 15.0),
+        "jerk": rng.uniform(50.0, 2000.0),
+        "linear_velocity": rng.uniform(0.1, 1.0),
+        "linear_acceleration": rng.uniform(0.5, 8.0),
+    }
+    rig = ArmRig(model, joints, **limits)
+    start, centre = rig.q, rig.position
+    axis = np.array([rng.gauss(0.0, 1.0) for _ in range(3)])
+    axis /= np.linalg.norm(axis)
+    away = np.array([rng.gauss(0.0, 1.0) for _ in range(3)])
+    away *= rng.uniform(0.0, 1.0) / np.linalg.norm(away)
+    rate, pace = rng.uniform(0.1, 1.2) * velocity, rng.uniform(0.2, 3.0)
+    kind = rng.choice(["turn", "swing", "jumps", "still"])
+    jumps = [exp(tuple(rng.gauss(0.0, 1.0) for _ in range(3))) for _ in range(20)]
+
+    def at(t):
+        if kind == "turn":
+            return multiply(start, exp(tuple(rate * t * axis)))
+        if kind == "swing":
+            return multiply(start, exp(tuple(2.5 * np.sin(0.5 * rate * t) * axis)))
+        return multiply(start, jumps[int(t / 0.7)]) if kind == "jumps" else start
+
+    def place(t):
+        return tuple(np.array(centre) + np.sin(pace * t) * away)
+
+    moves = rng.random() < 0.6
+    rig.follow(at, 3.0, hz=rng.choice([20, 50, 100]), position=place if moves else None)
+    rig.check()
