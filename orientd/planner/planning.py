@@ -190,7 +190,7 @@ def _motion(job: PlanJob, name: str) -> Motion:
             return motion.noted(STOPS) if len(job.request.keyframes) > 2 else motion
     if motion is None:
         raise refused or PlanError("no motion was tried")
-    return _slow_noted(job, motion)
+    return motion if can_rest(job) else _slow_noted(job, motion)
 
 
 def _slow_noted(job: PlanJob, motion: Motion) -> Motion:
@@ -237,7 +237,9 @@ def _with_moving_ends(job: PlanJob, name: str) -> Motion:
         except PlanError as error:
             if motion is None and job.is_for_more_caution(error):
                 raise
-            refused = error if isinstance(refused, refusal.TotalError | None) else refused
+            is_short = isinstance(error, refusal.TotalError)
+            if refused is None or isinstance(refused, refusal.TotalError) or not is_short:
+                refused = error
         else:
             if motion is None or resting.duration < motion.duration:
                 return resting
