@@ -7,7 +7,7 @@ time but for the way from and to rest, see ``orientd/kernels/c/clock.h``.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,6 +24,9 @@ _REST = 1e-9  # of the largest angular velocity of the keyframe path
 _LEAVING = 0.8  # of a length L that the parameter goes while it leaves rest
 _PIECES = 10  # that an interval between knots begins with
 _FEWEST = 100  # pieces of all intervals together
+_LEAST_PIECES = 3  # of an interval where there are very many
+MOST_ELEMENTS = 400_000
+"""More of them are not cut into narrower ones."""
 _NARROW = 0.25  # of a period: elements that take less time are narrow enough
 _RAMP = 0.25  # change of the acceleration in an element, as a share of its limit
 _CHANGE = 0.5  # of the squared rate in an element
@@ -37,7 +40,13 @@ _ROUNDING = 1e-13
 
 
 def pieces_of(intervals: int) -> int:
-    """Return how many pieces intervals between knots begin with, each."""
+    """Return how many pieces intervals between knots begin with, each.
+
+    Tens of thousands of intervals have fewer: planning 200,000 keyframes takes a fifth of the time and
+    memory, and the motion takes 4 % longer.
+    """
+    if intervals * _PIECES > MOST_ELEMENTS:
+        return max(_LEAST_PIECES, MOST_ELEMENTS // intervals)
     return max(_PIECES, math.ceil(_FEWEST / intervals))
 
 
@@ -213,6 +222,10 @@ class Profile:
         return finer, np.concatenate([values[:1], middle, values[-1:]])
 
 
+Derivatives = tuple[Floats, Floats, Floats, Floats]
+"""First and second ones by the parameter of a path, of the orientation and of the position."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PathRates:
     """A keyframe path and what is limited along it.
@@ -223,6 +236,7 @@ class PathRates:
         moves: whether it moves at its start and at its end.
         leaves: lengths over which *x* leaves rest, 0 where it does not, shape ``(2,)``.
         knots: path times at which the formula changes, both ends included.
+        sampled: the places that the path was last sampled at, and its derivatives there.
     """
 
     path: KeyframePath
@@ -230,6 +244,7 @@ class PathRates:
     moves: tuple[bool, bool]
     leaves: Floats
     knots: Floats
+    sampled: list[tuple[Floats, Derivatives]] = field(default_factory=list)
 
     @classmethod
     def of(cls, path: KeyframePath, limits: Limits) -> PathRates:
@@ -292,9 +307,7 @@ class PathRates:
 
     def most_pull(self, elements: Elements) -> Floats:
         """Return how much of the limits of acceleration a change of the rate takes."""
-        places = 0.5 * (elements.places[:-1] + elements.places[1:])
-        omega, slope = self._turning(places)[:2]
-        v = omega * slope
+        v = self._derivatives(elements)[0][1::2]
         share = np.sqrt(np.einsum("ij,ij->i", v, v)) / self.limits.acceleration
         pull: Floats = np.maximum(share, np.max(np.abs(v) / self.limits.axis_acceleration, axis=1))
         return pull
@@ -354,19 +367,25 @@ class PathRates:
         _, omega, alpha = self.path.segment.sample(np.minimum(s[0], self.path.duration))
         return omega, s[1][:, None], s[2][:, None], alpha, s[0]
 
-    def _derivatives(self, elements: Elements) -> tuple[Floats, Floats, Floats, Floats]:
+    def _derivatives(self, elements: Elements) -> Derivatives:
         """Return first and second derivatives of orientation and position by the parameter.
 
         At the nodes and half way between them, shape ``(2 n + 1, 3)`` or ``(0, 3)``.
         """
+        if self.sampled and self.sampled[0][0] is elements.places:
+            return self.sampled[0][1]
         places: Floats = np.empty(2 * len(elements.places) - 1)
         places[::2] = elements.places
         places[1::2] = 0.5 * (elements.places[:-1] + elements.places[1:])
         omega, slope, bend, alpha, s = self._turning(places)
         turning = _by_parameter(omega, alpha, slope, bend)
-        if self.path.positions.is_held:
-            return *turning, *_NOTHING
-        return *turning, *_by_parameter(*self.path.positions.motion(s), slope, bend)
+        moving = (
+            _NOTHING
+            if self.path.positions.is_held
+            else _by_parameter(*self.path.positions.motion(s), slope, bend)
+        )
+        self.sampled[:] = [(elements.places, (*turning, *moving))]
+        return self.sampled[0][1]
 
 
 _NOTHING = np.empty((0, 3)), np.empty((0, 3))

@@ -24,7 +24,7 @@ from orientd.planner.path import Path, PathSegment, repositioned
 from orientd.planner.request import State
 from orientd.planner.timing.axis_turn import SHARE, VELOCITY_SHARE, turned_at_once
 from orientd.planner.timing.candidate_path import KeyframePath
-from orientd.planner.timing.profile import Elements, PathRates, Profile
+from orientd.planner.timing.profile import MOST_ELEMENTS, Elements, PathRates, Profile
 from orientd.rotation import Floats
 from orientd.tolerances import GUARD_TOLERANCE
 
@@ -132,7 +132,8 @@ def _found(rates: PathRates, guess: FirstProfile | None, share: float, period: f
         count += len(elements.aims[0])
         if round_ + 1 >= _FEWEST_ROUNDS and count >= most:
             break
-        pieces = profile.pieces(rates, period)
+        is_fine = len(elements.aims[0]) >= MOST_ELEMENTS
+        pieces = None if is_fine else profile.pieces(rates, period)
         if pieces is None and gap == _GAPS[-1]:
             break
         if round_:
