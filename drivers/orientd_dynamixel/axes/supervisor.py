@@ -77,11 +77,12 @@ def complain_of_step(
         step: from the angle commanded before, rad.
         rate: at which it turned there, rad/s; ``None`` where it is not known.
         span: since then, s.
-        slack: how far above a limit a step may be, as a factor.
+        slack: how far above its limit the acceleration may be, as a factor; the rate always by
+            :data:`SLACK`.
         least: rad, by which a step may be more than that.
     """
     options = axis.options
-    if abs(step) > options.velocity * span * slack + least:
+    if abs(step) > options.velocity * span * SLACK + least:
         return (
             f"{options.name} would have to turn at {math.degrees(abs(step) / span):.0f} deg/s, at "
             f"most {math.degrees(options.velocity):.0f} deg/s are allowed"
