@@ -32,8 +32,12 @@ from orientd.driver import (
     switch,
 )
 from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
+from orientd.floats import difference, norm
+from orientd.tolerances import GUARD_TOLERANCE
 from orientd_dynamixel import startup
 from orientd_dynamixel.axes import (
+    SLACK,
+    TICK,
     Conditions,
     Following,
     Standing,
@@ -60,6 +64,9 @@ GLANCE_SHARE = 0.2
 """Of the period, how long one look at the port may wait."""
 CYCLE_SHARE = TAIL_SHARE + 2 * GLANCE_SHARE
 """Of the period, how long a read and a write together may wait for the port."""
+
+_UNSEEN = 1e-4
+"""By how much the tool may be off beside the pole, rad; a tick of a servo is 15 times as much."""
 
 
 class DynamixelDriver(Driver):
@@ -271,20 +278,45 @@ class DynamixelDriver(Driver):
         now_ns = self.clock.now_ns()
         # Judged by the cycle, not by the clock: two writes may come closer together than that.
         cycles = max(1, round((now_ns - self._written_ns) / self.period_ns))
+        angles, wanted = self._eased(setpoint.q, angles, cycles)
+        for axis, angle in zip(self._axes, angles, strict=True):
+            check_angle(axis, angle)
+        problem = self._complain_of(angles, cycles, SLACK, TICK)
+        if problem:
+            self._is_braking = True
+            self._brake(bus, group)
+            raise AxisFaultError(problem)
+        goals = [axis.ticks(angle) for axis, angle in zip(self._axes, angles, strict=True)]
+        self._following.took(angles, wanted)
+        self._send(bus, group, angles, goals, now_ns)
+
+    def _eased(
+        self, q: Quaternion, angles: tuple[float, ...], cycles: int
+    ) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return the angles for *q*, or some within the limits that all but make it; and for *q*.
+
+        Beside the pole an axis turns through any angle for a path that misses it by nothing that
+        can be seen.
+        """
+        if not self._complain_of(angles, cycles, GUARD_TOLERANCE, 0.0):
+            return angles, angles
+        near, wanted = self._following.reach(q)
+        is_seen = norm(difference(self._tracker.forward(near), q)) > _UNSEEN
+        return (angles, angles) if is_seen else (near, wanted)
+
+    def _complain_of(
+        self, angles: tuple[float, ...], cycles: int, slack: float, least: float
+    ) -> str:
+        """Return why the axes must not turn to *angles* within so many cycles, or nothing."""
         span = cycles * self.period_ns * 1e-9
-        goals = []
         steps = zip(self._axes, angles, self._tracker.angles, self._following.rates, strict=True)
         for axis, angle, last, rate in steps:
-            check_angle(axis, angle)
             # Where a cycle was missed the axis has stood still meanwhile, or has not.
-            problem = complain_of_step(axis, angle, last, rate if cycles == 1 else None, span)
+            known = rate if cycles == 1 else None
+            problem = complain_of_step(axis, angle - last, known, span, slack, least)
             if problem:
-                self._is_braking = True
-                self._brake(bus, group)
-                raise AxisFaultError(problem)
-            goals.append(axis.ticks(angle))
-        self._following.took(angles)
-        self._send(bus, group, angles, goals, now_ns)
+                return problem
+        return ""
 
     def follow(self, setpoint: Setpoint) -> Quaternion:
         """Send what the axes can do of *setpoint* within their limits; return what that makes.

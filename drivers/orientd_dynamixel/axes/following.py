@@ -34,6 +34,12 @@ class Following:
 
     def step(self, q: Quaternion) -> tuple[float, ...]:
         """Return the axis angles for the next cycle on the way to *q*, rad."""
+        angles, wanted = self.reach(q)
+        self.took(angles, wanted)
+        return angles
+
+    def reach(self, q: Quaternion) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return the axis angles for the next cycle on the way to *q*, and those that make it."""
         branches = self._tracker.branches(q)
         last = self._tracker.angles
         branch = min((self._inside(one, last) for one in branches), key=self._cost)
@@ -41,10 +47,7 @@ class Following:
         # What lags outside is made up for inside, as far as two angles can for three.
         inner = self._inside((outer, *self._tracker.inner(q, outer)), last)[1:]
         wanted = (branch[0], *inner)
-        angles = (outer, *(self._next(k, angle) for k, angle in enumerate(inner, 1)))
-        self._wanted = wanted
-        self.took(angles)
-        return angles
+        return (outer, *(self._next(k, angle) for k, angle in enumerate(inner, 1))), wanted
 
     def brake(self) -> tuple[float, ...]:
         """Return the axis angles for the next cycle on the quickest way to rest, rad."""
@@ -55,9 +58,10 @@ class Following:
         self.took(angles)
         return tuple(angles)
 
-    def took(self, angles: Sequence[float]) -> None:
-        """Note the angles that are about to be commanded, whoever chose them."""
+    def took(self, angles: Sequence[float], wanted: Sequence[float] = ()) -> None:
+        """Note the angles that are about to be commanded, and those wanted, if others."""
         last = self._tracker.angles
+        self._wanted = tuple(wanted or angles)
         self.rates = tuple((a - b) / self._period for a, b in zip(angles, last, strict=True))
 
     def rest(self) -> None:

@@ -11,9 +11,10 @@ from orientd_dynamixel.bus import WATCHDOG_TRIPPED, Reading, explain_error
 from orientd_dynamixel.options import GimbalOptions
 
 _ANGLE_SLACK = math.radians(0.5)
-_SLACK = 1.05
-"""How far above a limit a step may be, as a factor, and a tick more: goals are whole ticks."""
-_TICK = 2 * math.pi / TICKS
+SLACK = 1.05
+"""How far above a limit a step of an axis may be, as a factor; goals are whole ticks besides."""
+TICK = 2 * math.pi / TICKS
+"""One tick of a servo, rad."""
 
 
 class Supervisor:
@@ -66,25 +67,29 @@ def check_angle(axis: Axis, angle: float) -> None:
         )
 
 
-def complain_of_step(axis: Axis, angle: float, last: float, rate: float | None, span: float) -> str:
-    """Return why *axis* must not turn from *last* to *angle* within a cycle, or nothing.
+def complain_of_step(
+    axis: Axis, step: float, rate: float | None, span: float, slack: float, least: float
+) -> str:
+    """Return why *axis* must not turn by *step* within *span* seconds, or nothing.
 
     Args:
         axis: the limits.
-        angle: rad.
-        last: angle commanded before, rad.
+        step: from the angle commanded before, rad.
         rate: at which it turned there, rad/s; ``None`` where it is not known.
         span: since then, s.
+        slack: how far above its limit the acceleration may be, as a factor; the rate always by
+            :data:`SLACK`.
+        least: rad, by which a step may be more than that.
     """
-    options, step = axis.options, angle - last
-    if abs(step) > options.velocity * span * _SLACK + _TICK:
+    options = axis.options
+    if abs(step) > options.velocity * span * SLACK + least:
         return (
             f"{options.name} would have to turn at {math.degrees(abs(step) / span):.0f} deg/s, at "
             f"most {math.degrees(options.velocity):.0f} deg/s are allowed"
         )
     if rate is not None:
         change = abs(step - rate * span)
-        if change > options.acceleration * span * span * _SLACK + _TICK:
+        if change > options.acceleration * span * span * slack + least:
             return (
                 f"{options.name} would have to accelerate by "
                 f"{math.degrees(change / span**2):.0f} deg/s^2, at most "
