@@ -85,7 +85,7 @@ def test_random_motions_arrive_at_any_lookahead_and_slider(ur_robot):
             number = swing(
                 device,
                 angle=angle,
-                seconds=2.0 * max(0.3, angle / generator.uniform(0.3, 0.7)),
+                seconds=2.0 * max(0.6, angle / generator.uniform(0.3, 0.7)),
                 device_options=options,
             )
             ended = end_of(device, events, number)
