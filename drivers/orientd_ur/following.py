@@ -17,9 +17,9 @@ from orientd_ur.kinematics import JOINT_NAMES, Joints, Kinematics, quaternion
 
 # A stop is looked at in a few instants only; between them a joint is faster.
 _STOP_SPEED_SHARE = 0.9
-_STOP_ACCELERATION_SHARE = 0.55
+_STOP_ACCELERATION_SHARE = 0.5
 # The first cycle of it is looked at as it will be.
-_FIRST_ACCELERATION_SHARE = 0.75
+_FIRST_ACCELERATION_SHARE = 0.7
 # The arm is behind what is sent, and stops at the very end of a joint's range.
 _RANGE_MARGIN = 0.02
 _STILL = 1e-9

@@ -59,8 +59,10 @@ def test_a_wrist_that_is_to_pass_its_singularity_is_held_before_it(way):
     straighten(rig, way)
     assert rig.servo.state is ServoState.TRACKING
     assert rig.hindrances
-    (said,) = rig.notices()
-    assert said.startswith("targets are followed more slowly, or not to their end: ")
+    said = rig.notices()
+    assert 1 <= len(said) <= 3  # once for each time, not in every cycle
+    for text in said:
+        assert text.startswith("targets are followed more slowly, or not to their end: ")
     rig.check()
 
 
