@@ -76,6 +76,13 @@ def test_a_jerk_beyond_all_use_is_no_slower(keyframes):
     assert higher.duration <= high.duration + 1e-9
 
 
+SLACK = 0.002
+"""Of a turn: what is drawn between two records depends on where they fall."""
+
+SEARCHED = 0.02
+"""Of a curve through keyframes, whose times are found by a search."""
+
+
 def drawn(rng):
     """Return random keyframes, a limit to change, and the others."""
     count = int(rng.choice([1, 2, 3, 6]))
@@ -93,7 +100,7 @@ def drawn(rng):
 @pytest.mark.timeout(900)
 def test_durations_are_monotone_in_every_limit_over_six_decades():
     rng = np.random.default_rng(37)
-    worst, count = 0.0, 0
+    worst, count = {True: 0.0, False: 0.0}, 0
     for _ in range(CASES):
         keyframes, name, rates = drawn(rng)
         before = math.inf
@@ -104,11 +111,10 @@ def test_durations_are_monotone_in_every_limit_over_six_decades():
                 duration = planned(keyframes, **limits).duration
             except OrientdError as error:
                 pytest.fail(f"{name} {limits}: {error}")
-            worst, count = max(worst, duration / before - 1.0), count + 1
+            is_turn = len(keyframes) <= 2
+            worst[is_turn] = max(worst[is_turn], duration / before - 1.0)
+            count += 1
             before = duration
-    print(f"\n{count} motions; a higher limit takes at most {100.0 * worst:.3g} % longer")
-    assert worst <= MONOTONE
-
-
-MONOTONE = 0.005
-"""By so much a curve through keyframes is not the quickest: its times are found by a search."""
+    print(f"\n{count} motions; a higher limit takes longer by at most (is one turn) {worst}")
+    assert worst[True] <= SLACK
+    assert worst[False] <= SEARCHED
