@@ -33,7 +33,6 @@ from orientd.driver import (
 )
 from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
 from orientd.floats import difference, norm
-from orientd.tolerances import GUARD_TOLERANCE
 from orientd_dynamixel import startup
 from orientd_dynamixel.axes import (
     SLACK,
@@ -298,7 +297,7 @@ class DynamixelDriver(Driver):
         Beside the pole an axis turns through any angle for a path that misses it by nothing that
         can be seen.
         """
-        if not self._complain_of(angles, cycles, GUARD_TOLERANCE, 0.0):
+        if not self._complain_of(angles, cycles, SLACK, TICK):
             return angles, angles
         near, wanted = self._following.reach(q)
         is_seen = norm(difference(self._tracker.forward(near), q)) > _UNSEEN

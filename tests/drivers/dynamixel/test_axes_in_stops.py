@@ -58,7 +58,9 @@ def test_no_axis_hurries_for_a_path_that_all_but_meets_the_pole(miss):
     pole = int(np.argmin(np.abs(np.cos(ride.joints[:, 1]))))
     for record in range(pole - 40, pole + 2, 3):
         for what in (PAUSE, HALF):
-            assert_keeps(ride, record, what)
+            # The driver's own margin: a twentieth, and a tick.
+            most = 1.05 + _TICK / PERIOD**2 / np.deg2rad(2290)
+            assert max(disturbed(ride, record, what)) <= most
             made = [ride.driver._tracker.forward(angles) for angles in ride.driver.sent]
             turned = rotation.log(np.array(made))
             axis = np.array([0.0, -np.cos(np.deg2rad(miss)), np.sin(np.deg2rad(miss))])
