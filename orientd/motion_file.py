@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from orientd.schema import (
     Field,
     FieldKind,
     Written,
+    form_notes,
     implied,
     motion_schema,
     quaternions,
@@ -66,7 +68,10 @@ def parse(mapping: object) -> MotionRequest:
         expected = "a motion must be a mapping with the key 'keyframes'"
         raise RequestError("", f"{expected}, got {plain.shown(mapping)}")
     needed = () if mapping.get("rate") is not None else ("keyframes",)
-    request = MotionRequest(**{"keyframes": (), **plain.keys(mapping, _MOTION, needed)})
+    read = plain.keys(mapping, _MOTION, needed)
+    keyframes, notes = read.pop("keyframes", ((), ()))
+    read["notes"] = [*read.get("notes", ()), *notes]
+    request = MotionRequest(keyframes, **read)
     check_method(request)
     return request
 
@@ -82,13 +87,15 @@ def _limits(content: object) -> Limits | None:
     return Limits.partial(**given) if given else None
 
 
-def _keyframes(content: object) -> list[Keyframe]:
+def _keyframes(content: object) -> tuple[list[Keyframe], list[str]]:
+    """Return the keyframes, and notes on how they were read."""
     read = plain.each(content, _keyframe)
-    found = quaternions([orientation for orientation, _ in read])
-    return [
+    written = [orientation for orientation, _ in read]
+    keyframes = [
         Keyframe(q, **{**others, **implied(form)})
-        for q, (form, others) in zip(found, read, strict=True)
+        for q, (form, others) in zip(quaternions(written), read, strict=True)
     ]
+    return keyframes, form_notes(written)
 
 
 def _keyframe(content: object) -> tuple[Written, dict[str, Any]]:
@@ -121,6 +128,7 @@ def _reader(field: Field) -> plain.Reader:
 
 _READERS: dict[FieldKind, plain.Reader] = {
     FieldKind.TEXT: plain.text,
+    FieldKind.TEXTS: partial(plain.each, reader=plain.text),
     FieldKind.FLAG: plain.flag,
     FieldKind.WHOLE: plain.whole,
     FieldKind.NUMBER: plain.number,

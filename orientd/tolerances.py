@@ -6,3 +6,6 @@ planner's grid, not a reserve."""
 
 NORM_TOLERANCE = 1e-6
 """How far the norm of a quaternion may be from one; a larger error is not rounding."""
+
+TYPED_NORM_TOLERANCE = 1e-3
+"""The same of a keyframe, which people type with four digits: it is scaled to one, with a note."""

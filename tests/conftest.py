@@ -36,6 +36,7 @@ for folder in (
     "system",
     "chaos",
     "storm",
+    "drivers/dynamixel",
     "drivers/ur",
     "data/standard",
     "bench",

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,8 @@ SLEW_COST = 1e3
 """Of a second that the path stands still, or of a stop where nothing is known of its time."""
 ERROR_COST = 20.0
 _CHUNK = 1000
+
+Bools = np.ndarray[Any, np.dtype[np.bool_]]
 _MATCH = 1e-5
 
 
@@ -152,7 +154,7 @@ def choose(
     start: Floats | None = None,
     entry: float = 1e-3,
     passages: Sequence[Passage] = (),
-    allow_slews: bool = False,
+    slews: Bools | None = None,
     slew_time: SlewTime | None = None,
 ) -> Choice:
     """Return the cheapest way along the whole path.
@@ -164,7 +166,8 @@ def choose(
         start: axis angles from which the path is entered, shape ``(axes,)``; ``None`` is anywhere.
         entry: how far from *start* it may be entered, rad.
         passages: ways past the pole that may be taken.
-        allow_slews: whether the path may stop for a change of branch or turn.
+        slews: before which samples the path may stop for a change of branch or turn, shape
+            ``(n,)``; ``None`` is before none.
         slew_time: by which the least time is chosen; without it the fewest stops are, and of those
             the shortest way.
     """
@@ -186,11 +189,13 @@ def choose(
         too_far = np.any(gaps > most, axis=-1)
         steps = np.where(too_far, np.inf, travel)
         stop = 0.0
-        if allow_slews and slew_time is None:
-            steps[too_far] = travel[too_far] + SLEW_COST
-        elif allow_slews and slew_time is not None:
-            steps[too_far] = SLEW_COST * slew_time.of(gaps[too_far])
-            stop = SLEW_COST * slew_time.stop
+        if slews is not None:
+            may = too_far & slews[begin:end, None, None]
+            if slew_time is None:
+                steps[may] = travel[may] + SLEW_COST
+            else:
+                steps[may] = SLEW_COST * slew_time.of(gaps[may])
+                stop = SLEW_COST * slew_time.stop
         steps[np.isnan(travel)] = np.inf
         for k in range(begin, end):
             total = steps[k - begin] + cost[None, :]

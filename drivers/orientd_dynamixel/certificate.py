@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -74,10 +75,12 @@ class DeviationPolicy:
         max_deviation: largest angle by which the path may be missed near a pole, rad.
         allow_slews: whether the path may stop while the axes change branch or unwind; the tool
             leaves the path meanwhile.
+        free: up to which time the path may stop for that at the pole, allowed or not, s.
     """
 
     max_deviation: float = 0.0
     allow_slews: bool = False
+    free: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,3 +207,30 @@ def peak(values: Floats, times: Floats, limit: float) -> AxisPeak:
     """Return the largest absolute value and when it is reached."""
     at = int(np.argmax(np.abs(values)))
     return AxisPeak(float(np.abs(values[at])), float(times[at]), limit)
+
+
+def measured(
+    certificate: AxisCertificate,
+    angles: Floats,
+    period: float,
+    limits: Sequence[AxisLimits],
+    before: Floats,
+) -> AxisCertificate:
+    """Return *certificate* with the rates and the travel of *angles*.
+
+    Args:
+        certificate: what else holds.
+        angles: rad, shape ``(n, axes)``.
+        period: s.
+        limits: of every axis.
+        before: the samples before the first, as for :func:`rates`.
+    """
+    times = period * np.arange(len(angles), dtype=np.float64)
+    velocity, acceleration = rates(angles, period, before)
+    axes = range(len(limits))
+    return replace(
+        certificate,
+        velocity=tuple(peak(velocity[:, a], times, limits[a].velocity) for a in axes),
+        acceleration=tuple(peak(acceleration[:, a], times, limits[a].acceleration) for a in axes),
+        travel=tuple((float(np.min(angles[:, a])), float(np.max(angles[:, a]))) for a in axes),
+    )

@@ -1,7 +1,8 @@
 """A gimbal on Dynamixel servos, behind the driver contract.
 
 A cycle takes in the answers to the read of the cycle before, then sends one write of all goals and
-the next read.  Nothing in it waits for a servo.
+the next read.  It waits for no servo, in a fault neither: at most :data:`CYCLE_SHARE` of a period
+for the end of an answer that has begun to arrive.
 
 Readings are believed only where they can be (:mod:`orientd_dynamixel.bus`), and a write of goals is
 never acknowledged, so torque, hardware error, watchdog and the distance between goal and
@@ -18,6 +19,7 @@ from typing import Any, ClassVar
 
 from orientd.clock import Clock
 from orientd.driver import (
+    AxisGap,
     Driver,
     Feedback,
     Finding,
@@ -38,14 +40,26 @@ from orientd_dynamixel.axes import (
     Supervisor,
     Turns,
     check_angle,
-    check_rate,
-    way,
+    complain_of_step,
 )
 from orientd_dynamixel.axis import Axis
-from orientd_dynamixel.bus import READ_WAIT_S, Group, OpenBus, ServoBus, listen, open_bus
+from orientd_dynamixel.bus import (
+    READ_WAIT_S,
+    TAIL_SHARE,
+    Group,
+    OpenBus,
+    ServoBus,
+    listen,
+    open_bus,
+)
 from orientd_dynamixel.options import GimbalOptions, parse
-from orientd_dynamixel.settings import GOAL
 from orientd_dynamixel.tracker import AxisTracker
+from orientd_dynamixel.whereabouts import GOAL
+
+GLANCE_SHARE = 0.2
+"""Of the period, how long one look at the port may wait."""
+CYCLE_SHARE = TAIL_SHARE + 2 * GLANCE_SHARE
+"""Of the period, how long a read and a write together may wait for the port."""
 
 
 class DynamixelDriver(Driver):
@@ -76,6 +90,7 @@ class DynamixelDriver(Driver):
             is_pointing=self.settings.pointing,
         )  # fmt: skip
         self._is_enabled = self._is_homing = self._is_free = self._is_out_of_reach = False
+        self._is_braking = False
         self._feedback: Feedback | None = None
         self._closed = f"{self.settings.port} is not open"
         self._written_ns = 0
@@ -84,7 +99,13 @@ class DynamixelDriver(Driver):
         self._turns = Turns(self.settings, self._axes)
         self._following = Following(self.settings, self._tracker, period_ns * 1e-9)
         self._prepared = startup.Prepared({}, [], "")
+        self._told_restarts = 0
         self._conditions = Conditions()
+
+    @property
+    def sent_joints(self) -> tuple[float, ...]:
+        """The axis angles of the last goals; empty before there are any."""
+        return self._tracker.angles if self._is_enabled else ()
 
     def shape(
         self,
@@ -93,11 +114,12 @@ class DynamixelDriver(Driver):
         joints: tuple[float, ...],
         before: Sequence[tuple[float, ...]] = (),
         rates: Vector3 = (math.inf, math.inf, math.inf),
+        free: float = 0.0,
     ) -> ShapedPath:
         """Choose branch, winding and deviation of every axis over the whole path."""
         # By name: planning needs NumPy, which a servo process does without.
         shape = importlib.import_module("orientd_dynamixel.shaping").shape
-        shaped: ShapedPath = shape(self.settings, period, orientations, joints, before, rates)
+        shaped: ShapedPath = shape(self.settings, period, orientations, joints, before, rates, free)
         return shaped
 
     def pace(
@@ -117,12 +139,18 @@ class DynamixelDriver(Driver):
         self._is_homing = switch("home", options.get("home", False))
 
     def way(
-        self, joints: tuple[float, ...], q: Quaternion, *, is_refused: bool
-    ) -> Sequence[Quaternion]:
-        """Return the way home, or the one to *q* on which every axis stays inside its limits."""
+        self, joints: tuple[float, ...], q: Quaternion, *, period: float, rates: Vector3,
+        least: float, is_refused: bool,
+    ) -> ShapedPath | None:  # fmt: skip
+        """Return the way of the axes home, or to *q* where the shortest turn is refused."""
         if not (is_refused or self._is_homing):
-            return ()
-        return way(self.settings, joints, q, is_homing=self._is_homing)
+            return None
+        along = importlib.import_module("orientd_dynamixel.shaping").along
+        way: ShapedPath | None = along(
+            self.settings, joints, q, period=period, rates=rates, least=least,
+            is_homing=self._is_homing,
+        )  # fmt: skip
+        return way
 
     def pointed(self, direction: Vector3, axis: str) -> Quaternion | None:
         """Return how three axes point there without a roll."""
@@ -172,7 +200,7 @@ class DynamixelDriver(Driver):
         angles = tuple(axis.angle(axis.goal) for axis in self._axes)
         self._tracker.angles = angles
         self._following.rest()
-        self._is_enabled, self._is_free = True, False
+        self._is_enabled, self._is_free, self._is_braking = True, False, False
         self._written_ns = self.clock.now_ns()
         self._standing = Standing(self._axes)
         self._supervisor = Supervisor(self.settings, self._axes)
@@ -204,8 +232,13 @@ class DynamixelDriver(Driver):
                 group.ask(self.clock.now_ns())
         if is_new:
             self._feedback = self._report(group)
-            if self._is_enabled:
-                self._supervise(group)
+        if self._told_restarts < len(group.restarted):
+            self._told_restarts = len(group.restarted)
+            for place in group.restarted:
+                self._standing.fail(place)
+            raise AxisFaultError("; ".join(group.restarted.values()))
+        if is_new and self._is_enabled:
+            self._supervise(group)
         return self._feedback
 
     def write(self, setpoint: Setpoint) -> None:
@@ -213,13 +246,21 @@ class DynamixelDriver(Driver):
 
         Raises:
             LinkError: the port is gone.
-            DeviceFaultError: an axis would leave its limits or turn faster than it can.
+            AxisFaultError: an axis would turn or accelerate faster than it may; all axes brake
+                within their limits from now on, whatever the setpoints.
+            DeviceFaultError: an axis would leave its limits.
         """
         bus, group = self._connected()
         if self._standing.is_at_rest:
             now_ns = self.clock.now_ns()
-            self._standing.send(bus, group, now_ns)
-            group.ask(now_ns)
+            self._standing.send(bus)
+            if group.can_ask(now_ns):
+                group.ask(now_ns, self._standing.alone(now_ns))
+            return
+        if self._is_braking:
+            self._brake(bus, group)
+            if not any(self._following.rates):
+                self._standing.rest(self.clock.now_ns())
             return
         angles, missed = self._tracker.solve(setpoint.q)
         if missed > self.settings.roll_tolerance:
@@ -229,11 +270,18 @@ class DynamixelDriver(Driver):
             )
         now_ns = self.clock.now_ns()
         # Judged by the cycle, not by the clock: two writes may come closer together than that.
-        span = max(1, round((now_ns - self._written_ns) / self.period_ns)) * self.period_ns * 1e-9
+        cycles = max(1, round((now_ns - self._written_ns) / self.period_ns))
+        span = cycles * self.period_ns * 1e-9
         goals = []
-        for axis, angle, last in zip(self._axes, angles, self._tracker.angles, strict=True):
+        steps = zip(self._axes, angles, self._tracker.angles, self._following.rates, strict=True)
+        for axis, angle, last, rate in steps:
             check_angle(axis, angle)
-            check_rate(axis, angle, last, span)
+            # Where a cycle was missed the axis has stood still meanwhile, or has not.
+            problem = complain_of_step(axis, angle, last, rate if cycles == 1 else None, span)
+            if problem:
+                self._is_braking = True
+                self._brake(bus, group)
+                raise AxisFaultError(problem)
             goals.append(axis.ticks(angle))
         self._following.took(angles)
         self._send(bus, group, angles, goals, now_ns)
@@ -245,13 +293,19 @@ class DynamixelDriver(Driver):
             LinkError: the port is gone.
         """
         bus, group = self._connected()
-        if self._standing.is_at_rest:
+        if self._standing.is_at_rest or self._is_braking:
             self.write(setpoint)
             return self._tracker.forward(self._tracker.angles)
         angles = self._following.step(setpoint.q)
         goals = [axis.ticks(angle) for axis, angle in zip(self._axes, angles, strict=True)]
         self._send(bus, group, angles, goals, self.clock.now_ns())
         return self._tracker.forward(angles)
+
+    def _brake(self, bus: ServoBus, group: Group) -> None:
+        """Bring every axis nearer to rest, within its limits."""
+        angles = self._following.brake()
+        goals = [axis.ticks(angle) for axis, angle in zip(self._axes, angles, strict=True)]
+        self._send(bus, group, angles, goals, self.clock.now_ns())
 
     def _send(
         self, bus: ServoBus, group: Group, angles: tuple[float, ...], goals: list[int], now_ns: int
@@ -267,8 +321,29 @@ class DynamixelDriver(Driver):
         group.ask(now_ns)
 
     def rest_in_fault(self) -> None:
-        """Let every axis stand where it is from now on."""
+        """Let every axis stand where it is from now on, or where it has braked to.
+
+        The driver looks again where each axis is if they stand already.
+        """
+        if self._is_braking and any(self._following.rates):
+            return  # write() goes on with it
         self._standing.rest(self.clock.now_ns())
+
+    def gaps(self) -> Sequence[AxisGap]:
+        """Return how far every servo is from its goal, and the current that it draws."""
+        found = []
+        readings = () if self._group is None else self._group.readings
+        for axis, reading in zip(self._axes, readings, strict=bool(readings)):
+            options, unit = axis.options, axis.options.model.current_unit
+            found.append(
+                AxisGap(
+                    f"servo {options.id} ({options.name})",
+                    axis.angle(axis.goal) - axis.angle(reading.position),
+                    self.settings.arrival_tolerance,
+                    f"{abs(reading.current) * unit:.2f} A" if unit else "",
+                )
+            )
+        return found
 
     def disable(self) -> None:
         """Hold the last goal, in a fault the position; watchdogs off."""
@@ -344,12 +419,14 @@ class DynamixelDriver(Driver):
     def _connect(self) -> None:
         options = self.settings
         self._bus = self._group = None
-        glance_s = min(READ_WAIT_S, 0.2e-9 * self.period_ns)
+        glance_s = min(READ_WAIT_S, GLANCE_SHARE * 1e-9 * self.period_ns)
         bus = self._open_bus(
             options.port, options.baud, wait_ms=options.latency_ms, glance_s=glance_s
         )
         try:
-            self._prepared = startup.prepare(bus, options, self._axes, self._turns, self._sleep)
+            self._prepared = startup.prepare(
+                bus, options, self._axes, self._turns, self._sleep, self.clock.now_ns
+            )
             known = self._prepared.firmware
             self._group, self.advice = listen(bus, self._axes, options, known, self.period_ns)
             self._group.synchronise(self.clock.now_ns)
@@ -359,6 +436,7 @@ class DynamixelDriver(Driver):
             bus.close()
             raise
         self._bus = bus
+        self._told_restarts = 0
         self._is_out_of_reach = False
 
     def _connected(self) -> tuple[ServoBus, Group]:
@@ -371,14 +449,14 @@ class DynamixelDriver(Driver):
 
     def _hold(self, bus: ServoBus, group: Group) -> None:
         self._settle(group)
-        held = self._standing
-        stand = [a for k, a in enumerate(self._axes) if held.is_at_rest or k in held.goals]
+        now_ns = self.clock.now_ns()
+        stand = [a for k, a in enumerate(self._axes) if self._standing.stands(k, now_ns)]
         startup.hold(bus, self._axes, stand)
 
     def _report(self, group: Group) -> Feedback:
         angles, rates = [], []
         for place, (axis, reading) in enumerate(zip(self._axes, group.readings, strict=True)):
-            if not self._prepared.unknown:
+            if not self._prepared.unknown and place not in group.restarted:
                 self._turns.note(place, reading.position)
             angles.append(axis.angle(reading.position))
             rates.append(axis.rate(reading.velocity))
@@ -393,8 +471,10 @@ class DynamixelDriver(Driver):
         """Raise what a servo newly shows to be wrong, having let its axis stand where it is."""
         problems = []
         for place, reading in enumerate(group.readings):
+            if place in group.restarted:
+                continue
             problem = self._supervisor.complain(place, reading, group.time_ns)
-            if problem and self._standing.fail(place, reading.position):
+            if problem and self._standing.fail(place):
                 problems.append(problem)
         if problems:
             raise AxisFaultError("; ".join(problems))

@@ -139,6 +139,7 @@ class GimbalOptions:
     pointing: bool
     roll_tolerance: float
     follow_tolerance: float
+    arrival_tolerance: float
     follow_time: float
     max_losses: int
     latency_ms: float
@@ -158,6 +159,7 @@ _NUMBERS: dict[str, tuple[float, float, float]] = {
     "roll_tolerance_deg": (0, 180, 1.0),
     "follow_tolerance_deg": (0.1, 360, 15.0),
     "follow_time": (0.01, 10, 0.3),
+    "arrival_tolerance_deg": (0.1, 360, 2.0),
     "max_losses": (1, 1000, 10),
     "latency_ms": (0.1, 1000, 16.0),
     "max_deviation_deg": (0, 45, 0.0),
@@ -224,6 +226,7 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
         roll_tolerance=math.radians(numbered["roll_tolerance_deg"]),
         follow_tolerance=math.radians(numbered["follow_tolerance_deg"]),
         follow_time=numbered["follow_time"],
+        arrival_tolerance=math.radians(numbered["arrival_tolerance_deg"]),
         max_losses=round(numbered["max_losses"]),
         latency_ms=numbered["latency_ms"],
         max_deviation=math.radians(numbered["max_deviation_deg"]),

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from orientd.errors import LimitError, PlanError, StartError
 from orientd.rotation import Floats, angle, check_unit, conjugate, exp, log, multiply, rotate
-from orientd_dynamixel.branches import Choice, SlewTime, candidates, choose, continued, near
+from orientd_dynamixel.branches import Bools, Choice, SlewTime, candidates, choose, continued, near
 from orientd_dynamixel.certificate import (
     AxisCertificate,
     AxisLimits,
@@ -25,21 +25,23 @@ from orientd_dynamixel.certificate import (
     Keyhole,
     Slew,
     ToolLimits,
+    measured,
     peak,
     rates,
 )
 from orientd_dynamixel.keyhole import Passage, outer_line, passages, windows
 from orientd_dynamixel.kinematics import LOCK, Gimbal, wrapped
-from orientd_dynamixel.stops import Timeline, slew_times, stop_time, with_stops
+from orientd_dynamixel.stops import TILT, Timeline, slew_times, stop_time, with_stops
+from orientd_dynamixel.tracker import AxisTracker
 
 _SLACK = 1 + 1e-3
 _STILL = 1e-9
 _SAME = 1e-3
 """How far a path may begin from the angles that are given, rad."""
-_LAG = 5e-3
-"""The same at the pole, where the angles are as measured, some ticks from what was commanded."""
 _RESERVE = 0.97
 """Share of the fastest slew that keeps the tool's limits; the rest is for stops on it."""
+PLANNED = 0.95
+"""Share of an axis' acceleration that a plan of its own uses; the rest is to brake on it with."""
 _GLANCE = 4096
 """Samples of a long path that are looked at first: what is too much is often its lead-in."""
 _ADVICE = "allow a deviation, a slower path or a slew, or choose another path"
@@ -85,9 +87,10 @@ def plan_axes(
     origin = None if start is None else np.asarray(start, dtype=np.float64)
     past = np.empty((0, len(limits))) if before is None else np.reshape(before, (-1, len(limits)))
     tool = tool or ToolLimits()
-    found = _choose(gimbal, q, period, limits, origin, policy, tool)
-    _refuse(found[0], gimbal, q, period, limits, policy, past)
-    paths = [_path(gimbal, q, period, limits, choice, past, tool) for choice in found]
+    own = [replace(limit, acceleration=PLANNED * limit.acceleration) for limit in limits]
+    found = _choose(gimbal, q, period, own, origin, policy, tool)
+    _refuse(found[0], gimbal, q, period, limits, past)
+    paths = [_path(gimbal, q, period, (limits, own), choice, past, tool) for choice in found]
     path = min(paths, key=lambda one: len(one.times))
     _verify(path.certificate, limits)
     return path
@@ -103,18 +106,11 @@ def _choose(
     tool: ToolLimits,
 ) -> list[Choice]:
     """Return the best way, or some of which the quickest is, where only their stops show it."""
-    first, entry = None, _SAME
-    if start is not None and _is_at_pole(gimbal, q[0]):
-        line, _ = outer_line(gimbal, gimbal.matrix(q))
-        away = float(start[0] - line[0])
-        away -= np.pi * round(away / np.pi)
-        if abs(away) > _LAG:
-            first = float(start[0])
-        else:
-            entry = 2.0 * _LAG
-    is_plain = start is not None and policy.max_deviation == 0.0 and not policy.allow_slews
+    first = float(start[0]) if start is not None and _is_at_pole(gimbal, q[0]) else None
+    may_slew = policy.allow_slews or policy.free > 0.0
+    is_plain = start is not None and policy.max_deviation == 0.0 and not may_slew
     if start is not None and is_plain and len(q) > 2 * _GLANCE:
-        begun = continued(_principal(gimbal, q[:_GLANCE], first), limits, period, start, entry)
+        begun = continued(_principal(gimbal, q[:_GLANCE], first), limits, period, start, _SAME)
         if begun.reached < _GLANCE:
             return [begun]
     principal = _principal(gimbal, q, first)
@@ -125,18 +121,21 @@ def _choose(
         for window in windows(line, period, limits[0]):
             ways += passages(gimbal, matrix, window, limits, period, policy.max_deviation)
     if start is not None and not ways:
-        on_its_way = continued(principal, limits, period, start, entry)
-        if on_its_way.reached == len(q) or not policy.allow_slews:
+        on_its_way = continued(principal, limits, period, start, _SAME)
+        if on_its_way.reached == len(q) or not may_slew:
             return [on_its_way]
     every = candidates(principal, near(principal, limits, start))
-    choice = choose(every, limits, period, start=start, entry=entry, passages=ways)
-    if choice.reached == len(q) or not policy.allow_slews:
+    choice = choose(every, limits, period, start=start, entry=_SAME, passages=ways)
+    if choice.reached == len(q) or not may_slew:
         return [choice]
+    where = np.ones(len(q), dtype=bool)
+    if not policy.allow_slews:
+        where[1:] = _is_by_pole(gimbal, q, policy.free / period)
     ramp = stop_time(q, period, tool)
     quick = SlewTime(ramp, lambda gaps: slew_times(gaps, limits, tool))
     return [
         choose(
-            every, limits, period, start=start, entry=entry, passages=ways, allow_slews=True,
+            every, limits, period, start=start, entry=_SAME, passages=ways, slews=where,
             slew_time=slew_time,
         )
         for slew_time in (quick, None)
@@ -160,14 +159,13 @@ def _refuse(
     q: Floats,
     period: float,
     limits: Sequence[AxisLimits],
-    policy: DeviationPolicy,
     past: Floats,
 ) -> None:
     """Raise what is wrong with *choice*, if anything is."""
     if choice.reached == 0:
         principal = gimbal.inverse(q[:1])[0]
         if np.all(np.isnan(candidates(principal[None], limits))):
-            _refuse_angle(principal, limits, 0.0)
+            refuse_angle(principal, limits, 0.0)
         raise StartError(
             "the path does not begin at the axis angles the gimbal is commanded to be at; it "
             f"begins at {np.rad2deg(principal[0]).round(3).tolist()} deg or its other branch"
@@ -177,7 +175,7 @@ def _refuse(
         principal = gimbal.inverse(q[at : at + 1])[0]
         every = candidates(principal[None], limits)[0]
         if np.all(np.isnan(every)):
-            _refuse_angle(principal, limits, time)
+            refuse_angle(principal, limits, time)
         gaps = np.abs(every - choice.angles[at - 1])
         share = gaps / (np.array([limit.velocity for limit in limits]) * period)
         best = int(np.nanargmin(np.max(share, axis=-1)))
@@ -186,8 +184,8 @@ def _refuse(
             away = float(np.nanmin(gaps[:, 0]))
             raise PlanError(
                 f"at {time:.6g} s the path leaves the pole in a direction that is "
-                f"{np.rad2deg(away):.1f} deg away from where {limits[0].name} is; allow slews, or "
-                f"first turn {limits[0].name} with the tool off the pole"
+                f"{np.rad2deg(away):.1f} deg away from where {limits[0].name} is; leave out the "
+                f"times or `allow_slews`, so that {limits[0].name} turns at the pole first"
             )
         _refuse_way_on(principal, choice.angles[at - 1], limits, period, time)
         rate = float(gaps[best, axis] / period)
@@ -195,7 +193,7 @@ def _refuse(
             f"velocity of {limits[axis].name}", rate, limits[axis].velocity, time, "rad/s", _ADVICE
         )
     _, acceleration = rates(choice.angles, period, past)
-    if policy.allow_slews and choice.slews:
+    if choice.slews:
         return
     for a, limit in enumerate(limits):
         worst = peak(
@@ -225,12 +223,20 @@ def _refuse_way_on(
             )  # fmt: skip
 
 
+def _is_by_pole(gimbal: Gimbal, q: Floats, count: float) -> Bools:
+    """Return which of the first *count* steps begin or end so near the pole that it is passed."""
+    _, sine = gimbal.pointing(gimbal.matrix(q))
+    is_near = sine < np.sin(TILT)
+    found: Bools = (is_near[:-1] | is_near[1:]) & (np.arange(len(q) - 1) < count)
+    return found
+
+
 def _is_at_pole(gimbal: Gimbal, q: Floats) -> bool:
     _, sine = gimbal.pointing(gimbal.matrix(q))
     return bool(sine < LOCK)
 
 
-def _refuse_angle(principal: Floats, limits: Sequence[AxisLimits], time: float) -> None:
+def refuse_angle(principal: Floats, limits: Sequence[AxisLimits], time: float) -> None:
     """Raise for the axis that is farthest outside its limits on the better branch."""
     turn = 2 * np.pi
     worst = []
@@ -254,28 +260,22 @@ def _path(
     gimbal: Gimbal,
     q: Floats,
     period: float,
-    limits: Sequence[AxisLimits],
+    bounds: tuple[Sequence[AxisLimits], Sequence[AxisLimits]],
     choice: Choice,
     past: Floats,
     tool: ToolLimits,
 ) -> AxisPath:
+    """Return the path of *choice*, with what the axes may do and what slews are to use of it."""
+    limits, own = bounds
     line = with_stops(
-        choice.angles, period, choice.slews, limits, is_moving=_is_moving(past),
+        choice.angles, period, choice.slews, own, is_moving=_is_moving(past),
         ramp=stop_time(q, period, tool),
         excess=lambda angles: tool.excess(gimbal.forward(angles), period) / _RESERVE,
         is_at_pole=lambda angles: _is_at_pole(gimbal, gimbal.forward(angles)),
     )  # fmt: skip
     reached = gimbal.forward(line.angles)
-    velocity, acceleration = rates(line.angles, period, past)
-    axes = range(len(limits))
     certificate = AxisCertificate(
-        velocity=tuple(peak(velocity[:, a], line.times, limits[a].velocity) for a in axes),
-        acceleration=tuple(
-            peak(acceleration[:, a], line.times, limits[a].acceleration) for a in axes
-        ),
-        travel=tuple(
-            (float(np.min(line.angles[:, a])), float(np.max(line.angles[:, a]))) for a in axes
-        ),
+        velocity=(), acceleration=(), travel=(),
         error=_error(gimbal, q, period, choice, line, reached),
         manipulability=float(np.min(gimbal.manipulability(line.angles))),
         keyholes=tuple(
@@ -285,8 +285,48 @@ def _path(
             for way in choice.passages
         ),
         slews=_honest(gimbal, q, period, reached, line),
-    )
+    )  # fmt: skip
+    certificate = measured(certificate, line.angles, period, limits, past)
     return AxisPath(line.times, line.angles, reached, line.path_times, certificate)
+
+
+def as_driven(
+    gimbal: Gimbal,
+    path: AxisPath,
+    start: ArrayLike,
+    period: float,
+    limits: Sequence[AxisLimits],
+    past: Floats,
+) -> AxisPath:
+    """Return *path* with the angles that the driver makes of its orientations.
+
+    Within reach of rounding at the pole they say of three axes the sum of two angles only: there
+    the driver leaves the innermost one as it is.
+
+    Args:
+        gimbal: whose.
+        path: as planned.
+        start: axis angles commanded before it, rad.
+        period: s.
+        limits: of every axis.
+        past: the samples before the first, as for :func:`.rates`.
+
+    Raises:
+        LimitError: an axis cannot follow that.
+    """
+    _, sine = gimbal.pointing(gimbal.matrix(path.q))
+    if len(limits) < 3 or np.min(sine) > 2.0 * LOCK:
+        return path
+    tracker = AxisTracker(gimbal.order, gimbal.mount, gimbal.tool)
+    tracker.angles = tuple(np.asarray(start, dtype=np.float64).tolist())
+    made = []
+    for w, x, y, z in path.q.tolist():
+        tracker.angles, _ = tracker.solve((w, x, y, z))
+        made.append(tracker.angles)
+    angles = np.array(made)
+    certificate = measured(path.certificate, angles, period, limits, past)
+    _verify(certificate, limits)
+    return replace(path, angles=angles, certificate=certificate)
 
 
 def _is_moving(past: Floats) -> bool:

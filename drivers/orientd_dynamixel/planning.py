@@ -59,15 +59,7 @@ def limits_of(options: GimbalOptions) -> list[AxisLimits]:
 
 def describe(certificate: AxisCertificate, options: GimbalOptions) -> list[str]:
     """Return the certificate in words, a line each, for people."""
-    lines = []
-    for number, axis in enumerate(options.axes):
-        speed, force = certificate.velocity[number], certificate.acceleration[number]
-        low, high = certificate.travel[number]
-        lines.append(
-            f"{axis.name}: {degrees(low):.1f} to {degrees(high):.1f} deg, at most "
-            f"{degrees(speed.value):.1f} deg/s at {speed.time:.3f} s (limit "
-            f"{degrees(speed.limit):.1f}), {degrees(force.value):.0f} deg/s^2 at {force.time:.3f} s"
-        )
+    lines = described(certificate, options)
     error = certificate.error
     outside = " outside slews" if certificate.slews else ""
     lines.append(
@@ -86,5 +78,19 @@ def describe(certificate: AxisCertificate, options: GimbalOptions) -> list[str]:
         lines.append(
             f"{slew.start:.3f} to {slew.end:.3f} s ({slew.duration:.2f} s): the path {what} to "
             f"{goal} deg{off}"
+        )
+    return lines
+
+
+def described(certificate: AxisCertificate, options: GimbalOptions) -> list[str]:
+    """Return what the axes do in words, a line each."""
+    lines = []
+    for number, axis in enumerate(options.axes):
+        speed, force = certificate.velocity[number], certificate.acceleration[number]
+        low, high = certificate.travel[number]
+        lines.append(
+            f"{axis.name}: {degrees(low):.1f} to {degrees(high):.1f} deg, at most "
+            f"{degrees(speed.value):.1f} deg/s at {speed.time:.3f} s (limit "
+            f"{degrees(speed.limit):.1f}), {degrees(force.value):.0f} deg/s^2 at {force.time:.3f} s"
         )
     return lines

@@ -9,7 +9,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 
 from orientd.errors import DeviceFaultError
-from orientd_dynamixel.axis import sendable
+from orientd_dynamixel.axis import Axis, sendable
 from orientd_dynamixel.bus import (
     BLOCK,
     HEALTH,
@@ -19,11 +19,12 @@ from orientd_dynamixel.bus import (
     ServoBus,
 )
 from orientd_dynamixel.options import AxisOptions
+from orientd_dynamixel.whereabouts import GOAL, TORQUE, present_position
 
 RETURN_DELAY, DRIVE_MODE, OPERATING_MODE, HOMING_OFFSET, CURRENT_LIMIT = 9, 10, 11, 20, 38
 VELOCITY_LIMIT = 44
-TORQUE, LEVEL, WATCHDOG, GOAL_CURRENT = 64, 68, 98, 102
-PROFILE_ACCELERATION, PROFILE_VELOCITY, GOAL, POSITION = 108, 112, 116, 132
+LEVEL, WATCHDOG, GOAL_CURRENT = 68, 98, 102
+PROFILE_ACCELERATION, PROFILE_VELOCITY = 108, 112
 EXTENDED_POSITION, CURRENT_POSITION = 4, 5
 PARK_RATE = 22
 """Profile velocity of parking, 30 degrees a second."""
@@ -105,15 +106,17 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def configure(bus: ServoBus, axis: AxisOptions) -> None:
+def configure(bus: ServoBus, whole: Axis) -> None:
     """Put the settings of an axis' servo right, the permanent ones only where they differ.
 
     Raises:
+        DoubtError: it has stopped by itself, and reports a position at which it cannot be.
         DeviceFaultError: it does not take a setting.
     """
+    axis = whole.options
     if bus.read(axis.id, LEVEL, 1) != RETURN_LEVEL:
         bus.write(axis.id, LEVEL, RETURN_LEVEL, 1)
-    quiet_watchdog(bus, axis.id)
+    quiet_watchdog(bus, whole)
     permanent = [(RETURN_DELAY, 1, 0), (DRIVE_MODE, 1, 0), (OPERATING_MODE, 1, _mode(axis)),
                  (HOMING_OFFSET, 4, 0)]  # fmt: skip
     wrong = [row for row in permanent if bus.read(axis.id, row[0], row[1]) != row[2]]
@@ -150,19 +153,23 @@ def _put(bus: ServoBus, axis: AxisOptions, address: int, count: int, value: int)
         )
 
 
-def quiet_watchdog(bus: ServoBus, servo: int) -> int | None:
+def quiet_watchdog(bus: ServoBus, axis: Axis) -> int | None:
     """Switch the watchdog off; return the new goal if it had tripped.
 
     A tripped servo has stopped, but may keep its old goal and go there once it is allowed to: its
     goal becomes where it is.
+
+    Raises:
+        DoubtError: it has tripped, and reports a position at which it cannot be; it stays stopped.
     """
+    servo = axis.options.id
     state = bus.read(servo, WATCHDOG, 1)
     if state != WATCHDOG_TRIPPED:
         if state:
             bus.write(servo, WATCHDOG, 0, 1)
         return None
     # Read first, so that nothing but the goal itself comes between the two writes.
-    goal = sendable(bus.read(servo, POSITION, 4, is_signed=True))
+    goal = sendable(present_position(bus, axis))
     bus.write(servo, WATCHDOG, 0, 1)
     bus.write(servo, GOAL, goal, 4)
     return goal

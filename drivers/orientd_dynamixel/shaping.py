@@ -13,9 +13,10 @@ from orientd.errors import LimitError
 from orientd.rotation import angle
 from orientd_dynamixel.certificate import AxisPath, DeviationPolicy, ToolLimits
 from orientd_dynamixel.options import GimbalOptions
-from orientd_dynamixel.path import plan_axes
-from orientd_dynamixel.planning import describe, gimbal_of, limits_of
+from orientd_dynamixel.path import as_driven, plan_axes
+from orientd_dynamixel.planning import describe, described, gimbal_of, limits_of
 from orientd_dynamixel.tracker import AxisTracker
+from orientd_dynamixel.ways import way
 
 
 def shape(
@@ -25,6 +26,7 @@ def shape(
     joints: tuple[float, ...],
     before: Sequence[tuple[float, ...]] = (),
     rates: Vector3 = (inf, inf, inf),
+    free: float = 0.0,
 ) -> ShapedPath:
     """Return the path that the gimbal will follow.
 
@@ -39,6 +41,7 @@ def shape(
             not known.
         before: axis angles planned for the periods before, where it begins in motion.
         rates: largest velocity, acceleration and jerk of the tool off the path or its times.
+        free: up to which time the path may stand while the outer axis turns at the pole, s.
 
     Raises:
         LimitError: an axis cannot follow, or a gimbal of two axes leaves too much roll.
@@ -50,22 +53,51 @@ def shape(
         tracker.angles = joints
         w, x, y, z = map(float, orientations[0])
         start = tracker.solve((w, x, y, z))[0]
-    policy = DeviationPolicy(max_deviation=options.max_deviation, allow_slews=options.allow_slews)
+    policy = DeviationPolicy(options.max_deviation, options.allow_slews, free)
     path = plan_axes(
         gimbal_of(options), orientations, period, limits_of(options), start=start, before=before,
         policy=policy,
         tool=ToolLimits(*rates),
     )  # fmt: skip
+    origin = path.angles[0] if start is None else start
+    past = np.array(before) if len(before) else path.angles[[0, 0]]
+    path = as_driven(gimbal_of(options), path, origin, period, limits_of(options), past)
     figures = _figures(path, options)
     if len(options.axes) == 2 and not options.pointing:
         figures.append(_roll(path, orientations, period, options.roll_tolerance))
+    return _shaped(path, options, figures, describe(path.certificate, options))
+
+
+def along(
+    options: GimbalOptions,
+    joints: tuple[float, ...],
+    q: Quaternion,
+    *,
+    period: float,
+    rates: Vector3,
+    least: float,
+    is_homing: bool,
+) -> ShapedPath | None:
+    """Return the way of the axes from *joints* to *q*, or home; see :meth:`.Driver.way`."""
+    path = way(options, joints, q, period=period, rates=rates, least=least, is_homing=is_homing)
+    if path is None:
+        return None
+    goal = ", ".join(f"{degrees(angle):.1f}" for angle in path.angles[-1])
+    notes = [f"all axes turn together to {goal} deg", *described(path.certificate, options)]
+    return _shaped(path, options, _figures(path, options), notes)
+
+
+def _shaped(
+    path: AxisPath, options: GimbalOptions, figures: list[Figure], notes: list[str]
+) -> ShapedPath:
     # Arrays, which are sequences too: a long path is ten thousands of rows.
     return ShapedPath(
         cast("Sequence[Quaternion]", path.q),
         cast("Sequence[float]", path.path_times),
         cast("Sequence[tuple[float, ...]]", path.angles),
         tuple(figures),
-        tuple(describe(path.certificate, options)),
+        tuple(notes),
+        tuple((axis.velocity, axis.acceleration) for axis in options.axes),
     )
 
 

@@ -22,17 +22,21 @@ from orientd_dynamixel.bus import (
 )
 from orientd_dynamixel.options import AxisOptions, GimbalOptions
 from orientd_dynamixel.settings import (
-    GOAL,
     PARK_RATE,
-    POSITION,
     PROFILE_ACCELERATION,
     PROFILE_VELOCITY,
-    TORQUE,
     WATCHDOG,
     configure,
     has_kept_power,
     overwritten,
     quiet_watchdog,
+)
+from orientd_dynamixel.whereabouts import (
+    GOAL,
+    POSITION,
+    TORQUE,
+    DoubtError,
+    present_position,
 )
 
 HARDWARE_ERROR = 70
@@ -105,7 +109,12 @@ def clear_error(bus: ServoBus, axis: AxisOptions, sleep: Sleep) -> bool:
 
 
 def prepare(
-    bus: ServoBus, options: GimbalOptions, axes: Sequence[Axis], turns: Turns, sleep: Sleep
+    bus: ServoBus,
+    options: GimbalOptions,
+    axes: Sequence[Axis],
+    turns: Turns,
+    sleep: Sleep,
+    now_ns: Callable[[], int],
 ) -> Prepared:
     """Put every servo right and find out on which turn it is; nothing moves.
 
@@ -121,9 +130,15 @@ def prepare(
     for place, axis in enumerate(axes):
         clear_error(bus, axis.options, sleep)
         has_counted = has_kept_power(bus, axis.options)
-        configure(bus, axis.options)
-        position = bus.read(axis.options.id, POSITION, 4, is_signed=True)
+        axis.position = turns.last(place) if has_counted else None
+        try:
+            configure(bus, axis)
+            position = present_position(bus, axis)
+        except DoubtError as error:
+            unknown.append(str(error))
+            continue
         unknown.append(turns.resolve(place, position, has_kept_power=has_counted))
+        axis.believe(position, now_ns())
     return Prepared(firmware, changed, "; ".join(filter(None, unknown)))
 
 
@@ -131,14 +146,14 @@ def sound_position(bus: ServoBus, axis: Axis) -> int:
     """Return where a servo is, in ticks.
 
     Raises:
-        DeviceFaultError: it reports a hardware error.
+        DeviceFaultError: it reports a hardware error, or a position at which it cannot be.
     """
     servo = axis.options.id
     if bits := _asked(bus, servo, HARDWARE_ERROR, 1):
         raise DeviceFaultError(
             f"servo {servo} ({axis.options.name}) reports {explain_error(bits)}; reset it"
         )
-    return _asked(bus, servo, POSITION, 4)
+    return present_position(bus, axis)
 
 
 def _asked(bus: ServoBus, servo: int, address: int, count: int) -> int:
@@ -156,7 +171,7 @@ def engage(bus: ServoBus, axis: Axis) -> bool:
     A servo that holds already goes on with its goal.
     """
     servo, name = axis.options.id, axis.options.name
-    position = _asked(bus, servo, POSITION, 4)
+    position = present_position(bus, axis)
     goal = _asked(bus, servo, GOAL, 4)
     was_on = bool(_asked(bus, servo, TORQUE, 1))
     if not (was_on and abs(goal - position) <= HELD_TICKS):
@@ -169,10 +184,13 @@ def engage(bus: ServoBus, axis: Axis) -> bool:
             raise DeviceFaultError(f"servo {servo} ({name}) does not switch its torque on: {why}")
         goal = _asked(bus, servo, GOAL, 4)
         if abs(goal - position) > HELD_TICKS:
+            if not was_on:
+                drop(bus, [axis])
             raise DeviceFaultError(
                 f"servo {servo} ({name}) has its goal {goal - position} ticks away from where it is"
             )
     axis.goal = goal
+    axis.believe(position, axis.seen_ns)
     return not was_on
 
 
@@ -227,10 +245,9 @@ def hold(bus: ServoBus, axes: Sequence[Axis], standing: Sequence[Axis] = ()) -> 
     for axis in axes:
         servo = axis.options.id
         try:
-            goal = quiet_watchdog(bus, servo)
+            goal = quiet_watchdog(bus, axis)
             if goal is None and axis in standing:
-                goal = sendable(bus.read(servo, POSITION, 4, is_signed=True))
-                bus.write(servo, GOAL, goal, 4)
+                goal = _standing_goal(bus, axis)
             axis.goal = axis.goal if goal is None else goal
             if axis in standing:
                 bus.write(servo, PROFILE_VELOCITY, PARK_RATE, 4)
@@ -238,6 +255,16 @@ def hold(bus: ServoBus, axes: Sequence[Axis], standing: Sequence[Axis] = ()) -> 
             failure = failure or error
     if failure is not None:
         raise failure
+
+
+def _standing_goal(bus: ServoBus, axis: Axis) -> int | None:
+    """Write where a servo stands as its goal, and return that; not where it cannot be there."""
+    try:
+        goal = sendable(present_position(bus, axis))
+    except DoubtError:
+        return None
+    bus.write(axis.options.id, GOAL, goal, 4)
+    return goal
 
 
 def drop(bus: ServoBus, axes: Sequence[Axis]) -> None:

@@ -30,7 +30,7 @@ _PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
 _CRAWL_STEPS = 8.0
 """Up to so many times what an axis can turn in a sample, a step is a path that is too fast."""
 _ATTEMPTS = 40
-_TILT = math.radians(2.0)
+TILT = math.radians(2.0)
 """How far off the pole the tool is tilted to turn the outer axis there."""
 
 
@@ -104,7 +104,7 @@ def _slew(
     tilt = np.zeros_like(here)
     if is_at_pole:
         middle = limits[1]
-        tilt[1] = math.copysign(_TILT, (middle.low + middle.high) / 2 - here[1])
+        tilt[1] = math.copysign(TILT, (middle.low + middle.high) / 2 - here[1])
     seconds = slew_duration(here, there, limits) + slew_duration(np.zeros_like(tilt), tilt, limits)
     speed = np.array([limit.velocity for limit in limits]) * period
     bend = np.array([limit.acceleration for limit in limits]) * period**2
@@ -125,7 +125,7 @@ def _slew(
     return angles[1:-1]
 
 
-def _ramp_times(elapsed: Floats, ramp: float) -> Floats:
+def ramp_times(elapsed: Floats, ramp: float) -> Floats:
     """Return the way of a clock whose speed rises from 0 to 1 as a quintic over *ramp* seconds."""
     u = np.clip(elapsed / ramp, 0.0, 1.0)
     # The integral of quintic(u).
@@ -147,12 +147,12 @@ def _clock(length: float, ramp: float, *, is_left: bool, is_right: bool, period:
     count = int(np.ceil(total / period))
     elapsed = np.minimum(np.arange(count + 1) * period, total)
     if is_left and is_right:
-        forward = _ramp_times(elapsed, ramp)
-        backward = length - _ramp_times(total - elapsed, ramp)
+        forward = ramp_times(elapsed, ramp)
+        backward = length - ramp_times(total - elapsed, ramp)
         return np.where(elapsed < total / 2, forward, backward)
     if is_left:
-        return np.minimum(length, _ramp_times(elapsed, ramp))
-    way: Floats = length - _ramp_times(total - elapsed, ramp)
+        return np.minimum(length, ramp_times(elapsed, ramp))
+    way: Floats = length - ramp_times(total - elapsed, ramp)
     return way
 
 
@@ -200,17 +200,24 @@ def _crawl(
 
 
 def _events(
-    angles: Floats, period: float, slews: Sequence[int], limits: Sequence[AxisLimits], ramp: float
+    angles: Floats,
+    period: float,
+    slews: Sequence[int],
+    limits: Sequence[AxisLimits],
+    ramp: float,
+    is_at_pole: Callable[[Floats], bool],
 ) -> list[tuple[int, int, bool]]:
     """Return ``(last before, first after, whether it is a crawl)`` of each stop.
 
     A step that is a little too far belongs to a path that is too fast there, and neighbours of it
-    are one stretch to be gone along slowly; a large one is a change of branch or turn.
+    are one stretch to be gone along slowly; a large one is a change of branch or turn.  At the pole
+    it is a turn of the outer axis.
     """
     speed = np.array([limit.velocity for limit in limits]) * period
     found: list[tuple[int, int, bool]] = []
     for k in slews:
-        is_crawl = bool(np.max(np.abs(angles[k] - angles[k - 1]) / speed) <= _CRAWL_STEPS)
+        is_small = bool(np.max(np.abs(angles[k] - angles[k - 1]) / speed) <= _CRAWL_STEPS)
+        is_crawl = is_small and not is_at_pole(angles[k - 1])
         if is_crawl and found and found[-1][2] and (k - 1 - found[-1][1]) * period < 2 * ramp:
             found[-1] = (found[-1][0], k, True)
         else:
@@ -247,7 +254,7 @@ def with_stops(
     pieces: list[Floats] = []
     path_pieces: list[Floats] = []
     found: list[Slew] = []
-    events = _events(angles, period, slews, limits, ramp)
+    events = _events(angles, period, slews, limits, ramp, is_at_pole)
     room = (events[0][0] if events else len(angles)) * period
     if events and is_moving and room < ramp / 2:
         raise PlanError(
@@ -285,4 +292,6 @@ def with_stops(
         elapsed += len(inside)
     whole = np.concatenate(pieces)
     times = period * np.arange(len(whole), dtype=np.float64)
-    return Timeline(times, whole, np.concatenate(path_pieces), tuple(found))
+    # Where two pieces meet, the same time is calculated in two ways.
+    path_times = np.maximum.accumulate(np.concatenate(path_pieces))
+    return Timeline(times, whole, path_times, tuple(found))

@@ -17,6 +17,8 @@ Matrix = tuple[float, ...]
 """Nine numbers, row by row."""
 
 _LOCK = 1e-6
+_MADE = 1e-4
+"""Up to this error two axes have made an orientation: between records it is off by less, rad."""
 _TURN = 2 * math.pi
 
 
@@ -105,6 +107,17 @@ class AxisTracker:
         outer = self._outer(m)
         return [(outer + turn, *self._rest(m, outer + turn)) for turn in (0.0, math.pi)]
 
+    def is_at_pole(self, q: Quaternion) -> bool:
+        """Return whether outer and inner angle turn about one line at *q*."""
+        m = matrix_of(multiply(multiply(self._mount_back, q), self._tool_back))
+        i, t = self._axes[0], self._inner
+        return math.hypot(m[3 * ((i + 1) % 3) + t], m[3 * ((i + 2) % 3) + t]) < _LOCK
+
+    def outer_at_pole(self, q: Quaternion, inner: float) -> float:
+        """Return the outer angle that makes *q*, at the pole, with the inner one given, rad."""
+        m = matrix_of(multiply(multiply(self._mount_back, q), self._tool_back))
+        return self._outer_at_pole(m, inner)
+
     def inner(self, q: Quaternion, outer: float) -> tuple[float, ...]:
         """Return the angles of the other axes that come nearest to *q* with the outer one given."""
         m = matrix_of(multiply(multiply(self._mount_back, q), self._tool_back))
@@ -120,10 +133,12 @@ class AxisTracker:
         """
         m = matrix_of(multiply(multiply(self._mount_back, q), self._tool_back))
         last = self.angles
-        if len(self._axes) == 2 and not self._is_pointing:
+        if len(self._axes) == 2:
             i, j = self._axes
             a, missing, b = _split(m, i, 3 - i - j, j)
-            return (near(a, last[0]), near(b, last[1])), abs(missing)
+            # What two axes make says all of them, at the pole too.
+            if not self._is_pointing or abs(missing) < _MADE:
+                return (near(a, last[0]), near(b, last[1])), abs(missing)
         outer = self._outer(m)
         best: tuple[float, ...] = ()
         least = math.inf
@@ -141,16 +156,16 @@ class AxisTracker:
         t = self._inner
         u, v = m[3 * ((i + 1) % 3) + t], m[3 * ((i + 2) % 3) + t]
         if math.hypot(u, v) < _LOCK:
-            return self._outer_at_pole(m)
+            return self._outer_at_pole(m, self.angles[-1])
         return math.atan2(v, u) if j == (i + 2) % 3 else math.atan2(-u, v)
 
-    def _outer_at_pole(self, m: Matrix) -> float:
+    def _outer_at_pole(self, m: Matrix, inner: float) -> float:
         if len(self._axes) == 2:
             return self.angles[0]
         i, j = self._axes[:2]
         t = self._inner
         transposed = (m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8])
-        turned = _turned_back(transposed, t, -self.angles[2])
+        turned = _turned_back(transposed, t, -inner)
         u, v = turned[3 * j + (i + 1) % 3], turned[3 * j + (i + 2) % 3]
         return math.atan2(v, u) if j == (i + 1) % 3 else math.atan2(-u, v)
 

@@ -7,7 +7,7 @@ from typing import Any
 from orientd.errors import DeviceFaultError
 from orientd_ur.link import Link
 from orientd_ur.options import UrOptions
-from orientd_ur.recovery import Recovery
+from orientd_ur.recovery import PLAYING_NEEDS, Recovery
 from orientd_ur.states import RuntimeState, interruption, obstacle
 
 
@@ -34,7 +34,12 @@ class ControlProgram:
         link.require_same()
         self._recovery.require_readiness()
         if not link.has_control:
-            link.take_control()
+            try:
+                link.take_control()
+            except DeviceFaultError as error:
+                if self._recovery.has_dashboard:
+                    raise
+                raise DeviceFaultError(f"{error}: {PLAYING_NEEDS}") from error
             self._recovery.await_runtime(RuntimeState.PLAYING)
         elif link.modes()[2] != RuntimeState.PLAYING:
             link.play()

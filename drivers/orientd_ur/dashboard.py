@@ -54,9 +54,10 @@ class Dashboard:
         return self._line(f"an answer to {command!r}")
 
     @property
-    def is_remote(self) -> bool:
-        """Whether the robot is in remote control."""
-        return "true" in self.ask("is in remote control").lower()
+    def is_remote(self) -> bool | None:
+        """Whether the robot is in remote control; ``None`` where it does not know the question."""
+        answer = self.ask("is in remote control").lower()
+        return True if "true" in answer else False if "false" in answer else None
 
     def _line(self, awaited: str) -> str:
         ends = time.monotonic() + self._timeout

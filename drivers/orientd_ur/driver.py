@@ -7,31 +7,43 @@ centre point.
 
 from __future__ import annotations
 
-import importlib.util
 import logging
 import time
 from collections.abc import Mapping, Sequence
+from math import dist, radians
 from typing import Any, ClassVar
 
 from orientd.clock import Clock
-from orientd.driver import ComingPose, Driver, Feedback, Finding, Quaternion, Setpoint, Vector3
+from orientd.driver import (
+    IDENTITY,
+    ZERO,
+    AxisGap,
+    ComingPose,
+    Driver,
+    Feedback,
+    Finding,
+    Quaternion,
+    Setpoint,
+    Vector3,
+)
 from orientd.errors import DeviceFaultError, FeedbackError, LinkError
-from orientd.floats import exp, rotate_back
+from orientd.floats import difference, exp, norm, rotate_back
 from orientd_ur import options as ur_options
 from orientd_ur.arm import Arm
 from orientd_ur.control_program import ControlProgram
 from orientd_ur.deadline import arm, disarm
 from orientd_ur.following import Following
-from orientd_ur.inspection import inspect
+from orientd_ur.inspection import advice, inspect, rate_problem
 from orientd_ur.kinematics import JOINT_NAMES
-from orientd_ur.link import Link
+from orientd_ur.link import Link, require_library
 from orientd_ur.pose import continued
 from orientd_ur.prediction import Prediction
 from orientd_ur.probe import look
+from orientd_ur.program_end import ProgramEnd
 from orientd_ur.recovery import NO_DASHBOARD, Recovery
 from orientd_ur.sockets import Address
 from orientd_ur.states import RuntimeState, obstacle
-from orientd_ur.ticks import ControllerClock, TickListener, TickPhase, tick_ns
+from orientd_ur.ticks import ControllerClock, TickListener, TickPhase, WriteSilence, tick_ns
 
 _RESOLVING = 5.0
 _LOOKING = 0.5
@@ -43,6 +55,8 @@ _REASON_TIMEOUT = 0.02
 _SLOW_CALL_NS = 20_000_000
 # The library can hang in any call, when it connects anew at the wrong moment.
 _LONGEST_CYCLE = 0.9
+_REACH = 1.0
+"""m at which an angle of the tool is compared with a distance."""
 _COMPARE_EVERY_NS = 1_000_000_000
 # The packages that are listened to come every 40 ms.
 _NEARLY_IN_TIME_NS = 60_000_000
@@ -67,17 +81,18 @@ class UrDriver(Driver):
         super().__init__(options, period_ns=period_ns, clock=clock)
         self._options = ur_options.check(options, period=period_ns * 1e-9)
         self._tuned = self._options
-        if importlib.util.find_spec("rtde_control") is None:
-            raise ValueError("the driver needs ur-rtde: pip install 'orientd-motion[ur]'")
         self._address = Address(self._options.host)
         self._prediction = Prediction(self._options, self._address)
-        self._link = Link(self._options.host)
+        self._link = Link(self._options.host, self._options.registers)
         self._recovery = Recovery(self._link, self._options)
         self._program = ControlProgram(self._link, self._recovery, self._options)
+        self._ending = ProgramEnd(self._link, self._recovery, self._options.stop_deceleration)
+        self._advice: tuple[str, ...] = ()
+        self._silence = WriteSilence(self._options.watchdog_hz)
         self._clock = ControllerClock()
         self._arm: Arm | None = None
         self._following: Following | None = None
-        self._is_enabled = False
+        self._is_enabled = self._is_in_fault = False
         self._timestamp = -1.0
         self._changed_ns = 0
         self._looks = 0
@@ -85,6 +100,7 @@ class UrDriver(Driver):
         self._kicked_ns = 0
         self._compared_ns = 0
         self._rotation: Vector3 = (0.0, 0.0, 0.0)
+        self._sent: tuple[Quaternion, Vector3] = (IDENTITY, ZERO)
         self._feedback: Feedback | None = None
         self._speed_scaling = 1.0
         self._listener: TickListener | None = None
@@ -92,7 +108,7 @@ class UrDriver(Driver):
 
     def diagnose(self) -> Sequence[Finding]:
         """Look at the robot with plain sockets: what it is, whether it will move, the link."""
-        return inspect(self._options)
+        return inspect(self._options, self.period_ns)
 
     @property
     def speed_scaling(self) -> float:
@@ -154,17 +170,16 @@ class UrDriver(Driver):
 
         Raises:
             LinkError: it does not answer, is held by another client, or has a version that the
-                client library cannot drive.
+                client library cannot drive; or there is no client library.
         """
+        require_library()
         host, address = self._options.host, self._address.get(_RESOLVING)
         probe = look(address, timeout=_LOOKING)
         if probe.version_problem:
             raise LinkError(f"{host}: {probe.version_problem}")
-        if self.period_ns < (cycle_ns := tick_ns(probe.version)):
-            raise LinkError(
-                f"{host} takes a setpoint every {cycle_ns * 1e-6:g} ms: `rate_hz` must be "
-                f"{1e9 / cycle_ns:g} at the most"
-            )
+        if problem := rate_problem(probe.version, self.period_ns):
+            raise LinkError(f"{host} {problem}")
+        self._advice = advice(probe.version, self._options)
         self._prediction.confirm(address)
         self._recovery.version = probe.version
         if not self._recovery.has_dashboard:
@@ -196,7 +211,9 @@ class UrDriver(Driver):
             position=(pose[0], pose[1], pose[2]),
             joints=tuple(self._link.motion()[2]),
         )
-        self._is_enabled, self._is_muted = True, False
+        self._sent = self._feedback.q, self._feedback.position
+        self._is_enabled, self._is_muted, self._is_in_fault = True, False, False
+        self._silence.begin(self.clock.now_ns())
         return self._feedback
 
     def free(self) -> None:
@@ -288,8 +305,12 @@ class UrDriver(Driver):
         if now_ns - self._compared_ns > _COMPARE_EVERY_NS:
             self._compared_ns = now_ns
             link.require_same()
-        if self._is_enabled:
-            reason = self._program.reason()
+        if self._is_in_fault:
+            # Nothing may feed the watchdog now, nor be left for a program that is played on.
+            if link.has_control and not self._is_stale():
+                self._ending.advance(now_ns)
+        elif self._is_enabled:
+            reason = self._reason(now_ns)
             if reason:
                 # The library stops the program itself when it connects anew.
                 link.require_same()
@@ -303,23 +324,46 @@ class UrDriver(Driver):
 
     def _write(self, setpoint: Setpoint) -> None:
         self._link.require()
-        if self._is_muted:
+        if self._is_muted or self._is_in_fault:
             return
         self._rotation = continued(setpoint.q, self._rotation)
+        self._sent = setpoint.q, setpoint.position
         pose = [*setpoint.position, *self._rotation]
         chosen, begun_ns = self._tuned, self.clock.now_ns()
         is_taken = self._link.servo(pose, chosen.servo_time, chosen.lookahead, chosen.gain)
+        self._silence.note(begun_ns)
         if self.clock.now_ns() - begun_ns > _SLOW_CALL_NS:
             self._link.require_same()
         if is_taken:
             return
         # The program's end is known here before the state that explains it has arrived.
         ends = time.monotonic() + _REASON_TIMEOUT
-        while not (reason := self._program.reason()) and time.monotonic() < ends:
+        while not (reason := self._reason(begun_ns)) and time.monotonic() < ends:
             self._link.require()
             time.sleep(0.001)
         self._link.require_same()
         raise DeviceFaultError(reason or "the control program takes no setpoints")
+
+    def gaps(self) -> Sequence[AxisGap]:
+        """Return how far the commanded tool is from the last setpoint, and each joint behind it."""
+        allowed = radians(self._options.arrival_tolerance_deg)
+        x, y, z, *rotation = self._link.target_pose()
+        q, position = self._sent
+        off = dist(position, (x, y, z)) / _REACH
+        turned = norm(difference(q, exp((rotation[0], rotation[1], rotation[2]))))
+        wanted, measured = self._link.joints()
+        return [
+            AxisGap("the tool that the controller commands", max(off, turned), allowed),
+            *(
+                AxisGap(f"joint {name}", a - b, allowed)
+                for name, a, b in zip(JOINT_NAMES, wanted, measured, strict=True)
+            ),
+        ]
+
+    @property
+    def arrival_time(self) -> float:
+        """As long as the controller smooths, and longer while it runs slowly; s."""
+        return max(0.5, 5.0 * self._tuned.lookahead) / max(self._speed_scaling, 1e-3)
 
     def deadline_shift_ns(self, deadline_ns: int) -> int:
         """Keep the deadlines clear of the moment at which the controller takes setpoints."""
@@ -345,6 +389,16 @@ class UrDriver(Driver):
         # That has fed the watchdog too; a kick now could meet a program that is just being stopped.
         self._kicked_ns = self.clock.now_ns()
 
+    def rest_in_fault(self) -> None:
+        """Take the stream back: the control program is ended in the cycles to come."""
+        if not self._is_in_fault:
+            self._is_in_fault = True
+            self._ending.begin()
+
+    def notices(self) -> Sequence[str]:
+        """Return what the robot's software lacks, and what was done to it during a fault."""
+        return (*self._advice, *self._ending.notices)
+
     def reset(self) -> None:
         """Unlock, power up if so configured, and play the control program again.
 
@@ -356,9 +410,12 @@ class UrDriver(Driver):
         self._link.require_same()
         self._clock.reset()
         self._await_package(LinkError(f"{self._options.host} sends no data packages"))
+        self._ending.wait()
         self._recovery.clear()
         if self._link.has_control:
             self._link.play()
+        self._is_in_fault = False
+        self._ending.forget()
         self._forget_age()
 
     def close(self) -> None:
@@ -370,6 +427,13 @@ class UrDriver(Driver):
             self._listener.close()
 
     # Parts of reading
+
+    def _reason(self, now_ns: int) -> str:
+        """Return why the robot does not follow; its own watchdog where it heard too little."""
+        reason = self._program.reason()
+        if reason and self._link.modes()[2] == RuntimeState.STOPPED:
+            return self._silence.reason(now_ns) or reason
+        return reason
 
     def _measure(self, timestamp: float, now_ns: int) -> Feedback:
         pose, speed, joints, scaling = self._link.motion()

@@ -6,30 +6,31 @@ from importlib import metadata
 
 from orientd.driver import Finding, Verdict
 from orientd.errors import LinkError
-from orientd_ur.options import UrOptions
+from orientd_ur import versions
+from orientd_ur.options import REGISTERS, UrOptions
 from orientd_ur.prediction import Prediction
 from orientd_ur.probe import Probe, look
 from orientd_ur.recovery import NO_DASHBOARD
 from orientd_ur.sockets import Address
 from orientd_ur.states import obstacle
-
-TICK = 0.002
-"""s from one package of the controller to the next."""
+from orientd_ur.ticks import tick_ns
 
 _PACKAGES = 100
 
 
-def inspect(options: UrOptions, *, timeout: float = 2.0) -> list[Finding]:
+def inspect(options: UrOptions, period_ns: int, *, timeout: float = 2.0) -> list[Finding]:
     """Look at the robot at ``options.host``; nothing on it is changed.
 
     Args:
         options: of the driver.
+        period_ns: from one setpoint to the next.
         timeout: s that each answer of the robot may take.
     """
     library = [_library()]
     try:
         address = Address(options.host).get(timeout)
-        found = look(address, timeout=timeout, packages=_PACKAGES)
+        first = REGISTERS[options.registers]
+        found = look(address, timeout=timeout, packages=_PACKAGES, first_register=first)
     except LinkError as error:
         return [
             *library,
@@ -45,12 +46,25 @@ def inspect(options: UrOptions, *, timeout: float = 2.0) -> list[Finding]:
         *library,
         Finding("reachability", f"{options.host} answers on every port", Verdict.OK),
         _version(found),
+        _rate(found, period_ns),
         _arm(options),
         _remote_control(found, is_needed=options.check_remote_control),
         _readiness(found),
         _registers(found),
         _link(found),
     ]
+
+
+def advice(version: tuple[int, ...], options: UrOptions) -> tuple[str, ...]:
+    """Return what motions will be refused for, in words."""
+    if not options.check_joints or options.tcp_offset is not None:
+        return ()
+    if versions.has("tcp_offset", version):
+        return ()
+    return (
+        f"{versions.name(version)} does not say its TCP offset, without which the joints of a "
+        "motion cannot be predicted: motions are refused until the option `tcp_offset` is set",
+    )
 
 
 def _library() -> Finding:
@@ -66,10 +80,28 @@ def _library() -> Finding:
 
 
 def _version(found: Probe) -> Finding:
-    text = "PolyScope " + ".".join(str(part) for part in found.version[:3])
+    text = versions.name(found.version)
     if found.version_problem:
         return Finding("version", text, Verdict.PROBLEM, found.version_problem)
     return Finding("version", text, Verdict.OK)
+
+
+def rate_problem(version: tuple[int, ...], period_ns: int) -> str:
+    """Return why a robot takes no setpoint every *period_ns*; nothing where it does."""
+    cycle_ns = tick_ns(version)
+    if period_ns >= cycle_ns:
+        return ""
+    return (
+        f"takes a setpoint every {cycle_ns * 1e-6:g} ms: `rate_hz` must be {1e9 / cycle_ns:g} at "
+        "the most"
+    )
+
+
+def _rate(found: Probe, period_ns: int) -> Finding:
+    text = f"{1e9 / period_ns:g} Hz"
+    if mend := rate_problem(found.version, period_ns):
+        return Finding("rate", text, Verdict.PROBLEM, f"the robot {mend}")
+    return Finding("rate", text, Verdict.OK)
 
 
 def _arm(options: UrOptions) -> Finding:
@@ -85,10 +117,14 @@ def _arm(options: UrOptions) -> Finding:
 
 
 def _remote_control(found: Probe, *, is_needed: bool) -> Finding:
-    if found.version[0] >= 10:
+    if not versions.has("a dashboard server", found.version):
         return Finding("remote control", "not known", Verdict.IMPROVE, NO_DASHBOARD)
+    if not versions.has("is in remote control", found.version):
+        text = f"{versions.name(found.version)} does not say"
+        return Finding("remote control", text, Verdict.OK)
     if found.is_remote is None:
-        return Finding("remote control", "CB3 robots do not know it", Verdict.OK)
+        mend = "look at the icon at the top right of the pendant: the robot does not say"
+        return Finding("remote control", "not known", Verdict.IMPROVE, mend)
     if found.is_remote:
         return Finding("remote control", "on", Verdict.OK)
     if not is_needed:
@@ -119,7 +155,8 @@ def _registers(found: Probe) -> Finding:
         "held by another client",
         Verdict.PROBLEM,
         "end the client that holds them: a daemon that runs with this robot, another program with "
-        "ur_rtde, or a fieldbus enabled in the installation",
+        "ur_rtde, or a fieldbus enabled in the installation; or set the option `registers` to the "
+        "other range",
     )
 
 
@@ -128,10 +165,10 @@ def _link(found: Probe) -> Finding:
         f"round trip {1e3 * found.round_trip:.2f} ms, jitter {1e3 * found.jitter:.2f} ms in "
         f"{_PACKAGES} packages"
     )
-    worst = max(found.round_trip, found.jitter)
-    if worst <= TICK:
+    worst, tick = max(found.round_trip, found.jitter), tick_ns(found.version) * 1e-9
+    if worst <= tick:
         return Finding("link", text, Verdict.OK)
-    verdict = Verdict.IMPROVE if worst <= 5.0 * TICK else Verdict.PROBLEM
+    verdict = Verdict.IMPROVE if worst <= 5.0 * tick else Verdict.PROBLEM
     return Finding(
         "link",
         text,

@@ -142,9 +142,11 @@ def examine(
                 if rate > speeds[name].value:
                     speeds[name] = Extreme(rate, time)
             if not low <= there <= high:
+                # What is too fast before that is the first thing wrong with the path.
+                _refuse_fast(speeds, arm)
                 raise LimitError(
                     f"angle of joint {name}", abs(there), high if there > high else abs(low), time,
-                    "rad", "unwind the joint first",
+                    "rad", "turn less far (a turn by a shorter `--duration`), or unwind it first",
                 )  # fmt: skip
         before, before_time = joints, time
     _refuse_fast(speeds, arm)

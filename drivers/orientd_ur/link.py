@@ -9,6 +9,7 @@ bound on every call that can wait.  All of it happens on the thread that calls.
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import time
 from typing import Any
 
@@ -19,6 +20,7 @@ from orientd_ur.states import RuntimeState
 
 VARIABLES = [
     "timestamp",
+    "target_q",
     "actual_q",
     "actual_TCP_pose",
     "actual_TCP_speed",
@@ -39,11 +41,22 @@ _REGISTER_RETRIES = 10
 _KEPT: list[Any] = []
 
 
+def require_library() -> None:
+    """Do nothing where the client library is installed.
+
+    Raises:
+        LinkError: it is not.
+    """
+    if importlib.util.find_spec("rtde_control") is None:
+        raise LinkError("the driver needs ur-rtde: pip install 'orientd-motion[ur]'")
+
+
 class Link:
     """The receiving and the controlling connection to one robot.
 
     Args:
         host: the robot's name, for messages.
+        registers: which the control program uses, ``lower`` or ``upper``.
 
     Attributes:
         is_lost: whether the library must not be touched any more.
@@ -51,8 +64,9 @@ class Link:
             that are made every cycle.
     """
 
-    def __init__(self, host: str) -> None:
+    def __init__(self, host: str, registers: str = "lower") -> None:
         self.host = host
+        self._registers = registers
         self.address = ""
         self.is_lost = False
         self._receive: Any = None
@@ -94,15 +108,26 @@ class Link:
         for attempt in range(_REGISTER_RETRIES):
             try:
                 with process_ends_after(_CONSTRUCTION_LIMIT):
-                    self._control = module.RTDEControlInterface(self.address)
+                    interface = module.RTDEControlInterface
+                    flags = interface.FLAG_UPLOAD_SCRIPT
+                    if self._registers == "upper":
+                        flags |= interface.FLAG_UPPER_RANGE_REGISTERS
+                    self._control = interface(self.address, -1.0, flags)
                 break
             except RuntimeError as error:
                 text = " ".join(str(error).split())
+                if "failed to start control script" in text.lower():
+                    raise DeviceFaultError(f"{self.host} does not play the control program") from (
+                        error
+                    )
                 if "in use" not in text.lower():
                     raise DeviceFaultError(f"{self.host}: {text}") from error
                 if attempt == _REGISTER_RETRIES - 1:
+                    other = "lower" if self._registers == "upper" else "upper"
                     raise LinkError(
-                        f"another client holds the registers of {self.host}; end it first ({text})"
+                        f"another client holds the {self._registers} registers of {self.host}: a "
+                        "program with RTDE, or a fieldbus of the installation; end it, or set the "
+                        f"option `registers` to {other}"
                     ) from error
                 # A controller gives registers back a moment after their holder has gone.
                 time.sleep(0.1)
@@ -169,6 +194,10 @@ class Link:
             receive.getActualQ(),
             receive.getSpeedScaling() * receive.getTargetSpeedFraction(),
         )
+
+    def joints(self) -> tuple[list[float], list[float]]:
+        """Return the joint angles that the controller commands, and those that it measures."""
+        return self._receive.getTargetQ(), self._receive.getActualQ()
 
     def target_pose(self) -> list[float]:
         """Return the pose the controller commands."""

@@ -22,6 +22,9 @@ A motion may have a ``lookahead``, ``gain`` and ``servo_time`` of its own, its `
     ``[x, y, z, rx, ry, rz]`` of the tool in the flange, m and rad; default what the robot has.
 ``payload_mass``, ``payload_cog``
     kg, and the centre of gravity ``[x, y, z]`` in m; default what the robot has.
+``registers``
+    which RTDE registers the control program uses: ``lower`` (0 to 23, default) or ``upper`` (24 to
+    47, from PolyScope 3.9 and 5.3 on), where a fieldbus holds the lower ones.
 ``watchdog_hz``
     1 to 100, default 10: the robot ends the program when it hears less often.
 ``feedback_timeout``
@@ -36,6 +39,11 @@ A motion may have a ``lookahead``, ``gain`` and ``servo_time`` of its own, its `
     s, default 8: how long a reset tries to unlock a protective stop; a robot refuses for 5 s.
 ``release_brakes``
     whether a reset powers the arm and releases its brakes; default true.
+``arrival_tolerance_deg``
+    degrees, 0.05 to 10, default 0.5: a motion is done once every joint, and the tool that the
+    controller commands, is as near to its end; where that takes longer than half a second (longer
+    with a lookahead above 0.1 s or a slow speed slider), it is a fault.  A millimetre of the tool
+    counts as a milliradian.
 ``keep_phase``
     whether to move the deadlines slowly to where the controller's cycle takes every setpoint;
     default true.
@@ -65,7 +73,10 @@ _NUMBERS: dict[str, tuple[float, float, float]] = {
     "link_timeout": (0.05, 2.0, 0.5),
     "stop_deceleration": (0.1, 40.0, 10.0),
     "unlock_timeout": (0.1, 15.0, 8.0),
+    "arrival_tolerance_deg": (0.05, 10.0, 0.5),
 }
+REGISTERS = {"lower": 0, "upper": 24}
+"""The first register of each range."""
 TUNABLE = ("lookahead", "gain", "servo_time")
 """What a motion may have otherwise than the configuration says."""
 _SWITCHES = ("release_brakes", "keep_phase", "check_remote_control", "check_joints")
@@ -88,11 +99,13 @@ class UrOptions:
     link_timeout: float
     stop_deceleration: float
     unlock_timeout: float
+    arrival_tolerance_deg: float
     tcp_offset: Vector | None
     payload_mass: float | None
     payload_cog: Vector
     release_brakes: bool
     keep_phase: bool
+    registers: str
     check_joints: bool
     check_remote_control: bool
 
@@ -108,6 +121,7 @@ def check(given: Mapping[str, Any], *, period: float) -> UrOptions:
         ValueError: an option is unknown, missing or not allowed; the message names it.
     """
     known = {"host", "model", "start_joints", "payload_mass", "tcp_offset", "payload_cog"}
+    known.add("registers")
     known |= {*_NUMBERS, *_SWITCHES}
     check_names(given, known)
     host = given.get("host")
@@ -134,6 +148,7 @@ def check(given: Mapping[str, Any], *, period: float) -> UrOptions:
         model=None if model is None else MODELS[choice("model", model, MODELS)],
         start_joints=numbers("start_joints", given.get("start_joints", _START_JOINTS), 6),
         tcp_offset=None if offset is None else numbers("tcp_offset", offset, 6),
+        registers=choice("registers", given.get("registers", "lower"), REGISTERS),
         payload_mass=None if mass is None else number("payload_mass", mass, 0.0, _HEAVIEST),
         payload_cog=numbers("payload_cog", given.get("payload_cog", (0.0, 0.0, 0.0)), 3),
         **{name: switch(name, given.get(name, True)) for name in _SWITCHES},

@@ -86,11 +86,13 @@ class Prediction:
         """
         ends = time.monotonic() + TIMEOUT
         address = self._address.get(TIMEOUT)
-        place = whereabouts(address, timeout=max(ends - time.monotonic(), 0.05))
+        left, offset = max(ends - time.monotonic(), 0.05), self._options.tcp_offset
+        place = whereabouts(address, timeout=left, tcp_offset=offset)
         if self._arm is None or not _fits(self._arm, place):
             # Another robot may have taken the place of the one that was asked.
             self._arm = self._identify(address, max(ends - time.monotonic(), 0.05))
-        if not _fits(self._arm, place):
+        # The tool of the options is set only once the device is enabled.
+        if place.is_offset_told and not _fits(self._arm, place):
             raise LinkError(
                 f"{self._options.host} says where its joints and its tool are, and they do not "
                 f"agree for the {self._arm.name}; `check_joints = false` plans without its joints"

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from orientd.errors import LinkError
-from orientd_ur import rtde
+from orientd_ur import rtde, versions
 from orientd_ur.dashboard import Dashboard
 from orientd_ur.rtde_client import RtdeClient
 from orientd_ur.sockets import SCRIPT_PORT
@@ -44,22 +44,17 @@ class Probe:
     @property
     def version_problem(self) -> str:
         """Why the client library cannot drive this version; nothing where it can."""
-        major, minor = self.version[:2]
-        text = ".".join(str(part) for part in self.version[:3])
-        if major == 5 and minor < 4:
-            return f"PolyScope {text} ends the client library; 5.4 or newer is needed"
-        if major == 10 and minor < 10:
-            return f"PolyScope {text} takes no script upload; 10.10 or newer is needed"
-        return ""
+        return versions.problem(self.version)
 
 
-def look(host: str, *, timeout: float = 2.0, packages: int = 5) -> Probe:
+def look(host: str, *, timeout: float = 2.0, packages: int = 5, first_register: int = 0) -> Probe:
     """Look at the controller at *host*.
 
     Args:
         host: its address.
         timeout: s that each answer may take.
         packages: how many data packages to wait for, 2 or more.
+        first_register: of those that the control program uses.
 
     Raises:
         LinkError: something does not answer; the message says what.
@@ -83,12 +78,15 @@ def look(host: str, *, timeout: float = 2.0, packages: int = 5) -> Probe:
             begun = time.monotonic()
             version = rtde.controller_version(client.ask(rtde.package(rtde.CONTROLLER_VERSION)))
             trips.append(time.monotonic() - begun)
-        if missing is not None and version[0] < 10:
+        if missing is not None and versions.has("a dashboard server", version):
             raise missing
         # Only asked for, and given back with the connection's end.
-        inputs = client.ask(rtde.inputs_request("input_int_register_0", "input_double_register_0"))
-        if b"NOT_FOUND" in client.ask(rtde.outputs_request(500.0 if version[0] > 3 else 125.0)):
-            raise LinkError(f"{host} lacks one of the variables {', '.join(rtde.PROBED)}")
+        kinds = ("int", "double")
+        names = [f"input_{kind}_register_{first_register}" for kind in kinds]
+        inputs = client.ask(rtde.inputs_request(*names))
+        frequency = 500.0 if version[0] > 3 else 125.0
+        if lacks := rtde.missing(client.ask(rtde.outputs_request(frequency)), rtde.PROBED):
+            raise LinkError(f"{host} does not know the RTDE variable {', '.join(lacks)}")
         client.ask(rtde.package(rtde.START))
         arrivals, latest = [], (0.0, 0, 0, 0)
         for _ in range(max(2, packages)):
@@ -100,8 +98,7 @@ def look(host: str, *, timeout: float = 2.0, packages: int = 5) -> Probe:
         raise LinkError(f"no script port at {host}:{SCRIPT_PORT}: {error}") from error
     return Probe(
         version=version,
-        # CB3 robots do not know it.
-        is_remote=is_remote if version[0] >= 5 else None,
+        is_remote=is_remote if versions.has("is in remote control", version) else None,
         robot_mode=latest[1],
         safety_mode=latest[2],
         runtime_state=latest[3],
@@ -118,25 +115,41 @@ class Place(NamedTuple):
         joints: rad.
         pose: of the tool, m and rad.
         tcp_offset: pose of the tool in the flange, m and rad.
+        is_offset_told: whether the controller said that offset.
     """
 
     joints: tuple[float, ...]
     pose: tuple[float, ...]
     tcp_offset: tuple[float, ...]
+    is_offset_told: bool = True
 
 
-def whereabouts(address: str, *, timeout: float = 0.5) -> Place:
+def whereabouts(
+    address: str, *, timeout: float = 0.5, tcp_offset: tuple[float, ...] | None = None
+) -> Place:
     """Return where the controller at *address* commands its arm to be.
 
     Args:
         address: of the controller.
         timeout: s for the whole of it.
+        tcp_offset: of the tool, m and rad, where the controller does not say it.
 
     Raises:
-        LinkError: it does not answer.
+        LinkError: it does not answer, or does not say what is needed.
     """
+    names: tuple[str, ...] = rtde.PLACE
     with RtdeClient(address, timeout, total=timeout) as client:
-        if b"NOT_FOUND" in client.ask(rtde.outputs_request(125.0, rtde.PLACE)):
-            raise LinkError(f"{address} lacks one of the variables {', '.join(rtde.PLACE)}")
+        lacks = rtde.missing(client.ask(rtde.outputs_request(125.0, names)), names)
+        if lacks == [rtde.TCP_OFFSET]:
+            if tcp_offset is None:
+                raise LinkError(
+                    f"{address} does not say its TCP offset, as newer software does "
+                    f"({versions.first_versions(rtde.TCP_OFFSET)}); set the option `tcp_offset`"
+                )
+            names = names[:2]
+            lacks = rtde.missing(client.ask(rtde.outputs_request(125.0, names)), names)
+        if lacks:
+            raise LinkError(f"{address} does not know the RTDE variable {', '.join(lacks)}")
         client.ask(rtde.package(rtde.START))
-        return Place(*rtde.place(client.await_kind(rtde.DATA)))
+        joints, pose, *offset = rtde.vectors(client.await_kind(rtde.DATA), len(names))
+        return Place(joints, pose, *(offset or (tcp_offset or (), False)))

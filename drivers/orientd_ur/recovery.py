@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 
 from orientd.errors import DeviceFaultError
+from orientd_ur import versions
 from orientd_ur.dashboard import Dashboard
 from orientd_ur.link import Link
 from orientd_ur.options import UrOptions
@@ -22,7 +23,13 @@ _STOPPING = 1.0
 
 NO_DASHBOARD = (
     "PolyScope X has no dashboard server: unlock protective stops, power the arm and release its "
-    "brakes on the pendant; whether it is in remote control is not known"
+    "brakes on the pendant; whether it is in remote control, as it must be, is not known"
+)
+
+PLAYING_NEEDS = (
+    "PolyScope X plays it in remote control only (switch at the top of the pendant), with RTDE and "
+    "the primary and secondary clients allowed in its security settings, and while no other "
+    "program runs, that of a URCapX included"
 )
 
 
@@ -43,7 +50,7 @@ class Recovery:
     @property
     def has_dashboard(self) -> bool:
         """Whether this software has a dashboard server."""
-        return self.version[0] < 10
+        return versions.has("a dashboard server", self.version)
 
     def require_readiness(self) -> None:
         """Do nothing where the arm may be moved from here.
@@ -95,8 +102,8 @@ class Recovery:
 
     @property
     def _needs_remote(self) -> bool:
-        # CB3 robots know no remote control.
-        return self._options.check_remote_control and 5 <= self.version[0] < 10
+        is_known = versions.has("is in remote control", self.version)
+        return self._options.check_remote_control and is_known
 
     @contextlib.contextmanager
     def _dashboard(self) -> Iterator[Dashboard | None]:
@@ -107,7 +114,7 @@ class Recovery:
             yield dashboard
 
     def _require_remote(self, dashboard: Dashboard) -> None:
-        if not dashboard.is_remote:
+        if dashboard.is_remote is False:
             raise DeviceFaultError(
                 f"{self._options.host} is in local control; switch it to remote control on the "
                 "pendant"

@@ -18,8 +18,10 @@ DATA = ord("U")
 _HEADER = struct.Struct(">HB")
 
 PROBED = ("timestamp", "robot_mode", "safety_mode", "runtime_state")
-PLACE = ("target_q", "target_TCP_pose", "tcp_offset")
-_PLACE = struct.Struct(">B6d6d6d")
+TCP_OFFSET = "tcp_offset"
+PLACE = ("target_q", "target_TCP_pose", TCP_OFFSET)
+_NUMBER = 8
+_VECTOR = 6
 _SAMPLE = struct.Struct(">BdiiI")
 _TIMESTAMP = struct.Struct(">Bd")
 
@@ -94,13 +96,20 @@ def timestamp(payload: bytes) -> float:
     return float(_TIMESTAMP.unpack_from(payload)[1])
 
 
-def place(payload: bytes) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
-    """Return joints, pose of the tool and its offset of a data package of :data:`PLACE`.
+def missing(answer: bytes, names: Sequence[str]) -> list[str]:
+    """Return which of the variables *names* a controller does not know, by its *answer*."""
+    kinds = answer[1:].decode("ascii", "replace").split(",")
+    return [one for one, kind in zip(names, kinds, strict=False) if kind.strip() == "NOT_FOUND"]
+
+
+def vectors(payload: bytes, count: int) -> list[tuple[float, ...]]:
+    """Return the numbers of a data package of *count* variables of six numbers each.
 
     Raises:
         ValueError: the payload is not as asked for.
     """
-    if len(payload) != _PLACE.size:
-        raise ValueError(f"a place is {_PLACE.size} bytes, got {len(payload)}")
-    numbers = _PLACE.unpack(payload)
-    return numbers[1:7], numbers[7:13], numbers[13:19]
+    size = 1 + count * _VECTOR * _NUMBER
+    if len(payload) != size:
+        raise ValueError(f"a place is {size} bytes, got {len(payload)}")
+    numbers = struct.unpack(f">B{count * _VECTOR}d", payload)[1:]
+    return [numbers[_VECTOR * k : _VECTOR * (k + 1)] for k in range(count)]

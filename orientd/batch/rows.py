@@ -26,6 +26,7 @@ _FIGURES = (
     "keyframe_error",
     "brake_rate",
     "stop_time",
+    "usual_stop_time",
 )
 FLOATS = (*_FIGURES, *(f"{kind}_{name}" for name in _PEAKS for kind in ("peak", "limit")))
 TEXTS = ("name", "outcome", "refusal", "notes")

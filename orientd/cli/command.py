@@ -25,6 +25,12 @@ Socket = Annotated[
     Path | None,
     typer.Option("--socket", help="Where the daemon listens.", envvar="ORIENTD_SOCKET"),
 ]
+Partial = Annotated[
+    bool, typer.Option("--partial", help="Use what can be read of a cut or damaged recording.")
+]
+Topic = Annotated[
+    str, typer.Option("--topic", "-t", help="Which orientation, where there are several.")
+]
 DeviceName = Annotated[
     str,
     typer.Option(

@@ -18,7 +18,7 @@ PATIENCE = 0.5
 
 MOTIONS = (".yaml", ".yml", ".json")
 SETTINGS = (".toml",)
-TAKES = (".mcap", ".csv", ".db3")
+TAKES = (".mcap", ".csv", ".tum", ".txt", ".db3")
 
 
 def devices(context: typer.Context, incomplete: str) -> list[str]:
@@ -71,4 +71,4 @@ def drawable(incomplete: str) -> list[str]:
     from orientd.plots import FIGURES
 
     named = [name for name in (*METHODS, *FIGURES) if name.startswith(incomplete)]
-    return named + files(*MOTIONS, ".mcap")(incomplete)
+    return named + files(*MOTIONS, *TAKES)(incomplete)

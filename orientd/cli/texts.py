@@ -153,11 +153,22 @@ def certificate(of: Certificate) -> list[str]:
     lines += [
         f"end velocities       met to {of.start_velocity_error:.1e} and "
         f"{of.end_velocity_error:.1e} rad/s",
-        f"keyframes            met to {of.keyframe_error:.1e} rad",
-        f"a stop on the path   {of.stop_time:.3f} s at the most",
+        *(
+            ["control points       not passed"]
+            if of.has_control_points
+            else [f"keyframes            met to {of.keyframe_error:.1e} rad"]
+        ),
+        f"a stop on the path   {stop_time(of)}",
     ]
-    lines += [f"the device           {note}" for note in of.notes]
+    lines += [f"note                 {note}" for note in of.notes]
     return lines
+
+
+def stop_time(of: Certificate) -> str:
+    """Return how long a stop on the path usually takes, and at the most."""
+    most = f"{of.stop_time:.3f} s at the most"
+    usual = of.usual_stop_time
+    return f"about {usual:.3f} s, {most}" if 0.0 < usual < 0.999 * of.stop_time else most
 
 
 def speed_left(speed: float) -> list[str]:

@@ -23,9 +23,10 @@ from orientd.curves.keyframes import (
     check_keys,
     check_turns,
     check_vector,
+    increments,
     resolve_times,
 )
-from orientd.rotation import Floats, align, conjugate, log, multiply, rotate
+from orientd.rotation import Floats, align, conjugate, rotate
 
 if TYPE_CHECKING:
     from orientd.curves.contract import Curve
@@ -284,7 +285,7 @@ def _between_two(names: frozenset[str], task: CurveTask) -> dict[str, Any]:
     start, end = float(task.times[0]), float(task.times[1])
     made: dict[str, Any] = {"q0": task.keys[0], "q1": task.keys[1], "t0": start, "t1": end}
     if "omega0" in names:
-        even = log(multiply(conjugate(task.keys[0]), task.keys[1])) / (end - start)
+        even = 2.0 * increments(align(task.keys))[0] / (end - start)
         for name, omega in zip(("omega0", "omega1"), task.wanted, strict=True):
             made[name] = even if omega is None else omega
     if "alpha0" in names and task.alpha_start is not None:

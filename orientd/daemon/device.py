@@ -71,11 +71,12 @@ class Device(SupervisedDevice):
         cycle = self._servo.running().newest()
         if cycle is None or cycle.state is not ServoState.HOLDING:
             state = "not ready" if cycle is None else cycle.state.name.lower()
+            problem = self._servo.fault_text
             advice = {
-                "idle": "; enable it first",
+                "idle": f": {problem}; then reset it" if problem else "; enable it first",
                 "streaming": "; stop the present motion first",
                 "tracking": "; end the following of targets first",
-                "fault": f": {self._servo.fault_text}; reset it first",
+                "fault": f": {problem}; reset it first",
             }.get(state, "")
             raise StateError(f"device {self.name} is {state}, not holding{advice}")
         return PlannedState.at_rest(cycle.q, cycle.position)

@@ -32,7 +32,8 @@ TICK = 0.01
 """How often the thread looks at the servo, s."""
 
 _READ_AHEAD = 8.0
-"""Path time that the ring holds ahead of the servo, s; it has room for as much again."""
+"""Path time that the ring holds ahead of the servo, s, and more where a stop takes longer; it has
+room for as much again at the least."""
 
 _RESTART = 0.8
 """How long a reset, or a servo that it starts again, is waited for before it is pending, s."""

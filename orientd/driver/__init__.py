@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from orientd.driver.values import (
         IDENTITY,
         ZERO,
+        AxisGap,
         ComingPose,
         Feedback,
         Figure,

@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 from orientd.clock import Clock
 from orientd.driver.finding import Finding
 from orientd.driver.values import (
+    AxisGap,
     ComingPose,
     Feedback,
     PartHealth,
@@ -67,6 +68,11 @@ class Driver(ABC):
         more than a four-hundredth of a period.
         """
         return 0
+
+    @property
+    def sent_joints(self) -> tuple[float, ...]:
+        """The axis angles that were sent last, rad; empty where the driver sends none."""
+        return ()
 
     @property
     def is_spent(self) -> bool:
@@ -135,6 +141,7 @@ class Driver(ABC):
         joints: tuple[float, ...],  # noqa: ARG002
         before: Sequence[tuple[float, ...]] = (),  # noqa: ARG002
         rates: Vector3 = (math.inf, math.inf, math.inf),  # noqa: ARG002
+        free: float = 0.0,  # noqa: ARG002
     ) -> ShapedPath | None:
         """Return the path that the device's axes will follow, where that is not any path.
 
@@ -144,12 +151,14 @@ class Driver(ABC):
         Args:
             period: of the grid, s.
             orientations: of the whole motion up to its rest, a period apart.
-            joints: axis angles where the motion begins, rad: those planned, or those that the
-                device last reported; empty where they are not known.
+            joints: axis angles where the motion begins, rad: those planned or sent, or those that
+                the device last reported; empty where they are not known.
             before: axis angles that were planned for the periods before a motion that begins while
                 the device moves, the oldest first; empty where it begins at rest.
             rates: largest angular velocity, acceleration and jerk that the tool may have where the
                 device leaves the path or its times; rad/s, rad/s^2, rad/s^3.
+            free: up to which path time the path may stand while an axis turns at a pole, s; the
+                path as it is has been refused then.
 
         Returns:
             ``None`` where the device follows the path as it is.
@@ -194,23 +203,31 @@ class Driver(ABC):
         joints: tuple[float, ...],  # noqa: ARG002 - most devices go the shortest way
         q: Quaternion,  # noqa: ARG002
         *,
+        period: float,  # noqa: ARG002
+        rates: Vector3,  # noqa: ARG002
+        least: float,  # noqa: ARG002
         is_refused: bool,  # noqa: ARG002
-    ) -> Sequence[Quaternion]:
-        """Return the orientations to pass on the way to *q*, where the shortest turn is not it.
+    ) -> ShapedPath | None:
+        """Return how the axes turn together from rest to rest at *q*, where that is the way to go.
 
         Called where :meth:`shape` is, for a motion with a single keyframe that begins at rest.
 
         Args:
             joints: axis angles where the device is, rad.
             q: the keyframe.
-            is_refused: whether :meth:`shape` has refused the shortest turn for the angle of an
-                axis.
+            period: of the cycles, s.
+            rates: as for :meth:`shape`.
+            least: how long it lasts at least, s.
+            is_refused: whether :meth:`shape` has refused the shortest turn of the tool.
 
         Returns:
-            From where the device is to where the motion ends, no two a half turn apart; empty for
-            the shortest turn.
+            The way, its path times from 0 to its duration; ``None`` for the shortest turn.
+
+        Raises:
+            LimitError: no axis angles inside their limits make *q*; the message names the axis.
+            PlanError: there is no way for another reason.
         """
-        return ()
+        return None
 
     def pointed(self, direction: Vector3, axis: str) -> Quaternion | None:  # noqa: ARG002 - most devices roll as they like
         """Return the orientation with which the device's axes point best where the roll is free.
@@ -242,9 +259,11 @@ class Driver(ABC):
         return ()
 
     def notices(self) -> Sequence[str]:
-        """Return what there is to say of the device once it is open, or reset, in words.
+        """Return what there is to say of the device, in words.
 
-        What was changed in it, and what keeps it from doing better; each is a warning.
+        What was changed in it, what keeps it from doing better, what somebody did to it in a fault.
+        Each is a warning, given once until the next reset.  Called when the device is open, after a
+        reset, and once a second, in a cycle; must neither wait nor raise.
         """
         return ()
 
@@ -304,15 +323,33 @@ class Driver(ABC):
         """Send *setpoint*.  Called every cycle while enabled, after :meth:`read`."""
 
     def follow(self, setpoint: Setpoint) -> Quaternion:
-        """Send *setpoint*, of targets that are followed, or what the device's axes can do of it.
+        """Send *setpoint*, which is on no planned path, or what the device's axes can do of it.
 
-        Called in place of :meth:`write` while targets are followed, of which no path was planned.
+        Called in place of :meth:`write` while targets are followed, and while the device comes to
+        rest off its path.
 
         Returns:
             The orientation that was sent.
         """
         self.write(setpoint)
         return setpoint.q
+
+    def gaps(self) -> Sequence[AxisGap]:
+        """Return how far every axis is from where it was last sent, by the newest feedback.
+
+        Called in each cycle after the last setpoint of a motion, until all axes are within their
+        tolerances: the motion is done then.  Where one is not after :attr:`arrival_time`, that is a
+        fault of the device.  Must neither wait nor raise.
+
+        Returns:
+            Empty where the device cannot tell: its motions are done with their last setpoints.
+        """
+        return ()
+
+    @property
+    def arrival_time(self) -> float:
+        """How long the axes may take to arrive after the last setpoint of a motion, s."""
+        return 0.5
 
     def foresee(self, coming: Sequence[ComingPose]) -> str:  # noqa: ARG002 - most devices follow any pose
         """Return why the device's axes cannot follow what comes next, or an empty string.
@@ -356,8 +393,8 @@ class Driver(ABC):
         """Leave the device where it is from now on, whatever setpoint it still gets.
 
         Called once a fault has brought everything to rest, before :meth:`disable` where that
-        follows at once; :meth:`write` may go on being called with the setpoint that is held.  Must
-        neither wait nor raise.
+        follows at once, and again for every stop in the fault; :meth:`write` may go on being called
+        with the setpoint that is held.  Must neither wait nor raise.
         """
 
     def reset(self) -> None:  # noqa: B027 - most devices need nothing

@@ -100,6 +100,8 @@ class ShapedPath(NamedTuple):
         joints: axis angles at each of them, rad, unwrapped.
         figures: what holds for it.
         notes: what there is to say of it, in words, a line each.
+        joint_limits: largest velocity and acceleration of every axis, rad/s and rad/s^2, which
+            stops, pauses and other speeds are to keep, too; empty where the axes have none.
     """
 
     orientations: Sequence[Quaternion]
@@ -107,6 +109,24 @@ class ShapedPath(NamedTuple):
     joints: Sequence[tuple[float, ...]]
     figures: tuple[Figure, ...] = ()
     notes: tuple[str, ...] = ()
+    joint_limits: Sequence[tuple[float, float]] = ()
+
+
+class AxisGap(NamedTuple):
+    """How far one axis of a device is from where it was last sent.
+
+    Attributes:
+        name: of the axis, as messages name it.
+        gap: angle from where it was measured to where it was sent, rad.
+        tolerance: how large that may be where the axis has arrived, rad.
+        load: what the axis draws or carries, in words, for example ``0.45 A``; empty where the
+            device does not tell.
+    """
+
+    name: str
+    gap: float
+    tolerance: float
+    load: str = ""
 
 
 class PartHealth(NamedTuple):

@@ -33,7 +33,6 @@ def find_increments(
 ) -> int: ...
 def interpolate_c2(
     keyframes: Floats,
-    is_aligned: bool,
     times: Floats,
     given: Floats,
     start_known: int,
@@ -121,17 +120,17 @@ def ramps_of_stop(
     state: Floats, limits: Floats, period: float, ends: Floats, w: Floats, durations: Floats, /
 ) -> int: ...
 def find_connector(
-    start: Floats, end: Floats, limits: Floats, period: float, least: float, q: Floats, w: Floats,
-    times: Floats, /,
+    start: Floats, end: Floats, limits: Floats, period: float, least: float, most_turn: float,
+    q: Floats, w: Floats, times: Floats, /,
 ) -> bool: ...  # fmt: skip
 def guess_connector(
     start: Floats, end: Floats, limits: Floats, period: float, least: float, rates: float,
     duration: float, q: Floats, w: Floats, times: Floats, /,
 ) -> None: ...  # fmt: skip
 def shorten_connector(
-    start: Floats, end: Floats, limits: Floats, period: float, least: float, longest: float,
-    ease: float, q: Floats, w: Floats, times: Floats, joins: Floats, increments: Floats,
-    breaks: Floats, /,
+    start: Floats, end: Floats, limits: Floats, period: float, least: float, most_turn: float,
+    longest: float, ease: float, q: Floats, w: Floats, times: Floats, joins: Floats,
+    increments: Floats, breaks: Floats, /,
 ) -> int: ...  # fmt: skip
 def sample_product(
     times: Floats, breaks: Floats, base: Floats, axes: Floats, lengths: Floats,

@@ -10,10 +10,11 @@ import numpy as np
 from orientd.driver import ShapedPath
 from orientd.errors import StartError
 from orientd.planner import refusal
-from orientd.planner.certify import Rough, before, measure, summed_up
+from orientd.planner.certify import Rough, before, joint_brake, measure, summed_up
 from orientd.planner.motion import Motion
 from orientd.planner.path import SAME_ANGLE, Path, TablePath
 from orientd.rotation import Floats, angle, check_unit
+from orientd.stream import NO_SHARES
 from orientd.tolerances import GUARD_TOLERANCE
 
 _SAME_TIME = 1e-9
@@ -96,11 +97,18 @@ def reshaped(
         brake_limits=motion.limits.scaled(GUARD_TOLERANCE),
         rough=rough,
     )
+    shares = NO_SHARES
+    if len(shape.joint_limits):
+        brake = joint_brake(joints, path.earlier, period, shape.joint_limits)
+        shares = brake.shares
+        if brake.rate < peaks.brake_rate:
+            peaks = replace(peaks, brake_rate=brake.rate, brake_time=brake.record * period)
     times = np.array(keyframes)
     place = refusal.Place(request, float(begin), float(end), times)
     refusal.check_limits(peaks, place)
     refusal.check_stop(peaks, place)
-    certificate = summed_up(request, path, (float(begin), float(end)), times, peaks, period)
+    ends = float(begin), float(end)
+    certificate = summed_up(request, path, ends, times, peaks, period, motion.limits)
     return replace(
         motion,
         path=path,
@@ -109,9 +117,12 @@ def reshaped(
         keyframe_times=times,
         record_count=len(path_times),
         certificate=replace(
-            certificate, figures=(*certificate.figures, *shape.figures), notes=shape.notes
+            certificate,
+            figures=(*certificate.figures, *shape.figures),
+            notes=(*motion.certificate.notes, *shape.notes),
         ),
         rough=rough,
         first_joints=path.joints_at(0),
         last_joints=path.joints_at(len(path_times) - 1),
+        joint_shares=shares,
     )

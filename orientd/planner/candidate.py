@@ -89,7 +89,7 @@ def with_leads(
         segment = segment.without(joint.end)
     end = begin + keyframe_path.duration
     segments.append(segment)
-    segments += _leads_out(last, end, limits, period)
+    segments += leads_out(last, end, limits, period)
     path = Path.joined(segments, positions, start.q)
     return CandidateMotion(path, begin, end, keyframe_path.times + begin, rough, keyframe_path)
 
@@ -103,6 +103,7 @@ def to_single(
     caution: Caution = Caution.NONE,
     *,
     is_even: bool,
+    share: float,
     jerk_share: float,
 ) -> CandidateMotion:
     """Return the path to a single keyframe, and to rest behind it if it is passed.
@@ -115,7 +116,8 @@ def to_single(
         period: of the device, s.
         caution: how to lead in.
         is_even: whether to keep the reserve of an even pace from rest, too.
-        jerk_share: of the jerk to use from rest to rest.
+        share: of the acceleration to use from rest to rest.
+        jerk_share: of the jerk.
 
     Raises:
         PlanError: the end velocity is one that the limits do not permit.
@@ -130,7 +132,13 @@ def to_single(
     turn, total = None, request.total
     if is_free and not (is_even and total is None):
         turn = approach(
-            start.q, target.q, limits, is_even=is_even, jerk_share=jerk_share, is_part=False
+            start.q,
+            target.q,
+            limits,
+            is_even=is_even,
+            share=share,
+            jerk_share=jerk_share,
+            is_part=False,
         )
     if total is not None:
         if turn is None:
@@ -153,13 +161,18 @@ def to_single(
         is_even=is_even,
     )
     end = lead.cycles * period
-    segments = [*lead.segments, *_leads_out(target, end, limits, period)]
+    segments = [*lead.segments, *leads_out(target, end, limits, period)]
     return CandidateMotion(
         Path.joined(segments, lead.positions, start.q), end, end, np.array([end]), None
     )
 
 
-def _leads_out(last: State, end: float, limits: Limits, period: float) -> list[PathSegment]:
+def leads_out(last: State, end: float, limits: Limits, period: float) -> list[PathSegment]:
+    """Return what leads to rest from a state at a path time; nothing if it is at rest.
+
+    Raises:
+        PlanError: no lead-out keeps the limits.
+    """
     if is_still(last.omega_body, last.alpha_body, limits):
         return []
     try:

@@ -8,19 +8,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import cast
 
 import numpy as np
 
-from orientd.driver import Driver, Quaternion
+from orientd.driver import Driver, Quaternion, ShapedPath
 from orientd.errors import LimitError, PlanError
 from orientd.planner.axis_path import reshaped
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.planning import plan
-from orientd.planner.request import Keyframe, MotionRequest, State
-from orientd.rotation import Floats, angle
+from orientd.planner.refusal import check_total
+from orientd.planner.request import MotionRequest, State
+from orientd.rotation import Floats
 
 _POWERS = {"rad/s": 1, "rad/s^2": 2, "rad/s^3": 3, "s": 1}
 """How what a limit is about falls with the speed; a stop takes less long, too."""
@@ -44,8 +47,6 @@ _CLOSE = 1.02
 """How near the slowest speed refused and the one that fits come to each other."""
 _GIVEN = 0.2
 """For how long after it takes over from a motion its speed is that motion's, s."""
-_THERE = 1e-6
-"""How far from where it is to go a device is there already, rad."""
 _ATTEMPTS = 16
 """Plans made at most: each costs as much as the first."""
 
@@ -83,7 +84,11 @@ def plan_to_fit(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fitting:
-    """One call of :func:`plan_to_fit`, whose arguments these are."""
+    """One call of :func:`plan_to_fit`, whose arguments these are.
+
+    Attributes:
+        free: up to which path time the path may stand while an axis turns at a pole, s.
+    """
 
     driver: Driver
     start: State
@@ -92,38 +97,58 @@ class _Fitting:
     period: float
     before: Sequence[tuple[float, ...]]
     motion_id: str | None
+    free: float = 0.0
 
     def to_fit(self, request: MotionRequest) -> Motion:
         """Return what :func:`plan_to_fit` does."""
+        home = self._by_way(request)
+        if home is not None:
+            return home
+        motion = self._planned(request)
         try:
-            return self._planned(request)
-        except LimitError as error:
-            is_free = request.is_quickest and request.total is None and request.pace is None
-            if not is_free or error.quantity.startswith("angle of"):
-                raise
+            return self.followed(motion)
+        except PlanError as error:
+            refusal = error
+        is_of_angle = isinstance(refusal, LimitError) and refusal.quantity.startswith("angle of")
+        is_free = request.is_quickest and request.total is None and request.pace is None
+        if is_free and isinstance(refusal, LimitError) and not is_of_angle:
             # Axes that cannot follow the quickest motion may be able to follow a smoother one.
-            motion = self._planned(MotionRequest(**{**request.given(), "pace": "even"}))
-            note = f"at an even pace: {error}"
-            notes = (*motion.certificate.notes, note)
-            certificate = replace(motion.certificate, notes=notes)
-            return replace(motion, request=request, certificate=certificate)
+            with suppress(PlanError):
+                even = self._planned(MotionRequest(**{**request.given(), "pace": "even"}))
+                even = self.followed(even).noted(f"at an even pace: {refusal}")
+                return replace(even, request=request)
+        # As planned it has the roll that was free.
+        way = self._by_way(motion.request, refusal)
+        if way is not None:
+            return way
+        # What has times of the user's may stand before them only.
+        free = math.inf if request.times is None else motion.start_time
+        if free > 0.0:
+            with suppress(PlanError):
+                return replace(self, free=free).followed(motion)
+        raise refusal
 
     def _planned(self, request: MotionRequest) -> Motion:
-        request = self._by_way(request, is_refused=False) or request
-        motion = plan(
+        return plan(
             request,
             start=self.start,
             limits=self.limits,
             period=self.period,
             motion_id=self.motion_id,
         )
+
+    def followed(self, motion: Motion) -> Motion:
+        """Return *motion* as the axes can follow its path.
+
+        Raises:
+            PlanError: they cannot.
+        """
         try:
             return self._fitted(motion)
         except LimitError as error:
-            other = self._by_way(request, is_refused=True)
-            if other is not None and error.quantity.startswith("angle of"):
-                return replace(self, before=()).to_fit(other)
-            is_fixed = request.times is not None or error.unit not in _POWERS
+            if error.quantity.startswith("angle of"):
+                raise
+            is_fixed = motion.request.times is not None or error.unit not in _POWERS
             # No pace changes what the motion before leaves; whether one would do later is long to
             # find.
             is_given = not self.start.is_at_rest and error.time < _GIVEN and not is_fixed
@@ -204,7 +229,7 @@ class _Fitting:
                 return None
             given = motion.sample(path_times)
             try:
-                shape = self.driver.shape(period, _rows(given.q), self.joints, self.before, rates)
+                shape = self._shaped(period, _rows(given.q), rates)
                 if shape is None:
                     return None
                 cycles = period * np.arange(len(path_times), dtype=np.float64)
@@ -263,7 +288,7 @@ class _Fitting:
     ) -> Floats:
         """Return the pace that the driver finds for the times of *span*, up to *finest* a cycle."""
         period, (begin, end) = motion.period, span
-        cycles = round((end - begin) / period)
+        cycles = math.ceil((end - begin) / period - 1e-9)
         finest = min(finest, max(1, _MOST_SAMPLES // (cycles + 1)))
         grid = period / finest
         path = _rows(motion.sample(begin + grid * np.arange(cycles * finest + 1)).q)
@@ -272,28 +297,65 @@ class _Fitting:
         path_times = self.driver.pace(
             period, path, grid=grid, fixed=fixed, rates=rates, share=share
         )
-        return begin + np.asarray(path_times, dtype=np.float64)
+        return np.minimum(begin + np.asarray(path_times, dtype=np.float64), end)
 
-    def _by_way(self, request: MotionRequest, *, is_refused: bool) -> MotionRequest | None:
-        """Return the request to go to a single keyframe by the way the driver knows, if any."""
-        if not (request.is_single and self.joints and self.start.is_at_rest):
+    def _by_way(self, request: MotionRequest, refusal: PlanError | None = None) -> Motion | None:
+        """Return the motion in which the axes turn together to a single keyframe, if there is one.
+
+        Args:
+            request: what to do.
+            refusal: why the axes cannot follow the shortest turn; ``None`` where it is not tried.
+
+        Raises:
+            PlanError: it takes longer than asked for, breaks a limit, or begins in motion.
+        """
+        is_moving = not self.start.is_at_rest
+        if not (request.is_single and self.joints) or (is_moving and refusal is not None):
             return None
         (keyframe,) = request.keyframes
-        passed = self.driver.way(self.joints, keyframe.q, is_refused=is_refused)
-        if not passed:
+        if request.omega_end is not None or keyframe.turns:
             return None
-        if len(passed) == 2 and angle(self.start.q, passed[-1]) < _THERE:
-            return replace(request, keyframes=[replace(keyframe, q=passed[-1])])
-        first = Keyframe((*self.start.q.tolist(),))
-        ways = [first, *(Keyframe(q) for q in passed[1:-1]), replace(keyframe, q=passed[-1])]
-        return replace(request, keyframes=ways, approach=False)
+        way = partial(
+            self.driver.way,
+            self.joints,
+            keyframe.q,
+            period=self.period,
+            rates=_rates(self.limits.narrowed(request.limits)),
+            is_refused=refusal is not None,
+        )
+        shape = way(least=0.0)
+        if shape is None:
+            return None
+        if is_moving:
+            raise PlanError("the axes turn together from rest only; stop first")
+        quickest = shape.path_times[-1]
+        pace = request.pace if isinstance(request.pace, float | int) else 1.0
+        seconds = request.total or quickest / pace
+        check_total(seconds, quickest)
+        if seconds > quickest:
+            shape = way(least=seconds) or shape
+        w, x, y, z = map(float, shape.orientations[-1])
+        goal = replace(keyframe, q=(w, x, y, z), free_roll=False)
+        motion = self._planned(replace(request, keyframes=[goal], duration=None, pace=None))
+        share = motion.duration / shape.path_times[-1]
+        path_times = share * np.asarray(shape.path_times, dtype=np.float64)
+        shape = shape._replace(path_times=cast("Sequence[float]", path_times))
+        motion = reshaped(motion, shape)
+        if refusal is None:
+            return motion
+        return replace(motion, request=request).noted(f"not by the shortest turn: {refusal}")
+
+    def _shaped(
+        self, period: float, q: Sequence[Quaternion], rates: tuple[float, float, float]
+    ) -> ShapedPath | None:
+        return self.driver.shape(period, q, self.joints, self.before, rates, self.free)
 
     def _fitted(self, motion: Motion) -> Motion:
         if type(self.driver).shape is Driver.shape:
             return motion
         q = _rows(motion.records(0, motion.record_count)[:, :4])
         rates = _rates(motion.limits)
-        shape = self.driver.shape(motion.period, q, self.joints, self.before, rates)
+        shape = self._shaped(motion.period, q, rates)
         return motion if shape is None else reshaped(motion, shape, joints_before=self.before)
 
 

@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 ACCELERATION_RESERVE = 0.95
 """Share of acceleration and jerk that planned timings use; the rest lets a motion be stopped."""
 
+_CYCLES_TO_RISE = 2.0  # to the limit of the velocity, at the least
+_SLOWLY = 16.0  # the same where a step of the acceleration is too small to be found
+_LEAST_STEP = 2e-6  # rad in a cycle squared, ten of orientd.servo.path.acceleration_step.LEAST
+_STEEPEST = 20.0  # times in a cycle that the acceleration may rise to its limit
+
 LONGEST = 86_400.0
 """Seconds that a motion may take, so that a slip of a unit does not plan for ever."""
 
@@ -247,6 +252,34 @@ class Limits:
             linear_velocity=speed,
             linear_acceleration=speed**2,
         )
+
+    def at_period(self, period: float) -> Limits:
+        """Return the limits for timings of a device that gets a setpoint every *period* seconds.
+
+        What rises in less goes beyond its limit between two setpoints, so that the velocity is to
+        rise in two cycles at least, and the acceleration in a twentieth of one.  The servo does not
+        find steps of the acceleration as small as those of very slow limits, which need more.
+        """
+        steep = _STEEPEST / period
+        velocity = min(self.velocity, math.pi / period)
+        lowest = min(velocity, *self.axis_velocity)
+        is_slow = lowest * period < _SLOWLY * _LEAST_STEP
+        rise = (_SLOWLY if is_slow else _CYCLES_TO_RISE) * period
+        changed: dict[str, float | Triple] = {
+            "velocity": velocity,
+            "linear_acceleration": min(self.linear_acceleration, self.linear_velocity / rise),
+        }
+        for axis in ("", "axis_"):
+            speed, most, jerk = (getattr(self, axis + name) for name in ANGULAR)
+            if axis:
+                most = tuple(min(a, v / rise) for a, v in zip(most, speed, strict=True))
+                jerk = tuple(min(j, steep * a) for j, a in zip(jerk, most, strict=True))
+            else:
+                most = min(most, velocity / rise)
+                jerk = min(jerk, steep * most)
+            changed[axis + "acceleration"], changed[axis + "jerk"] = most, jerk
+        other = replace(self, **changed)  # type: ignore[arg-type]  # names and kinds go together
+        return self if other == self else other
 
     def times(self, **factors: float) -> Limits:
         """Return the limits multiplied by factors, given by the names of :data:`UNITS`."""

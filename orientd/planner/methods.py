@@ -47,6 +47,15 @@ class Ends:
     alpha_start: Floats | None = None
     leaves_freely: bool = False
 
+    @property
+    def moves(self) -> tuple[bool, bool]:
+        """Whether the first keyframe is passed in motion, and the last one."""
+        starts = (self.omega_start, self.alpha_start)
+        return (
+            any(one is not None and bool(np.any(one)) for one in starts),
+            self.omega_end is not None and bool(np.any(self.omega_end)),
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Method:

@@ -20,7 +20,7 @@ from orientd.planner.recorded import (
 )
 from orientd.planner.request import MotionRequest, State, Vector3
 from orientd.rotation import Floats, to_scipy
-from orientd.stream import PATH_FLOATS
+from orientd.stream import NO_SHARES, PATH_FLOATS, JointShares
 
 if TYPE_CHECKING:
     from pathlib import Path as FilePath
@@ -33,6 +33,7 @@ _SAME = 1e-9
 _COMPARED = (
     *("request", "limits", "period", "start_time", "end_time", "keyframe_times", "record_count"),
     *("certificate", "rough", "first_joints", "last_joints", "before"),
+    "joint_shares",
 )
 
 
@@ -60,6 +61,7 @@ class Motion:
         before: the three setpoints before path time 0, as in :class:`State`; ``None`` where the
             device held, or where they are not known.
         corner: as in :class:`MotionFacts`.
+        joint_shares: the most that the path asks of the device's joints, where they are planned.
     """
 
     id: str
@@ -77,6 +79,7 @@ class Motion:
     last_joints: tuple[float, ...] = ()
     before: tuple[Floats, Floats] | None = None
     corner: tuple[float, float] | None = None
+    joint_shares: JointShares = NO_SHARES
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Motion):
@@ -161,6 +164,7 @@ class Motion:
             last_joints=self.last_joints,
             earlier=self._earlier(),
             corner=self.corner,
+            joint_shares=self.joint_shares,
         )
 
     def recorded(self, first: int = 0, count: int | None = None) -> RecordedMotion:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -15,9 +15,11 @@ from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, with_leads
 from orientd.planner.certify import before, measure_path, summed_up
 from orientd.planner.connect import Caution, LeadIn, lead_in, position_lead
-from orientd.planner.limits import LONGEST, Limits
+from orientd.planner.keyframes import half_turn_notes
+from orientd.planner.limits import LONGEST, Limits, is_still
 from orientd.planner.methods import Ends, check_method
 from orientd.planner.motion import Motion
+from orientd.planner.path import PositionPath
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.timing import (
     FirstProfile,
@@ -56,7 +58,9 @@ class PlanJob:
         leads: lead-ins already found, by the state they lead to.
         shapes: keyframe paths already found, by whether they are for the quickest way.
         timings: the same timed, by path and share of the limits.
+        notes: what the certificate says of the request.
         merged: what there is to say of keyframes that are passed as one.
+        offset: the index of the first keyframe in the request that this is a part of.
     """
 
     request: MotionRequest
@@ -70,12 +74,15 @@ class PlanJob:
     leads: dict[bytes, LeadIn] = field(default_factory=dict)
     shapes: dict[bool, Shape] = field(default_factory=dict)
     timings: dict[tuple[KeyframePath, float], KeyframePath] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
     merged: list[str] = field(default_factory=list)
+    offset: int = 0
 
     @classmethod
     def of(cls, request: MotionRequest, start: State, own: Limits, period: float) -> PlanJob:
         """Check what can be checked before a curve is made."""
         limits = own.slowed(request.pace) if isinstance(request.pace, float | int) else own
+        limits = limits.at_period(period)
         method = check_method(request)
         if request.limits is not None:
             refusal.check_present_rates(start, own, period)
@@ -96,20 +103,39 @@ class PlanJob:
             first = replace(start, q=request.keys[0], omega_body=omega)
             refusal.check_start(start, first, limits)
         ends = Ends(omega_start, request.omega_end, alpha_start)
-        return cls(request, start, limits, own, period, ends, not request.is_quickest)
+        has_turns = method.has_turns or request.is_single
+        notes = (*request.notes, *half_turn_notes(request, start, has_turns=has_turns))
+        return cls(request, start, limits, own, period, ends, not request.is_quickest, notes=notes)
 
     def with_caution(self, caution: Caution) -> PlanJob:
         """Return the job to be led in with *caution*; what is found of its path stays known."""
         return self if caution is self.caution else replace(self, caution=caution, leads={})
+
+    @property
+    def is_led_by_connector(self) -> bool:
+        """Whether the lead-in goes from a motion, or to one."""
+        is_moving = self.request.is_single or self.ends.moves[0] or not self.start.is_at_rest
+        return self.request.approach and is_moving
 
     def is_for_more_caution(self, error: PlanError) -> bool:
         """Return whether what went wrong is the lead-in, and there is another way to lead in."""
         return (
             isinstance(error, LimitError)
             and error.is_in_lead_in
-            and self.request.approach
-            and not self.start.is_at_rest
+            and self.is_led_by_connector
             and self.caution is not list(Caution)[-1]
+        )
+
+    def of_part(self, request: MotionRequest, start: State, offset: int) -> PlanJob:
+        """Return the job of a part of the motion, from rest to rest.
+
+        Args:
+            request: the keyframes of the part.
+            start: at rest at the first of them.
+            offset: the index of that keyframe in the request.
+        """
+        return PlanJob(
+            request, start, self.limits, self.own, self.period, Ends(), self.is_even, offset=offset
         )
 
     def shape(self, *, is_quick: bool) -> Shape:
@@ -144,7 +170,7 @@ class PlanJob:
         is_uniform = not METHODS[self.request.method].interpolates
         knots = chord_knots(self.request, self.limits, is_uniform=is_uniform)
         path_request = self.path_request(knots.times, knots.kept)
-        self.merged[:] = knots.merged(self.request)
+        self.merged[:] = knots.merged(self.request, self.offset)
         guess = knots.first_guess(self.limits.with_reserve())
         if path_request.has_one_shape and guess > _HOPELESS * len(knots.times) * LONGEST:
             refusal.check_duration(guess)
@@ -188,27 +214,76 @@ class PlanJob:
 
     def _lead_in(self, keyframe_path: KeyframePath) -> LeadIn:
         first, _ = keyframe_path.segment.ends()
+        at = keyframe_path.positions.first
+        return self.lead_to(State(first.q, first.omega_body, first.alpha_body, at))
+
+    def lead_to(self, first: State) -> LeadIn:
+        """Return the lead-in to a state at the first keyframe.
+
+        Raises:
+            PlanError: none was found.
+        """
         key = first.q.tobytes() + first.omega_body.tobytes() + first.alpha_body.tobytes()
         lead = self.leads.get(key)
         if lead is None:
-            at = keyframe_path.positions.first
-            lead = self.leads[key] = lead_in(
-                self.start,
-                State(first.q, first.omega_body, first.alpha_body, at),
-                limits=self.limits,
-                own=self.own,
-                period=self.period,
-                caution=self.caution,
-                is_even=self.is_even,
+            # A position arrives with the approach and waits during the run-up.
+            is_moving = not is_still(first.omega_body, first.alpha_body, self.limits)
+            is_direct = is_moving and not self.is_even and self.request.positions is None
+            lead = self.leads[key] = self.connected(
+                self.start, first, self.caution, is_direct=is_direct
             )
         return lead
 
-    def certified(self, candidate: CandidateMotion, motion_id: str) -> Motion:
-        """Return the motion, held against its limits on the records that will be sent."""
+    def connected(
+        self, start: State, first: State, caution: Caution, *, is_direct: bool = True
+    ) -> LeadIn:
+        """Return the way from one state to another.
+
+        Args:
+            start: where it begins.
+            first: where it ends.
+            caution: with which to connect.
+            is_direct: whether a connector is preferred to a run-up where it begins at rest.
+
+        Raises:
+            PlanError: none was found.
+        """
+        find = partial(
+            lead_in,
+            start,
+            first,
+            limits=self.limits,
+            own=self.own,
+            period=self.period,
+            caution=caution,
+            is_even=self.is_even,
+        )
+        try:
+            return find(is_direct=is_direct)
+        except PlanError:
+            if not start.is_at_rest:
+                raise
+            return find(is_direct=not is_direct)
+
+    @property
+    def halt(self) -> PositionPath:
+        """How a position comes to rest that no keyframe asks for."""
+        return position_lead(self.start, None, limits=self.limits, period=self.period)
+
+    def certified(
+        self, candidate: CandidateMotion, motion_id: str, merged: Sequence[str] | None = None
+    ) -> Motion:
+        """Return the motion, held against its limits on the records that will be sent.
+
+        Args:
+            candidate: from hold to hold.
+            motion_id: names the motion.
+            merged: what to say of merged keyframes in place of what the job says.
+        """
         motion = certified(
             candidate, self.request, self.start, self.own, self.period, motion_id=motion_id
         )
-        return motion.noted(*self.merged)
+        return motion.noted(*self.notes, *(self.merged if merged is None else merged))
 
 
 def certified(
@@ -263,7 +338,13 @@ def certified(
         keyframe_times=candidate.keyframe_times,
         record_count=count,
         certificate=summed_up(
-            request, path, (candidate.begin, candidate.end), candidate.keyframe_times, peaks, period
+            request,
+            path,
+            (candidate.begin, candidate.end),
+            candidate.keyframe_times,
+            peaks,
+            period,
+            limits,
         ),
         rough=candidate.rough,
         before=start.before,

@@ -14,12 +14,34 @@ from orientd.curves import AxisTurn
 from orientd.errors import LimitError, PlanError, RequestError, StartError
 from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, to_single
-from orientd.planner.connect import STOPS, WITHOUT_RESERVE, Caution, turns_with_stops
+from orientd.planner.connect import (
+    STOPS,
+    WITHOUT_RESERVE,
+    Caution,
+    stops_take,
+    turns_with_stops,
+)
 from orientd.planner.keyframes import at_rate, in_device_coordinates, with_least_roll, wound
 from orientd.planner.limits import ANGULAR, LONGEST, Limits
 from orientd.planner.motion import Motion
 from orientd.planner.plan_job import PlanJob
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
+from orientd.planner.resting import (
+    CONNECTS,
+    WAITS,
+    WORTH,
+    Connectors,
+    arrives,
+    can_rest,
+    connected,
+    job_between,
+    least_with_connectors,
+    more_careful,
+    quickest_connectors,
+    rests_noted,
+    unhurried,
+    with_a_rest,
+)
 from orientd.planner.timing import (
     CAREFUL_JERK_SHARE,
     LEAST_SHARE,
@@ -31,23 +53,28 @@ from orientd.planner.timing import (
     QuickPath,
     corners,
     evenly_paced,
+    lasting,
     least_with_rests,
+    least_with_stops,
+    longest_stop,
     quickest,
     quickest_by_parts,
 )
-from orientd.rotation import between, log
 
-_AHEAD = 0.7
-"""Cosine between the velocity and the way to a keyframe that is ahead of a device."""
+EVEN = "at an even pace: stopping wherever the acceleration jumps is no quicker"
 
-_NEAR = 1.25
-"""Times as far as it takes to stop with all of the limits: what is nearer may be overshot."""
+_FAR_LONGER = 2.5
+"""Times as long as stops take: the usual duration of a curve that is hardly the quicker way."""
 
-_WORTH = 0.95
-"""Of a duration: going without the reserve is worth that much."""
+_FAR_SLOWER = 4.0
+"""Times as long as stops take: a note says so of a motion that is slower."""
 
-EVEN = "at an even pace: no quicker with a rest wherever the acceleration has a step"
+SLOW = (
+    f"slower than its limits allow, so that a stop on the path takes {LONGEST_STOP:g} s: with such "
+    "an acceleration it takes that long from a higher velocity"
+)
 
+_MUCH = 0.9  # of a limit, and of the longest stop
 _MOST_DRAWN = 1.1  # times what is on the records is the most that is drawn between them
 _MOST_TIMINGS = 12  # until a stop is short enough, each of them a whole search
 _NO_LONGER = 0.98  # of a stop's time, above which twice the reserve has not helped
@@ -67,9 +94,10 @@ def plan(
     Keyframes with times are passed at those times, or not at all; keyframes without are passed
     as quickly as the limits permit at every point of the curve, or with ``pace="even"`` at the
     curve's own pace, slowed down by one factor.  Where no quickest timing is found the pace is
-    even, too, which a note of the certificate says.  The motion begins in
-    the state the device is commanded to be in and ends at rest: in front of the keyframes goes a
-    lead-in where the request says ``approach``, behind them a lead-out where they end with a
+    even, too, which a note of the certificate says.  Beside an end that moves a motion of the
+    default method may stop at a keyframe if that is quicker, with a connector there.  The motion
+    begins in the state the device is commanded to be in and ends at rest: in front of the keyframes
+    goes a lead-in where the request says ``approach``, behind them a lead-out where they end with a
     velocity or an acceleration.  A single keyframe is where to go, by the shortest way found.
 
     A start that moves is the state of another motion at one of its records, which this one takes
@@ -94,12 +122,14 @@ def plan(
     within, name = limits.narrowed(request.limits), motion_id or os.urandom(6).hex()
     is_free = not within.has_axes and math.isinf(min(getattr(within, one) for one in ANGULAR))
     if is_free and request.times is None:
-        raise RequestError("limits", "how quickly keyframes without times are passed, none says")
+        raise RequestError(
+            "limits", "none are set, so there is no quickest motion: set one, or give times"
+        )
     turned = at_rate(in_device_coordinates(request, start), start, within)
     request = with_least_roll(wound(turned, start), start)
     job = PlanJob.of(request, start, within, period)
-    if not request.approach or (start.is_at_rest and not request.is_single):
-        return _motion(job, name)
+    if not job.is_led_by_connector:
+        return _told_of_stops(_motion(job, name))
     first: LimitError | None = None
     for caution in Caution:
         try:
@@ -107,28 +137,13 @@ def plan(
         except LimitError as error:
             first = first or error
         else:
-            return _without_reserve(job, motion) if _arrives(job) else motion
+            return _without_reserve(job, motion) if _arrives(job) else _told_of_stops(motion)
     raise first or PlanError("no lead-in was tried")
 
 
 def _arrives(job: PlanJob) -> bool:
-    """Return whether a single keyframe is ahead of a device, and hardly further than a stop.
-
-    How far that is: half a double S (Biagiotti and Melchiorri 2008, section 3.4), behind the fall
-    of an acceleration.
-    """
-    speed = float(np.linalg.norm(job.start.omega_body))
-    if not (job.request.is_single and speed):
-        return False
-    way, direction = log(between(job.start.q, job.request.keys[0])), job.start.omega_body / speed
-    _, most, jerk = job.limits.along(direction.tolist())
-    fall = max(0.0, float(direction @ job.start.alpha_body)) / jerk
-    highest = speed + 0.5 * jerk * fall**2
-    is_long = highest * jerk > most**2
-    half = 0.5 * (highest / most + most / jerk) if is_long else math.sqrt(highest / jerk)
-    stop = speed * fall + jerk * fall**3 / 3.0 + highest * half
-    distance = float(np.linalg.norm(way))
-    return distance < _NEAR * stop and float(way @ direction) > _AHEAD * distance
+    request = job.request
+    return request.is_single and arrives(job.start, request.keys[0], job.limits)
 
 
 def _without_reserve(job: PlanJob, motion: Motion) -> Motion:
@@ -139,7 +154,7 @@ def _without_reserve(job: PlanJob, motion: Motion) -> Motion:
     for caution in WITHOUT_RESERVE:
         with suppress(PlanError):
             other = _motion(job.with_caution(caution), motion.id)
-            if other.duration < _WORTH * motion.duration:
+            if other.duration < WORTH * motion.duration:
                 return other
     return motion
 
@@ -152,6 +167,8 @@ def _motion(job: PlanJob, name: str) -> Motion:
         return job.certified(_as_timed(job), name)
     if job.is_even:
         return _at_even_pace(job, name)
+    if any(job.ends.moves) and can_rest(job):
+        return _with_moving_ends(job, name)
     motion, took, refused = None, math.inf, None
     try:
         motion = _quick_or_even(job, name)
@@ -162,15 +179,114 @@ def _motion(job: PlanJob, name: str) -> Motion:
         if job.is_for_more_caution(error):
             raise
         refused = error
-    for share in (SHARE, CAREFUL_JERK_SHARE):
+    for share in (SHARE, CAREFUL_JERK_SHARE) if can_rest(job) else ():
         stops = turns_with_stops(job.request, job.ends, job.start, job.limits, took, share)
         if stops is None or stops.duration >= took:
             break
         with suppress(PlanError):
-            return job.certified(job.with_leads(stops), name).noted(STOPS)
+            motion = job.certified(job.with_leads(stops), name)
+            return motion.noted(STOPS) if len(job.request.keyframes) > 2 else motion
+    if motion is None:
+        raise refused or PlanError("no motion was tried")
+    return _slow_noted(job, motion)
+
+
+def _slow_noted(job: PlanJob, motion: Motion) -> Motion:
+    """Return the motion, with a note if stopping at every keyframe would take far less time."""
+    request, took = job.request, motion.end_time - motion.start_time
+    is_turning = request.total is None and request.positions is None and not request.turns.any()
+    if not is_turning or took < _FAR_SLOWER * least_with_stops(request.keys, job.limits):
+        return motion
+    stops = stops_take(request.keys, job.limits)
+    if took < _FAR_SLOWER * stops:
+        return motion
+    return motion.noted(
+        f"takes {took:.4g} s from the first keyframe to the last: with a stop at every keyframe "
+        f"the turns would take {stops:.4g} s; another method or other velocities may be quicker"
+    )
+
+
+def _with_moving_ends(job: PlanJob, name: str) -> Motion:
+    """Return the quicker motion: along one curve, or with rests beside the ends that move."""
+    total = job.request.total
+    if total is not None:
+        with suppress(PlanError):
+            return _at_even_pace(replace(job, is_even=True, leads={}), name)
+    motion, refused, connectors, least = None, None, None, math.inf
+    try:
+        connectors = quickest_connectors(job)
+        least = least_with_connectors(job, connectors)
+    except PlanError as error:
+        refused = error
+    try:
+        longest = min(_FAR_LONGER * least, LONGEST)
+        motion = _as_quick_as_possible(job, name, longest=longest)
+    except StartError:
+        raise
+    except PlanError as error:
+        if job.is_for_more_caution(error):
+            raise
+        refused = error
+    if motion is not None and (motion.duration <= least or total is not None):
+        return motion
+    if connectors is not None:
+        try:
+            resting = _resting(job, connectors, name)
+        except PlanError as error:
+            if motion is None and job.is_for_more_caution(error):
+                raise
+            refused = error if isinstance(refused, refusal.TotalError | None) else refused
+        else:
+            if motion is None or resting.duration < motion.duration:
+                return resting
     if motion is None:
         raise refused or PlanError("no motion was tried")
     return motion
+
+
+def _resting(job: PlanJob, connectors: Connectors, name: str) -> Motion:
+    """Return the motion with rests beside the ends that move, and connectors there.
+
+    Raises:
+        PlanError: there is none.
+    """
+    if job.request.total is not None and connectors.has_no_rest:
+        return _unhurried(job, job.request.total, name)
+    part = job_between(job)
+    between = None if part is None else _motion(part, name)
+    notes = () if between is None else between.certificate.notes
+    note = rests_noted(job, connectors)
+    try:
+        motion = job.certified(connected(job, connectors, between), name, merged=notes)
+        return motion.noted(note)
+    except PlanError as error:
+        if job.is_for_more_caution(error):
+            raise
+        first = error
+    for one in more_careful(job):
+        with suppress(PlanError):
+            motion = job.certified(connected(job, one, between), name, merged=notes)
+            return motion.noted(note)
+    raise first
+
+
+def _unhurried(job: PlanJob, total: float, name: str) -> Motion:
+    """Return the motion between two keyframes that both move, in a duration.
+
+    Raises:
+        TotalError: it takes longer.
+        PlanError: there is none, as there may be between two durations that are possible.
+    """
+    for path in unhurried(job, total):
+        with suppress(PlanError):
+            motion = _timed(job, path, None, name, has_rests=False)
+            return motion.noted(CONNECTS)
+    rests = with_a_rest(job)
+    for connectors in rests:
+        with suppress(PlanError):
+            motion = job.certified(connected(job, connectors, None), name)
+            return motion.noted(WAITS)
+    raise refusal.of_duration(total, [sum(one.durations) for one in rests])
 
 
 def _quick_or_even(job: PlanJob, name: str) -> Motion:
@@ -206,7 +322,7 @@ def _at_even_pace(job: PlanJob, name: str) -> Motion:
 
 def _to_single(job: PlanJob, name: str) -> Motion:
     """Return the motion to the only keyframe."""
-    share = SHARE
+    share = jerk_share = SHARE
     for _ in range(_MOST_TIMINGS):
         candidate = to_single(
             job.request,
@@ -216,7 +332,8 @@ def _to_single(job: PlanJob, name: str) -> Motion:
             job.period,
             job.caution,
             is_even=job.is_even,
-            jerk_share=share,
+            share=share,
+            jerk_share=jerk_share,
         )
         try:
             return job.certified(candidate, name)
@@ -225,7 +342,10 @@ def _to_single(job: PlanJob, name: str) -> Motion:
             if job.is_even or not job.start.is_at_rest or not 1.0 < over <= _MOST_DRAWN:
                 raise
             # What is drawn between the records is a little more, where the jerk has a step.
-            share /= over
+            if error.quantity.startswith("angular jerk"):
+                jerk_share /= over
+            else:
+                share /= over
     return _to_single(replace(job, is_even=True), name)
 
 
@@ -273,13 +393,16 @@ def _evenly_paced(job: PlanJob, *, everywhere: bool, longest: float = LONGEST) -
     return found
 
 
-def _as_quick_as_possible(job: PlanJob, motion_id: str, *, by_chord: bool = False) -> Motion:
+def _as_quick_as_possible(
+    job: PlanJob, motion_id: str, *, by_chord: bool = False, longest: float = LONGEST
+) -> Motion:
     """Return the motion along the keyframe path as quickly as the limits permit.
 
     Args:
         job: what to plan.
         motion_id: names the motion.
         by_chord: whether the path is that of an even pace.
+        longest: that the usual duration of a curve with a velocity at an end may be, s.
     """
     path_request, keyframe_path, profile = job.shape(is_quick=not by_chord)
     if path_request.has_one_shape:
@@ -288,10 +411,10 @@ def _as_quick_as_possible(job: PlanJob, motion_id: str, *, by_chord: bool = Fals
             return _timed(job, keyframe_path, profile, motion_id)
         return _resting_or_even(job, keyframe_path, rests, motion_id)
     refusal.check_smooth(job.request, keyframe_path.continuity)
-    if job.request.total is not None:
-        return _at_even_pace(job, motion_id)
     # A velocity at an end is one at some duration: take the curve of the usual one.
-    keyframe_path = _evenly_paced(job, everywhere=False).keyframe_path or keyframe_path
+    keyframe_path = (
+        _evenly_paced(job, everywhere=False, longest=longest).keyframe_path or keyframe_path
+    )
     return _timed(job, keyframe_path, profile, motion_id, has_rests=False)
 
 
@@ -347,11 +470,14 @@ def _timed(
     """
     find = quickest_by_parts if has_rests else quickest
     guess: FirstProfile | Profile | None = profile
-    share, before, stop_time = SHARE, None, math.inf
+    share, before, stop_time, longest = SHARE, None, math.inf, LONGEST_STOP
     for _ in range(_MOST_TIMINGS):
         quick = job.timed(keyframe_path, share, partial(find, guess=guess))
         guess = quick.profile if isinstance(quick, QuickPath) else profile
-        quick = quick.in_total(job.request.total)
+        if has_rests:
+            quick = quick.in_total(job.request.total)
+        elif job.request.total is not None:
+            quick = lasting(keyframe_path, quick, job.limits, job.period, job.request.total)
         try:
             motion = job.certified(job.with_leads(quick), motion_id)
         except LimitError as error:
@@ -365,9 +491,10 @@ def _timed(
             continue
         rate, last = motion.certificate.brake_rate, stop_time
         stop_time = 1.0 / rate if rate else math.inf
-        if stop_time <= LONGEST_STOP or motion.duration <= LONGEST_STOP:
+        longest = _longest_stop(motion)
+        if stop_time <= longest or motion.duration <= longest:
             return motion
-        if quick.stop_time is not None and quick.stop_time <= LONGEST_STOP:
+        if quick.stop_time is not None and quick.stop_time <= longest:
             # It is not this timing that is slow to stop, but what leads to it or from it.
             return motion
         if before is not None and stop_time > _NO_LONGER * last:
@@ -376,6 +503,25 @@ def _timed(
         if share <= LEAST_SHARE:
             break
         # How fast a stop can be goes with the square root of the reserve.
-        more = min(max(1.05 * (stop_time / LONGEST_STOP) ** 2, _LEAST_MORE), _GREATEST_MORE)
+        more = min(max(1.05 * (stop_time / longest) ** 2, _LEAST_MORE), _GREATEST_MORE)
         share = max(1.0 - more * (1.0 - share), LEAST_SHARE)
-    raise refusal.of_slow_stop(stop_time, LONGEST_STOP, share)
+    raise refusal.of_slow_stop(stop_time, longest, share)
+
+
+def _told_of_stops(motion: Motion) -> Motion:
+    """Return the motion, with a note where it is slower than its limits so that it can be stopped.
+
+    That is where a stop with all of the acceleration takes long already.
+    """
+    found = motion.certificate
+    is_slower = max(found.peak_velocity.ratio, found.peak_acceleration.ratio) < _MUCH
+    if not (motion.request.is_quickest and found.stop_time > _MUCH * LONGEST_STOP and is_slower):
+        return motion
+    return motion.noted(SLOW)
+
+
+def _longest_stop(motion: Motion) -> float:
+    """Return how long a stop on a motion may take, s."""
+    limits, speed = motion.limits, motion.certificate.peak_velocity.value
+    rise = min(limits.acceleration / limits.jerk, math.sqrt(speed / limits.jerk))
+    return longest_stop(max(speed / limits.acceleration, rise) + rise)

@@ -23,7 +23,7 @@ from orientd.rotation import (
     multiply,
     right_jacobian_inverse,
 )
-from orientd.stream import PATH_FLOATS
+from orientd.stream import NO_SHARES, PATH_FLOATS, JointShares
 
 HISTORY = 3
 """Setpoints that a third difference reaches back to."""
@@ -57,6 +57,7 @@ class MotionFacts:
             nearest to the end of that, s, and how near, rad.
         limits: what it keeps.
         brake_rate: share of full speed by which it may be slowed down in a second, 1/s.
+        joint_shares: the most that it asks of the device's joints.
         stop_time: how long a stop on its path from full speed takes at the most, s.
         omega_start: angular velocity asked for at the first keyframe, body frame, rad/s.
         omega_end: the same at the last keyframe.
@@ -85,6 +86,7 @@ class MotionFacts:
     last_joints: Joints
     earlier: Floats
     corner: tuple[float, float] | None = None
+    joint_shares: JointShares = NO_SHARES
 
 
 class RecordedMotion:

@@ -225,6 +225,18 @@ def of_any_duration(start: State, limits: Limits) -> PlanError:
     return PlanError(problem)
 
 
+def of_duration(total: float, possible: list[float]) -> PlanError:
+    """Return the refusal of a duration that lies between others that are possible.
+
+    Args:
+        total: that was asked for, s.
+        possible: longer ones, s.
+    """
+    problem = f"no motion of {total:g} s was found that keeps the velocities at both ends"
+    longer = min((one for one in possible if one > total), default=None)
+    return PlanError(f"{problem}; ask for {longer:.6g} s or more" if longer else problem)
+
+
 def of_slow_stop(stop_time: float, longest: float, share: float) -> PlanError:
     """Return the refusal of a motion of minimum duration that could hardly be stopped.
 

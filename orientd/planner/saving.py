@@ -52,6 +52,7 @@ def save_motion(motion: Motion, path: str | Path) -> None:
         "rough": None if motion.rough is None else asdict(motion.rough),
         "first_joints": motion.first_joints,
         "last_joints": motion.last_joints,
+        "joint_shares": motion.joint_shares,
     }
     arrays: dict[str, Any] = {
         "header": np.array(json.dumps(header, default=_plain)),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from orientd import rotation
+from orientd.errors import OrientdError
 from orientd.plots.charts import MOST_POINTS
 from orientd.plots.paper import AXES, INK, LIMIT, QUIET, check_format, new_figure, save, tidy
 from orientd.rotation import Floats
@@ -77,6 +78,50 @@ def draw_recording(path: Path, strands: Strands, *, title: str) -> None:
     charts["lateness"].set_xlabel("time, s", fontsize=9)
     if len(strands.times):
         charts["lateness"].set_xlim(strands.times[0], strands.times[-1])
+    save(figure, path)
+
+
+def draw_orientations(path: Path, times: Floats, q: Floats, *, title: str) -> None:
+    """Draw orientations as they were recorded to *path*, and the angular velocity between them.
+
+    Orientations are rotation vectors from the first one, carried on past half a turn.
+
+    Args:
+        path: of the picture.
+        times: s, shape ``(n,)``; samples whose time is not a number are left out.
+        q: orientations ``(w, x, y, z)``, shape ``(n, 4)``; as are those that are not numbers.
+        title: above it.
+
+    Raises:
+        OrientdError: the file cannot be written, its ending names no format of a picture, or there
+            are fewer than two samples to draw.
+    """
+    check_format(path)
+    is_known = np.isfinite(times) & np.isfinite(q).all(axis=1)
+    times, first = np.unique(times[is_known], return_index=True)
+    q = rotation.align(q[is_known][first])
+    if len(times) < 2:
+        raise OrientdError(f"at least 2 samples are drawn, got {len(times)}")
+    figure = new_figure(12.0, 6.0, title)
+    charts: dict[str, Axes] = figure.subplot_mosaic(
+        [["orientation"], ["velocity"]], sharex=True, height_ratios=[1.5, 1.2]
+    )
+    tidy(charts["orientation"], "rotation vector, rad")
+    tidy(charts["velocity"], "angular velocity, rad/s")
+    vectors = _unwound(_vectors(q, q[:1]))
+    steps = rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:]))
+    rates, middles = steps / np.diff(times)[:, None], 0.5 * (times[:-1] + times[1:])
+    every, few = _every(times), _every(middles)
+    for k, axis in enumerate(AXES):
+        charts["orientation"].plot(
+            times[every], vectors[every, k], color=axis.colour, linewidth=1.4, label=axis.name
+        )
+        charts["velocity"].plot(
+            middles[few], rates[few, k], color=axis.colour, linewidth=1.0
+        )  # fmt: skip
+    _legend(charts["orientation"])
+    charts["velocity"].set_xlabel("time, s", fontsize=9)
+    charts["velocity"].set_xlim(times[0], times[-1])
     save(figure, path)
 
 

@@ -12,9 +12,9 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.recorder.cycle_table import Table, from_records
-    from orientd.recorder.orientations import read_orientations
+    from orientd.recorder.orientations import Orientations, read_orientations
     from orientd.recorder.planned import strands
-    from orientd.recorder.reader import load_recording
+    from orientd.recorder.reader import NotOursError, load_recording
     from orientd.recorder.session import DaemonRecorder, LiveRecording, RecordingSession
     from orientd.recorder.tables import export
     from orientd.recorder.writer import RecordingError, RecordingWriter

@@ -40,6 +40,7 @@ CYCLES = np.dtype(
         ("measured_omega_body", "f8", (3,)),
         ("measured_position", "f8", (3,)),
         ("measured_joints", "f8", (JOINTS,)),
+        ("sent_joints", "f8", (JOINTS,)),
     ]
 )
 """The servo's cycle record, byte for byte."""
@@ -57,6 +58,7 @@ QUANTA = {
     "measured_omega_body": 1e-6,
     "measured_position": 1e-7,
     "measured_joints": 1e-8,
+    "sent_joints": 1e-8,
 }
 """Of what is no whole number: in rad, m and s."""
 
@@ -101,7 +103,7 @@ def from_block(block: pb.CycleBlock) -> Table:
             table[name] = np.where(flags & CycleFlag.FEEDBACK, due - age, 0)
             continue
         content = _content(getattr(block, name), block.count)
-        if name == "measured_joints":
+        if name in ("measured_joints", "sent_joints"):
             table[name] = np.nan
             table[name][:, : content.shape[1]] = content
         else:

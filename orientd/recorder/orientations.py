@@ -1,4 +1,4 @@
-"""Orientations over time, out of whatever they were recorded in: MCAP, ROS 2 bags, csv.
+"""Orientations over time, out of whatever they were recorded in: MCAP, ROS 2 bags, csv, TUM.
 
 Of our own recordings every cycle is taken, from ``/DEVICE/measured`` or ``/DEVICE/sent``.
 Elsewhere a topic may hold anything with a quaternion in it, by the field names of Foxglove and of
@@ -7,30 +7,26 @@ ROS: poses, odometry, transforms, inertial measurements; as protobuf, JSON or RO
 
 from __future__ import annotations
 
-import csv
 import json
-import math
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 
-from orientd.bounded_file import MEBIBYTE, check_regular
 from orientd.recorder import bags
-from orientd.recorder.reader import load_recording, messages, reading
+from orientd.recorder.reader import NotOursError, Recording, load_recording, messages, reading
+from orientd.recorder.samples import NO_TIME, Samples, check_order, scaled
+from orientd.recorder.text_tables import TUM_ENDINGS, from_csv, from_tum
 from orientd.recorder.writer import RecordingError
 from orientd.rotation import Floats
 from orientd.stream import CycleFlag
 
 _NESTS = ("pose", "transform", "odometry")
 _NAMES = ("orientation", "rotation", "quaternion", "q")
-_TIMES = {"time_s": 1.0, "time": 1.0, "t": 1.0, "timestamp": 1.0, "time_ns": 1e-9, "stamp": 1.0}
-_FAR_APART = 1e3
-"""s between two rows that nobody records: the numbers are in another unit."""
 _DECODERS = ("mcap_protobuf.decoder", "mcap_ros2.decoder")
 
 
@@ -40,33 +36,44 @@ class Orientations:
 
     Attributes:
         topic: its name.
-        times: s, the first one 0, shape ``(n,)``.
-        q: orientations ``(w, x, y, z)`` as they were found, shape ``(n, 4)``.
+        times: s, the first one 0, exact to the nanosecond, shape ``(n,)``; not a number where a
+            sample has none.
+        q: orientations ``(w, x, y, z)``, norms from 0.5 to 2 scaled to one, shape ``(n, 4)``; not
+            numbers where a norm is another.
+        notes: what there is to say of times, norms and what is missing, a line each.
     """
 
     topic: str
     times: Floats
     q: Floats
+    notes: tuple[str, ...] = ()
 
 
-def read_orientations(path: Path, topic: str = "") -> Orientations:
+def read_orientations(path: Path, topic: str = "", *, partial: bool = False) -> Orientations:
     """Return the orientations of a topic; of the one that is meant where none is named.
 
     Args:
-        path: a .mcap or a .csv file, or a ROS 2 bag: its folder or its .db3 file.
+        path: a .mcap file, a .csv file (also of EuRoC), a TUM trajectory (.tum, .txt), or a ROS 2
+            bag: its folder or its .db3 file.
         topic: in an MCAP file or a bag, the topic, with ``#CHILD`` for one frame where its
             transforms are of several; in a csv file, which has no topics, what stands before
             ``_qw`` or ``_w`` in the names of columns, if anything does.
+        partial: whether to take what is whole of a cut or damaged MCAP file.
 
     Raises:
-        RecordingError: the file cannot be read, or has no such topic, or several.
+        RecordingError: the file cannot be read, has no such topic or several, is damaged, or its
+            clock was set back.
     """
+    recording = Recording()
     with reading(path):
         if path.suffix == ".csv":
-            tables = _from_csv(path)
+            tables = from_csv(path)
+        elif path.suffix in TUM_ENDINGS:
+            tables = from_tum(path)
+        elif bags.is_bag(path):
+            tables = _from_bag(path)
         else:
-            is_bag = bags.is_bag(path)
-            tables = _from_bag(path) if is_bag else _from_ours(path) or _from_others(path)
+            tables, recording = _from_mcap(path, partial=partial)
     if not tables:
         raise RecordingError(f"{path}: no orientations in it")
     if topic and list(tables) == [""]:
@@ -80,14 +87,16 @@ def read_orientations(path: Path, topic: str = "") -> Orientations:
     if topic and topic not in tables:
         raise RecordingError(f"{path}: no orientations in {topic!r}, there is {_listed(tables)}")
     name = topic if topic in tables else _meant(path, tables)
-    times, q = tables[name]
-    with np.errstate(invalid="ignore"):  # a time out of all range becomes no number
-        return Orientations(name, times - (times[0] if len(times) else 0.0), q)
+    samples = tables[name]
+    damages = [recording.damages.told()] if recording.damages else []
+    q, norms = scaled(samples)
+    notes = (*damages, *check_order(path, samples), *norms)
+    return Orientations(name, samples.seconds(), q, notes)
 
 
-Tables = dict[str, tuple[Floats, Floats]]
-Rows = dict[str, "array[float]"]
-"""Time and orientation of each sample, one after the other, by topic."""
+Tables = dict[str, Samples]
+Rows = dict[str, "tuple[array[int], array[float]]"]
+"""Times and orientations of the samples, one after the other, by topic."""
 
 
 def _meant(path: Path, tables: Mapping[str, object]) -> str:
@@ -104,29 +113,35 @@ def _listed(tables: Mapping[str, object]) -> str:
     return ", ".join(repr(name) if name else "one without a name" for name in tables)
 
 
-def _from_ours(path: Path) -> Tables:
+def _from_mcap(path: Path, *, partial: bool) -> tuple[Tables, Recording]:
+    """Return what an MCAP file holds, and what there is to know of the file."""
     try:
-        recording = load_recording(path)
-    except RecordingError:
-        return {}
+        recording = load_recording(path, partial=partial)
+    except NotOursError:
+        recording = Recording()
+        return _from_others(path, recording, partial=partial), recording
+    return _from_ours(recording) or _from_others(path, Recording(), partial=partial), recording
+
+
+def _from_ours(recording: Recording) -> Tables:
     tables: Tables = {}
     for device, cycles in recording.cycles.items():
         told = cycles[(cycles["flags"] & CycleFlag.FEEDBACK) != 0]
         if len(told):
             # A measurement that is read twice is one measurement.
             stamps, first = np.unique(told["feedback_time_ns"], return_index=True)
-            tables[f"/{device}/measured"] = (stamps * 1e-9, told["measured_q"][first])
+            tables[f"/{device}/measured"] = Samples(stamps, told["measured_q"][first])
         written = cycles[(cycles["flags"] & CycleFlag.WRITTEN) != 0]
         if len(written):
-            tables[f"/{device}/sent"] = (written["deadline_ns"] * 1e-9, written["sent_q"])
+            tables[f"/{device}/sent"] = Samples(written["deadline_ns"], written["sent_q"])
     return tables
 
 
-def _from_others(path: Path) -> Tables:
+def _from_others(path: Path, recording: Recording, *, partial: bool) -> Tables:
     factories = [import_module(name).DecoderFactory() for name in _DECODERS]
     decoders: dict[int, Any] = {}
     rows: Rows = {}
-    for channel, schema, message in messages(path):
+    for channel, schema, message in messages(path, recording, partial=partial):
         if channel.id not in decoders:
             decoders[channel.id] = _decoder(channel, schema, factories)
         decode = decoders[channel.id]
@@ -146,15 +161,16 @@ def _add(rows: Rows, topic: str, time_ns: int, message: object) -> None:
     """Add what a message has of orientations; *time_ns* counts where it has no time of its own."""
     for child, stamp, q in _orientations(message):
         name = f"{topic}#{child}" if child else topic
-        rows.setdefault(name, array("d")).extend((time_ns * 1e-9 if stamp is None else stamp, *q))
+        times, components = rows.setdefault(name, (array("q"), array("d")))
+        times.append(time_ns if stamp is None else stamp)
+        components.extend(q)
 
 
 def _tables(rows: Rows) -> Tables:
-    tables: Tables = {}
-    for name, found in rows.items():
-        table = np.array(found).reshape(-1, 5)
-        tables[name] = (table[:, 0], table[:, 1:])
-    return tables
+    return {
+        name: Samples(np.array(times, dtype=np.int64), np.array(components).reshape(-1, 4))
+        for name, (times, components) in rows.items()
+    }
 
 
 def _decoder(channel: Any, schema: Any, factories: Sequence[Any]) -> Any:  # noqa: ANN401 - of mcap
@@ -164,7 +180,7 @@ def _decoder(channel: Any, schema: Any, factories: Sequence[Any]) -> Any:  # noq
     return next((decode for decode in found if decode is not None), None)
 
 
-def _orientations(message: object) -> Iterator[tuple[str, float | None, tuple[float, ...]]]:
+def _orientations(message: object) -> Iterator[tuple[str, int | None, tuple[float, ...]]]:
     """Yield child frame, time stamp and quaternion of everything in a message that has one."""
     many = _field(message, "transforms")
     if many is not None:
@@ -190,7 +206,8 @@ def _quaternion(message: object, depth: int = 0) -> tuple[float, ...] | None:
     return None
 
 
-def _stamp(message: object) -> float | None:
+def _stamp(message: object) -> int | None:
+    """Return the time that a message says it is of, ns."""
     header = _field(message, "header")
     holders = ((header, "stamp"), (message, "stamp"), (message, "timestamp"))
     for holder, name in holders:
@@ -198,103 +215,25 @@ def _stamp(message: object) -> float | None:
         if stamp is None:
             continue
         if isinstance(stamp, int | float):
-            return float(stamp)
+            return _in_range(1e9 * stamp)
         seconds = next((s for n in ("sec", "seconds") if (s := _field(stamp, n)) is not None), None)
         rest = next(
             (s for n in ("nanosec", "nanos", "nsec") if (s := _field(stamp, n)) is not None), 0
         )
         if seconds is not None and (seconds or rest):
-            return float(seconds) + 1e-9 * float(rest)
+            whole = isinstance(seconds, int)
+            return _in_range(seconds * 10**9 + rest if whole else 1e9 * float(seconds) + rest)
     return None
+
+
+def _in_range(time_ns: float) -> int:
+    return round(time_ns) if abs(time_ns) < _LATEST else NO_TIME
+
+
+_LATEST = 2.0**62  # ns
 
 
 def _field(message: object, name: str) -> Any:  # noqa: ANN401 - whatever a message holds
     if isinstance(message, Mapping):
         return message.get(name)
     return getattr(message, name, None)
-
-
-_LONGEST_ROW = MEBIBYTE
-"""Bytes of a row of a table; of a wide one, some thousand."""
-
-
-def _from_csv(path: Path) -> Tables:
-    check_regular(path)
-    with path.open(newline="", encoding="utf-8-sig") as stream:
-        lines = _Lines(path, stream)
-        rows = csv.reader(lines)
-        header = [name.strip() for name in next(rows, [])]
-        places = {name: place for place, name in enumerate(header)}
-        clock = next((name for name in _TIMES if name in places), None)
-        if clock is None:
-            raise RecordingError(f"{path}: no column of times; expected {', '.join(_TIMES)}")
-        found = list(_quaternion_columns(header, places))
-        used = {clock, *(name for _, q, own in found for name in (*q, *own))}
-        read = {name: array("d") for name in used}
-        for row in rows:
-            lines.begin_row()
-            if row:
-                for name, column in read.items():
-                    column.append(_number(row, places[name]))
-    columns = {name: np.array(column) for name, column in read.items()}
-    times = columns[clock] * _TIMES[clock]
-    apart = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    if apart > _FAR_APART:
-        raise RecordingError(
-            f"{path}: the column {clock!r} is in seconds, and rows are {apart:g} s apart; "
-            "call it 'time_ns' if it holds nanoseconds"
-        )
-    return {
-        topic: (
-            columns[own[0]] if own else times,
-            np.stack([columns[name] for name in q], axis=-1),
-        )
-        for topic, q, own in found
-    }
-
-
-def _quaternion_columns(
-    header: Sequence[str], places: Mapping[str, int]
-) -> Iterator[tuple[str, tuple[str, ...], tuple[str, ...]]]:
-    """Yield topic, columns of the quaternion and, where it has one, that of its own times."""
-    for name in header:
-        if not name.endswith("w"):
-            continue
-        prefix = name[:-1]
-        if all(prefix + axis in places for axis in "xyz"):
-            topic = prefix.removesuffix("q").rstrip("_.")
-            own = f"{topic}_time_s"
-            q = tuple(prefix + axis for axis in "wxyz")
-            yield topic, q, ((own,) if own in places else ())
-
-
-class _Lines:
-    """The lines of a file, as long as those of one row are no longer than a row may be."""
-
-    def __init__(self, path: Path, stream: TextIO) -> None:
-        self._path = path
-        self._stream = stream
-        self._room = _LONGEST_ROW
-
-    def begin_row(self) -> None:
-        self._room = _LONGEST_ROW
-
-    def __iter__(self) -> Iterator[str]:
-        return self
-
-    def __next__(self) -> str:
-        line = self._stream.readline(self._room)
-        self._room -= len(line)
-        if self._room <= 0:
-            raise RecordingError(f"{self._path}: a row of more than {_LONGEST_ROW} characters")
-        if not line:
-            raise StopIteration
-        return line
-
-
-def _number(row: Sequence[str], place: int) -> float:
-    try:
-        number = float(row[place])
-    except (ValueError, IndexError):
-        return math.nan
-    return number if math.isfinite(number) else math.nan

@@ -1,36 +1,25 @@
-"""Reads recordings back: cycles and events; also of a file whose end is missing."""
+"""Reads recordings back: cycles and events; of a cut or damaged one only where it is asked for."""
 
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader, get_chunk_data_stream
-from mcap.writer import MCAP0_MAGIC
-from zstandard import get_frame_parameters
+from mcap.records import Channel, Message, Metadata, Schema
 
-from orientd.bounded_file import MEBIBYTE, check_regular
 from orientd.errors import OrientdError
 from orientd.recorder import recording_pb2
 from orientd.recorder.cycle_table import Table, from_block
+from orientd.recorder.mcap_records import Damages, records
 from orientd.recorder.writer import RecordingError
 from orientd.rpc import control_pb2 as pb
+from orientd.stream import ServoState
 
 _CYCLES = recording_pb2.CycleBlock.DESCRIPTOR.full_name
 _EVENT = pb.Event.DESCRIPTOR.full_name
-
-LARGEST_CHUNK = 64 * MEBIBYTE
-"""Of a file, once it is decompressed; others write chunks of a few MiB, or of one image."""
-
-MOST_TIMES = 100
-"""How many times as large as a file its chunks may become together, beyond the first
-:data:`LARGEST_CHUNK`: what is much more was made to be so."""
 
 FEWEST_CYCLE_BYTES = 4
 """Of a file for each of its cycles, whose lateness alone takes two."""
@@ -48,14 +37,19 @@ class Recording:
         events: of all devices, in order.
         facts: the metadata ``orientd``.
         offset_ns: from the monotonic clock to the time of day.
-        is_complete: whether the file has its end.
+        damages: what of the file cannot be read.
     """
 
     cycles: dict[str, Table] = field(default_factory=dict)
     events: list[pb.Event] = field(default_factory=list)
     facts: dict[str, str] = field(default_factory=dict)
     offset_ns: int = 0
-    is_complete: bool = True
+    damages: Damages = field(default_factory=Damages)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether nothing of the file is missing."""
+        return not self.damages
 
     def device(self, name: str = "") -> str:
         """Return the device called *name*; the only one where it is empty.
@@ -91,27 +85,32 @@ def reading(path: Path) -> Iterator[None]:
     # What decoders of others make of damaged bytes is told nowhere.
     except Exception as error:
         text = " ".join(str(error).split())[:200]
-        named = f"{type(error).__name__}: {text}" if text else type(error).__name__
-        raise RecordingError(f"{path}: a damaged recording: {named}") from error
+        raise RecordingError(f"{path}: a damaged recording: {text or 'no message'}") from error
 
 
-def load_recording(path: Path) -> Recording:
+class NotOursError(RecordingError):
+    """A recording that orientd has not written."""
+
+
+def load_recording(path: Path, *, partial: bool = False) -> Recording:
     """Read a recording of ours.
 
+    Args:
+        path: of the file.
+        partial: whether to take what is whole of a cut or damaged one.
+
     Raises:
-        RecordingError: it cannot be read, or is not one of ours.
+        RecordingError: it cannot be read, is not one of ours, or is damaged.
     """
     with reading(path):
-        return _load(path)
+        return _load(path, partial=partial)
 
 
-def _load(path: Path) -> Recording:
+def _load(path: Path, *, partial: bool) -> Recording:
     recording = Recording()
     blocks: dict[str, list[Table]] = {}
     room = _FREE_CYCLES + path.stat().st_size // FEWEST_CYCLE_BYTES
-    for channel, schema, message in messages(path, recording):
-        if schema is None and channel.schema_id:
-            raise ValueError(f"schema {channel.schema_id} is missing")
+    for channel, schema, message in messages(path, recording, partial=True):
         kind = schema.name if schema is not None else ""
         if kind == _CYCLES:
             device = channel.topic.rpartition("/")[0].removeprefix("/")
@@ -122,99 +121,72 @@ def _load(path: Path) -> Recording:
             blocks.setdefault(device, []).append(from_block(block))
         elif kind == _EVENT:
             recording.events.append(pb.Event.FromString(message.data))
-    if not recording.facts:
-        raise RecordingError(f"{path}: not a recording of orientd")
     for device, tables in blocks.items():
         recording.cycles[device] = np.concatenate(tables)
     recording.events.sort(key=lambda event: event.time_ns)
+    if recording.damages and not partial:
+        raise _not_whole(path, recording)
+    if not (recording.facts or (partial and recording.damages and recording.cycles)):
+        raise NotOursError(f"{path}: not a recording of orientd")
     return recording
 
 
+def _not_whole(path: Path, recording: Recording) -> RecordingError:
+    words = "; ".join([recording.damages.told(), *_to_go(recording)])
+    return RecordingError(
+        f"{path} is not whole: {words}; `--partial` (in Python `partial=True`) takes what can be "
+        "read"
+    )
+
+
+def _to_go(recording: Recording) -> Iterator[str]:
+    """Yield how much of a motion is missing that ran when a recording was cut."""
+    for device, cycles in recording.cycles.items() if recording.damages.is_cut else ():
+        last = cycles[-1]
+        begun = [
+            event
+            for event in recording.events
+            if event.device == device
+            and event.kind == pb.EVENT_KIND_MOTION_STARTED
+            and event.motion_number == last["motion"]
+        ]
+        if begun and last["state"] == ServoState.STREAMING:
+            gone = 1e-9 * (int(last["deadline_ns"]) - begun[-1].time_ns)
+            left = begun[-1].plan.certificate.duration - gone
+            if left > 0.0:
+                yield f"motion {last['motion']} of {device} was to go on for about {left:.3f} s"
+
+
 def messages(
-    path: Path, recording: Recording | None = None
+    path: Path, recording: Recording, *, partial: bool = False
 ) -> Iterator[tuple[Channel, Schema | None, Message]]:
-    """Yield the messages of an MCAP file, each with its channel and schema; see :func:`records`.
+    """Yield the messages of an MCAP file, each with its channel and schema.
 
     Args:
         path: of the file.
-        recording: is told where the end is missing, and what the file says of itself.
+        recording: is told what is missing, and what the file says of itself.
+        partial: whether to leave it at what is whole of a cut or damaged file.
+
+    Raises:
+        OSError: the file cannot be read.
+        RecordingError: it is no MCAP file, or, behind its last message, it is damaged.
     """
+    damages = recording.damages
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
-    for record in records(path, recording):
+    for record in records(path, damages):
         if isinstance(record, Schema):
             schemas[record.id] = record
         elif isinstance(record, Channel):
             channels[record.id] = record
         elif isinstance(record, Message):
-            channel = channels[record.channel_id]
-            yield channel, schemas.get(channel.schema_id), record
-        elif isinstance(record, Metadata) and record.name == "orientd" and recording is not None:
+            channel = channels.get(record.channel_id)
+            if channel is None or (channel.schema_id and channel.schema_id not in schemas):
+                damages.lost += 1
+            else:
+                yield channel, schemas.get(channel.schema_id), record
+        elif isinstance(record, Metadata) and record.name == "orientd":
             recording.facts = dict(record.metadata)
             recording.offset_ns = int(recording.facts["clock_offset_ns"])
-
-
-def records(path: Path, recording: Recording | None = None) -> Iterator[McapRecord]:
-    """Yield every record of an MCAP file, those inside chunks too; a missing end is no error.
-
-    Args:
-        path: of the file.
-        recording: is told where the end is missing.
-
-    Raises:
-        OSError: the file cannot be read.
-        RecordingError: it is no MCAP file, or one whose chunks grow beyond all measure.
-        Exception: whatever the decoder makes of damage; see :func:`reading`.
-    """
-    check_regular(path)
-    is_complete = False
-    with path.open("rb") as stream:
-        size = stream.seek(0, os.SEEK_END)
-        if size > 2 * len(MCAP0_MAGIC):
-            stream.seek(-len(MCAP0_MAGIC), os.SEEK_END)
-            is_complete = stream.read() == MCAP0_MAGIC
-        stream.seek(0)
-        if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-            raise RecordingError(f"{path}: not an MCAP file")
-        stream.seek(0)
-        if recording is not None:
-            recording.is_complete = is_complete
-        room = LARGEST_CHUNK + MOST_TIMES * size
-        try:
-            reader = StreamReader(stream, emit_chunks=True, record_size_limit=size)
-            for record in reader.records:
-                if not isinstance(record, Chunk):
-                    yield record
-                    continue
-                grown = _grown(record)
-                room -= grown
-                if grown > LARGEST_CHUNK or room < 0:
-                    raise RecordingError(f"{path}: a chunk becomes {grown / MEBIBYTE:.0f} MiB")
-                yield from _inside(record)
-        except RecordingError:
-            raise
-        except Exception:
-            if is_complete:
-                raise
-
-
-def _grown(chunk: Chunk) -> int:
-    """Return how large a chunk is once it is decompressed, as it says and as its content does."""
-    if chunk.compression == "zstd":
-        return max(chunk.uncompressed_size, get_frame_parameters(chunk.data).content_size)
-    return max(chunk.uncompressed_size, len(chunk.data))
-
-
-def _inside(chunk: Chunk) -> Iterator[McapRecord]:
-    """Yield the records of a chunk one by one, where the library's own way makes a list of all."""
-    stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-    while stream.count < size:
-        opcode, length = stream.read1(), stream.read8()
-        if opcode == Opcode.CHANNEL:
-            yield Channel.read(stream)
-        elif opcode == Opcode.MESSAGE:
-            yield Message.read(stream, length)
-        elif opcode == Opcode.SCHEMA:
-            yield Schema.read(stream)
-        else:
-            stream.read(length)
+    if damages and not partial:
+        raise _not_whole(path, recording)

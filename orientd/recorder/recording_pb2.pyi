@@ -21,7 +21,7 @@ class Column(_message.Message):
     def __init__(self, width: _Optional[int] = ..., quantum: _Optional[float] = ..., order: _Optional[int] = ..., steps: _Optional[_Iterable[int]] = ..., raw: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class CycleBlock(_message.Message):
-    __slots__ = ("count", "index", "deadline_ns", "lateness_ns", "work_ns", "feedback_age_ns", "state", "fault", "motion", "flags", "overruns", "missed", "path_index", "path_fraction", "speed", "sent_q", "sent_omega_body", "sent_alpha_body", "sent_position", "measured_q", "measured_omega_body", "measured_position", "measured_joints")
+    __slots__ = ("count", "index", "deadline_ns", "lateness_ns", "work_ns", "feedback_age_ns", "state", "fault", "motion", "flags", "overruns", "missed", "path_index", "path_fraction", "speed", "sent_q", "sent_omega_body", "sent_alpha_body", "sent_position", "measured_q", "measured_omega_body", "measured_position", "measured_joints", "sent_joints")
     COUNT_FIELD_NUMBER: _ClassVar[int]
     INDEX_FIELD_NUMBER: _ClassVar[int]
     DEADLINE_NS_FIELD_NUMBER: _ClassVar[int]
@@ -45,6 +45,7 @@ class CycleBlock(_message.Message):
     MEASURED_OMEGA_BODY_FIELD_NUMBER: _ClassVar[int]
     MEASURED_POSITION_FIELD_NUMBER: _ClassVar[int]
     MEASURED_JOINTS_FIELD_NUMBER: _ClassVar[int]
+    SENT_JOINTS_FIELD_NUMBER: _ClassVar[int]
     count: int
     index: Column
     deadline_ns: Column
@@ -68,7 +69,8 @@ class CycleBlock(_message.Message):
     measured_omega_body: Column
     measured_position: Column
     measured_joints: Column
-    def __init__(self, count: _Optional[int] = ..., index: _Optional[_Union[Column, _Mapping]] = ..., deadline_ns: _Optional[_Union[Column, _Mapping]] = ..., lateness_ns: _Optional[_Union[Column, _Mapping]] = ..., work_ns: _Optional[_Union[Column, _Mapping]] = ..., feedback_age_ns: _Optional[_Union[Column, _Mapping]] = ..., state: _Optional[_Union[Column, _Mapping]] = ..., fault: _Optional[_Union[Column, _Mapping]] = ..., motion: _Optional[_Union[Column, _Mapping]] = ..., flags: _Optional[_Union[Column, _Mapping]] = ..., overruns: _Optional[_Union[Column, _Mapping]] = ..., missed: _Optional[_Union[Column, _Mapping]] = ..., path_index: _Optional[_Union[Column, _Mapping]] = ..., path_fraction: _Optional[_Union[Column, _Mapping]] = ..., speed: _Optional[_Union[Column, _Mapping]] = ..., sent_q: _Optional[_Union[Column, _Mapping]] = ..., sent_omega_body: _Optional[_Union[Column, _Mapping]] = ..., sent_alpha_body: _Optional[_Union[Column, _Mapping]] = ..., sent_position: _Optional[_Union[Column, _Mapping]] = ..., measured_q: _Optional[_Union[Column, _Mapping]] = ..., measured_omega_body: _Optional[_Union[Column, _Mapping]] = ..., measured_position: _Optional[_Union[Column, _Mapping]] = ..., measured_joints: _Optional[_Union[Column, _Mapping]] = ...) -> None: ...
+    sent_joints: Column
+    def __init__(self, count: _Optional[int] = ..., index: _Optional[_Union[Column, _Mapping]] = ..., deadline_ns: _Optional[_Union[Column, _Mapping]] = ..., lateness_ns: _Optional[_Union[Column, _Mapping]] = ..., work_ns: _Optional[_Union[Column, _Mapping]] = ..., feedback_age_ns: _Optional[_Union[Column, _Mapping]] = ..., state: _Optional[_Union[Column, _Mapping]] = ..., fault: _Optional[_Union[Column, _Mapping]] = ..., motion: _Optional[_Union[Column, _Mapping]] = ..., flags: _Optional[_Union[Column, _Mapping]] = ..., overruns: _Optional[_Union[Column, _Mapping]] = ..., missed: _Optional[_Union[Column, _Mapping]] = ..., path_index: _Optional[_Union[Column, _Mapping]] = ..., path_fraction: _Optional[_Union[Column, _Mapping]] = ..., speed: _Optional[_Union[Column, _Mapping]] = ..., sent_q: _Optional[_Union[Column, _Mapping]] = ..., sent_omega_body: _Optional[_Union[Column, _Mapping]] = ..., sent_alpha_body: _Optional[_Union[Column, _Mapping]] = ..., sent_position: _Optional[_Union[Column, _Mapping]] = ..., measured_q: _Optional[_Union[Column, _Mapping]] = ..., measured_omega_body: _Optional[_Union[Column, _Mapping]] = ..., measured_position: _Optional[_Union[Column, _Mapping]] = ..., measured_joints: _Optional[_Union[Column, _Mapping]] = ..., sent_joints: _Optional[_Union[Column, _Mapping]] = ...) -> None: ...
 
 class Scalars(_message.Message):
     __slots__ = ("sent", "measured", "tracking_error", "lateness", "work", "path_speed", "state", "motion")

@@ -25,10 +25,12 @@ from orientd.rotation.jacobian import (
 )
 from orientd.rotation.named import Quaternion, is_rotation, unnamed
 from orientd.rotation.quaternion import (
+    HALF_TURN,
     ROUNDING,
     Floats,
     align,
     angle,
+    are_half_turns,
     between,
     check_unit,
     conjugate,
@@ -37,6 +39,7 @@ from orientd.rotation.quaternion import (
     log,
     log_half,
     multiply,
+    nearer_sign,
     normalize,
     power,
     rotate,

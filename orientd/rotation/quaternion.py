@@ -8,6 +8,8 @@ the logarithm of the quaternion algebra itself, with half the physical angle, as
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -18,6 +20,11 @@ Floats = NDArray[np.float64]
 ROUNDING = 1e-15
 """How far from one the norm of a quaternion is that dividing by it would not bring nearer."""
 
+HALF_TURN = 1e-7
+"""Of the dot product of two unit quaternions, below which one is half a turn from the other: what
+eight decimals leave of a half turn, which is within 1.2e-5 degrees of 180."""
+
+_NO_COMPONENT = 1e-6  # of the axis of a half turn
 _TINY = 1e-140
 
 
@@ -318,15 +325,46 @@ def angle(p: ArrayLike, q: ArrayLike) -> Floats:
     return found
 
 
+def nearer_sign(w: float, x: float, y: float, z: float) -> float:
+    """Return the sign that a relative quaternion takes: the one of the shorter turn.
+
+    A half turn is as short either way, and rounding would choose.  One within :data:`HALF_TURN`
+    goes the positive way about the z axis of the body frame; about y where its axis has no z, and
+    about x where it has neither.
+
+    >>> nearer_sign(0.0, 0.6, 0.0, -0.8), nearer_sign(-1e-9, 0.8, 0.6, 1e-9)
+    (-1.0, 1.0)
+    """
+    if abs(w) > HALF_TURN:
+        return math.copysign(1.0, w)
+    for component in (z, y, x):
+        if abs(component) > _NO_COMPONENT:
+            return math.copysign(1.0, component)
+    return 1.0
+
+
+def are_half_turns(qs: ArrayLike) -> NDArray[np.bool_]:
+    """Return for each step of a sequence whether it is a half turn, shape ``(..., n - 1)``.
+
+    Args:
+        qs: unit quaternions, shape ``(..., n, 4)``.
+    """
+    qs = components(qs, 4, "qs")
+    is_half: NDArray[np.bool_] = (
+        np.abs(np.sum(qs[..., 1:, :] * qs[..., :-1, :], axis=-1)) <= HALF_TURN
+    )
+    return is_half
+
+
 def align(qs: ArrayLike) -> Floats:
     """Return a sequence with signs chosen so that each quaternion is near the one before it.
 
     Walks from the first quaternion, which keeps its sign, and negates each one whose dot product
-    with its (already aligned) predecessor is negative.  At a tie, a half turn, the quaternion
-    stays as it was given.
+    with its (already aligned) predecessor is negative.  Half turns go the way that
+    :func:`nearer_sign` says, whatever the signs and the rounding of the quaternions.
 
     Args:
-        qs: quaternions, shape ``(..., n, 4)``.
+        qs: unit quaternions, shape ``(..., n, 4)``.
 
     Returns:
         The aligned sequence, same shape.
@@ -337,9 +375,13 @@ def align(qs: ArrayLike) -> Floats:
     qs = components(qs, 4, "qs")
     if qs.ndim < 2:
         raise ValueError(f"qs must be a sequence of quaternions, got shape {qs.shape}")
-    dots = np.zeros(qs.shape[:-1])
-    dots[..., 1:] = np.sum(qs[..., 1:, :] * qs[..., :-1, :], axis=-1)
-    signs = np.cumprod(np.where(dots < 0.0, -1.0, 1.0), axis=-1)
-    last_tie = np.maximum.accumulate(np.where(dots == 0.0, np.arange(qs.shape[-2]), 0), axis=-1)
-    signs *= np.take_along_axis(signs, last_tie, axis=-1)
+    dots = np.sum(qs[..., 1:, :] * qs[..., :-1, :], axis=-1)
+    if np.all(dots > HALF_TURN):
+        return qs.copy()
+    steps = np.where(dots < 0.0, -1.0, 1.0)
+    for *others, place in np.argwhere(np.abs(dots) <= HALF_TURN).tolist():
+        of = qs[tuple(others)]
+        steps[(*others, place)] = nearer_sign(*between(of[place], of[place + 1]).tolist())
+    signs = np.ones(qs.shape[:-1])
+    signs[..., 1:] = np.cumprod(steps, axis=-1)
     return qs * signs[..., None]

@@ -254,7 +254,7 @@ class LookAt(_message.Message):
     def __init__(self, point: _Optional[_Union[Vector3, _Mapping]] = ..., place: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class MotionRequest(_message.Message):
-    __slots__ = ("method", "keyframes", "velocity_frame", "start_velocity", "end_velocity", "approach", "limits", "options", "device_options", "duration", "name", "pointing_axis", "frame", "frames", "duration_seconds", "pace", "pace_share", "rate")
+    __slots__ = ("method", "keyframes", "velocity_frame", "start_velocity", "end_velocity", "approach", "limits", "options", "device_options", "duration", "name", "pointing_axis", "frame", "frames", "duration_seconds", "pace", "pace_share", "rate", "notes")
     class FramesEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -280,6 +280,7 @@ class MotionRequest(_message.Message):
     PACE_FIELD_NUMBER: _ClassVar[int]
     PACE_SHARE_FIELD_NUMBER: _ClassVar[int]
     RATE_FIELD_NUMBER: _ClassVar[int]
+    NOTES_FIELD_NUMBER: _ClassVar[int]
     method: str
     keyframes: _containers.RepeatedCompositeFieldContainer[Keyframe]
     velocity_frame: Frame
@@ -298,7 +299,8 @@ class MotionRequest(_message.Message):
     pace: Pace
     pace_share: float
     rate: Vector3
-    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ..., pointing_axis: _Optional[_Union[PointingAxis, str]] = ..., frame: _Optional[str] = ..., frames: _Optional[_Mapping[str, NamedFrame]] = ..., duration_seconds: _Optional[float] = ..., pace: _Optional[_Union[Pace, str]] = ..., pace_share: _Optional[float] = ..., rate: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
+    notes: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ..., pointing_axis: _Optional[_Union[PointingAxis, str]] = ..., frame: _Optional[str] = ..., frames: _Optional[_Mapping[str, NamedFrame]] = ..., duration_seconds: _Optional[float] = ..., pace: _Optional[_Union[Pace, str]] = ..., pace_share: _Optional[float] = ..., rate: _Optional[_Union[Vector3, _Mapping]] = ..., notes: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class Peak(_message.Message):
     __slots__ = ("value", "time", "limit", "on_records")
@@ -327,7 +329,7 @@ class Figure(_message.Message):
     def __init__(self, name: _Optional[str] = ..., value: _Optional[float] = ..., unit: _Optional[str] = ..., limit: _Optional[float] = ..., time: _Optional[float] = ...) -> None: ...
 
 class Certificate(_message.Message):
-    __slots__ = ("rate_hz", "duration", "lead_in", "lead_out", "velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration", "start_velocity_error", "end_velocity_error", "keyframe_error", "brake_rate", "stop_time", "figures", "notes")
+    __slots__ = ("rate_hz", "duration", "lead_in", "lead_out", "velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration", "start_velocity_error", "end_velocity_error", "keyframe_error", "brake_rate", "stop_time", "figures", "notes", "usual_stop_time", "has_control_points")
     RATE_HZ_FIELD_NUMBER: _ClassVar[int]
     DURATION_FIELD_NUMBER: _ClassVar[int]
     LEAD_IN_FIELD_NUMBER: _ClassVar[int]
@@ -344,6 +346,8 @@ class Certificate(_message.Message):
     STOP_TIME_FIELD_NUMBER: _ClassVar[int]
     FIGURES_FIELD_NUMBER: _ClassVar[int]
     NOTES_FIELD_NUMBER: _ClassVar[int]
+    USUAL_STOP_TIME_FIELD_NUMBER: _ClassVar[int]
+    HAS_CONTROL_POINTS_FIELD_NUMBER: _ClassVar[int]
     rate_hz: float
     duration: float
     lead_in: float
@@ -360,7 +364,9 @@ class Certificate(_message.Message):
     stop_time: float
     figures: _containers.RepeatedCompositeFieldContainer[Figure]
     notes: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, rate_hz: _Optional[float] = ..., duration: _Optional[float] = ..., lead_in: _Optional[float] = ..., lead_out: _Optional[float] = ..., velocity: _Optional[_Union[Peak, _Mapping]] = ..., acceleration: _Optional[_Union[Peak, _Mapping]] = ..., jerk: _Optional[_Union[Peak, _Mapping]] = ..., linear_velocity: _Optional[_Union[Peak, _Mapping]] = ..., linear_acceleration: _Optional[_Union[Peak, _Mapping]] = ..., start_velocity_error: _Optional[float] = ..., end_velocity_error: _Optional[float] = ..., keyframe_error: _Optional[float] = ..., brake_rate: _Optional[float] = ..., stop_time: _Optional[float] = ..., figures: _Optional[_Iterable[_Union[Figure, _Mapping]]] = ..., notes: _Optional[_Iterable[str]] = ...) -> None: ...
+    usual_stop_time: float
+    has_control_points: bool
+    def __init__(self, rate_hz: _Optional[float] = ..., duration: _Optional[float] = ..., lead_in: _Optional[float] = ..., lead_out: _Optional[float] = ..., velocity: _Optional[_Union[Peak, _Mapping]] = ..., acceleration: _Optional[_Union[Peak, _Mapping]] = ..., jerk: _Optional[_Union[Peak, _Mapping]] = ..., linear_velocity: _Optional[_Union[Peak, _Mapping]] = ..., linear_acceleration: _Optional[_Union[Peak, _Mapping]] = ..., start_velocity_error: _Optional[float] = ..., end_velocity_error: _Optional[float] = ..., keyframe_error: _Optional[float] = ..., brake_rate: _Optional[float] = ..., stop_time: _Optional[float] = ..., figures: _Optional[_Iterable[_Union[Figure, _Mapping]]] = ..., notes: _Optional[_Iterable[str]] = ..., usual_stop_time: _Optional[float] = ..., has_control_points: bool = ...) -> None: ...
 
 class Plan(_message.Message):
     __slots__ = ("motion_id", "duration", "start_time", "end_time", "keyframe_times", "certificate", "name", "planning")

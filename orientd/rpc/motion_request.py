@@ -53,6 +53,7 @@ class RequestFields(TypedDict, total=False):
             device's configuration.
         rate: angular velocity to turn at for *duration* seconds from wherever the device is, rad/s,
             in *velocity_frame*; without keyframes.
+        notes: lines that the certificate is to repeat.
     """
 
     times: ArrayLike
@@ -72,6 +73,7 @@ class RequestFields(TypedDict, total=False):
     frame: str
     frames: Mapping[str, Any]
     rate: ArrayLike
+    notes: Sequence[str]
 
 
 def motion_request(

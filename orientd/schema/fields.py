@@ -26,6 +26,7 @@ class FieldKind(Enum):
     """What a field holds; each way to write a request knows how to write every kind."""
 
     TEXT = auto()
+    TEXTS = auto()
     FLAG = auto()
     WHOLE = auto()
     NUMBER = auto()
@@ -41,6 +42,7 @@ class FieldKind(Enum):
 
 _KINDS: tuple[tuple[Any, FieldKind], ...] = (
     (str, FieldKind.TEXT),
+    (Sequence[str], FieldKind.TEXTS),
     (bool, FieldKind.FLAG),
     (int, FieldKind.WHOLE),
     (float, FieldKind.NUMBER),

@@ -45,6 +45,7 @@ _FORMS: dict[str, dict[str, Any]] = {
 
 _KINDS: dict[FieldKind, dict[str, Any]] = {
     FieldKind.TEXT: {"type": "string"},
+    FieldKind.TEXTS: {"type": "array", "items": {"type": "string"}},
     FieldKind.FLAG: {"type": "boolean"},
     FieldKind.WHOLE: {"type": "integer"},
     FieldKind.NUMBER: _NUMBER,

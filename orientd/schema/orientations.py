@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -52,6 +51,8 @@ FORMS: dict[str, plain.Reader] = {
 }
 """How each form is read from plain values."""
 
+_ROUNDED = 1e-9  # what an angle may be beyond a turn
+
 DIRECTIONS = ("direction", "azimuth_elevation", "look_at")
 """Forms that only say where to point."""
 
@@ -74,6 +75,46 @@ def the_only(given: Mapping[str, Any]) -> Written:
     return forms[0], given[forms[0]]
 
 
+def form_notes(written: Sequence[Written]) -> list[str]:
+    """Return what the certificate says of angles that keyframes give beyond a turn.
+
+    A quaternion knows no turns, so that only the rest of such an angle counts.
+    """
+    found: dict[str, list[str]] = {"rotation_vector": [], "euler": []}
+    for index, (form, given) in enumerate(written):
+        if form == "rotation_vector":
+            found[form] += _vector_note(index, given)
+        elif form == "euler":
+            found[form] += _euler_note(index, given[1])
+    return [
+        notes[0] + (f"; so are {len(notes) - 1} more" if len(notes) > 1 else "")
+        for notes in found.values()
+        if notes
+    ]
+
+
+def _vector_note(index: int, vector: Sequence[float]) -> list[str]:
+    angle = math.hypot(*vector)
+    if not math.pi + _ROUNDED < angle < math.inf:
+        return []
+    rest = math.degrees(math.remainder(angle, 2.0 * math.pi))
+    return [
+        f"keyframes[{index}].rotation_vector is {angle:.6g} rad long, more than half a turn, and "
+        f"taken for {rest:.4g} deg: its unit is rad, `euler` takes degrees, `turns` whole turns"
+    ]
+
+
+def _euler_note(index: int, degrees: Sequence[float]) -> list[str]:
+    angle = max(degrees, key=abs, default=0.0)
+    if not 360.0 + _ROUNDED < abs(angle) < math.inf:
+        return []
+    rest = math.remainder(angle, 360.0) + 0.0  # of nothing no negative
+    return [
+        f"keyframes[{index}].euler has an angle of {angle:.6g} deg, more than a whole turn, and "
+        f"taken for {rest:.4g} deg: `turns` takes whole turns"
+    ]
+
+
 def quaternions(written: Sequence[Written]) -> list[Quaternion]:
     """Return the orientations of keyframes, those of one form converted together.
 
@@ -81,9 +122,6 @@ def quaternions(written: Sequence[Written]) -> list[Quaternion]:
         RequestError: one is none, for example a matrix that is no rotation.
     """
     found: list[Any] = [q for _, q in written]
-    for index, (form, given) in enumerate(written):
-        if form == "rotation_vector" and math.hypot(*given) > 2.0 * math.pi:
-            warnings.warn(_beyond_a_turn(index, given), stacklevel=2)
     _convert(found, written, "rotation_vector", from_rotation_vector)
     _convert(found, written, "matrix", from_matrix)
     for index, (form, euler) in enumerate(written):
@@ -106,15 +144,6 @@ def _level(form: str, given: Sequence[float], place: str) -> Quaternion:
     # A turn about z, then one about the new y, by minus the elevation.
     c, s, b, d = (f(0.5 * a) for a in (azimuth, elevation) for f in (math.cos, math.sin))
     return c * b, s * d, -c * d, s * b
-
-
-def _beyond_a_turn(index: int, vector: Sequence[float]) -> str:
-    angle = math.hypot(*vector)
-    rest = math.degrees(math.remainder(angle, 2.0 * math.pi))
-    return (
-        f"keyframes[{index}].rotation_vector is {angle:.6g} rad long, more than a whole turn, and "
-        f"taken for {rest:.4g} deg: its unit is rad; `euler` takes degrees, `turns` whole turns"
-    )
 
 
 def _convert(

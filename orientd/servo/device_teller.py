@@ -16,16 +16,25 @@ class DeviceTeller:
         self._driver = driver
         self._memory = memory
         self._every = max(1, _INTERVAL_NS // period_ns)
+        self._told: tuple[str, ...] = ()
         self._hindered = -self._every - 1
 
     def tell_notices(self) -> None:
         """Say what there is to say of a device that was opened, or reset."""
-        for text in self._driver.notices():
-            self._memory.notes.publish(*pack_note(0, NoteKind.NOTICE, 0, text))
+        self._told = ()
+        self._tell_new()
+
+    def _tell_new(self) -> None:
+        notices = tuple(self._driver.notices())
+        for text in notices:
+            if text not in self._told:
+                self._memory.notes.publish(*pack_note(0, NoteKind.NOTICE, 0, text))
+        self._told = notices
 
     def tell_health(self, cycle: int) -> None:
-        """Say once a second how the device's parts are; to be called every *cycle*."""
+        """Say once a second what is new and how the device's parts are; called every *cycle*."""
         if cycle % self._every == 0:
+            self._tell_new()
             parts = self._driver.health()
             if parts:
                 publish_health(self._memory.health, parts)

@@ -22,6 +22,7 @@ from orientd.errors import (
     NotYetError,
     StateError,
 )
+from orientd.servo.arrival import Arrival
 from orientd.servo.device_teller import DeviceTeller
 from orientd.servo.path import PathPart, PathPoint
 from orientd.servo.setpoint_generator import SetpointGenerator
@@ -50,7 +51,8 @@ from orientd.stream import (
 
 # Looking a member up in its enumeration takes longer than comparing it.
 _DRIVEN = (ServoState.STREAMING, ServoState.TRACKING)
-_FEEDBACK, _WRITTEN, _FROM_REST = map(int, CycleFlag)
+_STREAMING, _HOLDING = ServoState.STREAMING, ServoState.HOLDING
+_FEEDBACK, _WRITTEN, _FROM_REST, _ARRIVING = map(int, CycleFlag)
 
 _NEVER_TOO_LATE = (Command.STOP, Command.HALT, Command.SHUTDOWN)
 
@@ -102,6 +104,7 @@ class Servo:
         self.setpoints = SetpointGenerator(
             driver, memory, period_ns=period_ns, stall_ns=watch.stall_ns, on_fault=self._tell_fault
         )
+        self._arrival = Arrival()
         self._is_enabled = False
         self._is_orderly = False
         self._feedback: Feedback | None = None
@@ -138,6 +141,7 @@ class Servo:
         if self._stops != self._memory.pulse[STOPS_WORD]:
             self._take_stops()
         self._look_for_life(deadline_ns)
+        before = self.setpoints.state
         try:
             point = self.setpoints.step(deadline_ns, self._clock.now_ns())
         except Exception as error:  # noqa: BLE001 - what others may write must not end the servo
@@ -155,7 +159,28 @@ class Servo:
             except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
                 self._take_fault(error)
                 is_written = False
+        if before is _STREAMING and self.setpoints.state is _HOLDING:
+            self._arrival.begin(self._clock.now_ns())
+        if self._arrival.is_awaited:
+            self._await_arrival()
         self._publish(deadline_ns, lateness_ns, point, is_written=is_written)
+
+    def _await_arrival(self) -> None:
+        """Look whether the axes are where the motion has ended; a fault where they do not come."""
+        arrival = self._arrival
+        if self.setpoints.state is not _HOLDING:
+            arrival.end()
+            return
+        try:
+            measured_ns = self._feedback.time_ns if self._feedback else 0
+            problem = arrival.look(
+                self._driver.gaps(), measured_ns, round(self._driver.arrival_time * 1e9)
+            )
+            if problem:
+                raise AxisFaultError(problem)
+        except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
+            arrival.end()
+            self._take_fault(error)
 
     def request_end(self, reason: str) -> None:
         """Stop on the path if something moves; the process ends once it holds."""
@@ -260,17 +285,23 @@ class Servo:
         pulse, setpoints = self._memory.pulse, self.setpoints
         before, self._stops = self._stops, pulse[STOPS_WORD]
         pulse[TAKEN_AT_WORD] = taken_at(setpoints.state, setpoints.motion)
-        if pulse[HALTS_WORD] > before:
-            setpoints.halt()
-        else:
-            setpoints.stop(Event.STOP)
+        self._stop(is_quickest=pulse[HALTS_WORD] > before)
         pulse[TAKEN_WORD] = self._stops
+
+    def _stop(self, *, is_quickest: bool = False) -> None:
+        """Come to rest; in a fault have the driver look again that nothing moves."""
+        if self.setpoints.state is ServoState.FAULT and self._is_enabled:
+            self._driver.rest_in_fault()
+        if is_quickest:
+            self.setpoints.halt()
+        else:
+            self.setpoints.stop(Event.STOP)
 
     def _obey(self, command: Command, part: PathPart, speed: float, start_ns: int) -> str:
         """Carry out one command; return why it was refused, or nothing."""
         setpoints = self.setpoints
         if command is Command.STOP:
-            setpoints.stop(Event.STOP)
+            self._stop()
         elif command is Command.SPEED:
             return setpoints.set_speed(speed)
         elif command is Command.START:
@@ -278,7 +309,7 @@ class Servo:
         elif command is Command.SPLICE:
             return setpoints.splice(part)
         elif command is Command.HALT:
-            setpoints.halt()
+            self._stop(is_quickest=True)
         elif command is Command.TRACK:
             setpoints.track(part)
         elif command is Command.TUNE:
@@ -286,7 +317,8 @@ class Servo:
         elif command is Command.ENABLE:
             self._enable()
         elif command in (Command.DISABLE, Command.FREE):
-            following = advance(setpoints.state, Event.DISABLE)
+            event = Event.FREE if command is Command.FREE else Event.DISABLE
+            following = advance(setpoints.state, event)
             self._is_enabled = False
             self._driver.disable()
             setpoints.state = following
@@ -373,6 +405,7 @@ class Servo:
         setpoints, ring, follower = self.setpoints, self._memory.cycles, self.setpoints.follower
         flags = (_WRITTEN if is_written else 0) | (_FEEDBACK if self._feedback else 0)
         flags |= _FROM_REST if setpoints.is_from_rest else 0
+        flags |= _ARRIVING if self._arrival.is_awaited else 0
         record = CYCLE_RECORD.pack(
             ring.next,
             deadline_ns,
@@ -396,6 +429,7 @@ class Servo:
             *measured.omega_body,
             *measured.position,
             *(measured.joints + NO_JOINTS)[:JOINTS],
+            *(self._driver.sent_joints + NO_JOINTS)[:JOINTS],
         )
         ring.append(record)
         self._cycle_count += 1

@@ -132,8 +132,8 @@ class SetpointGenerator:
 
     @property
     def is_following(self) -> bool:
-        """Whether targets are followed, or their following comes to rest."""
-        return self._pursuit.is_on
+        """Whether targets are followed, or anything comes to rest that is on no planned path."""
+        return self._pursuit.is_on or self._escape is not None
 
     def confine(self, q: Quaternion) -> PathPoint:
         """Take note that *q* was sent in place of the last setpoint; return what was sent."""
@@ -156,7 +156,7 @@ class SetpointGenerator:
         """Come to rest as fast as the limits allow, wherever that leaves the path."""
         self.stop(Event.HALT)
         if self.is_moving and self._escape is None and not self._pursuit.is_on:
-            self._escape = self._guard.soft_stop(self._servo_limits)
+            self._begin_escape()
 
     def clear_fault(self) -> None:
         """Leave the fault behind."""
@@ -271,7 +271,7 @@ class SetpointGenerator:
             servo_limits = self._servo_limits if place.part is part else place.part.servo_limits
             problem = self._guard.admit(path.q, path.position, servo_limits)
             if problem and not scaling.is_led and (rate != 1.0 or follower.fraction):
-                path, place, rate, problem = self._ease(path, place, rate, problem)
+                path, place, rate, problem = self._ease(path, place, before, rate, problem)
         except StarvedError as error:
             return self.leave_path(Fault.PATH_STARVED, str(error))
         follower.move(place)
@@ -308,7 +308,7 @@ class SetpointGenerator:
         return min((deadline_ns + period_ns - self._start_ns) / period_ns, 1.0)
 
     def _ease(
-        self, path: PathPoint, place: PathPlace, rate: float, problem: str
+        self, path: PathPoint, place: PathPlace, before: float, rate: float, problem: str
     ) -> tuple[PathPoint, PathPlace, float, str]:
         """Return point and place on the path that another rate leads to, that, and what is wrong.
 
@@ -318,7 +318,8 @@ class SetpointGenerator:
         scaling, follower, guard = self.time_scaling, self.follower, self._guard
         part = place.part
         servo_limits = self._servo_limits if part is follower.part else part.servo_limits
-        past, tried, other = Past(guard.omega, guard.alpha, guard.velocity), path, rate
+        past = Past(guard.omega, guard.alpha, guard.velocity, before)
+        tried, other = path, rate
         for _ in range(_EASINGS):
             rates = guard.rates(tried.q, tried.position)
             found = eased(past, *rates, tried, other, servo_limits, scaling.period)
@@ -397,16 +398,23 @@ class SetpointGenerator:
     def leave_path(self, fault: Fault, text: str) -> PathPoint:
         """Begin to come to rest without the path."""
         self.brake(fault, text)
-        self._escape = self._guard.soft_stop(self._servo_limits)
+        self._begin_escape()
         return self._step_off_path()
+
+    def _begin_escape(self) -> None:
+        """Come to rest from what was written, as near to that as the device's axes can."""
+        self._escape = self._guard.soft_stop(self._servo_limits)
+        self._sent, self._is_there = self.last.q, False
 
     def _step_off_path(self) -> PathPoint:
         guard = self._guard
         step = next(self._escape, None) if self._escape is not None else None
         if step is None:
-            self._escape = None
-            self.time_scaling.halt()
-            self._finish(Event.REST)
+            if self._is_there:
+                self._escape = None
+                self._finish(Event.REST)
+                # Axes that could not get there hold where they could.
+                guard.anchor(self._sent, guard.position)
             return PathPoint(guard.q, ZERO, ZERO, guard.position, ZERO)
         return PathPoint(step[0], guard.omega, guard.alpha, step[1], guard.velocity)
 
@@ -427,6 +435,9 @@ class SetpointGenerator:
 
     def _brake_as_promised(self) -> None:
         """Stop as what is on the path permits, and never slower than a change under way."""
-        slowest, scaling = self.follower.slowest_brake_rate, self.time_scaling
+        follower, scaling = self.follower, self.time_scaling
+        slowest, shares = follower.slowest_brake_rate, follower.joint_shares
+        if shares != self._servo_limits.joint_shares:
+            self._servo_limits = replace(follower.part.servo_limits, joint_shares=shares)
         if not scaling.is_led and (scaling.is_steady or slowest > scaling.brake_rate):
             scaling.brake_rate = slowest

@@ -17,6 +17,7 @@ class Event(Enum):
 
     ENABLE = "enable"
     DISABLE = "disable"
+    FREE = "free"
     START = "start"
     TUNE = "tune"
     SPEED = "speed"
@@ -40,7 +41,8 @@ _TO_REST = {
 
 TRANSITIONS: dict[Event, dict[ServoState, ServoState]] = {
     Event.ENABLE: {IDLE: HOLDING, HOLDING: HOLDING},
-    Event.DISABLE: {IDLE: IDLE, HOLDING: IDLE},
+    Event.DISABLE: {IDLE: IDLE, HOLDING: IDLE, FAULT: FAULT},
+    Event.FREE: {IDLE: IDLE, HOLDING: IDLE},
     Event.START: {HOLDING: STREAMING},
     Event.TUNE: {HOLDING: HOLDING},
     Event.SPEED: {STREAMING: STREAMING},

@@ -13,6 +13,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from typing import NamedTuple
 
 from orientd.driver import Quaternion, Vector3
 
@@ -70,15 +71,15 @@ PATH_RECORD = struct.Struct(f"@Q{PATH_FLOATS}d")
 # index, deadline_ns, lateness_ns, work_ns, feedback_time_ns, path_index |
 # state, fault, motion, flags, overruns, missed |
 # path_fraction, speed, q(4) omega(3) alpha(3) position(3), feedback q(4) omega(3) position(3),
-# joints(8)
-CYCLE_RECORD = struct.Struct("@QqqqqQ6I33d")
+# joints(8) sent joints(8)
+CYCLE_RECORD = struct.Struct("@QqqqqQ6I41d")
 JOINTS = 8
 """Axes of a device that a cycle has room for."""
 NO_JOINTS = (math.nan,) * JOINTS
 
 
 # index, code, motion, path_index, leave_index, final_index, start_ns | speed, terms
-TERMS_FLOATS = 15
+TERMS_FLOATS = 18
 COMMAND_RECORD = struct.Struct(f"@QIIQqqq{1 + TERMS_FLOATS}d")
 UNKNOWN = -1
 """Index of a record that is not yet known."""
@@ -127,10 +128,34 @@ class CycleFlag(IntEnum):
     """A setpoint was written in this cycle."""
     FROM_REST = 4
     """Motion goes on from rest: the process had not run for so long that the device had stopped."""
+    ARRIVING = 8
+    """The last setpoint of the motion was sent, and the axes have not arrived there yet."""
 
 
 NO_AXES: Vector3 = (math.inf, math.inf, math.inf)
 """Limits of components where only the norm is limited."""
+
+
+class JointShares(NamedTuple):
+    """The most that a path asks of the device's joints at full speed, as shares of their limits.
+
+    At the rate *r* of the time scaling, which changes by *c* a second, no joint accelerates by more
+    than the share ``speed * |c| + acceleration * r**2`` of its limit.  All are 0 for a device whose
+    joints the plan does not know.
+
+    Attributes:
+        velocity: largest velocity of a joint, as a share of its limit.
+        speed: largest velocity of a joint over its limit of acceleration, s.
+        acceleration: largest acceleration of a joint, as a share of its limit.
+    """
+
+    velocity: float = 0.0
+    speed: float = 0.0
+    acceleration: float = 0.0
+
+
+NO_SHARES = JointShares()
+"""Of a path whose joints the plan does not know."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +172,7 @@ class ServoLimits:
         axis_velocity: largest components of the angular velocity in the body frame, rad/s.
         axis_acceleration: the same of the angular acceleration, rad/s^2.
         axis_jerk: the same of the angular jerk, rad/s^3.
+        joint_shares: what the path asks of the device's joints.
         has_axes: whether any component is limited by itself.
     """
 
@@ -159,6 +185,7 @@ class ServoLimits:
     axis_velocity: Vector3 = NO_AXES
     axis_acceleration: Vector3 = NO_AXES
     axis_jerk: Vector3 = NO_AXES
+    joint_shares: JointShares = NO_SHARES
     has_axes: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -167,8 +194,9 @@ class ServoLimits:
         object.__setattr__(self, "has_axes", min(axes) < math.inf)
 
     def has_limits_of(self, other: ServoLimits) -> bool:
-        """Whether the limits, all but the brake rate, are the same."""
-        return replace(self, brake_rate=other.brake_rate) == other
+        """Whether the limits are the same, whatever the brake rate and the joints' shares."""
+        mine = replace(self, brake_rate=other.brake_rate, joint_shares=other.joint_shares)
+        return mine == other
 
     def floats(self) -> tuple[float, ...]:
         """Return the :data:`TERMS_FLOATS` numbers that a command record has for terms."""
@@ -182,14 +210,18 @@ class ServoLimits:
             *self.axis_velocity,
             *self.axis_acceleration,
             *self.axis_jerk,
+            *self.joint_shares,
         )
 
     @classmethod
     def from_floats(cls, floats: Sequence[float]) -> ServoLimits:
         """Return the terms that :meth:`floats` was of."""
-        v, a, j, linear_v, linear_a, brake_rate, vx, vy, vz, ax, ay, az, jx, jy, jz = floats
+        v, a, j, linear_v, linear_a, brake_rate, vx, vy, vz, *rest = floats
+        ax, ay, az, jx, jy, jz, *shares = rest
         return cls(
-            v, a, j, linear_v, linear_a, brake_rate, (vx, vy, vz), (ax, ay, az), (jx, jy, jz)
+            *(v, a, j, linear_v, linear_a, brake_rate),
+            *((vx, vy, vz), (ax, ay, az), (jx, jy, jz)),
+            JointShares(*shares),
         )
 
 
@@ -239,6 +271,7 @@ class Cycle:
         feedback_omega_body: angular velocity measured, rad/s.
         feedback_position: position measured, m.
         joints: axis angles measured, rad; empty where the device has none.
+        sent_joints: axis angles sent, rad; empty where the driver sends none.
     """
 
     index: int
@@ -263,6 +296,7 @@ class Cycle:
     feedback_omega_body: Vector3
     feedback_position: Vector3
     joints: tuple[float, ...] = ()
+    sent_joints: tuple[float, ...] = ()
 
     @property
     def has_feedback(self) -> bool:
@@ -324,5 +358,6 @@ def unpack_cycle(buffer: memoryview | bytes, offset: int = 0) -> Cycle:
         feedback_q=f[27:31],
         feedback_omega_body=f[31:34],
         feedback_position=f[34:37],
-        joints=tuple(angle for angle in f[37:] if not math.isnan(angle)),
+        joints=tuple(angle for angle in f[37 : 37 + JOINTS] if not math.isnan(angle)),
+        sent_joints=tuple(angle for angle in f[37 + JOINTS :] if not math.isnan(angle)),
     )

@@ -179,7 +179,8 @@ def certificate(of: Certificate) -> str:
     if of.peak_linear_velocity.value > 0.0:
         rows.append(("Linear velocity", peak(of.peak_linear_velocity, "m/s")))
         rows.append(("Linear accel.", peak(of.peak_linear_acceleration, "m/s²")))
-    rows.append(("A stop takes", f"{of.stop_time:.2f} s at the most"))
+    usual = min(of.usual_stop_time or of.stop_time, of.stop_time)
+    rows.append(("A stop takes", f"about {usual:.2f} s, at most {of.stop_time:.2f} s"))
     for name, value, unit, limit, _ in of.figures:
         against = "" if limit is None else f" of {limit:.3g}"
         rows.append((name, f"{value:.3g}{against} {unit}"))

@@ -25,7 +25,12 @@ def events():
 
 
 @pytest.fixture
-def device(events, monkeypatch):
+def limits():
+    return {"velocity": 1.0, "acceleration": 0.4}
+
+
+@pytest.fixture
+def device(events, limits, monkeypatch):
     """A device that holds, and takes seconds to stop; its thread looks a few times a second."""
     monkeypatch.setattr("orientd.daemon.supervised_device.TICK", 0.5)
     settings = DeviceSettings(
@@ -33,7 +38,7 @@ def device(events, monkeypatch):
         driver="loopback",
         priority=0,
         heartbeat_timeout=3.0,
-        limits={"velocity": 1.0, "acceleration": 0.4},
+        limits=limits,
     )
     planners = DirectPlanners([settings])
     device = Device(settings, planners=planners, on_event=events.append)
@@ -62,6 +67,19 @@ def test_a_motion_that_has_ended_is_at_its_end(device):
     until(lambda: device.snapshot().path_time > 0.1, "the motion under way")
     until_holding(device)
     assert device.snapshot().path_time == motion.facts.duration
+
+
+@pytest.mark.parametrize("limits", [{"velocity": 0.1, "acceleration": 0.02}])
+def test_a_device_that_is_slow_to_stop_runs_for_longer_than_is_usually_read_ahead(device):
+    motion = plan(device, turn_from_here(device, 3.0))
+    assert motion.facts.duration > motion.facts.stop_time > 16.0
+    device.start(Prepared(motion))
+    # By then the ring holds less than the stop takes, unless more is read ahead.
+    until(lambda: device.snapshot().path_time > 2.0, "the motion under way")
+    assert device.snapshot().state is ServoState.STREAMING
+    device.stop()
+    until_holding(device)
+    assert device.snapshot().fault is Fault.NONE
 
 
 def test_a_plan_begins_where_a_stop_just_ended(device, events):

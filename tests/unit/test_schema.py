@@ -33,6 +33,7 @@ COLUMNS = {"times", "positions"}
 
 SAMPLES = {
     FieldKind.TEXT: "pick and place",
+    FieldKind.TEXTS: ("one", "two"),
     FieldKind.FLAG: True,
     FieldKind.VECTOR: (0.1, 0.2, 0.3),
     FieldKind.OPTIONS: {"align": False},

@@ -5,6 +5,5 @@ from __future__ import annotations
 from orientd_dynamixel.axes.condition import Conditions
 from orientd_dynamixel.axes.following import Following
 from orientd_dynamixel.axes.standing import Standing
-from orientd_dynamixel.axes.supervisor import Supervisor, check_angle, check_rate
+from orientd_dynamixel.axes.supervisor import Supervisor, check_angle, complain_of_step
 from orientd_dynamixel.axes.turns import Turns
-from orientd_dynamixel.axes.ways import way

@@ -46,6 +46,15 @@ class Following:
         self.took(angles)
         return angles
 
+    def brake(self) -> tuple[float, ...]:
+        """Return the axis angles for the next cycle on the quickest way to rest, rad."""
+        angles = []
+        for axis, last, rate in zip(self._options, self._tracker.angles, self.rates, strict=True):
+            step = _MARGIN * axis.acceleration * self._period
+            angles.append(last + self._period * (rate - min(max(rate, -step), step)))
+        self.took(angles)
+        return tuple(angles)
+
     def took(self, angles: Sequence[float]) -> None:
         """Note the angles that are about to be commanded, whoever chose them."""
         last = self._tracker.angles

@@ -21,6 +21,8 @@ _RESERVE, _MORE_RESERVE = 0.98, 0.9
 """Share of the velocities to be used: the path is sampled anew.  The smaller one holds where the
 share of the accelerations is small, too, which is tried where others were too much."""
 _SMALL_SHARE = 0.2
+_BRAKED = 0.95
+"""Share of the axes' accelerations to be used; the rest is to brake on the path with."""
 _ROOM = 1.02
 """By how much longer than just long enough a duration is named."""
 
@@ -59,6 +61,7 @@ def pace(
     with np.errstate(divide="ignore"):
         reserve = _RESERVE if share > _SMALL_SHARE else _MORE_RESERVE
         by_speed = np.min(reserve * fastest / speed, axis=1)
+        hardest[:-1] *= _BRAKED
         by_force = np.sqrt(np.min(share * hardest / force, axis=1))
         change = np.min((1.0 - share) * hardest / speed, axis=1)
     most = np.where(is_fixed, 1.0, np.minimum(1.0, np.minimum(by_speed, by_force)))

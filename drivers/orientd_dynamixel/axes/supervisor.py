@@ -10,8 +10,9 @@ from orientd_dynamixel.axis import TICKS, Axis
 from orientd_dynamixel.bus import WATCHDOG_TRIPPED, Reading, explain_error
 from orientd_dynamixel.options import GimbalOptions
 
-_LIMIT_SLACK = math.radians(0.5)
-_RATE_SLACK = 1.05
+_ANGLE_SLACK = math.radians(0.5)
+_SLACK = 1.05
+"""How far above a limit a step may be, as a factor, and a tick more: goals are whole ticks."""
 _TICK = 2 * math.pi / TICKS
 
 
@@ -58,22 +59,35 @@ def check_angle(axis: Axis, angle: float) -> None:
         DeviceFaultError: it is, by more than the servo's play.
     """
     options = axis.options
-    if not options.low - _LIMIT_SLACK <= angle <= options.high + _LIMIT_SLACK:
+    if not options.low - _ANGLE_SLACK <= angle <= options.high + _ANGLE_SLACK:
         raise DeviceFaultError(
             f"{options.name} would be at {math.degrees(angle):.2f} deg, allowed are "
             f"{math.degrees(options.low):.2f} to {math.degrees(options.high):.2f} deg"
         )
 
 
-def check_rate(axis: Axis, angle: float, last: float, span: float) -> None:
-    """Refuse to turn *axis* from *last* to *angle*, rad, within *span* seconds.
+def complain_of_step(axis: Axis, angle: float, last: float, rate: float | None, span: float) -> str:
+    """Return why *axis* must not turn from *last* to *angle* within a cycle, or nothing.
 
-    Raises:
-        DeviceFaultError: that is faster than it may turn.
+    Args:
+        axis: the limits.
+        angle: rad.
+        last: angle commanded before, rad.
+        rate: at which it turned there, rad/s; ``None`` where it is not known.
+        span: since then, s.
     """
-    options, turn = axis.options, abs(angle - last)
-    if turn > options.velocity * span * _RATE_SLACK + _TICK:
-        raise DeviceFaultError(
-            f"{options.name} would have to turn at {math.degrees(turn / span):.0f} deg/s, at most "
-            f"{math.degrees(options.velocity):.0f} deg/s are allowed"
+    options, step = axis.options, angle - last
+    if abs(step) > options.velocity * span * _SLACK + _TICK:
+        return (
+            f"{options.name} would have to turn at {math.degrees(abs(step) / span):.0f} deg/s, at "
+            f"most {math.degrees(options.velocity):.0f} deg/s are allowed"
         )
+    if rate is not None:
+        change = abs(step - rate * span)
+        if change > options.acceleration * span * span * _SLACK + _TICK:
+            return (
+                f"{options.name} would have to accelerate by "
+                f"{math.degrees(change / span**2):.0f} deg/s^2, at most "
+                f"{math.degrees(options.acceleration):.0f} deg/s^2 are allowed"
+            )
+    return ""

@@ -2,8 +2,8 @@
 
 A record of the file holds a servo's position over all its turns and the share of it that the servo
 itself has forgotten.  A servo that has kept its power is recognised by what is in its volatile
-memory, and is believed.  One that has started again must stand near where it was last seen, or have
-only one winding inside its limits; nothing else tells one turn from another.
+memory, and is believed.  One that has started again must stand within 45 degrees of where it was
+last seen: nothing else tells one turn from another.
 """
 
 from __future__ import annotations
@@ -16,13 +16,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from orientd.errors import DeviceFaultError
-from orientd_dynamixel.axis import CENTRE, TICKS, Axis
+from orientd_dynamixel.axis import CENTRE, NEAR, TICKS, Axis
 from orientd_dynamixel.options import GimbalOptions
 
 _RECORD = struct.Struct("<qqq")
 """Id of the servo plus one, position over all turns and what it has forgotten of it, ticks."""
-_NEAR = TICKS // 8
-"""Farther than this from where it was last seen, a servo may have been turned by hand, ticks."""
 
 
 class Turns:
@@ -85,6 +83,14 @@ class Turns:
             forgotten,
         )  # fmt: skip
 
+    def last(self, place: int) -> int | None:
+        """Return where the servo of the axis at *place* was last seen, in ticks as it counts them.
+
+        ``None`` where it never was.
+        """
+        servo, seen, forgotten = _RECORD.unpack_from(self._records, place * _RECORD.size)
+        return seen - forgotten if servo == self._axes[place].options.id + 1 else None
+
     def resolve(self, place: int, position: int, *, has_kept_power: bool) -> str:
         """Find the turns that the servo of an axis has forgotten, and note where it is.
 
@@ -112,31 +118,17 @@ class Turns:
             return ""
         nearest = round((seen - position) / TICKS)
         axis.turns = nearest
-        if abs(position + nearest * TICKS - seen) <= _NEAR:
+        if abs(position + nearest * TICKS - seen) <= NEAR:
             return ""
-        options, possible = axis.options, []
-        for turns in range(nearest - _span(axis), nearest + _span(axis) + 1):
-            axis.turns = turns
-            if options.low <= axis.angle(position) <= options.high:
-                possible.append(turns)
-        if len(possible) == 1:
-            axis.turns = possible[0]
-            return ""
-        axis.turns = 0
+        options, here = axis.options, axis.angle(position)
+        forget = "start the daemon again" if self.path is None else f"delete {self.path}"
         last = options.zero + axis.rate((seen - CENTRE) * 2 * math.pi / TICKS)
-        axis.turns = nearest
-        here = axis.angle(position)
         return (
             f"servo {options.id} ({options.name}) was without power and stands at "
             f"{math.degrees(here):.1f} deg or whole turns from there, {math.degrees(last):.1f} deg "
-            f"were seen last; turn it by hand to within 30 deg of that, or to within half a turn "
-            f"of zero and delete {self.path}, then reset"
+            f"were seen last; turn it by hand to within 45 deg of that, or to within half a turn "
+            f"of zero and {forget}, then reset"
         )
-
-
-def _span(axis: Axis) -> int:
-    options = axis.options
-    return 2 + math.ceil((options.high - options.low) * options.gear / (2 * math.pi))
 
 
 def _path(options: GimbalOptions) -> Path | None:

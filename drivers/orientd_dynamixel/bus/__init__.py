@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from orientd_dynamixel.bus.group import Group, listen
+from orientd_dynamixel.bus.group import TAIL_SHARE, Group, listen
 from orientd_dynamixel.bus.reading import (
     BLOCK,
     HEALTH,

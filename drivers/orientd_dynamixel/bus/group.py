@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from itertools import permutations
 
 from orientd.errors import DeviceFaultError, FeedbackError, LinkError
-from orientd_dynamixel.axis import TICKS, Axis
+from orientd_dynamixel.axis import Axis
 from orientd_dynamixel.bus.reading import (
     BLOCK,
     HEALTH,
@@ -40,9 +40,8 @@ DRIFT = 0.01
 _SOUNDINGS = 3
 _TAIL_MS = 1.0
 """Stuffing makes an answer longer than it must be; its last bytes are this close behind."""
-JUMP_TICKS = 24
-"""What a reading may jump on top of what the axis can turn: backlash and rounding."""
-JUMP_MARGIN = 1.5
+TAIL_SHARE = 0.2
+"""Of the period, the most that a cycle waits for them."""
 _BUSY_SHARE = 0.8
 HEALTH_NS = 500_000_000
 """From one look at the servos' health to the next."""
@@ -98,7 +97,8 @@ class Group:
 
     Attributes:
         time_ns: when the newest good reading was asked for.
-        readings: by axis, the newest good ones.
+        restarted: by axis' place, in words, the servos that have started again; they are no longer
+            asked.
         losses: what was not answered.
         health: by axis, as last asked for.
     """
@@ -111,9 +111,12 @@ class Group:
         is_fast: bool,
         max_losses: int,
         quiet_ns: int,
+        period_ns: int,
     ) -> None:
         self.time_ns = 0
-        self.readings: tuple[Reading, ...] = ()
+        self.restarted: dict[int, str] = {}
+        self._newest: dict[int, Reading] = {}
+        self._tail_ms = min(_TAIL_MS, TAIL_SHARE * period_ns * 1e-6)
         self.losses = Losses(0, 0, {})
         self._bus = bus
         self._axes = list(axes)
@@ -121,8 +124,6 @@ class Group:
         self._max_losses = max_losses
         self._quiet_ns = quiet_ns
         self.health: tuple[Health, ...] = ()
-        # Neighbours in this list differ, so that two requests in a row are never alike.
-        self._orders = list(permutations((a.options.id, a.options.model) for a in axes))
         self._turn = 0
         self._rows: list[tuple[int, int, int]] = []
         self._health_due_ns = 0
@@ -130,6 +131,24 @@ class Group:
         self._is_waiting = False
         self._quiet_until_ns = 0
         self._clocks: dict[int, ServoClock] = {}
+        self._set_orders()
+
+    def _set_orders(self) -> None:
+        """Set the orders in which those servos are asked that have not started again."""
+        # Neighbours in this list differ, so that two requests in a row are never alike.
+        self._orders = list(permutations(self.present))
+
+    @property
+    def present(self) -> list[int]:
+        """Places of the axes whose servos have not started again."""
+        return [place for place in range(len(self._axes)) if place not in self.restarted]
+
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """The newest good readings by axis; empty before there is one of each."""
+        if len(self._newest) < len(self._axes):
+            return ()
+        return tuple(self._newest[place] for place in range(len(self._axes)))
 
     @property
     def is_waiting(self) -> bool:
@@ -140,40 +159,49 @@ class Group:
     def cycle_bytes(self) -> int:
         """Bytes on the line each cycle: goals out, request out, answers in."""
         count = len(self._axes)
-        return 14 + 5 * count + 14 + count + self._answer_bytes(len(BLOCK))
+        return 14 + 5 * count + 14 + count + self._answer_bytes(count, len(BLOCK))
 
-    def _answer_bytes(self, block: int) -> int:
-        """Return the bytes of the answers, where each servo has a *block* to say."""
-        count = len(self._axes)
+    def _answer_bytes(self, count: int, block: int) -> int:
+        """Return the bytes of the answers of *count* servos, where each has a *block* to say."""
         return 8 + count * (block + 4) if self._is_fast else count * (block + 11)
 
-    def ask(self, now_ns: int) -> None:
-        """Ask for the next reading, unless an answer is on its way or may still come."""
-        if self._is_waiting or now_ns < self._quiet_until_ns:
+    def can_ask(self, now_ns: int) -> bool:
+        """Whether no answer is on its way nor may still come, and there is somebody to ask."""
+        return not self._is_waiting and now_ns >= self._quiet_until_ns and bool(self.present)
+
+    def ask(self, now_ns: int, alone: int | None = None) -> None:
+        """Ask for the next reading, unless an answer is on its way or may still come.
+
+        Args:
+            now_ns: the time.
+            alone: place of the only axis to ask; ``None`` for all.
+        """
+        if not self.can_ask(now_ns):
             return
         self._turn = (self._turn + 1) % len(self._orders)
         size = len(BLOCK) + (len(HEALTH) if now_ns >= self._health_due_ns else 0)
-        self._rows = [(servo, kind.indirect_data, size) for servo, kind in self._orders[self._turn]]
+        order = self._orders[self._turn] if alone is None else (alone,)
+        told = [self._axes[place].options for place in order]
+        self._rows = [(one.id, one.model.indirect_data, size) for one in told]
         self._bus.request(self._rows, is_fast=self._is_fast)
         self._asked_ns = now_ns
         self._is_waiting = True
 
     def take(self, now_ns: int) -> bool:
-        """Take the answer in if it is there; return whether there is a new good reading.
+        """Take the answer in if it is there; return whether there is a new good reading of all.
 
         Raises:
             FeedbackError: too many were lost in a row.
-            DeviceFaultError: a servo has started again.
         """
         if not self._is_waiting:
             return False
         rows = self._rows
-        is_there = self._bus.available >= self._answer_bytes(rows[0][2])
+        is_there = self._bus.available >= self._answer_bytes(len(rows), rows[0][2])
         if not is_there and now_ns - self._asked_ns < self._quiet_ns:
             return False
         self._is_waiting = False
         blocks, missing = self._bus.collect(
-            rows, _TAIL_MS if is_there else 0.0, is_fast=self._is_fast
+            rows, self._tail_ms if is_there else 0.0, is_fast=self._is_fast
         )
         if len(blocks) < len(rows):
             self._lose(now_ns, missing, "no whole answer")
@@ -183,24 +211,45 @@ class Group:
                 self._lose(now_ns, block.id, f"error {block.error & ~ALERT} instead of a reading")
                 return False
         found = {block.id: decode(block.content[: len(BLOCK)]) for block in blocks}
-        readings = tuple(found[axis.options.id] for axis in self._axes)
-        for axis, reading in zip(self._axes, readings, strict=True):
-            if problem := self._doubt(axis, reading):
-                self._lose(now_ns, axis.options.id, problem)
+        readings = {
+            p: found[a.options.id] for p, a in enumerate(self._axes) if a.options.id in found
+        }
+        for place, reading in readings.items():
+            if not reading.has_map:
+                self._leave_out(place)
                 return False
-        self.readings = readings
+        for place, reading in readings.items():
+            if problem := self._doubt(self._axes[place], reading):
+                self._lose(now_ns, self._axes[place].options.id, problem)
+                return False
+        for place, reading in readings.items():
+            axis = self._axes[place]
+            axis.believe(reading.position, self._asked_ns)
+            self._clocks[axis.options.id].learn(self._asked_ns, reading.tick_ms)
+        self._newest.update(readings)
+        if len(readings) < len(self.present):
+            return False
         self.time_ns = self._asked_ns
         self.losses.in_a_row = 0
         self.losses.culprits.clear()
-        for axis, reading in zip(self._axes, readings, strict=True):
-            self._clocks[axis.options.id].learn(self._asked_ns, reading.tick_ms)
         if rows[0][2] > len(BLOCK):
             self._health_due_ns = self._asked_ns + HEALTH_NS
             said = {block.id: block.content[len(BLOCK) :] for block in blocks}
-            self.health = tuple(
-                decode_health(said[axis.options.id], self._asked_ns) for axis in self._axes
-            )
-        return True
+            if len(said) == len(self._axes):
+                self.health = tuple(
+                    decode_health(said[axis.options.id], self._asked_ns) for axis in self._axes
+                )
+        return bool(self.readings)
+
+    def _leave_out(self, place: int) -> None:
+        """Ask a servo no longer that has started again: what it says is not its position."""
+        options = self._axes[place].options
+        self.restarted[place] = (
+            f"servo {options.id} ({options.name}) has started again and lost its settings; was its "
+            "supply interrupted?"
+        )
+        self._turn = 0
+        self._set_orders()
 
     def settle(self, now_ns: int, wait_ms: float) -> None:
         """Get the line free for single questions: take or await what is on its way."""
@@ -212,7 +261,7 @@ class Group:
 
     def forget(self) -> None:
         """Begin anew: nothing read so far counts."""
-        self.readings = ()
+        self._newest.clear()
         self.losses.in_a_row = 0
         self.losses.culprits.clear()
         self._is_waiting = False
@@ -235,30 +284,15 @@ class Group:
             self._clocks[servo] = clock
 
     def _doubt(self, axis: Axis, reading: Reading) -> str:
-        """Return why a reading cannot be believed, or nothing.
-
-        Raises:
-            DeviceFaultError: it shows that the servo has started again.
-        """
-        servo, name = axis.options.id, axis.options.name
-        if not reading.has_map:
-            raise DeviceFaultError(
-                f"servo {servo} ({name}) has started again and lost its settings; was its supply "
-                "interrupted?"
-            )
-        late_ms = self._clocks[servo].behind_ms(self._asked_ns, reading.tick_ms)
+        """Return why a reading cannot be believed, or nothing."""
+        name = axis.options.name
+        late_ms = self._clocks[axis.options.id].behind_ms(self._asked_ns, reading.tick_ms)
         if late_ms > STALE_MS:
             return f"{name} answered an earlier question, {late_ms:.0f} ms old"
-        if not self.readings:
-            return ""
-        elapsed_ms = (self._asked_ns - self.time_ns) * 1e-6
-        previous = self.readings[self._axes.index(axis)]
-        most = axis.options.velocity * axis.options.gear * TICKS / 6.283185307179586
-        reach = JUMP_TICKS + JUMP_MARGIN * most * (elapsed_ms + STALE_MS) * 1e-3
-        jump = abs(reading.position - previous.position)
-        if jump > reach:
-            return f"{name} reports a jump of {jump} ticks in {elapsed_ms:.1f} ms"
-        return ""
+        problem = axis.doubt(
+            reading.position, is_driven=reading.is_torque_on, now_ns=self._asked_ns
+        )
+        return f"{name} {problem}" if problem else ""
 
     def _lose(self, now_ns: int, servo: int | None, why: str) -> None:
         losses = self.losses
@@ -318,6 +352,7 @@ def listen(
     group = Group(
         bus, axes, is_fast=not old and options.fast_read != "off",
         max_losses=options.max_losses, quiet_ns=round(options.latency_ms * 1e6),
+        period_ns=period_ns,
     )  # fmt: skip
     need_ms = group.cycle_bytes * bus.byte_ms
     if need_ms > _BUSY_SHARE * period_ns * 1e-6:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, command
+from orientd.cli.command import AsJson, DeviceName, Partial, Topic, command
 from orientd.cli.commands.compare import Ends, Times, need_two
-from orientd.cli.completion import drawable
+from orientd.cli.completion import TAKES, drawable
 from orientd.cli.output import answer, table
 from orientd.cli.waiting import working
 from orientd.errors import OrientdError, RequestError
@@ -24,8 +25,8 @@ def plot(
         str | None,
         typer.Argument(
             metavar="FILE|NAME",
-            help="A motion file, a recording (.mcap), or a family or figure by its name; without "
-            "it, the names.",
+            help="A motion file, a recording (.mcap, .csv, .tum, .txt), or a family or figure by "
+            "its name; without it, the names.",
             autocompletion=drawable,
         ),
     ] = None,
@@ -43,6 +44,8 @@ def plot(
     times: Times = "file",
     ends: Ends = "rest",
     device: DeviceName = "",
+    topic: Topic = "",
+    partial: Partial = False,
     as_json: AsJson = False,
 ) -> None:
     """Draw a motion file, a recording, a family of curves.
@@ -58,20 +61,22 @@ def plot(
         return
     path = output or Path(f"{Path(what).stem}.svg")
     plots.check_format(path)
+    notes: tuple[str, ...] = ()
     with working(f"drawing {path}", is_silent=as_json):
         if what in METHODS:
             plots.draw_family(path, what)
         elif what in plots.FIGURES:
             plots.draw_figure(path, what)
-        elif Path(what).suffix == ".mcap" and Path(what).exists():
-            _draw_recording(Path(what), path, device)
+        elif Path(what).suffix in TAKES and Path(what).exists():
+            notes = _draw_recording(Path(what), path, device, topic, partial=partial)
         elif Path(what).exists():
             _draw_file(Path(what), path, show, times, ends)
         else:
             raise OrientdError(
                 f"{what!r} is neither a file nor a name; `orientd plot` lists the names"
             )
-    answer({"plot": path}, f"wrote {path}", as_json=as_json)
+    lines = [*(f"note: {note}" for note in notes), f"wrote {path}"]
+    answer({"plot": path, "notes": notes}, *lines, as_json=as_json)
 
 
 def _list(*, as_json: bool) -> None:
@@ -84,16 +89,26 @@ def _list(*, as_json: bool) -> None:
     answer({"families": families, "figures": figures}, *lines, as_json=as_json)
 
 
-def _draw_recording(file: Path, path: Path, device: str) -> None:
+def _draw_recording(
+    file: Path, path: Path, device: str, topic: str, *, partial: bool
+) -> tuple[str, ...]:
+    """Draw a recording, ours or somebody else's, and return what there is to say of it."""
     from orientd import plots
     from orientd.cli.commands.record import need_record
 
     need_record()
-    from orientd.recorder import load_recording, strands
+    from orientd.recorder import NotOursError, load_recording, read_orientations, strands
 
-    recording = load_recording(file)
-    name = recording.device(device)
-    plots.draw_recording(path, strands(recording, name), title=f"{file.name}: {name}")
+    if file.suffix == ".mcap" and not topic:
+        with contextlib.suppress(NotOursError):
+            recording = load_recording(file, partial=partial)
+            name = recording.device(device)
+            plots.draw_recording(path, strands(recording, name), title=f"{file.name}: {name}")
+            return (recording.damages.told(),) if recording.damages else ()
+    found = read_orientations(file, topic, partial=partial)
+    title = ": ".join(filter(None, (file.name, found.topic)))
+    plots.draw_orientations(path, found.times, found.q, title=title)
+    return found.notes
 
 
 def _draw_file(file: Path, path: Path, show: Show, times: Times, ends: Ends) -> None:

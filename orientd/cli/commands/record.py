@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, Socket, command
+from orientd.cli.command import AsJson, DeviceName, Partial, Socket, command
 from orientd.cli.completion import devices, files
 from orientd.cli.output import say, say_json
 from orientd.cli.usage import check_ending
@@ -149,6 +149,7 @@ def export(
         Path, typer.Option("--output", "-o", help="A .csv, .npz or .parquet file to write.")
     ],
     device: DeviceName = "",
+    partial: Partial = False,
     as_json: AsJson = False,
 ) -> None:
     """Write the cycles of a recording as a table.
@@ -160,11 +161,11 @@ def export(
     from orientd.recorder import export as write
     from orientd.recorder import load_recording
 
-    recording = load_recording(file)
+    recording = load_recording(file, partial=partial)
     rows = write(recording, recording.device(device), output)
     if as_json:
         say_json({"output": output, "rows": rows, "is_complete": recording.is_complete})
     else:
         if not recording.is_complete:
-            say(f"{file} has no end: it holds what was written before")
+            say(f"{file} is not whole: {recording.damages.told()}")
         say(f"wrote {output}: {rows} cycles")

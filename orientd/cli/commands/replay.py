@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from orientd.cli.command import AsJson, Beside, ConfigFile, DeviceName, Socket, command
+from orientd.cli.command import (
+    AsJson,
+    Beside,
+    ConfigFile,
+    DeviceName,
+    Partial,
+    Socket,
+    Topic,
+    command,
+)
 from orientd.cli.commands.record import need_record
 from orientd.cli.completion import TAKES, files
 from orientd.cli.output import answer, say
@@ -32,13 +41,13 @@ def replay(
         Path,
         typer.Argument(
             metavar="RECORDING",
-            help="A .mcap (ours or not) or .csv file, or a ROS 2 bag: its folder or .db3 file.",
+            help="A .mcap file (ours or not), a .csv file (also of EuRoC), a TUM trajectory "
+            "(.tum, .txt), or a ROS 2 bag: its folder or .db3 file.",
             autocompletion=files(*TAKES),
         ),
     ],
-    topic: Annotated[
-        str, typer.Option("--topic", "-t", help="Which orientation, where there are several.")
-    ] = "",
+    topic: Topic = "",
+    partial: Partial = False,
     error: Annotated[
         float,
         typer.Option(
@@ -81,12 +90,14 @@ def replay(
     if output is not None:
         check_ending(output, [".json"], named="--output")
     with working(f"reading {file}", is_silent=as_json):
-        found = read_orientations(file, topic)
+        found = read_orientations(file, topic, partial=partial)
     with working(f"fitting {len(found.times)} samples", is_silent=as_json):
         fit = fit_orientations(found.times, found.q, tolerance=math.radians(error))
     told = _told(found.topic, fit)
+    notes = told["notes"] = [*found.notes, *_lost(fit)]
     if not as_json:
         say(
+            *(f"note: {note}" for note in notes),
             f"{told['topic'] or 'orientation'}: {told['samples']} samples in "
             f"{told['seconds']:.2f} s, noise {told['noise_deg']:.3f} deg, "
             f"{told['left_out']} left out",
@@ -97,6 +108,14 @@ def replay(
         _plan_offline(fit, told, pace, config, device, output, as_json=as_json)
     else:
         _move(fit, told, pace, device, lease, socket, output, as_json=as_json)
+
+
+def _lost(fit: Fit) -> list[str]:
+    """Return a note where most samples were left out."""
+    count, left_out = len(fit.samples.times), fit.samples.left_out
+    if left_out <= count:
+        return []
+    return [f"more than half of the samples are left out: {left_out} of {left_out + count}"]
 
 
 def _told(topic: str, fit: Fit) -> dict[str, Any]:

@@ -7,16 +7,14 @@ from numpy.typing import ArrayLike
 
 from orientd.curves.construct import TABLE_ROWS, CumulativeCurve, KeyframeEquations, solve
 from orientd.curves.keyframes import (
-    check_bool,
+    check_aligned,
     check_end,
-    check_keys,
     increments,
     resolve_times,
     with_turns,
 )
 from orientd.kernels import interpolate_c2, put_equations, put_table
 from orientd.rotation import Floats
-from orientd.rotation import align as align_signs
 
 ENDS = ("natural", "clamped", "state")
 _NONE = np.zeros(3)
@@ -84,13 +82,11 @@ class C2Cumulative(CumulativeCurve):
         align: bool = True,
         turns: ArrayLike | None = None,
     ) -> None:
-        orientations, align = check_keys(keys), check_bool(align, "align")
+        orientations = check_aligned(keys, align)
         ends = (
             check_end(start, "start", omega_start, alpha_start, ENDS),
             check_end(end, "end", omega_end, alpha_end, ENDS),
         )
-        if align and (turns is not None or times is None or isinstance(times, str)):
-            orientations, align = align_signs(orientations), False
         instants = resolve_times(times, orientations, turns)
         start_known, end_known = (2 - (omega is None) - (alpha is None) for omega, alpha in ends)
         given = np.array([[_NONE if one is None else one for one in end] for end in ends])
@@ -101,12 +97,9 @@ class C2Cumulative(CumulativeCurve):
         found = None
         if turns is None:
             found = interpolate_c2(
-                *(orientations, not align, instants, given, start_known, end_known),
-                *(breaks, table, solved),
+                *(orientations, instants, given, start_known, end_known, breaks, table, solved),
             )
         if found != len(unknown):
-            if align:
-                orientations = align_signs(orientations)
             steps = increments(orientations)
             if turns is not None:
                 steps, orientations = with_turns(steps, orientations, turns)

@@ -15,7 +15,7 @@ from orientd.curves.keyframes import (
     check_quaternion,
     check_vector,
 )
-from orientd.rotation import between, log_half
+from orientd.rotation import between, log_half, nearer_sign
 
 PATHS = ("short", "long", "as_is", "complement")
 _COINCIDENT = 1e-14
@@ -69,8 +69,8 @@ class Slerp(CumulativeCurve):
         path = check_choice(path, "path", PATHS)
         turns = check_integer(spins, "spins")
         relative = between(start, end)
-        if (path == "short" and relative[0] < 0.0) or (path == "long" and relative[0] > 0.0):
-            relative = -relative
+        if path in ("short", "long"):
+            relative *= nearer_sign(*relative.tolist()) * (1.0 if path == "short" else -1.0)
         angle = math.atan2(float(np.linalg.norm(relative[1:])), float(relative[0]))
         angle += turns * math.pi - (2.0 * math.pi if path == "complement" else 0.0)
         direction = log_half(relative)

@@ -61,7 +61,8 @@ def clean(times: ArrayLike, q: ArrayLike) -> Measured:
             f"times and q must have shapes (n,) and (n, 4), got {instants.shape} and {found.shape}"
         )
     given = len(instants)
-    norms = np.sqrt(np.sum(found * found, axis=-1))
+    with np.errstate(over="ignore"):  # what is out of all range is left out
+        norms = np.sqrt(np.sum(found * found, axis=-1))
     is_there = np.isfinite(instants) & (norms > _NORMS[0]) & (norms < _NORMS[1])
     instants, found = instants[is_there], found[is_there] / norms[is_there, None]
     instants, order = np.unique(instants, return_index=True)

@@ -21,10 +21,12 @@ from orientd.planner import Limits
 from orientd.servo import ProcessSettings
 from orientd.stream import (
     GIVEN_UP_WORD,
+    NO_SHARES,
     UNKNOWN,
     Answer,
     Command,
     Cycle,
+    JointShares,
     Note,
     NoteKind,
     ServoLimits,
@@ -371,7 +373,9 @@ def report_directory() -> str:
     return directory
 
 
-def servo_limits_of(limits: Limits, brake_rate: float) -> ServoLimits:
+def servo_limits_of(
+    limits: Limits, brake_rate: float, joint_shares: JointShares = NO_SHARES
+) -> ServoLimits:
     """Return what the servo's guard is to keep."""
     return ServoLimits(
         limits.velocity,
@@ -383,4 +387,5 @@ def servo_limits_of(limits: Limits, brake_rate: float) -> ServoLimits:
         limits.axis_velocity,
         limits.axis_acceleration,
         limits.axis_jerk,
+        joint_shares,
     )

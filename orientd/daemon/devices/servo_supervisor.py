@@ -31,6 +31,18 @@ Tell = Callable[[EventKind, str], None]
 Explain = Callable[[int], str]
 
 
+_MOST_RECORDS = 1 << 17
+
+
+def path_capacity(read_ahead: int) -> int:
+    """Return how many path records a ring has room for.
+
+    That is twice what is read ahead, and more for motions that take long to stop, unless this is a
+    great many records.
+    """
+    return max(2 * read_ahead, min(8 * read_ahead, _MOST_RECORDS))
+
+
 class ServoSupervisor:
     """The servo process of one device, and what is wrong with it.
 
@@ -112,7 +124,7 @@ class ServoSupervisor:
             options=settings.options,
             period_ns=settings.period_ns,
             phase_ns=settings.phase_ns,
-            path_capacity=2 * self._read_ahead,
+            path_capacity=path_capacity(self._read_ahead),
             cycle_capacity=self._read_ahead,
             heartbeat_timeout_ns=round(settings.heartbeat_timeout * 1e9),
             feedback_timeout_ns=round(settings.feedback_timeout * 1e9),

@@ -1,4 +1,8 @@
-"""When motions count as done: at the last setpoint, or once measured to be on target."""
+"""When motions count as done: once the axes have arrived, or are measured to be on target.
+
+The servo knows whether the axes have arrived, see :mod:`orientd.servo.arrival`; a device that does
+not tell has arrived with the last setpoint.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ from orientd.daemon.devices import EventKind, ServoLink
 from orientd.daemon.motions.options import ArrivalCondition
 from orientd.driver import Quaternion
 from orientd.floats import difference, norm
-from orientd.stream import Cycle, ServoState, unpack_cycle
+from orientd.stream import Cycle, CycleFlag, ServoState, unpack_cycle
 
 _BLOCK = 256
 _KEPT = 16
@@ -25,6 +29,7 @@ class Arrivals:
         self._tell = tell
         self._gates: dict[int, ArrivalCondition] = {}
         self._settling: _Settling | None = None
+        self._is_arriving = False
         self._number = 0
         self._next = 0
         self._settled: dict[int, float] = {}
@@ -35,19 +40,29 @@ class Arrivals:
         while len(self._gates) > _KEPT:
             del self._gates[min(self._gates)]
 
-    def arrive(self, number: int, cycle: Cycle) -> None:
-        """Take motion *number* as run to its end, at rest by *cycle*."""
-        self.end("another motion has ended")
+    def arrive(self, number: int, cycle: Cycle, *, is_followed: bool = False) -> None:
+        """Take motion *number* as run to its end, at rest by *cycle*.
+
+        Args:
+            number: of the motion.
+            cycle: at rest.
+            is_followed: whether a queued motion begins there, for which the axes do not wait.
+        """
+        self.end("another motion has ended", EventKind.MOTION_PASSED)
         gate = self._gates.pop(number, None)
-        if gate is None:
-            self._tell(EventKind.MOTION_DONE, number, "")
-            return
-        self._settling = _Settling(gate, cycle.q, cycle.deadline_ns)
         self._number, self._next = number, cycle.index
+        if gate is not None:
+            self._settling = _Settling(gate, cycle.q, cycle.deadline_ns)
+        elif cycle.flags & CycleFlag.ARRIVING and not is_followed:
+            self._is_arriving = True
+        else:
+            self._tell(EventKind.MOTION_DONE, number, "")
 
     def look(self, fault_text: str) -> None:
         """Look at the cycles since the last look."""
         settling = self._settling
+        if self._is_arriving:
+            self._look_at_axes(fault_text)
         if settling is None:
             return
         for record in self._link.cycle_records(self._next, _BLOCK):
@@ -60,6 +75,21 @@ class Arrivals:
                 self.end(fault_text)
                 return
 
+    def _look_at_axes(self, fault_text: str) -> None:
+        """Look whether the axes have arrived by the newest cycle."""
+        cycle = self._link.newest()
+        is_fault = cycle is not None and cycle.state is ServoState.FAULT
+        if cycle is None or cycle.flags & CycleFlag.ARRIVING or (is_fault and not fault_text):
+            return  # the reason for a fault of this very moment comes before the next look
+        if cycle.state is ServoState.HOLDING:
+            self._is_arriving = False
+            self._tell(EventKind.MOTION_DONE, self._number, "")
+        elif is_fault:
+            self._is_arriving = False
+            self._tell(EventKind.MOTION_STOPPED, self._number, fault_text)
+        else:
+            self.end("the device was disabled")
+
     def _conclude(self, settling: _Settling) -> None:
         self._settling = None
         if settling.settled_after is None:
@@ -69,8 +99,16 @@ class Arrivals:
         self._tell(EventKind.ON_TARGET, self._number, str(settling))
         self._tell(EventKind.MOTION_DONE, self._number, str(settling))
 
-    def end(self, text: str) -> None:
-        """Wait no longer; *text* says why."""
+    def end(self, text: str, kind: EventKind = EventKind.MOTION_STOPPED) -> None:
+        """Wait no longer.
+
+        Args:
+            text: why.
+            kind: how a motion has ended whose axes had not arrived yet.
+        """
+        if self._is_arriving:
+            self._is_arriving = False
+            self._tell(kind, self._number, f"{text} before its axes had arrived")
         if self._settling is not None:
             self._settling = None
             self._tell(EventKind.MOTION_UNSETTLED, self._number, text)

@@ -15,7 +15,7 @@ from orientd.stream import PATH_FLOATS, RecordRing
 BLOCK = 512
 """Records copied at a time."""
 
-_MARGIN = 8
+MARGIN = 8
 _LAYOUT = np.dtype([("index", "u8"), ("floats", "f8", (PATH_FLOATS,))], align=True)
 
 
@@ -83,7 +83,7 @@ class Feeder:
             is_urgent: whether to use the room that is kept free otherwise.
         """
         ring = self._ring
-        size = ring.capacity - _MARGIN if is_urgent else self._read_ahead
+        size = ring.capacity - MARGIN if is_urgent else self._read_ahead
         room = ring.words[TAIL_WORD] + size - ring.head
         count = min(most, room, self._until - self._fed)
         if count <= 0:

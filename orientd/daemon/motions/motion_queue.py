@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import OrderedDict
 
 from orientd.daemon.devices import ServoLink, servo_limits_of
-from orientd.daemon.motions.feeder import BLOCK, Feeder
+from orientd.daemon.motions.feeder import BLOCK, MARGIN, Feeder
 from orientd.daemon.motions.meter import MotionMeter
 from orientd.daemon.motions.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.planners import PlannedMotion
@@ -334,7 +334,11 @@ class MotionQueue:
         self._add_meter(queued, feeder, after=self._meters.get(left.number))
 
     def _feeder(self, queued: QueuedMotion) -> Feeder:
-        return Feeder(self._link.memory.path, queued.motion, read_ahead=self._read_ahead)
+        ring, usual = self._link.memory.path, self._read_ahead
+        # Half of it bridges the daemon's own stalls, whatever a stop takes.
+        needed = self.needed(queued.motion.facts) + usual // 2
+        ahead = min(max(usual, needed), ring.capacity - MARGIN)
+        return Feeder(ring, queued.motion, read_ahead=ahead)
 
     def needed(self, facts: MotionFacts) -> int:
         """Return how many records of a motion the servo wants to see before it begins."""
@@ -368,6 +372,7 @@ class MotionQueue:
         start_ns: int = UNKNOWN,
         leave_index: int = UNKNOWN,
     ) -> None:
+        facts = queued.motion.facts
         self._link.beat()
         self._link.ask(
             command,
@@ -377,9 +382,7 @@ class MotionQueue:
             final_index=feeder.final_index if feeder.is_whole else UNKNOWN,
             start_ns=start_ns,
             speed=speed,
-            servo_limits=servo_limits_of(
-                queued.motion.facts.limits, queued.motion.facts.brake_rate
-            ),
+            servo_limits=servo_limits_of(facts.limits, facts.brake_rate, facts.joint_shares),
         )
         queued.is_running = True
         feeder.take_up()

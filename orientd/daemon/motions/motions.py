@@ -196,7 +196,9 @@ class Motions:
         return ahead
 
     def _joints(self) -> tuple[float, ...]:
-        return () if (cycle := self._link.newest()) is None else cycle.joints
+        """Return the axis angles that were sent last, or else those measured."""
+        cycle = self._link.newest()
+        return () if cycle is None else cycle.sent_joints or cycle.joints
 
     # Running
 
@@ -218,7 +220,7 @@ class Motions:
             if options != self._tuned:
                 self._link.tune(options)
                 self._tuned = options
-            self._arrivals.end("another motion has begun")
+            self._arrivals.end("another motion began", EventKind.MOTION_PASSED)
             self._queue.begin(motion, number, speed=speed, start_ns=move_options.start_ns)
             self.is_paused = False
         elif options != self._tuned:
@@ -279,7 +281,7 @@ class Motions:
             text = fault_text if is_fault else ended.withdrawn or STOPPED
             self._stop((ended, *following), text)
             return
-        self._arrivals.arrive(ended.number, cycle)
+        self._arrivals.arrive(ended.number, cycle, is_followed=bool(following))
         if following:
             # It came to rest before the servo had heard of the next one.
             try:
@@ -289,7 +291,7 @@ class Motions:
 
     def drop(self, text: str, *, kind: EventKind = EventKind.MOTION_STOPPED) -> None:
         """Say of every motion that it has ended."""
-        self._arrivals.end(text)
+        self._arrivals.end(text, kind)
         self._corners.end(text, kind)
         self._stop(tuple(self._queue.clear()), text, kind)
 

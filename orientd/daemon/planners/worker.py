@@ -14,7 +14,6 @@ import mmap
 import os
 import signal
 import socket
-import warnings
 from collections import OrderedDict
 from collections.abc import Iterable
 from types import FrameType
@@ -137,9 +136,7 @@ class Work:
         if count > most_keyframes:
             problem = f"expected at most {most_keyframes}, got {count}"
             raise RequestError("keyframes", problem)
-        with warnings.catch_warnings(record=True) as doubts:
-            warnings.simplefilter("always")
-            request = to_request(message)
+        request = to_request(message)
         duration = f", duration {request.duration}" if request.duration else ""
         self._say(f"planning {count} keyframes with {request.method}{duration}")
         planner = self._planners[job.device]
@@ -162,7 +159,6 @@ class Work:
             )
         else:
             raise ValueError("the job needs a start")
-        motion = motion.noted(*(str(doubt.message) for doubt in doubts))
         known = self._known[job.motion_id] = motion, leave, planner.report_frame(request)
         while len(self._known) > KEPT:
             self._known.popitem(last=False)

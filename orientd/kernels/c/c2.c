@@ -32,17 +32,6 @@ void put_steps(matrix_t keyframes, matrix_t steps) {
     }
 }
 
-/* Give each keyframe the sign nearer to its predecessor, as orientd.rotation.align. */
-static void align(matrix_t from, double *to) {
-    double w = 0.0, x = 0.0, y = 0.0, z = 0.0;
-    for (index_t i = 0; i < from.n; i++) {
-        const double *q = row_of(from, i);
-        double sign = q[0] * w + q[1] * x + q[2] * y + q[3] * z < 0.0 ? -1.0 : 1.0;
-        w = sign * q[0], x = sign * q[1], y = sign * q[2], z = sign * q[3];
-        put_quat(to + 4 * i, quat(w, x, y, z));
-    }
-}
-
 static void put_breaks(row_t times, bool with_start, bool with_end, row_t breaks) {
     index_t last = times.n - 1, place = 0;
     double first = times.v[0], second = times.v[1];
@@ -226,24 +215,18 @@ static void complete(const equations_t *equations, matrix_t solved) {
         put_vec(row_of(solved, last - i), vec_at(row_of(equations->tails, i)));
 }
 
-index_t interpolate_c2(matrix_t keyframes, bool is_aligned, row_t instants, tensor_t given,
-                   index_t start_known, index_t end_known, row_t breaks, matrix_t table,
-                   matrix_t solved) {
-    index_t count = keyframes.n;
-    double *memory = malloc(sizeof(double) * (size_t)(4 * count + 3 * count + 2 * count));
+index_t interpolate_c2(matrix_t keys, row_t instants, tensor_t given, index_t start_known,
+                       index_t end_known, row_t breaks, matrix_t table, matrix_t solved) {
+    index_t count = keys.n;
+    double *memory = malloc(sizeof(double) * (size_t)(3 * count + 2 * count));
     if (!memory)
         return OUT_OF_MEMORY;
     double known[12], ratios[2];
-    matrix_t keys = {memory, count, 4};
     matrix_t unknown = {row_of(solved, most(1, start_known)), count - 1, 3};
     equations_t equations = {
-        .steps = {memory + 4 * count, count - 1, 3}, .begun = {memory + 7 * count, count, 2},
+        .steps = {memory, count - 1, 3}, .begun = {memory + 3 * count, count, 2},
         .heads = {known, start_known, 3}, .tails = {known + 6, end_known, 3},
     };
-    if (is_aligned)
-        keys = keyframes;
-    else
-        align(keyframes, keys.v);
     put_steps(keys, equations.steps);
     put_equations(instants, given, start_known, end_known, breaks, equations.begun,
                   (tensor_t){known, 2, 2, 3}, (row_t){ratios, 2});

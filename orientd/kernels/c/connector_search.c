@@ -16,6 +16,7 @@ enum {
     PAIRS = RAMPS * RAMPS,
     SEEN = 2 * GRID * PAIRS,
     SEEN_AGAIN = 2 * REFINED * BEST,
+    PARTS_OF_TURN = 6,  /* of a join, in which its velocity is integrated */
 };
 
 /* How much longer those may be. */
@@ -31,7 +32,8 @@ typedef struct {
     ramps_t into, out_of;
     bounds_t bounds;
     points_t points;
-    double period, least;
+    double period, least, most_turn;
+    vec_t into_turn[RAMPS], out_of_turn[RAMPS];  /* what the ramps turn by, rad */
     int pairs[PAIRS];
     double totals[GRID];
     try_t found[SEEN], again[SEEN_AGAIN], tries[SEEN + SEEN_AGAIN];
@@ -95,6 +97,36 @@ INLINE quat_t put_outer(const search_t *search, int pair, double duration, vec_t
                                 &search->out_of.ends[pair % search->out_of.count], duration, w);
 }
 
+/* The integral of the angular velocity over a ramp, whose jerk is constant. */
+static vec_t turn_of_ramp(motion_t from, motion_t to, double duration) {
+    vec_t turn = times(0.5 * duration, plus(from.omega, to.omega));
+    return scaled_plus(duration * duration / 12.0, minus(from.alpha, to.alpha), turn);
+}
+
+/* The integral of the angular velocity over a join, by Simpson's rule. */
+static vec_t turn_of_join(const vec_t w[FACTORS]) {
+    join_t join = join_of(w, 1.0);
+    vec_t turn = vec(0.0, 0.0, 0.0);
+    for (int k = 0; k <= PARTS_OF_TURN; k++) {
+        double share = k == 0 || k == PARTS_OF_TURN ? 1.0 : k % 2 ? 4.0 : 2.0;
+        motion_t here = join_at(quat(1.0, 0.0, 0.0, 0.0), &join,
+                                join_basis(k / (double)PARTS_OF_TURN));
+        turn = scaled_plus(share / (3.0 * PARTS_OF_TURN), here.omega, turn);
+    }
+    return turn;
+}
+
+/* Whether a connector turns no further than it may. */
+static bool turns_little(const search_t *search, int pair, const vec_t w[FACTORS]) {
+    vec_t ramps = plus(search->into_turn[pair / search->out_of.count],
+                       search->out_of_turn[pair % search->out_of.count]);
+    double longest = norm(ramps);
+    for (int k = 0; k < FACTORS; k++)
+        longest += 2.0 * norm(w[k]);
+    return longest <= search->most_turn
+        || norm(plus(ramps, turn_of_join(w))) <= search->most_turn;
+}
+
 /* Add the connectors of a duration that seem to keep the bounds, and return how many there are. */
 static int add_seen(const search_t *search, const int *pairs, int count_of_pairs, double total,
                     try_t *found, int count) {
@@ -107,10 +139,12 @@ static int add_seen(const search_t *search, const int *pairs, int count_of_pairs
             continue;
         quat_t middle = put_outer(search, pairs[i], h, w);
         w[2] = logarithm(middle);
-        if (seems_to_keep(w, h, &search->points, &search->bounds))
+        if (seems_to_keep(w, h, &search->points, &search->bounds)
+            && turns_little(search, pairs[i], w))
             found[count++] = (try_t){total, pairs[i], 0};
         w[2] = logarithm(opposite(middle));
-        longer_way[i] = seems_to_keep(w, h, &search->points, &search->bounds);
+        longer_way[i] = seems_to_keep(w, h, &search->points, &search->bounds)
+                     && turns_little(search, pairs[i], w);
     }
     for (int i = 0; i < count_of_pairs; i++)
         if (longer_way[i])
@@ -228,18 +262,23 @@ INLINE quat_t nearer(quat_t q, quat_t other) {
 }
 
 bool find_connector(row_t start, row_t end, matrix_t limits, double period, double least_duration,
-                    matrix_t q, tensor_t w, row_t times_of) {
+                    double most_turn, matrix_t q, tensor_t w, row_t times_of) {
     motion_t begin = state_at(start.v), finish = state_at(end.v), back = mirrored(finish);
     search_t search;
-    search.period = period, search.least = least_duration;
+    search.period = period, search.least = least_duration, search.most_turn = most_turn;
     search.bounds = bounds_of(&begin, &finish, limits);
     put_points(&search.points);
     quat_t turn = relative(begin.q, finish.q);
-    vec_t way = times(2.0, logarithm(turn.w < 0.0 ? opposite(turn) : turn));
+    vec_t way = times(2.0, logarithm(shorter(turn)));
     search.into = ramps_from(&begin, way, limits, &search.bounds, period, false);
     search.out_of = ramps_from(&back, times(-1.0, way), limits, &search.bounds, period, false);
     for (int i = 0; i < search.out_of.count; i++)
         search.out_of.ends[i] = mirrored(search.out_of.ends[i]);
+    for (int i = 0; i < search.into.count; i++)
+        search.into_turn[i] = turn_of_ramp(begin, search.into.ends[i], search.into.durations[i]);
+    for (int i = 0; i < search.out_of.count; i++)
+        search.out_of_turn[i] = turn_of_ramp(search.out_of.ends[i], finish,
+                                             search.out_of.durations[i]);
 
     vec_t of[3][FACTORS] = {0};
     const try_t *kept = shortest(&search, put_grid(&begin, &finish, norm(way), &search), of[1]);
@@ -278,11 +317,16 @@ void guess_connector(row_t start, row_t end, matrix_t limits, double period, dou
     search.period = period, search.least = least_duration;
     search.bounds = bounds_of(&begin, &finish, limits);
     quat_t turn = relative(begin.q, finish.q);
-    double angle = 2.0 * norm(logarithm(turn.w < 0.0 ? opposite(turn) : turn));
+    double angle = 2.0 * norm(logarithm(shorter(turn)));
     double total = duration * search.totals[put_grid(&begin, &finish, angle, &search) / 2];
     begin = with_share(begin, rates), finish = with_share(finish, rates);
     vec_t of[3][FACTORS] = {0};
-    put_increments(&begin, &finish, total, of[1]);
+    quat_t middle = put_outer_increments(&begin, &finish, total, of[1]);
+    of[1][2] = logarithm(middle);
+    double turned = norm(turn_of_join(of[1]));
+    of[1][2] = logarithm(opposite(middle));
+    if (norm(turn_of_join(of[1])) > turned)
+        of[1][2] = logarithm(middle);
     put_quat(row_of(q, 0), begin.q), put_quat(row_of(q, 1), begin.q);
     put_quat(row_of(q, 2), arrival(begin.q, of[1]));
     times_of.v[0] = times_of.v[1] = 0.0, times_of.v[2] = times_of.v[3] = total;

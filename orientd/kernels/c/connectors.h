@@ -212,13 +212,14 @@ index_t ramps_of_stop(row_t state, matrix_t limits, double period, matrix_t ends
  * limits: of velocity, acceleration and jerk with their reserve, norm and components, shape (3, 4).
  * period: it takes a whole number of periods, s.
  * least: it takes at least this long, s.
+ * most_turn: the integral of its angular velocity, body components, is no longer, rad.
  * q: receives the orientations that the three begin at, signs continuous, shape (3, 4).
  * w: receives the increments of the three, shape (3, 5, 3); of one that takes no time none.
  * times: receives when the three begin and when the last one ends, s, shape (4,). */
 bool find_connector(row_t start, row_t end, matrix_t limits, double period, double least,
-                    matrix_t q, tensor_t w, row_t times);
+                    double most_turn, matrix_t q, tensor_t w, row_t times);
 
-/* Write a join, the shorter way round, that need not keep the limits, as find_connector does.
+/* Write a join, the way round that turns less, that need not keep the limits, as find_connector does.
  *
  * rates: share of the velocities and accelerations of the states that it has at its ends.
  * duration: share of the middle one of those that find_connector looks at. */

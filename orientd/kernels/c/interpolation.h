@@ -94,8 +94,7 @@ int put_table(matrix_t keyframes, bool with_start, row_t breaks, matrix_t solved
 
 /* Write the twice differentiable cumulative cubic B-spline through keyframes.
  *
- * keyframes: unit quaternions, shape (n, 4), n >= 2.
- * is_aligned: whether they are to be taken with the signs they have.
+ * keyframes: unit quaternions with the signs wanted, shape (n, 4), n >= 2.
  * times: of the keyframes, increasing, s, shape (n,).
  * given: angular velocity and acceleration at the first keyframe and at the last, body frame,
  *     shape (2, 2, 3).
@@ -107,9 +106,8 @@ int put_table(matrix_t keyframes, bool with_start, row_t breaks, matrix_t solved
  * solved: receives the increments, shape (S + 2, 3).
  *
  * Return as find_increments; where not all are found, only the unknown ones of them are written. */
-index_t interpolate_c2(matrix_t keyframes, bool is_aligned, row_t times, tensor_t given,
-                   index_t start_known, index_t end_known, row_t breaks, matrix_t table,
-                   matrix_t solved);
+index_t interpolate_c2(matrix_t keyframes, row_t times, tensor_t given, index_t start_known,
+                       index_t end_known, row_t breaks, matrix_t table, matrix_t solved);
 
 /* banded.c */
 

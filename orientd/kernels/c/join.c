@@ -12,7 +12,7 @@ quat_t put_outer_increments(const motion_t *first, const motion_t *last, double 
     quat_t begun = multiplied(first->q, multiplied(exponential(w[0]), exponential(w[1])));
     quat_t ended = multiplied(exponential(w[3]), fifth);
     quat_t middle = multiplied(conjugated(begun), multiplied(last->q, conjugated(ended)));
-    return middle.w < 0.0 ? opposite(middle) : middle;
+    return shorter(middle);
 }
 
 void put_increments(const motion_t *first, const motion_t *last, double duration,

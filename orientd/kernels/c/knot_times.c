@@ -59,7 +59,7 @@ static void put_places(trial_t *t) {
 static int put_geometry(trial_t *t) {
     double nothing[12] = {0.0}, ends[2] = {0.0, t->asked->total}, rates[20];
     tensor_t given = {nothing, 2, 2, 3};
-    index_t found = interpolate_c2(t->asked->keys, true, t->times, given, t->known, t->known,
+    index_t found = interpolate_c2(t->asked->keys, t->times, given, t->known, t->known,
                                    t->breaks, t->table, t->solved);
     if (found < t->keyframes - 1)
         return found == OUT_OF_MEMORY ? OUT_OF_MEMORY : NOT_FOUND;

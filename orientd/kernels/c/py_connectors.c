@@ -39,11 +39,12 @@ KERNEL(ramps_of_stop) {
 }
 
 KERNEL(find_connector) {
-    TAKE("vvmddMTV");
+    TAKE("vvmdddMTV");
     CHECK(a[0].v.n == STATE && a[1].v.n == STATE && is_matrix(a[2].m, 3, 4));
-    CHECK(is_matrix(a[5].m, 3, 4) && is_tensor(a[6].t, 3, FACTORS, 3) && a[7].v.n == 4);
+    CHECK(is_matrix(a[6].m, 3, 4) && is_tensor(a[7].t, 3, FACTORS, 3) && a[8].v.n == 4);
     bool is_found;
-    RUN(is_found = find_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].m, a[6].t, a[7].v));
+    RUN(is_found = find_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].d, a[6].m, a[7].t,
+                                  a[8].v));
     return PyBool_FromLong(is_found);
 }
 
@@ -57,14 +58,14 @@ KERNEL(guess_connector) {
 }
 
 KERNEL(shorten_connector) {
-    TAKE("vvmddddmtvMTV");
+    TAKE("vvmdddddmtvMTV");
     CHECK(a[0].v.n == STATE && a[1].v.n == STATE && is_matrix(a[2].m, 3, 4));
-    CHECK(is_matrix(a[7].m, 3, 4) && is_tensor(a[8].t, 3, FACTORS, 3) && a[9].v.n == 4);
-    CHECK(is_matrix(a[10].m, ELEMENTS, 4) && is_tensor(a[11].t, ELEMENTS, FACTORS, 3));
-    CHECK(a[12].v.n == ELEMENTS + 1);
+    CHECK(is_matrix(a[8].m, 3, 4) && is_tensor(a[9].t, 3, FACTORS, 3) && a[10].v.n == 4);
+    CHECK(is_matrix(a[11].m, ELEMENTS, 4) && is_tensor(a[12].t, ELEMENTS, FACTORS, 3));
+    CHECK(a[13].v.n == ELEMENTS + 1);
     index_t found;
-    RUN(found = shorten_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].d, a[6].d, a[7].m,
-                                  a[8].t, a[9].v, a[10].m, a[11].t, a[12].v));
+    RUN(found = shorten_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].d, a[6].d, a[7].d,
+                                  a[8].m, a[9].t, a[10].v, a[11].m, a[12].t, a[13].v));
     return PyLong_FromLongLong(found);
 }
 

@@ -128,14 +128,13 @@ KERNEL(put_table) {
 }
 
 KERNEL(interpolate_c2) {
-    TAKE("mpvtiiVMM");
-    index_t spans = a[7].m.m;
-    CHECK(a[0].m.m == 4 && a[2].v.n == a[0].m.n && is_pair(a[3].t));
-    CHECK(fits(a[0].m.n, a[4].i, a[5].i, spans) && a[6].v.n == spans + 1);
-    CHECK(a[7].m.n == TABLE_ROWS && are_vectors(a[8].m, spans + 2));
+    TAKE("mvtiiVMM");
+    index_t spans = a[6].m.m;
+    CHECK(a[0].m.m == 4 && a[1].v.n == a[0].m.n && is_pair(a[2].t));
+    CHECK(fits(a[0].m.n, a[3].i, a[4].i, spans) && a[5].v.n == spans + 1);
+    CHECK(a[6].m.n == TABLE_ROWS && are_vectors(a[7].m, spans + 2));
     index_t found;
-    RUN(found = interpolate_c2(a[0].m, a[1].p, a[2].v, a[3].t, a[4].i, a[5].i, a[6].v, a[7].m,
-                               a[8].m));
+    RUN(found = interpolate_c2(a[0].m, a[1].v, a[2].t, a[3].i, a[4].i, a[5].v, a[6].m, a[7].m));
     return count_of(found);
 }
 

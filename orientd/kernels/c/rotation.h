@@ -97,6 +97,14 @@ INLINE vec_t logarithm(quat_t q) {
     return vec(factor * q.x, factor * q.y, factor * q.z);
 }
 
+/* Of the two quaternions of a turn the shorter one's; of a half turn as nearer_sign of
+ * orientd.rotation, which explains the bounds. */
+INLINE quat_t shorter(quat_t turn) {
+    double part = fabs(turn.w) > 1e-7 ? turn.w : fabs(turn.z) > 1e-6 ? turn.z
+                : fabs(turn.y) > 1e-6 ? turn.y : turn.x;
+    return part < 0.0 ? opposite(turn) : turn;
+}
+
 /* A vector rotated by a unit quaternion. */
 INLINE vec_t turned(quat_t q, vec_t v) {
     vec_t e = vec(q.x, q.y, q.z), t = times(2.0, cross(e, v));

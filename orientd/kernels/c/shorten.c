@@ -168,6 +168,18 @@ static void put_first(spline_t *s, matrix_t q, tensor_t w, row_t times_of) {
     }
 }
 
+/* The integral of the angular velocity. */
+static vec_t turn_of(const spline_t *s) {
+    int n = s->elements;
+    vec_t turn = vec(0.0, 0.0, 0.0);
+    for (int k = 0; k < n + 2; k++) {
+        double width = (k > 1 ? s->width[k - 2] : 0.0) + (k > 0 && k <= n ? s->width[k - 1] : 0.0)
+                     + (k < n ? s->width[k] : 0.0);
+        turn = scaled_plus(width * s->duration / 3.0, s->point[k], turn);
+    }
+    return turn;
+}
+
 static index_t put_shorter(const spline_t *s, matrix_t joins, tensor_t increments, row_t breaks) {
     int n = s->elements;
     motion_t from = s->begin;
@@ -191,7 +203,7 @@ static index_t put_shorter(const spline_t *s, matrix_t joins, tensor_t increment
 }
 
 index_t shorten_connector(row_t start, row_t end, matrix_t limits, double period, double least,
-                          double longest, double ease, matrix_t q, tensor_t w, row_t times_of,
+                          double most_turn, double longest, double ease, matrix_t q, tensor_t w, row_t times_of,
                           matrix_t joins, tensor_t increments, row_t breaks) {
     spline_t s;
     double total = times_of.v[3];
@@ -207,7 +219,8 @@ index_t shorten_connector(row_t start, row_t end, matrix_t limits, double period
     ease_end(&s, s.begin.omega, s.begin.alpha, ease, false);
     ease_end(&s, s.end.omega, times(-1.0, s.end.alpha), ease, true);
     put_first(&s, q, w, times_of);
-    if (!shorten(&s, period) || !(s.duration < longest + 0.5 * period))
+    if (!shorten(&s, period) || !(s.duration < longest + 0.5 * period)
+        || !(norm(turn_of(&s)) <= most_turn))
         return 0;
     return put_shorter(&s, joins, increments, breaks);
 }

@@ -68,7 +68,7 @@ bool shorten(spline_t *spline, double period);
 /* Write the joins of a connector that is shorter than one already found, or than a guess, and
  * return how many they are; none where nothing was found.
  *
- * start, end, limits, period, least: as of find_connector.
+ * start, end, limits, period, least, most_turn: as of find_connector.
  * longest: it takes no longer than this, s.
  * ease: factor of the jerk's limits where an acceleration would else become too fast as it falls.
  * q, w, times: the connector to begin with, as find_connector writes it.
@@ -76,7 +76,7 @@ bool shorten(spline_t *spline, double period);
  * increments: receives their increments, shape (ELEMENTS, 5, 3).
  * breaks: receives when they begin, and when the last one ends, s, shape (ELEMENTS + 1,). */
 index_t shorten_connector(row_t start, row_t end, matrix_t limits, double period, double least,
-                          double longest, double ease, matrix_t q, tensor_t w, row_t times,
+                          double most_turn, double longest, double ease, matrix_t q, tensor_t w, row_t times,
                           matrix_t joins, tensor_t increments, row_t breaks);
 
 #endif

@@ -22,6 +22,9 @@ acceleration, as a C1 curve has at its knots, falls only with the square of the 
 quadratic in *x*.  Near :math:`\sigma = 1` the first one leaves :math:`x \approx \sqrt r A/\omega`
 where the acceleration keeps a reserve *r* below *A*: no reserve, no brake.
 
+Where the joints of the device are planned, each of them obeys the first inequality with its own
+velocity, acceleration and limit (:mod:`orientd.planner.certify.joints`).
+
 Why this uniform rate, where the servo usually stops two to ten times as quickly
 (:mod:`orientd.servo.path.brake_law`)?  Because it needs no foresight: it is certified for every
 point, for resumptions and changes of speed as for stops, and for a path of which only a little is
@@ -33,6 +36,8 @@ stop has to work without one).
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -67,21 +72,26 @@ LAW = (np.stack([_SIGMA, _G]), _WORST, _SIGMA_G, FASTEST_BRAKE_RATE, _MARGIN)
 """What the kernels take of this module."""
 
 
-def shares_to_stop(
-    velocity: float, acceleration: float, jerk: float, stop_time: float
-) -> tuple[float, float]:
-    """Return the shares of acceleration and jerk with which a stop on the path takes a time.
+def speed_to_stop(share: float, stop_time: float) -> float:
+    """Return the velocity from which a stop on the path takes a time, over the acceleration, s.
 
     Args:
-        velocity: the highest of the path, along its acceleration.
-        acceleration: its limit; infinite where there is none.
-        jerk: the same of the jerk.
+        share: of the acceleration that the path uses, which has its direction.
+        stop_time: s.
+    """
+    return stop_time * float(np.interp(math.sqrt(max(1.0 - share, 0.0)), _RESERVE_ROOT, _WORST))
+
+
+def jerk_to_stop(velocity: float, acceleration: float, stop_time: float) -> float:
+    """Return the jerk that a stop on the path adds to its own, rad/s^3.
+
+    Args:
+        velocity: of the path, rad/s.
+        acceleration: of the path, rad/s^2.
         stop_time: s.
     """
     rate = 1.0 / stop_time
-    root = float(np.interp(rate * velocity / acceleration, _WORST, _RESERVE_ROOT))
-    turned = 0.0 if jerk == np.inf else _SIGMA_G * acceleration * rate + 4.0 * velocity * rate**2
-    return 1.0 - root**2, 1.0 - turned / jerk
+    return _SIGMA_G * acceleration * rate + 4.0 * velocity * rate**2
 
 
 def brake_rate(

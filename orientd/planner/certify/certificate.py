@@ -53,13 +53,17 @@ class Certificate:
             motion's, rad/s; zero where none was asked for.
         end_velocity_error: the same at the last keyframe, rad/s.
         keyframe_error: largest angle between a keyframe and the motion at its time, rad; not small
-            for methods that do not interpolate.
+            where they are control points.
         brake_rate: how fast the servo may change speed on the path, 1/s.
         stop_time: how long a stop on the path from full speed takes at the most: until the device
             rests, or until the motion ends by itself, s.
+        usual_stop_time: how long it usually takes from the place where it takes longest, about, s:
+            the servo brakes as hard as the limits permit wherever it finds a way to.
         figures: what is certified beyond that: of the body's axes where they have limits of
             their own, and what the device's driver adds, of its own axes for example.
-        notes: what the driver has to say of the motion, a line each.
+        notes: what there is to say of the motion and of how it was asked for, a line each.
+        has_control_points: whether the keyframes are control points, which the method does not
+            pass.
     """
 
     rate_hz: float
@@ -76,5 +80,7 @@ class Certificate:
     keyframe_error: float
     brake_rate: float
     stop_time: float
+    usual_stop_time: float
     figures: tuple[Figure, ...] = ()
     notes: tuple[str, ...] = ()
+    has_control_points: bool = False

@@ -7,10 +7,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from orientd.curves import METHODS
 from orientd.driver import Figure
 from orientd.planner.certify.certificate import Certificate, Peak
 from orientd.planner.certify.peaks import Peaks
-from orientd.planner.limits import ANGULAR, AXES, UNITS
+from orientd.planner.certify.usual_stop import usual_stop_time
+from orientd.planner.limits import ANGULAR, AXES, UNITS, Limits
 from orientd.planner.path import Path, TablePath
 from orientd.planner.recorded import HISTORY
 from orientd.planner.request import MotionRequest, State
@@ -24,6 +26,7 @@ def summed_up(
     keyframe_times: Floats,
     peaks: Peaks,
     period: float,
+    limits: Limits,
 ) -> Certificate:
     """Return the certificate of a path that keeps its limits.
 
@@ -34,8 +37,11 @@ def summed_up(
         keyframe_times: path times of all keyframes, s.
         peaks: what was measured of the path.
         period: of the device, s.
+        limits: that it keeps.
     """
     begin, end = ends
+    # No stop lasts longer than what is left of the motion.
+    stop_time = min(1.0 / peaks.brake_rate, path.duration) if peaks.brake_rate else math.inf
     return Certificate(
         rate_hz=1.0 / period,
         duration=path.duration,
@@ -50,8 +56,9 @@ def summed_up(
         end_velocity_error=_miss(path, end, request.omega_end),
         keyframe_error=path.farthest_from(request.keys, keyframe_times),
         brake_rate=peaks.brake_rate,
-        # No stop lasts longer than what is left of the motion.
-        stop_time=min(1.0 / peaks.brake_rate, path.duration) if peaks.brake_rate else math.inf,
+        stop_time=stop_time,
+        usual_stop_time=min(usual_stop_time(path, peaks.velocity.time, limits), stop_time),
+        has_control_points=not METHODS[request.method].interpolates,
         figures=tuple(_axis_figures(peaks)),
     )
 

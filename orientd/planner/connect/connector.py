@@ -9,6 +9,7 @@ may then be several connectors that are shorter than all near them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -36,6 +37,8 @@ MOST_JOINS = 34
 CONNECTOR_RESERVE = 0.96
 """Share of acceleration and jerk that a connector uses, so that a motion can be stopped in it."""
 
+_Given = tuple[Floats, Floats, Floats, float, float, float]
+
 _GUESSES = ((1.0, 0.6), (0.0, 1.3))
 """Rates at the ends, and durations, of guesses, as shares: see ``guess_connector``."""
 
@@ -44,6 +47,7 @@ _RAMPS = 6  # at most, that a stop may begin with
 _VERGE = 0.99  # of the velocity: what rises beyond has to let its acceleration fall at once
 _FALL = 0.999  # of the jerk, with which it falls
 _FALLS = 2  # ramps in which it falls, at most
+_TURN_SLACK = 1.001  # times the turn that a connector may make, for rounding
 _STILL = 1e-6  # of the velocity: what rises by less has no acceleration to speak of
 
 
@@ -60,7 +64,8 @@ def connector(
     """Return a segment from path time 0 that leads from one state to another.
 
     The velocity, and the acceleration, may be as high as they are at the ends, and otherwise keep
-    *limits* with their reserve.
+    *limits* with their reserve.  It makes no whole turn that is not needed: it turns at most by the
+    angle between both orientations and by what it takes to come to rest from either end.
 
     Args:
         start: where it begins.
@@ -74,8 +79,10 @@ def connector(
     Raises:
         PlanError: nothing was found, or it takes longer than is planned.
     """
-    table = limit_table(limits.with_reserve(CONNECTOR_RESERVE))
-    given = state_row(start), state_row(end), table, period, least
+    within = limits.with_reserve(CONNECTOR_RESERVE)
+    stops = turn_to_stop(start, within) + turn_to_stop(end, within)
+    most_turn = _TURN_SLACK * (float(angle(start.q, end.q)) + stops)
+    given = state_row(start), state_row(end), limit_table(within), period, least, most_turn
     found = _Found.empty()
     is_found = kernels.find_connector(*given, *found)
     if is_found:
@@ -101,6 +108,25 @@ def connector(
     return PathSegment(curve, 0.0, total)
 
 
+def turn_to_stop(state: State, limits: Limits) -> float:
+    """Return about how far a device turns until it is at rest, rad.
+
+    It is half a double S (Biagiotti and Melchiorri 2008, section 3.4), behind the fall of an
+    acceleration.
+    """
+    speed = float(np.linalg.norm(state.omega_body))
+    if not speed:
+        return 0.0
+    direction = state.omega_body / speed
+    _, most, jerk = limits.along(direction.tolist())
+    rise = max(0.0, float(direction @ state.alpha_body))
+    fall = rise / jerk
+    highest = speed + 0.5 * rise * fall
+    is_long = highest * jerk > most**2
+    half = 0.5 * (highest / most + most / jerk) if is_long else math.sqrt(highest / jerk)
+    return speed * fall + rise * fall**2 / 3.0 + highest * half
+
+
 class _Found(NamedTuple):
     """What the kernels write of a connector: a ramp, a join and another ramp."""
 
@@ -117,9 +143,7 @@ class _Found(NamedTuple):
         return float(self.times[-1])
 
 
-def _shortened(
-    given: tuple[Floats, Floats, Floats, float, float], found: _Found, longest: float, ease: float
-) -> PathSegment | None:
+def _shortened(given: _Given, found: _Found, longest: float, ease: float) -> PathSegment | None:
     """Return what a connector is shortened to, if that takes no longer."""
     joins, increments = np.empty((MOST_JOINS, 4)), np.empty((MOST_JOINS, FACTORS, 3))
     breaks = np.empty(MOST_JOINS + 1)
@@ -131,11 +155,11 @@ def _shortened(
 
 
 def _shortened_guess(
-    given: tuple[Floats, Floats, Floats, float, float], rates: float, duration: float, ease: float
+    given: _Given, rates: float, duration: float, ease: float
 ) -> PathSegment | None:
     """Return what a connector is that begins with a guess, if one comes of it."""
     guess = _Found.empty()
-    kernels.guess_connector(*given, rates, duration, *guess)
+    kernels.guess_connector(*given[:-1], rates, duration, *guess)
     return _shortened(given, guess, _LONGER * guess.end, ease)
 
 

@@ -27,14 +27,16 @@ from orientd.errors import PlanError
 from orientd.planner.connect.quintic_connector import join
 from orientd.planner.limits import LONGEST, STILL, Limits
 from orientd.planner.path import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY, PathSegment
-from orientd.planner.timing import CAREFUL_JERK_SHARE, phases_of_turn
+from orientd.planner.timing import CAREFUL_JERK_SHARE, SHARE, phases_of_turn
 from orientd.rotation import (
     Floats,
+    align,
     angle,
     between,
     exp_half,
     log_half,
     multiply,
+    nearer_sign,
 )
 
 Booleans = NDArray[np.bool_]
@@ -119,7 +121,7 @@ def lead_out(q: Floats, omega: Floats, alpha: Floats, *, limits: Limits, period:
     raise PlanError(
         f"between rest and {np.linalg.norm(omega):.4g} rad/s with {np.linalg.norm(alpha):.4g} "
         f"rad/s^2 none keeps the limits of {limits.velocity:g} rad/s, {limits.acceleration:g} "
-        f"rad/s^2 and {limits.jerk:g} rad/s^3; ask for less velocity there, or more time beside it"
+        f"rad/s^2 and {limits.jerk:g} rad/s^3; ask for a lower velocity there, or give it more time"
     )
 
 
@@ -237,6 +239,7 @@ def approach(
     limits: Limits,
     *,
     is_even: bool = False,
+    share: float = SHARE,
     jerk_share: float = CAREFUL_JERK_SHARE,
     is_part: bool = True,
 ) -> PathSegment | None:
@@ -249,7 +252,8 @@ def approach(
         q1: where it ends.
         limits: to keep.
         is_even: whether it is to be a quintic, as long as its peaks need, instead.
-        jerk_share: of the jerk to use.
+        share: of the acceleration to use.
+        jerk_share: of the jerk.
         is_part: whether it is one of a longer motion.
 
     Raises:
@@ -258,9 +262,13 @@ def approach(
     turn = float(angle(q0, q1))
     if turn <= _SAME:
         return None
-    axis = _axis_between(q0.tolist(), q1.tolist())
+    axis, is_shorter = _axis_between(q0.tolist(), q1.tolist())
+    if not is_shorter:
+        turn = 2.0 * math.pi - turn
     if math.isfinite(limits.acceleration) and not is_even:
-        phases = phases_of_turn(axis, turn, limits, jerk_share=jerk_share, is_part=is_part)
+        phases = phases_of_turn(
+            axis, turn, limits, share=share, jerk_share=jerk_share, is_part=is_part
+        )
         check_lead("an approach", float(phases.sum()))
         curve: Curve = AxisTurn(q0, axis, turn, phases)
         return PathSegment(curve, 0.0, curve.domain[1])
@@ -271,23 +279,24 @@ def approach(
         math.cbrt(UNIT_JERK * turn / jerk),
     )
     check_lead("an approach", duration)
-    nearer = -q1 if float(q0 @ q1) < 0.0 else q1
     zero = np.zeros(3)
-    return PathSegment(_to_rest(q0, nearer, zero, zero, duration), 0.0, duration)
+    return PathSegment(_to_rest(q0, align([q0, q1])[1], zero, zero, duration), 0.0, duration)
 
 
-def _axis_between(q0: list[float], q1: list[float]) -> Floats:
+def _axis_between(q0: list[float], q1: list[float]) -> tuple[Floats, bool]:
     """Return the axis of the shorter turn between two orientations, in the body frame.
 
-    In plain numbers, which takes a tenth of what the same takes on arrays.
+    Also whether it is the shorter one: a half turn goes the way of :func:`.nearer_sign`, which may
+    be longer by rounding.  In plain numbers, which takes a tenth of what the same takes on arrays.
     """
     (w0, x0, y0, z0), (w1, x1, y1, z1) = q0, q1
     w = w0 * w1 + x0 * x1 + y0 * y1 + z0 * z1
     x = w0 * x1 - x0 * w1 - y0 * z1 + z0 * y1
     y = w0 * y1 - y0 * w1 - z0 * x1 + x0 * z1
     z = w0 * z1 - z0 * w1 - x0 * y1 + y0 * x1
-    scale = math.copysign(1.0 / math.hypot(x, y, z), -1.0 if w < 0.0 else 1.0)
-    return np.array([scale * x, scale * y, scale * z])
+    sign = nearer_sign(w, x, y, z)
+    scale = sign / math.hypot(x, y, z)
+    return np.array([scale * x, scale * y, scale * z]), sign * w >= 0.0
 
 
 def check_lead(what: str, duration: float) -> None:

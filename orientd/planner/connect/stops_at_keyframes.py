@@ -13,8 +13,23 @@ from orientd.planner.methods import Ends
 from orientd.planner.path import Path, PathCurve, PathSegment, PositionPath
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
 from orientd.planner.timing import KeyframePath, least_with_stops
+from orientd.rotation import Floats
 
-STOPS = "comes to rest at every keyframe: between two that are near the curve is no quicker"
+STOPS = "stops at every keyframe: this takes less time than the curve through them"
+
+
+def stops_take(keys: Floats, limits: Limits) -> float:
+    """Return how long the turns from keyframe to keyframe take, from rest to rest, s.
+
+    Args:
+        keys: orientations, shape ``(n, 4)``.
+        limits: to keep.
+
+    Raises:
+        PlanError: one of them takes longer than is planned.
+    """
+    turns = [approach(here, there, limits) for here, there in pairwise(keys)]
+    return sum(turn.end for turn in turns if turn is not None)
 
 
 def turns_with_stops(

@@ -9,7 +9,7 @@ import numpy as np
 
 from orientd.errors import StartError
 from orientd.planner.request import Keyframe, MotionRequest, State
-from orientd.rotation import conjugate, exp, log, multiply
+from orientd.rotation import align, between, exp, log_half, multiply
 
 _NO_AXIS = 1e-6
 """A turn this small has no axis to add whole turns about, rad."""
@@ -24,7 +24,7 @@ def wound(request: MotionRequest, start: State) -> MotionRequest:
     if not start.is_at_rest:
         raise StartError("whole turns to a single keyframe begin at rest")
     (keyframe,) = request.keyframes
-    shortest = log(multiply(conjugate(start.q), request.keys[0]))
+    shortest = 2.0 * log_half(between(*align([start.q, request.keys[0]])))
     size = float(np.linalg.norm(shortest))
     if size < _NO_AXIS:
         raise StartError("the device is there already: nothing says about which axis to turn")

@@ -11,9 +11,12 @@ from numpy.typing import ArrayLike
 
 from orientd.errors import RequestError
 from orientd.rotation import ROUNDING, Floats, check_unit
-from orientd.tolerances import NORM_TOLERANCE
+from orientd.tolerances import NORM_TOLERANCE, TYPED_NORM_TOLERANCE
 
 MOST_TURNS = 1000
+MOST_NOTES = 20
+LONGEST_NOTE = 300
+"""Characters."""
 FARTHEST = 1e12
 """m from the origin, in every direction; squares of what is further away end in overflow."""
 
@@ -36,21 +39,34 @@ def vector(components: ArrayLike, name: str) -> Vector3:
     return x, y, z
 
 
-def orientations(given: Sequence[Any]) -> Floats:
-    """Return unit quaternions, shape (n, 4)."""
+def orientations(given: Sequence[Any]) -> tuple[Floats, list[int]]:
+    """Return unit quaternions, shape (n, 4), and where they were off by more than rounding."""
     keys = _table(given, 4, "quaternion", "four numbers w, x, y, z")
     with np.errstate(over="ignore"):
         norm = np.sqrt(np.sum(keys * keys, axis=-1))
     error = np.abs(norm - 1.0)
     largest = float(error.max())
-    if largest > NORM_TOLERANCE:
-        index = int(np.argmax(error > NORM_TOLERANCE))
+    if largest > TYPED_NORM_TOLERANCE:
+        index = int(np.argmax(error > TYPED_NORM_TOLERANCE))
         raise RequestError(
             f"keyframes[{index}].quaternion",
-            f"norm must be 1 within {NORM_TOLERANCE:g}, got {norm[index]:.9g}",
+            f"norm must be 1 within {TYPED_NORM_TOLERANCE:g}, got {norm[index]:.9g}",
         )
+    typed = np.flatnonzero(error > NORM_TOLERANCE)
+    keys[typed] /= norm[typed, None]
     # What is unit to rounding stays as it is; that is the rule of check_unit.
-    return keys if largest <= ROUNDING else check_unit(keys)
+    return keys if largest <= ROUNDING else check_unit(keys), typed.tolist()
+
+
+def notes(given: Sequence[Any]) -> tuple[str, ...]:
+    """Return lines for the certificate, checked."""
+    if isinstance(given, str) or len(given) > MOST_NOTES:
+        raise RequestError("notes", f"expected at most {MOST_NOTES} lines")
+    for index, line in enumerate(given):
+        if not (isinstance(line, str) and len(line) <= LONGEST_NOTE and line.isprintable()):
+            expected = f"expected at most {LONGEST_NOTE} printable characters"
+            raise RequestError(f"notes[{index}]", f"{expected}, got {str(line)[:20]!r}")
+    return tuple(given)
 
 
 def _table(rows: Sequence[Any], width: int, name: str, expected: str) -> Floats:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -47,11 +47,13 @@ class Keyframe:
     """An orientation to pass, with what goes along with it.
 
     Attributes:
-        q: orientation ``(w, x, y, z)``, tool to world, of unit norm within 1e-6.
+        q: orientation ``(w, x, y, z)``, tool to world, of unit norm within 1e-3.  One that is off
+            by more than 1e-6 is scaled to norm one, with a note in the certificate.
         time: when, in seconds on the request's own axis; ``None`` leaves it to the planner.
         position: of the tool in the world, m; ``None`` where the position is left alone.
         turns: whole turns to make on the way from the previous keyframe to this one, or from where
-            the device is to the only one.
+            the device is to the only one.  Without them a half turn goes the positive way about z
+            of the body frame (about y or x where its axis has no z); -1 goes the other way.
         free_roll: whether it only says where to point: to where the first axis of *q* does.
         frame: name of the frame that it is given in; empty for the one of the request.
         relative: whether it is seen from where the tool is when the motion begins.
@@ -144,6 +146,8 @@ class MotionRequest:
         frames: by name, besides those of the device's configuration, which give way to these.
         rate: angular velocity to turn at from wherever the device is, for the duration, rad/s, in
             the frame of the velocities; it is taken up from rest and left to rest.
+        notes: what the certificate repeats of how the request was read, for example that a
+            quaternion was scaled to norm one; at most 20 lines of 300 printable characters.
         keys: the orientations, unit to rounding, shape ``(n, 4)``.
         times: the keyframes' times in seconds, shape ``(n,)``, or ``None``.
         positions: shape ``(n, 3)``, not a number where a keyframe has none; or ``None``.
@@ -169,6 +173,7 @@ class MotionRequest:
     frame: str = ""
     frames: Mapping[str, Frame] = field(default_factory=dict)
     rate: Vector3 | None = None
+    notes: Sequence[str] = ()
 
     keys: Floats = field(init=False, repr=False)
     times: Floats | None = field(init=False, repr=False)
@@ -198,12 +203,18 @@ class MotionRequest:
             velocity = getattr(self, name)
             if velocity is not None:
                 object.__setattr__(self, name, columns.vector(velocity, name))
+        keys, typed = columns.orientations([one.q for one in keyframes])
+        notes = [*self.notes]
+        if typed:
+            notes += _scaled_notes(keyframes, typed)
+            keyframes = _scaled(keyframes, keys, typed)
         # The class is frozen for everybody but its own constructor.
         object.__setattr__(self, "keyframes", keyframes)
+        object.__setattr__(self, "notes", columns.notes(notes))
         for name in ("options", "device_options"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
         object.__setattr__(self, "frames", named_frames(self.frames))
-        object.__setattr__(self, "keys", columns.orientations([one.q for one in keyframes]))
+        object.__setattr__(self, "keys", keys)
         object.__setattr__(self, "times", columns.times([one.time for one in keyframes]))
         self._check_pace()
         object.__setattr__(
@@ -245,7 +256,7 @@ class MotionRequest:
 
     def _is_said(self, name: str) -> bool:
         """Return whether an argument is other than its default; the method always counts."""
-        usual: tuple[object, ...] = (None, False, {}, "body", "", "x")
+        usual: tuple[object, ...] = (None, False, {}, "body", "", "x", ())
         return name == "method" or getattr(self, name) not in usual
 
     @property
@@ -302,6 +313,23 @@ class MotionRequest:
         if self.velocity_frame == "body":
             return omega
         return rotate(conjugate(self.keys[index]), omega)
+
+
+def _scaled(
+    keyframes: tuple[Keyframe, ...], keys: Floats, places: list[int]
+) -> tuple[Keyframe, ...]:
+    """Return keyframes, those at *places* with the unit quaternions that they became."""
+    scaled = list(keyframes)
+    for place in places:
+        w, x, y, z = keys[place].tolist()
+        scaled[place] = replace(keyframes[place], q=(w, x, y, z))
+    return tuple(scaled)
+
+
+def _scaled_notes(keyframes: tuple[Keyframe, ...], places: list[int]) -> list[str]:
+    norm = float(np.linalg.norm(keyframes[places[0]].q))
+    others = f", as {len(places) - 1} more were" if len(places) > 1 else ""
+    return [f"keyframes[{places[0]}].quaternion of norm {norm:.6f} was scaled to norm 1{others}"]
 
 
 def _request(given: Mapping[str, Any]) -> MotionRequest:

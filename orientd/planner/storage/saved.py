@@ -27,6 +27,7 @@ from orientd.planner.path import RowPath
 from orientd.planner.recorded import HISTORY, STATE_FLOATS
 from orientd.planner.request import Keyframe, MotionRequest
 from orientd.planner.saving import FORMAT, VERSION
+from orientd.stream import NO_SHARES, JointShares
 
 _AXES = ("axis_velocity", "axis_acceleration", "axis_jerk")
 
@@ -80,6 +81,11 @@ def _motion(header: dict[str, Any], arrays: dict[str, Any]) -> Motion:
         raise ValueError("rows must be finite")
     if "q_before" in arrays:
         before = arrays["q_before"], arrays["position_before"]
+    if rows.shape[1] > STATE_FLOATS and "joint_shares" not in header:
+        raise OrientdError(
+            f"the motion {header['id']} was saved by a version whose stops do not count the "
+            "device's axes; plan it again"
+        )
     rough = header["rough"]
     return Motion(
         id=header["id"],
@@ -98,6 +104,7 @@ def _motion(header: dict[str, Any], arrays: dict[str, Any]) -> Motion:
         first_joints=tuple(header["first_joints"]),
         last_joints=tuple(header["last_joints"]),
         before=before,
+        joint_shares=JointShares(*header.get("joint_shares", NO_SHARES)),
     )
 
 
@@ -122,4 +129,5 @@ def _limits(given: dict[str, Any]) -> Limits:
 def _certificate(given: dict[str, Any]) -> Certificate:
     peaks = {name: Peak(**given[name]) for name in given if name.startswith("peak_")}
     figures = tuple(Figure(*figure) for figure in given["figures"])
+    given = {"usual_stop_time": given["stop_time"], **given}  # not in files of earlier versions
     return Certificate(**{**given, **peaks, "figures": figures, "notes": tuple(given["notes"])})

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
         LEAST_SHARE,
         LONGEST_STOP,
         SHARE,
+        longest_stop,
         phases_of_turn,
     )
     from orientd.planner.timing.by_parts import (
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
         FirstProfile,
         QuickPath,
         aimed_at,
+        lasting,
         quickest,
     )
     from orientd.planner.timing.timing import (

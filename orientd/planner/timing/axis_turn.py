@@ -11,11 +11,11 @@ import math
 import numpy as np
 
 from orientd.curves import AxisTurn
-from orientd.planner.certify import shares_to_stop
+from orientd.planner.certify import jerk_to_stop, speed_to_stop
 from orientd.planner.limits import Limits
 from orientd.planner.path import PathSegment
 from orientd.planner.timing.candidate_path import KeyframePath
-from orientd.rotation import Floats, angle
+from orientd.rotation import Floats, angle, exp, multiply
 
 SHARE = 0.999
 """Of acceleration and jerk that the quickest timing uses; the rest lets it be stopped at all."""
@@ -30,10 +30,17 @@ VELOCITY_SHARE = 0.9998
 LEAST_SHARE = 0.2
 """Of them, below which a timing would not be the quickest."""
 
-LONGEST_STOP = 6.0
-"""Seconds that a stop on a longer motion may take: so much of a path is read ahead."""
+USUAL_STOP, LONGEST_STOP = 6.0, 24.0
+"""Seconds that a stop on a longer motion may take, and how many where the device itself is slow to
+stop: as much of a path is read ahead."""
 
-_SAME_AXIS = 1e-9  # of the velocity, across the axis
+_SLOWER_STOP = 8.0
+"""Times as long as with all of the limits a stop may take beyond the usual one."""
+
+_ONE_WAY = 1e-9  # of the velocity, by which it may differ from the one along the axis
+_ON_AXIS = 5e-10  # rad, within which a turn about one axis is the path
+_EASED = 2.0 / 3.0  # of the longest stop, from which on a motion gets some of its reserve
+_SHARES_TO_STOP = 1.0 - np.linspace(0.0, 0.97, 25) ** 2  # of the acceleration, to choose from
 _LOOKS = 8  # between two knots
 _BISECTIONS = 60
 
@@ -87,18 +94,66 @@ def phases_of_turn(
         is_part: whether it is one of a longer motion.
     """
     velocity, acceleration, jerk = limits.along(axis.tolist())
-    velocity *= VELOCITY_SHARE
-    phases = double_s(turn, velocity, share * acceleration, jerk_share * jerk)
-    if is_part or float(phases.sum()) > LONGEST_STOP:
-        rise, hold = phases[:2].tolist()
-        pull = min(acceleration, jerk * rise) if rise else acceleration
-        most = shares_to_stop(pull * (rise + hold), pull, jerk, LONGEST_STOP)
-        share, jerk_share = (
-            min(max(one, LEAST_SHARE), other)
-            for one, other in zip(most, (share, jerk_share), strict=True)
-        )
-        phases = double_s(turn, velocity, share * acceleration, jerk_share * jerk)
-    return phases
+    most = VELOCITY_SHARE * velocity, share * acceleration, jerk_share * jerk
+    phases = double_s(turn, *most)
+    total, rest = float(phases.sum()), float(phases[4:].sum())
+    stop = longest_stop(rest)
+    weight = 1.0 if is_part else (total / stop - _EASED) / (1.0 - _EASED)
+    if weight <= 0.0:
+        return phases
+    # What is over sooner than a stop needs no reserve; from there to a longer one it grows.
+    can_be_stopped = _most_to_stop(turn, phases, acceleration, jerk, most, stop)
+    weight = min(weight, 1.0)
+    return double_s(
+        turn,
+        *(
+            one if one == other else (1.0 - weight) * one + weight * other
+            for one, other in zip(most, can_be_stopped, strict=True)
+        ),
+    )
+
+
+def longest_stop(seconds: float) -> float:
+    """Return how long a stop on a long motion may take, s.
+
+    Args:
+        seconds: that a stop takes with all of the limits.
+    """
+    return min(max(USUAL_STOP, _SLOWER_STOP * seconds), LONGEST_STOP)
+
+
+def _most_to_stop(
+    turn: float,
+    phases: Floats,
+    acceleration: float,
+    jerk: float,
+    most: tuple[float, float, float],
+    stop: float,
+) -> tuple[float, float, float]:
+    """Return velocity, acceleration and jerk of the quickest turn that can be stopped in a time.
+
+    Args:
+        turn: rad.
+        phases: of the turn without a reserve.
+        acceleration: its limit, rad/s^2.
+        jerk: the same, rad/s^3.
+        most: velocity, acceleration and jerk that it may use in any case.
+        stop: s.
+    """
+    rise, hold = phases[:2].tolist()
+    pull = min(most[1], most[2] * rise) if rise else most[1]
+    highest = pull * (rise + hold)
+    best, least = most, math.inf
+    for pulled in (pull * _SHARES_TO_STOP).tolist():
+        velocity = min(most[0], speed_to_stop(pulled / acceleration, stop) * acceleration)
+        turned = jerk_to_stop(min(velocity, highest), pulled, stop)
+        if not turned < jerk:
+            continue
+        used = velocity, pulled, min(most[2], jerk - turned)
+        total = float(double_s(turn, *used).sum())
+        if total < least:
+            best, least = used, total
+    return best
 
 
 def turned_at_once(
@@ -122,17 +177,20 @@ def turned_at_once(
     q, omega, _ = segment.sample(spots)
     speeds = np.sqrt(np.einsum("ij,ij->i", omega, omega))
     axis = omega[int(np.argmax(speeds))] / speeds.max()
-    if np.any(omega @ axis < (1.0 - _SAME_AXIS) * speeds - _SAME_AXIS * speeds.max()):
+    if np.any(omega @ axis < (1.0 - _ONE_WAY) * speeds - _ONE_WAY * speeds.max()):
         return None
     so_far = np.concatenate([[0.0], np.cumsum(angle(q[:-1], q[1:]))])
-    turn = float(so_far[-1])
-    curve = AxisTurn(
-        q[0], axis, turn, phases_of_turn(axis, turn, limits, share=share, jerk_share=share)
-    )
     # When it has turned as far as the curve has at each keyframe.
     keys = segment.sample(np.minimum(keyframe_path.times, keyframe_path.duration))[0]
     before = np.clip(np.searchsorted(spots, keyframe_path.times, side="right") - 1, 0, None)
     goal = so_far[before] + angle(q[before], keys)
+    turned = multiply(q[0], exp(np.concatenate([so_far, goal])[:, None] * axis))
+    if np.any(angle(turned, np.concatenate([q, keys])) > _ON_AXIS):
+        return None
+    turn = float(so_far[-1])
+    curve = AxisTurn(
+        q[0], axis, turn, phases_of_turn(axis, turn, limits, share=share, jerk_share=share)
+    )
     return KeyframePath(
         PathSegment(curve, 0.0, curve.domain[1]), keyframe_path.positions, _times(curve, goal)
     )

@@ -185,10 +185,7 @@ class PathRequest:
     @property
     def has_one_shape(self) -> bool:
         """Whether another duration is the same curve at another rate: nothing moves at its ends."""
-        ends = (self.ends.omega_start, self.ends.omega_end, self.ends.alpha_start)
-        if self.first is not None:
-            return False
-        return not any(np.any(vector) for vector in ends if vector is not None)
+        return self.first is None and not any(self.ends.moves)
 
     def keyframe_path(self, duration: float) -> KeyframePath:
         """Return the keyframe path that takes *duration* seconds.

@@ -33,6 +33,9 @@ _FEWEST_ROUNDS, _MOST_ROUNDS = 2, 6  # of ever narrower elements
 _BUDGET = 420, 5  # elements of all rounds together, and of these for each interval between knots
 _DIPS = 4  # attempts to have no squared rate below zero between the nodes
 _ATTEMPTS = 5  # to get below the limits where they are exceeded between the places
+_PACE_POWER = 1.3  # about: ends that move keep their own pace
+_MOST_PACES = 16  # to try until one takes a given duration
+_NEARLY = 0.994  # of a duration that was asked for: the rest slows the path down inside
 _ABOVE = 1.00005
 _BELOW = 1.0003
 _DRAWN_BY = 3.0  # cycles on either side of a step that it is seen in
@@ -110,6 +113,47 @@ def quickest(
     if profile.dips.any():
         raise PlanError("no quickest timing was found: it would have to stand still on the way")
     return _kept(keyframe_path, rates, profile, limits, period)
+
+
+def lasting(
+    keyframe_path: KeyframePath,
+    quick: KeyframePath,
+    limits: Limits,
+    period: float,
+    total: float,
+) -> KeyframePath:
+    """Return a path in a longer time than the shortest, with the same velocities at its ends.
+
+    Args:
+        keyframe_path: the path.
+        quick: what :func:`quickest` made of it.
+        limits: to keep, as seen on records a *period* apart.
+        period: of the device, s.
+        total: how long it is to take, s.
+
+    Raises:
+        PlanError: no such timing was found.
+    """
+    rates = PathRates.of(keyframe_path, aimed_at(limits))
+    if not isinstance(quick, QuickPath) or quick.profile is None or not any(rates.moves):
+        return quick.in_total(total)
+    refusal.check_total(total, quick.duration)
+    profile, elements, slower = quick.profile, quick.profile.elements, 1.0
+    for _ in range(_MOST_PACES):
+        took = float(profile.clock().times[-1])
+        if _NEARLY * total <= took <= total:
+            retimed = _retimed(keyframe_path, profile.lasting(total, rates.moves))
+            retimed = replace(retimed, segment=replace(retimed.segment, end=total))
+            retimed, excess = _looked_at(retimed, limits, period, rates.moves)
+            if excess <= 1.0:
+                return retimed
+            elements = elements.aiming_lower(profile.shares, max(excess, _ABOVE))
+        else:
+            slower *= (0.5 * (1.0 + _NEARLY) * total / took) ** _PACE_POWER
+        # What is quick is far from what is slow: the search begins anew.
+        inside = elements.slower_inside(slower, rates.moves)
+        profile = rates.profile(inside, rates.guess(inside), _GAPS[-1])
+    raise PlanError(f"no timing of {total:g} s was found that keeps the velocities at the ends")
 
 
 def _found(rates: PathRates, guess: FirstProfile | None, share: float, period: float) -> Profile:

@@ -76,8 +76,13 @@ class Knots:
     kept: Indices
     length: float
 
-    def merged(self, request: MotionRequest) -> list[str]:
-        """Return what there is to say of keyframes that are beside another and not passed."""
+    def merged(self, request: MotionRequest, first: int = 0) -> list[str]:
+        """Return what there is to say of keyframes that are beside another and not passed.
+
+        Args:
+            request: the keyframes.
+            first: the index of the first of them in what was asked for.
+        """
         if len(self.kept) == len(request.keys):
             return []
         left_out = np.setdiff1d(np.arange(len(request.keys)), self.kept)
@@ -88,7 +93,8 @@ class Knots:
         owners = np.where(owners == left_out, before, owners)
         apart = angle(request.keys[left_out], request.keys[owners])
         return [
-            f"keyframes[{one}] is {far:.2g} rad beside keyframes[{owner}]: passed as one"
+            f"keyframes[{first + one}] is {far:.2g} rad beside keyframes[{first + owner}]: "
+            "passed as one"
             for one, owner, far in zip(
                 left_out.tolist(), owners.tolist(), apart.tolist(), strict=True
             )

@@ -35,6 +35,7 @@ from orientd.schema import (
     Field,
     FieldKind,
     Written,
+    form_notes,
     implied,
     quaternions,
     the_only,
@@ -61,7 +62,10 @@ def to_request(message: pb.MotionRequest) -> MotionRequest:
         for name in _FRAMED:
             if message.HasField(name):
                 raise RequestError("velocity_frame", f"expected body or world, for {name}")
-    request = MotionRequest(**{"keyframes": []} | _taken(message, _TAKEN))
+    taken = _taken(message, _TAKEN)
+    keyframes, notes = taken.pop("keyframes", ((), ()))
+    taken["notes"] = [*taken.get("notes", ()), *notes]
+    request = MotionRequest(keyframes, **taken)
     check_method(request)
     return request
 
@@ -86,7 +90,8 @@ def _limits(message: pb.Limits) -> Limits | None:
     return Limits.partial(**given) if given else None
 
 
-def _keyframes(messages: Iterable[pb.Keyframe]) -> list[Keyframe]:
+def _keyframes(messages: Iterable[pb.Keyframe]) -> tuple[list[Keyframe], list[str]]:
+    """Return the keyframes, and notes on how they were read."""
     written: list[Written] = []
     others: list[dict[str, Any]] = []
     try:
@@ -96,7 +101,8 @@ def _keyframes(messages: Iterable[pb.Keyframe]) -> list[Keyframe]:
     except RequestError as error:
         raise plain.placed(f"[{len(others)}]", error) from None
     found = quaternions(written)
-    return [Keyframe(q, **more) for q, more in zip(found, others, strict=True)]
+    keyframes = [Keyframe(q, **more) for q, more in zip(found, others, strict=True)]
+    return keyframes, form_notes(written)
 
 
 def _keyframe_messages(keyframes: Iterable[Keyframe]) -> list[pb.Keyframe]:

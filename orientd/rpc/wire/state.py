@@ -50,7 +50,7 @@ CYCLE = Codec(
     names={"motion": "motion_number", "q": "orientation"},
     without=(
         "feedback_time_ns", "flags", "feedback_q", "feedback_omega_body", "feedback_position",
-        "joints",
+        "joints", "sent_joints",
     ),
 )  # fmt: skip
 

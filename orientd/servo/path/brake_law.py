@@ -30,7 +30,7 @@ from math import ceil, sqrt
 
 from orientd.floats import norm
 from orientd.servo.guard import Guard
-from orientd.servo.path.feasible_rates import Past
+from orientd.servo.path.feasible_rates import Past, joint_stop_time
 from orientd.servo.path.path_follower import PathFollower
 from orientd.servo.path.stop_rollout import RolloutOutcome, StopPlan, StopRollout
 from orientd.servo.path.time_scaling import TimeScaling
@@ -172,7 +172,7 @@ class BrakeLaw:
         elif rollout.outcome is not RolloutOutcome.UNFINISHED:
             self._adopt(rollout)
             self._rollout = None
-            past = Past(self._guard.omega, self._guard.alpha, self._guard.velocity)
+            past = self._past()
             if len(self._rates) > _GOOD * self._remaining(past, servo_limits) + _SPARE:
                 self._choices = list(BETTER_PLANS[::-1])
 
@@ -222,6 +222,11 @@ class BrakeLaw:
             along=self._rates[: -lead - 1 : -1],
         )
 
+    def _past(self) -> Past:
+        """Return what the device did last."""
+        guard = self._guard
+        return Past(guard.omega, guard.alpha, guard.velocity, self._scaling.rate)
+
     @property
     def _plan(self) -> StopPlan:
         return self._plans[self._tries % len(self._plans)]
@@ -232,13 +237,13 @@ class BrakeLaw:
         time = max(
             _shortest(speed, push, servo_limits.acceleration, servo_limits.jerk),
             norm(past.velocity) / servo_limits.linear_acceleration,
+            joint_stop_time(past.rate, servo_limits.joint_shares),
         )
         return time / self._scaling.period
 
     def _begin(self, servo_limits: ServoLimits) -> StopRollout:
         """Rehearse the next plan, from where the device is when that is over."""
-        guard, period = self._guard, self._scaling.period
-        past = Past(guard.omega, guard.alpha, guard.velocity)
+        guard, period, past = self._guard, self._scaling.period, self._past()
         cycles = self._remaining(past, servo_limits)
         if self._tries == 0:
             self._plans = (*BRIEF_PLANS, *PLANS) if cycles <= _BRIEF else PLANS

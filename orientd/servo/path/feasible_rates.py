@@ -10,22 +10,32 @@ the cycle before, the guard's differences are
 
 each of them straight in :math:`\sigma`: a limit of a norm is a quadratic inequality, a limit of an
 axis a linear one, and what keeps them all is an interval.
+
+The servo does not know the joints of the device, only the most that the path asks of them
+(:class:`~orientd.stream.JointShares`).  With these, *v* and *a*, and the rate :math:`\sigma_p` of
+the cycle before, a joint's second difference is at most the share
+
+.. math::
+    v |\sigma - \sigma_p| / h + a (\sigma^2 + \sigma_p^2) / 2
+
+of its limit, which must not exceed 1.
 """
 
 from __future__ import annotations
 
-from math import floor, inf, sqrt
+from math import atanh, floor, inf, sqrt
 from typing import NamedTuple
 
 from orientd.driver import Vector3
 from orientd.floats import norm
 from orientd.servo.path.path_point import PathPoint
-from orientd.stream import ServoLimits
+from orientd.stream import JointShares, ServoLimits
 
 FASTEST = 1.02
 """Largest rate with which a sharp bend of the path is met."""
 
 _LEAST_RELEASE = 0.3
+_MOST_BENT = 0.9999  # of a joint's acceleration; with more a stop would take for ever
 _STILL = 1e-9  # rad/s: where the path stands still by itself, its rate does not matter
 
 
@@ -36,11 +46,13 @@ class Past(NamedTuple):
         omega: angular velocity, rad/s.
         alpha: angular acceleration, rad/s^2.
         velocity: of the position, m/s.
+        rate: of the time scaling.
     """
 
     omega: Vector3
     alpha: Vector3
     velocity: Vector3
+    rate: float
 
 
 class Ahead(NamedTuple):
@@ -74,7 +86,7 @@ def allowed(
         ahead: what a rate leads to.
         servo_limits: the limits.
         period: between the two, s.
-        share: part of the limits of acceleration that may be used.
+        share: part of the limits of acceleration that may be used; not of the joints' own.
         jerk_share: part of the limits of jerk that may be used.
     """
     x, y, z = ahead.omega
@@ -105,7 +117,33 @@ def allowed(
             a - u, b - v, c - w, x, y, z, most * servo_limits.linear_acceleration
         )
         low, high = max(low, least), min(high, largest)
+    if servo_limits.joint_shares.speed > 0.0:
+        least, largest = _within_joints(past.rate, servo_limits.joint_shares, period)
+        low, high = max(low, least), min(high, largest)
     return low, high
+
+
+def _within_joints(rate: float, shares: JointShares, period: float) -> tuple[float, float]:
+    """Return the least and the largest rate after *rate* that the joints allow.
+
+    To keep the rate is always among them: the path itself is within the limits.
+    """
+    speed, bend = shares.speed / period, shares.acceleration
+    left = max(1.0 - bend * rate * rate, 0.0)
+    # Braking: sigma^2 is at most that of the rate before.  Gaining: b/2 x^2 + (v + b r) x = left.
+    slope = speed + bend * rate
+    gain = 2.0 * left / (slope + sqrt(slope * slope + 2.0 * bend * left))
+    return rate - left / speed, rate + gain
+
+
+def joint_stop_time(rate: float, shares: JointShares) -> float:
+    """Return how long a stop takes at least for the joints' sake, s.
+
+    The rate falls by ``(1 - a r^2) / v`` a second.
+    """
+    root = sqrt(min(shares.acceleration, _MOST_BENT))
+    share = root * min(rate, 1.0)
+    return shares.speed * (atanh(share) / root if share > _STILL else rate)
 
 
 def released(
@@ -219,7 +257,10 @@ def eased(
     shift = (a - u * rate, b - v * rate, c - w * rate)
     ahead = Ahead(path.omega_body, bend, path.velocity, shift)
     low, high = allowed(past, ahead, servo_limits, period, 1.0, 1.0)
-    low, high = max(low, 0.0), min(high, FASTEST)
+    fastest = FASTEST
+    if servo_limits.joint_shares.velocity * FASTEST > 1.0:
+        fastest = max(1.0 / servo_limits.joint_shares.velocity, 1.0)
+    low, high = max(low, 0.0), min(high, fastest)
     return min(max(rate, low), high) if low <= high else None
 
 

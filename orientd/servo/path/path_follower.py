@@ -21,7 +21,7 @@ from orientd.errors import OrientdError
 from orientd.floats import difference, norm, plus
 from orientd.servo.path.path_point import PathPoint, point_of
 from orientd.servo.path.segment import Segment
-from orientd.stream import HEAD, UNKNOWN, RecordRing, ServoLimits
+from orientd.stream import HEAD, UNKNOWN, JointShares, RecordRing, ServoLimits
 from orientd.tolerances import NORM_TOLERANCE
 
 FINAL_WORD = 1
@@ -153,6 +153,12 @@ class PathFollower:
     def slowest_brake_rate(self) -> float:
         """The least rate by which any part from here on may be slowed down, 1/s."""
         return min(part.servo_limits.brake_rate for part in (self.part, *self._ahead))
+
+    @property
+    def joint_shares(self) -> JointShares:
+        """The most that any part from here on asks of the device's joints."""
+        parts = (self.part, *self._ahead)
+        return JointShares(*map(max, *(part.servo_limits.joint_shares for part in parts), ZERO))
 
     @property
     def _final(self) -> int:

@@ -134,7 +134,7 @@ class StopRollout:
         self._revision = follower.revision
         self._passed, self._here = 0, follower.index
         self._index, self._fraction = 0, follower.fraction
-        self.past = Past(guard.omega, guard.alpha, guard.velocity)
+        self.past = Past(guard.omega, guard.alpha, guard.velocity, scaling.rate)
         self._rate, self._change = scaling.rate, scaling.acceleration * scaling.period
         self._pieces: dict[int, Piece] = {}
         self.gone = 0.0
@@ -257,7 +257,7 @@ class StopRollout:
             self._is_past, self._path_speed = is_far and speed > self._path_speed, speed
         u, v, w = self.past.omega
         x, y, z = omega
-        self.past = Past(omega, ((x - u) / h, (y - v) / h, (z - w) / h), velocity)
+        self.past = Past(omega, ((x - u) / h, (y - v) / h, (z - w) / h), velocity, rate)
         if (
             self.outcome is RolloutOutcome.REST
             and nearest(self.past, _REST, servo_limits, h, 1.0, 0.0) is None

@@ -6,7 +6,12 @@
     delay ID MILLISECONDS [PROBABILITY [COUNT]]
     clear [ID]                      end the faults of answers
     disconnect ID | connect ID      the servo's cable, with its supply
+    restart ID [MILLISECONDS]       lose the supply for a moment; silent for 300 ms, or as said
     jam ID | free ID | load ID FRACTION
+    stops ID LOW HIGH               hard stops of the shaft, in ticks
+    lie ID TICKS [COUNT]            report positions that are so wrong, in COUNT readings or all
+    misread ID AT TICKS             the same wherever the servo stands exactly at AT
+    truth ID                        end both
     error ID BITS                   a hardware error
     heat ID CELSIUS | supply ID VOLT
     turn ID TICKS [SECONDS]         by hand, so far in so long; only without torque
@@ -19,6 +24,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from orientd_sim.dynamixel.line import FaultKind, ReplyFault
+from orientd_sim.dynamixel.servo import BOOT_NS, Lie
 
 if TYPE_CHECKING:
     from orientd_sim.dynamixel.pty import PtyServer
@@ -66,6 +72,17 @@ def _obey(verb: str, words: list[str], server: PtyServer, now_ns: int) -> str:
             servo.disconnect(now_ns)
         case "connect":
             servo.connect(now_ns)
+        case "restart":
+            boot_ns = round(float(words[1]) * 1e6) if len(words) > 1 else BOOT_NS
+            servo.reboot(now_ns, boot_ns=boot_ns)
+        case "stops":
+            servo.shaft.stops = (float(words[1]), float(words[2]))
+        case "lie":
+            servo.lie = Lie(int(words[1]), None, int(words[2]) if len(words) > 2 else None)
+        case "misread":
+            servo.lie = Lie(int(words[2]), int(words[1]))
+        case "truth":
+            servo.lie = None
         case "jam" | "free":
             servo.shaft.jammed = verb == "jam"
         case "load":

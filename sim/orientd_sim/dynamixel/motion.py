@@ -53,6 +53,7 @@ class Shaft:
         jammed: whether something holds it.
         load: 0 turns freely, 1 stalls.
         strain_s: for how long it has been stalled.
+        stops: lowest and highest position that it can reach, ticks.
     """
 
     def __init__(self, position: float, now_ns: int) -> None:
@@ -63,6 +64,7 @@ class Shaft:
         self.jammed = False
         self.load = 0.0
         self.strain_s = 0.0
+        self.stops = (-math.inf, math.inf)
         self._time_ns = now_ns
         self._turn_steps = 0
 
@@ -70,6 +72,19 @@ class Shaft:
         """Be turned by hand by so many ticks in so many seconds, while the motor is off."""
         self._turn_steps = max(1, round(seconds / _STEP_S))
         self.speed = ticks / (self._turn_steps * _STEP_S)
+
+    def shift(self, ticks: float) -> None:
+        """Count the same place, and the stops, as *ticks* more."""
+        low, high = self.stops
+        self.position, self.stops = self.position + ticks, (low + ticks, high + ticks)
+        self.settle()
+
+    def _move(self) -> None:
+        """Move on by a step, no further than the stops."""
+        low, high = self.stops
+        self.position += self.speed * _STEP_S
+        if not low <= self.position <= high:
+            self.position, self.speed = min(high, max(low, self.position)), 0.0
 
     def settle(self) -> None:
         """Begin the next profile at rest, from where the shaft is."""
@@ -97,7 +112,7 @@ class Shaft:
         if aim is None:
             self.strain_s = 0.0
             self.speed = self.speed if self._turn_steps else 0.0
-            self.position += self.speed * _STEP_S
+            self._move()
             self._turn_steps = max(0, self._turn_steps - 1)
             self.settle()
             return
@@ -108,13 +123,15 @@ class Shaft:
             wanted = self.speed + (self.reference_speed - self.speed) * _LAG_GAIN
         else:
             wanted = (self.reference - self.position) * _LAG_GAIN / _STEP_S
-        is_stalled = self.jammed or (limit <= 0.0 and wanted != 0.0)
+        low, high = self.stops
+        is_blocked = (self.position <= low and wanted < 0) or (self.position >= high and wanted > 0)
+        is_stalled = self.jammed or is_blocked or (limit <= 0.0 and wanted != 0.0)
         self.speed = 0.0 if self.jammed else min(limit, max(-limit, wanted))
         if is_stalled and abs(wanted) > 1.0:
             self.strain_s += _STEP_S
         else:
             self.strain_s = 0.0
-        self.position += self.speed * _STEP_S
+        self._move()
         goal = aim.position
         if goal == self.reference and abs(goal - self.position) < _SETTLED_TICKS:
             self.position = goal

@@ -10,6 +10,7 @@ there once the watchdog is cleared, unless it gets another one first.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from orientd_sim.dynamixel.motion import OVERLOAD_S, TICKS_PER_RADIAN, Aim, Shaft
 from orientd_sim.dynamixel.packet import ALERT, ErrorNumber
@@ -32,9 +33,25 @@ VOLTAGE, OVERHEATING, OVERLOAD = 1 << 0, 1 << 2, 1 << 5
 
 _CURRENT, _VELOCITY, _POSITION, _EXTENDED, _CURRENT_POSITION, _PWM = MODES
 _POSITIONING = (_POSITION, _EXTENDED, _CURRENT_POSITION)
+_POSITION_REGISTER = 132
 _LIMIT_OF_GOAL = {100: "pwm limit", 102: "current limit", 104: "velocity limit"}
 
 CLEAR_TURNS = bytes.fromhex("0144584c22")
+
+
+@dataclass(slots=True)
+class Lie:
+    """A wrong position that a servo reports.
+
+    Attributes:
+        offset: ticks that it reports too many.
+        at: the only position at which it does, in ticks; ``None`` for all.
+        remaining: how many readings are wrong; ``None`` for no end.
+    """
+
+    offset: int
+    at: int | None = None
+    remaining: int | None = None
 
 
 class EmulatedServo:
@@ -46,6 +63,7 @@ class EmulatedServo:
         is_connected: whether its cable is plugged in and its supply is on.
         supply: steps of 0.1 V.
         temperature: degrees Celsius.
+        lie: what is wrong with the positions that it reports; ``None`` where nothing is.
     """
 
     def __init__(
@@ -53,6 +71,7 @@ class EmulatedServo:
     ) -> None:
         self.model = model
         self.is_connected = True
+        self.lie: Lie | None = None
         self.supply, self.temperature = model.voltage, 32
         self._memory = bytearray(model.end)
         self._owner: dict[int, Register] = {}
@@ -121,9 +140,18 @@ class EmulatedServo:
             return ErrorNumber.ACCESS, b""
         self.advance(now_ns)
         self._refresh(now_ns)
-        return ErrorNumber.NONE, bytes(
-            self._memory[self._target(at)] for at in range(address, address + count)
-        )
+        targets = [self._target(at) for at in range(address, address + count)]
+        if self.lie is not None and _POSITION_REGISTER in targets:
+            self._tell_lie(self.lie)
+        return ErrorNumber.NONE, bytes(self._memory[at] for at in targets)
+
+    def _tell_lie(self, lie: Lie) -> None:
+        position = self.value("present position")
+        if lie.remaining == 0 or lie.at not in {None, position}:
+            return
+        if lie.remaining is not None:
+            lie.remaining -= 1
+        self._set(_POSITION_REGISTER, position + lie.offset)
 
     def write(self, address: int, content: bytes, now_ns: int) -> int:
         """Write *content* from *address* on, whole or not at all; return an error number."""
@@ -172,8 +200,8 @@ class EmulatedServo:
         self.advance(now_ns)
         self._fed_ns = now_ns
 
-    def reboot(self, now_ns: int) -> None:
-        """Start again: RAM at its defaults, turns forgotten, silent for a while."""
+    def reboot(self, now_ns: int, *, boot_ns: int = BOOT_NS) -> None:
+        """Start again: RAM at its defaults, turns forgotten, silent for *boot_ns*."""
         self.advance(now_ns)
         for register in self.model.registers.values():
             if register.address >= EEPROM_END:
@@ -183,7 +211,7 @@ class EmulatedServo:
         self.shaft.speed = self.shaft.strain_s = 0.0
         self.shaft.settle()
         self._boot_ns = now_ns
-        self._ready_ns = now_ns + BOOT_NS
+        self._ready_ns = now_ns + boot_ns
 
     def factory_reset(self, option: int, now_ns: int) -> None:
         """Put the EEPROM back; *option* 1 keeps the id, 2 the id and the line speed."""
@@ -309,8 +337,7 @@ class EmulatedServo:
 
     def _lose_turns(self) -> None:
         turns = math.floor(self.shaft.position / TICKS_PER_TURN)
-        self.shaft.position -= turns * TICKS_PER_TURN
-        self.shaft.settle()
+        self.shaft.shift(-turns * TICKS_PER_TURN)
         self._store_goal(self.shaft.position)
 
     def _aim(self) -> Aim | None:

@@ -245,6 +245,17 @@ class Controller:
         self.log.append(f"{self.timestamp:.3f} {text}")
         self.on_message(text)
 
+    def push(self, q: Sequence[float], seconds: float) -> None:
+        """Let somebody move the joints by hand to *q*, rad, in so many seconds.
+
+        Raises:
+            RefusedError: a program holds the arm, or it is still moving.
+        """
+        is_held = self.runtime_state is ProgramState.PLAYING and self.can_move
+        if self.arm.mode is not Mode.FREE and (is_held or not self.arm.is_still):
+            raise RefusedError("the arm does not give way: freedrive is off, and nothing stops it")
+        self.arm.push(tuple(q), seconds)
+
     # Safety.
 
     def protective_stop(self, why: str = "asked for") -> None:

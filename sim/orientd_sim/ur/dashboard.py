@@ -10,7 +10,12 @@ from orientd_sim.ur.variables import ProgramState
 WELCOME = "Connected: Universal Robots Dashboard Server"
 GOODBYE = "Disconnected"
 
-_NOT_OF_CB3 = ("is in remote control",)
+# First version of CB3 and of all others; None where CB3 never knew it.
+_SINCE: dict[str, tuple[tuple[int, ...] | None, tuple[int, ...]]] = {
+    "is in remote control": (None, (5, 6)),
+    "get serial number": ((3, 12), (5, 6)),
+    "get robot model": ((3, 12), (5, 6)),
+}
 
 
 def reply(robot: Controller, line: str) -> str:
@@ -20,7 +25,7 @@ def reply(robot: Controller, line: str) -> str:
     for start, action in _WITH_ARGUMENT.items():
         if lowered.startswith(start):
             return action(robot, command[len(start) :].strip())
-    if lowered not in _COMMANDS or (robot.behaviour.is_cb3 and lowered in _NOT_OF_CB3):
+    if lowered not in _COMMANDS or not _is_known(lowered, robot.behaviour.version):
         return f"could not understand: {command}"
     if lowered in _NEEDS_REMOTE and not robot.is_remote:
         return "Command is not allowed due to safety reasons"
@@ -28,6 +33,11 @@ def reply(robot: Controller, line: str) -> str:
         return _COMMANDS[lowered](robot)
     except RefusedError as refused:
         return str(refused)
+
+
+def _is_known(command: str, version: tuple[int, ...]) -> bool:
+    first = _SINCE.get(command, ((0,), (0,)))[version[0] >= 5]
+    return first is not None and version >= first
 
 
 def _version(robot: Controller) -> str:

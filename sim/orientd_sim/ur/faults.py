@@ -21,9 +21,11 @@ Not part of any real robot.  The server answers it at all times, a frozen contro
 ``garbage COUNT [BYTE]``   send COUNT bytes (0) that are no package to every RTDE client
 ``local`` / ``remote``     local or remote control
 ``limit JOINT SPEED``      lower the speed limit of joint 1 to 6, rad/s
+``block JOINT`` / ``unblock JOINT``
+                           joint 1 to 6 is stuck where it is, whatever is commanded / is free again
 ``push Q1 .. Q6 [SECONDS]``
                            move the joints by hand to these angles (rad), in so long, while the arm
-                           gives way: in freedrive or teach mode
+                           gives way: in freedrive or teach mode, or stopped or paused and still
 ``record on|off|clear``, ``record write STEM``  see `orientd_sim.ur.recording`
 ``state``                  everything worth knowing, as JSON
 =========================  =========================================================================
@@ -73,18 +75,22 @@ def _stop_robot(action: Callable[[Controller], None]) -> Callable[[Server, Seque
     return ask
 
 
-def _limit(server: Server, words: Sequence[str]) -> None:
-    joint = int(words[0])
+def _joint(word: str) -> int:
+    joint = int(word)
     if not 1 <= joint <= 6:
         raise ValueError(f"joint must be 1 to 6, got {joint}")
-    server.robot.arm.speed_limits[joint - 1] = float(words[1])
+    return joint - 1
+
+
+def _limit(server: Server, words: Sequence[str]) -> None:
+    server.robot.arm.speed_limits[_joint(words[0])] = float(words[1])
 
 
 def _push(server: Server, words: Sequence[str]) -> None:
     *angles, seconds = map(float, words if len(words) > 6 else [*words, "0"])
     if len(angles) != 6:
         raise ValueError(f"expected 6 angles and a time, got {len(words)} numbers")
-    server.robot.arm.push(tuple(angles), seconds)
+    server.robot.push(angles, seconds)
 
 
 def _limiter(server: Server, words: Sequence[str]) -> None:
@@ -125,6 +131,8 @@ _VERBS: dict[str, Callable[[Server, Sequence[str]], str | None]] = {
     "remote": lambda server, _words: setattr(server.robot, "is_remote", True),
     "limit": _limit,
     "push": _push,
+    "block": lambda server, words: server.robot.arm.blocked.add(_joint(words[0])),
+    "unblock": lambda server, words: server.robot.arm.blocked.discard(_joint(words[0])),
     "record": lambda server, words: server.record(words),
     "state": lambda server, _words: server.describe(),
 }

@@ -9,7 +9,7 @@ from orientd_sim.ur import wire
 from orientd_sim.ur.arm import TICK
 from orientd_sim.ur.controller import Controller
 from orientd_sim.ur.outputs import OUTPUT_GETTERS
-from orientd_sim.ur.variables import INPUTS, OUTPUTS
+from orientd_sim.ur.variables import INPUTS, OUTPUTS, is_known
 from orientd_sim.ur.wire import Layout, Package, PackageKind, Value
 
 Writer = Callable[[tuple[str, ...], list[Value]], None]
@@ -94,7 +94,8 @@ class ClientSession:
 
     def _set_up_outputs(self, payload: bytes) -> bytes:
         frequency, names = wire.requested_outputs(payload, self.protocol)
-        types = [OUTPUTS.get(name, "NOT_FOUND") for name in names]
+        version = self.robot.behaviour.version
+        types = [OUTPUTS[name] if is_known(name, version) else "NOT_FOUND" for name in names]
         fastest = 1.0 / (TICK * self.robot.behaviour.cycle_ticks)
         is_valid = bool(names) and "NOT_FOUND" not in types and 1.0 <= frequency <= fastest
         if is_valid:

@@ -1,7 +1,8 @@
 """The variables a UR controller exchanges over RTDE: names, types, and the enumerations.
 
 Names and types are those of UR's RTDE guide for PolyScope 5.12; variables that came later are
-absent, so that asking for them answers ``NOT_FOUND`` as such a controller does.
+absent, so that asking for them answers ``NOT_FOUND`` as such a controller does.  What older
+software lacks is in :func:`is_known`.
 """
 
 from __future__ import annotations
@@ -123,3 +124,19 @@ INPUTS: dict[str, str] = {
     **{f"input_int_register_{n}": "INT32" for n in range(REGISTERS)},
     **{f"input_double_register_{n}": "DOUBLE" for n in range(REGISTERS)},
 }
+
+# First version of CB3 and of all others; None where CB3 never had it.
+_SINCE: dict[str, tuple[tuple[int, ...] | None, tuple[int, ...]]] = {
+    "tcp_offset": ((3, 12), (5, 5, 1)),
+    "payload": ((3, 11), (5, 5, 1)),
+    "payload_cog": ((3, 11), (5, 5, 1)),
+    "ft_raw_wrench": (None, (5, 9)),
+}
+
+
+def is_known(name: str, version: tuple[int, ...]) -> bool:
+    """Whether a controller with this *version* knows the output variable *name*."""
+    if name not in OUTPUTS:
+        return False
+    first = _SINCE.get(name, ((0,), (0,)))[version[0] >= 5]
+    return first is not None and version >= first

@@ -17,6 +17,10 @@ from orientd_sim.dynamixel import MODELS, Bus, EmulatedServo, SerialLine
 MS = 1_000_000
 
 
+# Axes set off at once in most tests, which turn them by steps.
+ABRUPT = {"acceleration_deg": 1e5}
+
+
 def axes_for(order, *, models=None, **common):
     models = models or ["xm430"] * len(order)
     return [
@@ -57,7 +61,8 @@ class Rig:
         self.driver = DynamixelDriver(
             {"port": "virtual", "order": order, "latency_ms": latency_ms,
              "turns_file": "", "overwrite": ["operating_mode"],
-             "axes": axes or axes_for(order, models=models), **options},
+             "axes": [{**ABRUPT, **axis} for axis in axes or axes_for(order, models=models)],
+             **options},
             period_ns=self.period_ns, clock=self.clock, open_bus=open_bus,
             sleep=lambda seconds: self.clock.advance(round(seconds * 1e9)),
         )  # fmt: skip

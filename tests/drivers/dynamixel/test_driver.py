@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orientd.driver import Setpoint
-from orientd.errors import DeviceFaultError, FeedbackError, LinkError
+from orientd.errors import AxisFaultError, DeviceFaultError, FeedbackError, LinkError
 from orientd.rotation import angle
 
 MS = 1_000_000
@@ -167,6 +167,28 @@ def test_step_faster_than_the_axis_is_refused_and_nothing_sent(gimbal):
     with pytest.raises(DeviceFaultError, match="yaw would have to turn at"):
         gimbal.cycle([0.2, 0, 0])
     assert gimbal.goals() == [2048, 2048, 2048]
+
+
+def test_axis_that_would_accelerate_too_much_brings_all_axes_to_rest(rig):
+    limits = {"velocity_deg": 200, "acceleration_deg": 600}
+    it = rig(rate_hz=100, axes=[{"id": k, "limits_deg": [-170, 170], **limits} for k in (1, 2, 3)])
+    it.start()
+    # 100 and 50 deg/s, after a fifth of a second of 500 and 250 deg/s^2.
+    for k in range(30):
+        yaw = 500 * (0.01 * k) ** 2 / 2 if k < 20 else 10 + (0.01 * k - 0.2) * 100
+        it.cycle([math.radians(yaw), math.radians(yaw / 2), 0])
+    goals = [it.goals()]
+    with pytest.raises(AxisFaultError, match=r"z would have to accelerate by \d+ deg/s\^2"):
+        it.cycle()
+    goals.append(it.goals())
+    it.driver.rest_in_fault()
+    for _ in range(40):
+        it.cycle()
+        goals.append(it.goals())
+    ticks = np.diff(np.array(goals), axis=0)
+    assert np.max(np.abs(np.diff(ticks, axis=0))) <= 600 * 0.01**2 * 4096 / 360 + 2
+    assert np.all(ticks[0] == pytest.approx([11, 6, 0], abs=2))
+    assert not np.any(ticks[-20:])
 
 
 def test_roll_that_two_axes_cannot_make_is_refused(rig):

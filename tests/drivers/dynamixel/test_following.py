@@ -12,10 +12,10 @@ from orientd.stream import NOT_GIVEN, Command, ServoLimits, ServoState
 PERIOD = 0.01
 VELOCITY, ACCELERATION = math.radians(220), 40.0
 AXES = [
-    {"id": 1, "name": "yaw", "limits_deg": [-270, 270], "velocity_deg": 220},
-    {"id": 2, "name": "pitch", "limits_deg": [-100, 100], "velocity_deg": 220},
-    {"id": 3, "name": "roll", "limits_deg": [-270, 270], "velocity_deg": 220},
-]
+    {"id": k + 1, "name": name, "limits_deg": [-reach, reach], "velocity_deg": 220,
+     "acceleration_deg": 2290}
+    for k, (name, reach) in enumerate((("yaw", 270), ("pitch", 100), ("roll", 270)))
+]  # fmt: skip
 
 
 def followed(rig, orientations, order="ZYX"):

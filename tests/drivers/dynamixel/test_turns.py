@@ -1,6 +1,7 @@
 """Whole turns outlive a power cut and the process, or are said not to be known."""
 
 import math
+import os
 import random
 
 import pytest
@@ -83,15 +84,66 @@ def test_servo_that_kept_its_power_is_believed_however_far_it_was_turned(rig, tm
     assert math.degrees(it.driver.enable().joints[0]) == pytest.approx(100, abs=1.0)
 
 
-def test_axis_of_one_turn_needs_no_memory(rig, tmp_path):
-    it = rig("ZY", axes=[{"id": 1, "limits_deg": [-170, 170]}, AXES[1]], rate_hz=100,
-             turns_file=str(tmp_path / "turns"))  # fmt: skip
+def turned_without_power(rig, tmp_path, limit, at, by_hand):
+    """Return a gimbal whose yaw stood *at*, was turned *by_hand* without power, and was reset."""
+    axes = [{"id": 1, "limits_deg": [-limit, limit]}, AXES[1]]
+    it = rig("ZY", axes=axes, rate_hz=100, turns_file=str(tmp_path / "turns"))
     it.start()
-    turn_to(it, 160)
-    cut_power(it, by_hand=-150)
+    turn_to(it, at)
+    cut_power(it, by_hand=by_hand)
     it.driver.disable()
     it.driver.reset()
-    assert math.degrees(it.driver.enable().joints[0]) == pytest.approx(10, abs=1.0)
+    return it
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(
+    ("limit", "at", "by_hand"),
+    [(180, 170, 46), (270, 250, 46), (90, 80, 300), (170, 160, -150), (270, 0, 47), (90, 0, -50)],
+)
+def test_turn_that_may_be_lost_is_never_guessed(rig, tmp_path, side, limit, at, by_hand):
+    it = turned_without_power(rig, tmp_path, limit, side * at, side * by_hand)
+    with pytest.raises(DeviceFaultError, match="were seen last; turn it by hand to within 45 deg"):
+        it.driver.enable()
+    assert not it.servo(1).is_torque_on
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_axis_that_was_turned_a_little_beyond_its_limit_is_refused_by_that(rig, tmp_path, side):
+    it = turned_without_power(rig, tmp_path, 180, side * 170, side * 44)
+    with pytest.raises(
+        DeviceFaultError, match=r"z would be at -?21[34]\.\d+ deg, allowed are -180"
+    ):
+        it.driver.enable()
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(
+    ("limit", "at", "by_hand"), [(180, 130, 44), (270, 170, 44), (720, 400, -44)]
+)
+def test_axis_that_was_turned_a_little_is_known(rig, tmp_path, side, limit, at, by_hand):
+    it = turned_without_power(rig, tmp_path, limit, side * at, side * by_hand)
+    found = math.degrees(it.driver.enable().joints[0])
+    assert found == pytest.approx(side * (at + by_hand), abs=1.0)
+
+
+@pytest.mark.parametrize("seed", range(int(os.environ.get("ORIENTD_CASES", "40"))))
+def test_angle_is_right_or_refused_wherever_it_was_turned(rig, tmp_path, seed):
+    generator = random.Random(seed)
+    limit = generator.choice([90, 170, 180, 270, 400, 720])
+    at = generator.uniform(-limit, limit)
+    by_hand = generator.choice([generator.uniform(-44, 44), generator.uniform(-400, 400)])
+    it = turned_without_power(rig, tmp_path, limit, at, by_hand)
+    try:
+        found = math.degrees(it.driver.enable().joints[0])
+    except DeviceFaultError:
+        is_inside = -limit < at + by_hand < limit
+        # Whole turns away it stands where it was, for all that anybody can tell.
+        assert abs(by_hand) > 44 or not is_inside
+    else:
+        turns = round(by_hand / 360)
+        assert abs(by_hand - 360 * turns) < 46
+        assert found == pytest.approx(at + by_hand - 360 * turns, abs=1.0)
 
 
 def test_file_has_its_room_on_the_disk_before_anything_is_noted(tmp_path):

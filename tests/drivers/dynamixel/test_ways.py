@@ -8,9 +8,9 @@ from orientd.errors import LimitError, StartError
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
 from orientd.rotation import exp
 from orientd_dynamixel import DynamixelDriver
-from orientd_dynamixel.axes.ways import windings
 from orientd_dynamixel.options import parse
 from orientd_dynamixel.tracker import AxisTracker
+from orientd_dynamixel.ways import windings
 
 LIMITS = Limits(1.5, 8.0, 1500.0, 1.0, 10.0)
 AXES = [

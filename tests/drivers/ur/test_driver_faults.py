@@ -7,7 +7,9 @@ from ur_rig import device_of, fault_of, is_holding, recover, reset, streaming, s
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
 from orientd.errors import DaemonError, Fault, StateError
+from orientd_ur import rtde
 from orientd_ur.dashboard import Dashboard
+from orientd_ur.rtde_client import RtdeClient
 
 pytest.importorskip("rtde_control")
 
@@ -104,6 +106,21 @@ def test_local_control_is_named_when_enabling(ur_robot):
             device.enable()
 
 
+def test_motion_of_an_arm_that_could_not_be_enabled_is_refused_with_the_reason(ur_robot):
+    ur_robot.ask("local")
+    settings = DeviceSettings(name="arm", driver="ur", options={"host": ur_robot.host})
+    device = Device(settings, planners=None, on_event=lambda _event: None)
+    device.launch()
+    try:
+        assert device.wait_ready(20.0), device.failure
+        with pytest.raises(
+            StateError, match=r"is idle, not holding: .*local control.*; then reset"
+        ):
+            device.commanded()
+    finally:
+        device.shutdown()
+
+
 def test_frozen_controller_is_stale_feedback_then_a_lost_link(ur_robot):
     with device_of(ur_robot.host) as device:
         swing(device)
@@ -194,12 +211,24 @@ def test_second_client_with_the_registers_is_named(ur_robot):
             assert device.wait_ready(20.0), device.failure
             fault, text, _ = fault_of(device, 5.0)
             assert fault is Fault.DEVICE_FAULT
-            assert "another client holds the registers" in text
+            assert "another client holds the lower registers" in text
+            assert "set the option `registers` to upper" in text
         finally:
             device.shutdown()
         assert other.isProgramRunning()
     finally:
         other.disconnect()
+
+
+def test_upper_registers_work_beside_a_client_with_the_lower_ones(ur_robot):
+    with RtdeClient(ur_robot.host, 2.0) as other:
+        answer = other.ask(rtde.inputs_request("input_int_register_0", "input_double_register_3"))
+        assert answer[1:] == b"INT32,DOUBLE"
+        with device_of(ur_robot.host, registers="upper") as device:
+            swing(device, seconds=1.0)
+            streaming(device)
+            until(lambda: is_holding(device), "the end")
+            assert device.snapshot().fault is Fault.NONE
 
 
 @pytest.mark.slow

@@ -27,7 +27,7 @@ def until(claim, what, seconds=10.0):
 
 
 @contextmanager
-def device_of(host, *, compensate_latency=False, **options):
+def device_of(host, *, compensate_latency=False, on_event=lambda _event: None, **options):
     """A device, enabled, with its servo process."""
     settings = DeviceSettings(
         name="arm",
@@ -46,7 +46,7 @@ def device_of(host, *, compensate_latency=False, **options):
         },
     )
     planners = DirectPlanners([settings])
-    device = Device(settings, planners=planners, on_event=lambda _event: None)
+    device = Device(settings, planners=planners, on_event=on_event)
     device.launch()
     try:
         assert device.wait_ready(20.0), device.failure

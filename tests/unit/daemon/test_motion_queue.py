@@ -52,7 +52,7 @@ def test_a_motion_goes_on_in_the_ring_until_the_servo_goes_over_to_the_next(link
     first = turn(3.0)
     motion_queue = MotionQueue(link, lead=0.0, read_ahead=300)
     motion_queue.begin(first, 1, speed=1.0, start_ns=0)
-    leave = motion_queue.needed(first.facts) + 40
+    leave = motion_queue.needed(first.facts) + 190  # beyond what is read ahead
     second = turn(0.5, first.state_at(leave).q)
     motion_queue.append(second, 2, SplicePoint(1, leave))
     link.memory.path.words[TAIL_WORD] = leave - 20
@@ -95,3 +95,22 @@ def test_a_motion_that_follows_at_rest_is_not_too_late(link):
     end = SplicePoint(1, first.last_record)
     motion_queue.append(turn(0.5, first.state_at(first.last_record).q), 2, end)
     assert motion_queue.last.number == 2
+
+
+def test_as_much_of_a_motion_is_read_ahead_as_its_stop_takes(link):
+    limits = planner.DEFAULT_LIMITS.with_rates({"velocity": 0.1, "acceleration": 0.1})
+    keyframes = [planner.Keyframe((np.cos(1.5), 0.0, 0.0, np.sin(1.5)))]
+    motion = planner.plan(
+        planner.MotionRequest(keyframes),
+        start=planner.State.at_rest((1.0, 0.0, 0.0, 0.0)),
+        limits=limits,
+        period=PERIOD,
+    ).recorded()
+    motion_queue = MotionQueue(link, lead=0.0, read_ahead=300)
+    motion_queue.begin(motion, 1, speed=1.0, start_ns=0)
+    needed, ring = motion_queue.needed(motion.facts), link.memory.path
+    assert 3000 < needed < motion.facts.record_count - 3000
+    for tail in range(0, 3000, 500):
+        ring.words[TAIL_WORD] = tail
+        motion_queue.feed()
+        assert ring.head - tail >= needed

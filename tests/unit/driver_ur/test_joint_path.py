@@ -115,7 +115,21 @@ def test_joint_that_winds_up_is_refused_by_name_and_time(begin, rate):
     examine(UR5E, times[:60], poses[:60], (*HOME[:5], begin))
     with pytest.raises(LimitError, match=r"angle of joint wrist 3 .* at 0\.488") as caught:
         examine(UR5E, times, poses, (*HOME[:5], begin))
-    assert "unwind" in str(caught.value)
+    assert "turn less far (a turn by a shorter `--duration`), or unwind it first" in str(
+        caught.value
+    )
+
+
+def test_joint_that_is_too_fast_before_another_leaves_its_range_is_told_first():
+    times = [0.008 * k for k in range(200)]
+    angles, angle = [], 5.0
+    for time in times:
+        angles.append(angle)
+        angle += 0.008 * (3.3 if time < 0.1 else 1.0)
+    poses = [pose_at((*HOME[:5], angle)) for angle in angles]
+    assert angles[-1] > math.tau
+    with pytest.raises(LimitError, match=r"speed of joint wrist 3 reaches 3\.3 rad/s"):
+        examine(UR5E, times, poses, (*HOME[:5], 5.0))
 
 
 def test_path_near_a_straight_wrist_is_refused_with_the_time():

@@ -149,11 +149,13 @@ def test_sample_and_place_are_read_as_they_were_asked_for():
     sample = struct.pack(">BdiiI", 1, 100.5, 7, 1, 2)
     assert rtde.sample(sample) == (100.5, 7, 1, 2)
     numbers = tuple(float(n) for n in range(18))
-    assert rtde.place(struct.pack(">B18d", 1, *numbers)) == (
+    assert rtde.vectors(struct.pack(">B18d", 1, *numbers), 3) == [
         numbers[:6],
         numbers[6:12],
         numbers[12:],
-    )
+    ]
+    answer = b"\1VECTOR6D,NOT_FOUND,VECTOR6D"
+    assert rtde.missing(answer, ("a", "b", "c")) == ["b"]
     with pytest.raises(ValueError, match="21 bytes"):
         rtde.sample(b"")
 

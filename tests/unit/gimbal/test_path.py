@@ -423,7 +423,8 @@ def test_turn_at_the_pole_is_one_of_the_outer_axis_as_in_the_driver(order):
 
 
 def test_path_that_leaves_the_pole_as_the_gimbal_stands_needs_nothing():
-    for away in (0.0, 1e-3, -2e-3):
-        q, start = leaving_the_pole("ZYX", away)
-        path = plan_axes(Gimbal("ZYX"), q, PERIOD, limits("ZYX"), start=start)
+    for order in ("ZYX", "ZY"):
+        q, start = leaving_the_pole(order, 0.0)
+        path = plan_axes(Gimbal(order), q, PERIOD, limits(order), start=start)
         assert path.certificate.error.value < 1e-9
+        assert path.angles[0] == pytest.approx(start, abs=1e-12)

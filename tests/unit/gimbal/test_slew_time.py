@@ -16,9 +16,9 @@ def test_of_all_slews_those_are_chosen_that_take_the_least_time():
          np.stack([yaw - np.pi, 0 * yaw + np.pi - 0.2, 0 * yaw + np.pi], -1)], 1,
     )  # fmt: skip
     every = candidates(principal, limits)
-    lasts = []
+    lasts, anywhere = [], np.ones(len(yaw), dtype=bool)
     for time in (SlewTime(0.5, lambda gaps: slew_times(gaps, limits)), None):
-        found = choose(every, limits, 0.01, start=[0.0, 0.2, 0.0], allow_slews=True, slew_time=time)
+        found = choose(every, limits, 0.01, start=[0.0, 0.2, 0.0], slews=anywhere, slew_time=time)
         assert found.reached == len(yaw)
         lasts.append(with_stops(found.angles, 0.01, found.slews, limits).times[-1])
     # Half a turn of yaw at 1 rad/s with the others quicker, in place of a whole one.

@@ -1,12 +1,17 @@
 """A motion on a path that a driver has shaped."""
 
+import json
+
 import numpy as np
 import pytest
 
+from orientd import load_motion
 from orientd.driver import Figure, ShapedPath
-from orientd.errors import LimitError
+from orientd.errors import LimitError, OrientdError
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan, reshaped
+from orientd.planner.certify import joint_brake
 from orientd.rotation import angle, exp, multiply
+from orientd.stream import NO_SHARES
 
 PERIOD = 0.01
 LIMITS = Limits(2.5, 17.0, 8500.0, 1.0, 10.0)
@@ -98,3 +103,47 @@ def test_shape_off_the_grid_is_refused(motion):
     q = motion.records(0, motion.record_count)[:, :4]
     with pytest.raises(ValueError, match="never decrease"):
         reshaped(motion, shape_of(motion, q, -PERIOD * np.arange(len(q))))
+
+
+def test_brake_rate_counts_the_joints(motion):
+    s = np.linspace(0.0, 1.0, motion.record_count)
+    joint = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    speed, bend = (float(np.abs(np.diff(joint, n)).max()) / PERIOD**n for n in (1, 2))
+    turns = shape_of(motion)._replace(joints=joint[:, None])
+    free = reshaped(motion, turns)
+    assert (free.joint_shares, free.certificate.brake_rate) == (
+        NO_SHARES,
+        motion.certificate.brake_rate,
+    )
+    found = reshaped(motion, turns._replace(joint_limits=[(2.0 * speed, 1.25 * bend)]))
+    assert found.joint_shares == pytest.approx((0.5, speed / bend / 1.25, 0.8), rel=2e-3)
+    earlier, limits = np.zeros((3, 1)), [(2.0 * speed, 1.25 * bend)]
+    alone = joint_brake(joint[:, None], earlier, PERIOD, limits)
+    assert alone.shares == found.joint_shares
+    # With none of the acceleration used it would be 1 / (2 speed); where 0.8 is used, less.
+    most = 0.5 / found.joint_shares.speed
+    assert 0.6 * most < alone.rate < 1.02 * most
+    # Hardly anything left to brake with: slower than the tool.
+    tight = reshaped(motion, turns._replace(joint_limits=[(9.0, 1.0004 * bend)])).certificate
+    assert tight.brake_rate < 0.6 * free.certificate.brake_rate
+    assert tight.stop_time == min(1.0 / tight.brake_rate, tight.duration)
+
+
+def test_joint_without_a_reserve_is_refused(motion):
+    joint = 0.5 * PERIOD**2 * np.arange(motion.record_count) ** 2.0
+    turns = shape_of(motion)._replace(joints=joint[:, None], joint_limits=[(99.0, 1.0)])
+    with pytest.raises(LimitError, match="the time that a stop on the path takes"):
+        reshaped(motion, turns)
+
+
+def test_a_saved_motion_keeps_what_it_asks_of_the_joints(motion, tmp_path):
+    shaped = reshaped(motion, shape_of(motion, joint_limits=[(9.0, 99.0)]))
+    shaped.save(tmp_path / "new.npz")
+    assert load_motion(tmp_path / "new.npz").facts.joint_shares == shaped.facts.joint_shares
+    with np.load(tmp_path / "new.npz") as archive:
+        arrays = dict(archive)
+    header = json.loads(str(arrays["header"]))
+    del header["joint_shares"]
+    np.savez(tmp_path / "old.npz", **{**arrays, "header": np.array(json.dumps(header))})
+    with pytest.raises(OrientdError, match="do not count the device's axes; plan it again"):
+        load_motion(tmp_path / "old.npz")

@@ -13,6 +13,7 @@ from orientd.planner.timing.axis_turn import double_s
 from orientd.rotation import angle, exp, multiply, normalize
 
 PERIOD = 0.002
+FAR = 100.0  # rad, that a connector may turn
 LIMITS = [DEFAULT_LIMITS, DEFAULT_LIMITS.with_rates({"velocity": [2.0, 0.7, 1.5], "jerk": 300.0})]
 
 
@@ -32,8 +33,8 @@ def nearby(rng, state, speed):
 def searched(start, end, limits, period, least):
     """Return what the kernel finds, like the search in NumPy."""
     way = connectors.Way(np.empty((3, 4)), np.empty((3, 5, 3)), np.empty(4))
-    table = limit_table(limits.with_reserve())
-    is_found = kernels.find_connector(state_row(start), state_row(end), table, period, least, *way)
+    given = state_row(start), state_row(end), limit_table(limits.with_reserve())
+    is_found = kernels.find_connector(*given, period, least, FAR, *way)
     return way if is_found else None
 
 
@@ -159,14 +160,14 @@ def test_arrays_of_other_shapes_are_refused(place):
     rows = [np.zeros(shape) for shape in shapes]
     with pytest.raises(ValueError, match="do not belong together"):
         kernels.find_connector(
-            *rows, PERIOD, 0.0, np.empty((3, 4)), np.empty((3, 5, 3)), np.empty(4)
+            *rows, PERIOD, 0.0, FAR, np.empty((3, 4)), np.empty((3, 5, 3)), np.empty(4)
         )
 
 
 def shortened(start, end, limits, period, least=0.0, ease=1.0):
     """Return the connector that the search finds and what it is shortened to, if it is."""
     table = limit_table(limits.with_reserve())
-    given = state_row(start), state_row(end), table, period, least
+    given = state_row(start), state_row(end), table, period, least, FAR
     way = connectors.Way(np.empty((3, 4)), np.empty((3, 5, 3)), np.empty(4))
     assert kernels.find_connector(*given, *way)
     q, w, breaks = np.empty((MOST_JOINS, 4)), np.empty((MOST_JOINS, 5, 3)), np.empty(MOST_JOINS + 1)

@@ -78,13 +78,17 @@ def plan_worst(name):
     keys = normalize(np.array(keys))
     start = State(keys[0], np.array(omega), np.array(alpha), np.zeros(3))
     request = MotionRequest([Keyframe(tuple(q)) for q in keys.tolist()], method=method)
-    plan(request, start=start, limits=limits, period=PERIOD)
+    return plan(request, start=start, limits=limits, period=PERIOD)
 
 
 @pytest.mark.parametrize("name", WORST)
-def test_what_no_duration_helps_is_refused_soon(effort, name):
-    with pytest.raises(PlanError, match="approach: true"):
-        plan_worst(name)
+def test_what_no_duration_helps_is_refused_or_rests_soon(effort, name):
+    method, *_ = WORST[name]
+    if method == "c2_cumulative":
+        assert plan_worst(name).certificate.keyframe_error < 1e-9
+    else:
+        with pytest.raises(PlanError, match="approach: true"):
+            plan_worst(name)
     assert 1 < effort["curves"] <= 50
     assert effort["corrections"] <= 1000
     assert 10_000 < effort["records"] <= 3_000_000

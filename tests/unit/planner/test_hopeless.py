@@ -38,18 +38,19 @@ def planned(times=(None,) * 3, positions=(None,) * 3, period=0.002, **fields):
     return plan(request, start=start, limits=DEFAULT_LIMITS, period=period)
 
 
-@pytest.mark.parametrize("limits", [{"acceleration": 0.01}, {"jerk": 0.01}])
+@pytest.mark.parametrize("limits", [{"acceleration": 0.001}, {"jerk": 1e-5}])
 def test_where_a_quickest_motion_could_not_be_stopped_the_pace_is_even(limits):
     motion = planned(limits=Limits.partial(**limits), period=0.02)
-    (note,) = motion.certificate.notes
-    assert re.search(r"even pace.* within 6 s, it takes \d.* s on the .* with 20 %", note)
+    note = motion.certificate.notes[0]
+    assert re.search(r"even pace.* within 24 s, it takes \d.* s on the .* with 20 %", note)
 
 
 def test_a_quickest_motion_gives_up_some_speed_to_be_stopped():
-    limits = Limits.partial(acceleration=0.1)
+    limits = Limits.partial(acceleration=0.01)
     motion = planned(duration="minimum", limits=limits, period=0.02)
-    assert motion.certificate.stop_time <= 6.0
-    assert motion.duration < planned(limits=limits, pace="even", period=0.02).duration * 1.5
+    assert motion.certificate.stop_time <= 24.0
+    assert any(note.startswith("slower than its limits") for note in motion.certificate.notes)
+    assert motion.duration < planned(limits=limits, pace="even", period=0.02).duration
 
 
 @pytest.mark.parametrize("duration", [None, "minimum"])

@@ -115,10 +115,11 @@ def test_an_approach_that_is_not_needed_is_left_out():
 
 
 def test_a_run_up_from_where_it_begins_needs_no_approach():
-    planned = made(at(*WAY), State.at_rest(exp(0.3 * Y)), start_velocity=(0, 0, 0.4), approach=True)
+    asked = {"start_velocity": (0, 0, 0.4), "approach": True, "pace": "even"}
+    planned = made(at(*WAY), State.at_rest(exp(0.3 * Y)), **asked)
     begin = planned.path.segments[1].begin
     rest = planned.sample([begin]).q[0]
-    motion = made(at(*WAY), State.at_rest(rest), start_velocity=(0, 0, 0.4), approach=True)
+    motion = made(at(*WAY), State.at_rest(rest), **asked)
     assert motion.start_time < planned.start_time
     assert motion.start_time == pytest.approx(planned.start_time - begin, abs=2 * PERIOD)
 

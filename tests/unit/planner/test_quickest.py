@@ -197,7 +197,7 @@ def test_a_stop_at_every_keyframe_takes_as_long_as_a_turn_to_each():
     motion, *turns = [
         made([Keyframe(key) for key in keys], LIMITS["arm"]) for keys in (q, q[:2], q[1:])
     ]
-    assert any(note.startswith("comes to rest at every") for note in motion.certificate.notes)
+    assert any(note.startswith("stops at every keyframe") for note in motion.certificate.notes)
     assert motion.duration <= sum(turn.duration for turn in turns) * (1.0 + 1e-5)
 
 

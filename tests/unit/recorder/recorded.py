@@ -41,8 +41,9 @@ def moving(count, *, first=0, joints=0, noise=1.0, seed=1):
     )
     table["measured_omega_body"] = omega + 1e-3 * noise * rng.normal(size=(count, 3))
     table["measured_position"] = table["sent_position"] + 1e-5 * noise * rng.normal(size=(count, 3))
-    table["measured_joints"] = np.nan
+    table["measured_joints"] = table["sent_joints"] = np.nan
     for axis in range(joints):
+        table["sent_joints"][:, axis] = r[:, axis % 3]
         table["measured_joints"][:, axis] = r[:, axis % 3] + 1e-5 * noise * rng.normal(size=count)
     return table
 

@@ -14,11 +14,12 @@ PAIRS = (
     ("sent_position", "position"),
     ("measured_q", "feedback_q"),
     ("measured_joints", "joints"),
+    ("sent_joints", "sent_joints"),
 )
 
 
 def test_a_row_is_the_servos_record_byte_for_byte():
-    values = [*range(1, 13), *(0.5 * k for k in range(33))]
+    values = [*range(1, 13), *(0.5 * k for k in range(41))]
     record = CYCLE_RECORD.pack(*values)
     (row,), cycle = from_records(record), unpack_cycle(record[:48] + bytes(4) + record[52:])
     assert row["index"] == cycle.index

@@ -114,6 +114,9 @@ CERTIFICATE = Certificate(
     keyframe_error=3e-9,
     brake_rate=5.0,
     stop_time=0.2,
+    usual_stop_time=0.1,
+    notes=("one",),
+    has_control_points=True,
 )
 STATISTICS = Statistics(
     cycles=10,

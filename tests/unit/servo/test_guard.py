@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from orientd.driver import ZERO
 from orientd.floats import exp, multiply
 from orientd.servo.guard import Guard
-from orientd.stream import ServoLimits
+from orientd.stream import JointShares, ServoLimits
 from orientd.stream.records import TERMS_FLOATS
 
 Q = (1.0, 0.0, 0.0, 0.0)
@@ -378,7 +378,7 @@ def test_a_stop_with_limits_of_components_is_as_long_as_they_ask_for(
 
 
 def test_terms_cross_the_mailbox_unchanged():
-    servo_limits = replace(ABOUT_Z, brake_rate=3.25)
+    servo_limits = replace(ABOUT_Z, brake_rate=3.25, joint_shares=JointShares(0.9, 0.1, 0.8))
     record = struct.pack(f"{TERMS_FLOATS}d", *servo_limits.floats())
     assert ServoLimits.from_floats(struct.unpack(f"{TERMS_FLOATS}d", record)) == servo_limits
     assert not ServoLimits.from_floats(TERMS.floats()).has_axes

@@ -131,9 +131,9 @@ def test_the_memory_has_no_name_and_goes_with_its_users():
 
 def test_a_cycle_survives_its_bytes():
     fields = (5, 100, 7, 8, 50, 9, 2, 0, 3, 3, 1, 0, 0.25, 0.5, *map(float, range(23)))
-    joints = (0.1, 0.2, 0.3, *NO_JOINTS[3:])
+    joints = (0.1, 0.2, 0.3, *NO_JOINTS[3:], 0.4, 0.5, *NO_JOINTS[2:])
     cycle = unpack_cycle(CYCLE_RECORD.pack(*fields, *joints))
-    assert cycle.joints == (0.1, 0.2, 0.3)
+    assert (cycle.joints, cycle.sent_joints) == ((0.1, 0.2, 0.3), (0.4, 0.5))
     assert cycle.state is ServoState.STREAMING
     assert cycle.q == (0.0, 1.0, 2.0, 3.0)
     assert cycle.feedback_position == (20.0, 21.0, 22.0)

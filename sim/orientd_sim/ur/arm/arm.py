@@ -70,6 +70,7 @@ class Arm:
         target_q, target_qd, target_qdd: what the controller commands; rad, rad/s, rad/s^2.
         actual_q, actual_qd: what the encoders say.
         speed_limits: rad/s for each joint; a test may lower them.
+        blocked: joints that are stuck where they are, whatever is commanded, counted from 0.
     """
 
     def __init__(self, q: Sequence[float] = HOME, model: Model = MODELS["ur5e"]) -> None:
@@ -81,6 +82,7 @@ class Arm:
         self.actual_q: Joints = tuple(q)
         self.actual_qd: Joints = (0.0,) * 6
         self.speed_limits: list[float] = list(model.speeds)
+        self.blocked: set[int] = set()
         self.mode = Mode.HOLD
         self._goal: Joints = tuple(q)
         self._lookahead = 0.1
@@ -124,13 +126,8 @@ class Arm:
         self._pushed_ticks = 0
 
     def push(self, q: Joints, seconds: float) -> None:
-        """Be moved by hand to *q* in so many seconds; only while it gives way.
-
-        Raises:
-            ValueError: it does not.
-        """
-        if self.mode is not Mode.FREE:
-            raise ValueError("the arm does not give way: freedrive is off")
+        """Be moved by hand to *q* in so many seconds."""
+        self.mode = Mode.FREE
         self._goal, self._pushed_ticks = q, max(1, round(seconds / TICK))
 
     def hold(self) -> None:
@@ -203,8 +200,10 @@ class Arm:
         share = 1.0 - math.exp(-TICK / DRIVE_LAG)
         q: list[float] = []
         qd: list[float] = []
-        for actual, target in zip(self.actual_q, self.target_q, strict=True):
+        for joint, (actual, target) in enumerate(zip(self.actual_q, self.target_q, strict=True)):
             moved = (target - actual) * share if abs(target - actual) > 1e-12 else target - actual
+            if joint in self.blocked:
+                moved = 0.0
             q.append(actual + moved)
             qd.append(moved / TICK)
         self.actual_q, self.actual_qd = tuple(q), tuple(qd)

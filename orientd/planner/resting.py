@@ -1,0 +1,307 @@
+"""Motions with moving ends that rest inside: connectors at the ends, the quickest motion between.
+
+A **connector** leads from the velocity at the first keyframe to rest at the second, and another one
+from rest at the next-to-last keyframe to the velocity at the last.  The part between them goes from
+rest to rest.  Two keyframes whose velocities are both given are joined by a single connector.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+
+from orientd.errors import PlanError
+from orientd.planner import refusal
+from orientd.planner.candidate import CandidateMotion, leads_out
+from orientd.planner.connect import WITHOUT_RESERVE, Caution, join, turn_to_stop
+from orientd.planner.limits import Limits
+from orientd.planner.motion import Motion
+from orientd.planner.path import Path, PathCurve, PathSegment, PositionPath
+from orientd.planner.plan_job import PlanJob
+from orientd.planner.request import DEFAULT_METHOD, Keyframe, MotionRequest, State
+from orientd.planner.timing import SAME, KeyframePath, least_with_stops
+from orientd.rotation import Floats, angle, log
+from orientd.rotation import between as turn_between
+
+CONNECTS = "a connector joins both keyframes, in place of the curve between them"
+WAITS = "rests on its way, since it was given that much time"
+
+WORTH = 0.95
+"""Of a duration: going without the reserve is worth that much."""
+
+_AHEAD = 0.7
+"""Cosine between the velocity and the way to a keyframe that is ahead of a device."""
+
+_NEAR = 1.25
+"""Times as far as it takes to stop with all of the limits: what is nearer may be overshot."""
+
+_WHOLE = 1e-9  # of a period, and of a duration
+_SLOWEST = 0.1  # pace at which to look for a connector that takes longer
+_BISECTIONS = 12
+_ABOUT = 0.99  # of a duration that was asked for
+_NO_TURN = np.zeros((5, 3))
+
+
+def arrives(start: State, key: Floats, limits: Limits) -> bool:
+    """Return whether a keyframe is ahead of a device, and hardly further than a stop."""
+    speed = float(np.linalg.norm(start.omega_body))
+    if not speed:
+        return False
+    way, direction = log(turn_between(start.q, key)), start.omega_body / speed
+    distance = float(np.linalg.norm(way))
+    is_near = distance < _NEAR * turn_to_stop(start, limits)
+    return is_near and float(way @ direction) > _AHEAD * distance
+
+
+def can_rest(job: PlanJob) -> bool:
+    """Return whether the request allows a motion that rests at keyframes."""
+    request = job.request
+    is_plain = request.method == DEFAULT_METHOD and not request.turns.any()
+    is_taken_over = job.start.is_position_moving and not request.approach
+    return is_plain and request.positions is None and not is_taken_over
+
+
+def resting_keyframes(job: PlanJob) -> tuple[int, int]:
+    """Return the first and the last keyframe to rest at; the last is below the first if none is."""
+    begins, ends = job.ends.moves
+    return int(begins), len(job.request.keys) - 1 - int(ends)
+
+
+def job_between(job: PlanJob) -> PlanJob | None:
+    """Return the job of the part from rest to rest; ``None`` if nothing turns in it."""
+    first, last = resting_keyframes(job)
+    keys = job.request.keys[first : last + 1]
+    if len(keys) < 2 or not bool((angle(keys[:-1], keys[1:]) > SAME).any()):
+        return None
+    request = MotionRequest(
+        [Keyframe(tuple(q)) for q in keys.tolist()], options=job.request.options
+    )
+    start = State.at_rest(request.keys[0], job.halt.last)
+    return job.of_part(request, start, first)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Connectors:
+    """The connectors at the ends of a motion, each from path time 0 on.
+
+    Attributes:
+        head: from the first keyframe to rest at the next one, or to the last one where none is left
+            to rest at; empty where the motion begins at rest.
+        tail: from rest to the last keyframe; empty where there is none.
+        rests: the first and the last keyframe to rest at.
+        caution: with which they were found.
+    """
+
+    head: tuple[PathSegment, ...]
+    tail: tuple[PathSegment, ...]
+    rests: tuple[int, int]
+    caution: Caution
+
+    @classmethod
+    def of(cls, job: PlanJob, caution: Caution, rests: tuple[int, int] | None = None) -> Connectors:
+        """Return the connectors that are found with *caution*.
+
+        Args:
+            job: what to plan.
+            caution: with which to connect.
+            rests: the first and the last keyframe to rest at, if not beside the ends that move.
+
+        Raises:
+            PlanError: there is one that was not found.
+        """
+        keys, (begin, end) = job.request.keys, end_states(job)
+        first, last = rests = rests or resting_keyframes(job)
+        if first > last:
+            return cls(job.connected(begin, end, caution).segments, (), rests, caution)
+        here, there = (State.at_rest(keys[at], job.halt.last) for at in (first, last))
+        starts, ends = job.ends.moves
+        head = job.connected(begin, here, caution).segments if starts else ()
+        tail = job.connected(there, end, caution).segments if ends else ()
+        return cls(head, tail, rests, caution)
+
+    @property
+    def has_no_rest(self) -> bool:
+        """Whether there is no keyframe left to rest at."""
+        return self.rests[0] > self.rests[1]
+
+    @property
+    def durations(self) -> tuple[float, float]:
+        """How long both take, s."""
+        head, tail = (part[-1].end if part else 0.0 for part in (self.head, self.tail))
+        return head, tail
+
+
+def quickest_connectors(job: PlanJob) -> Connectors:
+    """Return the connectors to try first.
+
+    What brakes with all of the limits and is to stop a little later with less of them overshoots:
+    there they do without the reserve if that is much quicker.
+
+    Raises:
+        PlanError: none were found.
+    """
+    usual = Connectors.of(job, Caution.NONE)
+    first, last = resting_keyframes(job)
+    begin, _ = end_states(job)
+    if first > last or not first or not arrives(begin, job.request.keys[first], job.limits):
+        return usual
+    return _sorted([usual, *_found(job, WITHOUT_RESERVE)])[0]
+
+
+def with_a_rest(job: PlanJob) -> list[Connectors]:
+    """Return the connectors of two keyframes that both move by way of a rest at one of them."""
+    found: list[Connectors] = []
+    for at in (0, 1):
+        with suppress(PlanError):
+            found.append(Connectors.of(job, Caution.NONE, (at, at)))
+    return _sorted(found)
+
+
+def more_careful(job: PlanJob) -> list[Connectors]:
+    """Return the connectors that are found with each caution, in the order to try them."""
+    return _sorted(_found(job, tuple(Caution)))
+
+
+def _found(job: PlanJob, cautions: Sequence[Caution]) -> list[Connectors]:
+    found: list[Connectors] = []
+    for caution in cautions:
+        with suppress(PlanError):
+            found.append(Connectors.of(job, caution))
+    return found
+
+
+def _sorted(found: list[Connectors]) -> list[Connectors]:
+    """Return connectors, the quickest first; what has no reserve has to be much quicker."""
+    return sorted(
+        found, key=lambda one: sum(one.durations) / (WORTH if one.caution.is_at_limits else 1.0)
+    )
+
+
+def least_with_connectors(job: PlanJob, connectors: Connectors) -> float:
+    """Return what the motion takes at the least that stops at every keyframe in between, s."""
+    first, last = resting_keyframes(job)
+    keys = job.request.keys[first : last + 1]
+    stops = least_with_stops(keys, job.limits) if len(keys) > 1 else 0.0
+    return stops + sum(connectors.durations)
+
+
+def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> CandidateMotion:
+    """Return the motion with connectors at its moving ends.
+
+    Args:
+        job: what to plan.
+        connectors: at its ends.
+        between: the motion of :func:`job_between`, if there is one.
+
+    Raises:
+        TotalError: it takes longer than the duration that the request asks for.
+        PlanError: there is no lead-in or no lead-out.
+    """
+    first, last = connectors.rests
+    head, tail = connectors.head, connectors.tail
+    if first > last:
+        return _with_leads(job, [head], np.array([0.0, head[-1].end]))
+    before, after = connectors.durations
+    least = 0.0 if between is None else between.duration
+    duration = least
+    if job.request.total is not None:
+        refusal.check_total(job.request.total, before + least + after)
+        duration = max(job.request.total - before - after, least)
+    elif tail:
+        # A velocity begins at a record.
+        duration = math.ceil(least / job.period - _WHOLE) * job.period
+    inner: Sequence[PathSegment] = ()
+    passed = np.full(last - first + 1, 0.0 if tail else duration)
+    if between is not None:
+        factor = duration / least
+        passed = factor * between.keyframe_times
+        inner = [
+            one.slowed(factor * (one.end - one.begin)).shifted(factor * one.begin)
+            for one in cast("Path", between.path).segments
+        ]
+    elif duration > _WHOLE * job.period:
+        still = join(job.request.keys[first], _NO_TURN, duration)
+        inner = (PathSegment(still, 0.0, duration),)
+    begin, end = np.zeros(int(bool(head))), np.full(int(bool(tail)), before + duration + after)
+    is_pair = len(job.request.keys) == 2 and bool(head and tail)
+    times = [begin, end] if is_pair else [begin, before + passed, end]
+    return _with_leads(job, [head, inner, tail], np.concatenate(times))
+
+
+def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
+    """Return connectors of two keyframes that both move, which take no more than *total* seconds.
+
+    A slower pace makes them longer: the first one takes nearly that long if there is such a pace,
+    which bisection finds, and the last one is the quickest.
+
+    Raises:
+        TotalError: the quickest takes longer.
+        PlanError: none was found.
+    """
+    begin, end = end_states(job)
+    slow, fast, found = _SLOWEST, 1.0, None
+    paths: list[KeyframePath] = []
+    for _ in range(_BISECTIONS):
+        pace = math.sqrt(slow * fast) if paths else fast
+        at_pace = replace(job, limits=job.limits.slowed(pace))
+        found = at_pace.connected(begin, end, Caution.NONE).segments
+        duration = found[-1].end
+        if not paths:
+            refusal.check_total(total, duration)
+        if duration > total:
+            slow = pace
+            continue
+        fast = pace
+        held = PositionPath.held(job.halt.last)
+        curve = PathCurve(Path.joined(found, held).segments)
+        segment = PathSegment(curve, 0.0, duration)
+        paths.append(KeyframePath(segment, held, np.array([0.0, duration])))
+        if duration > _ABOUT * total:
+            break
+    return sorted(paths, key=lambda path: -path.duration)
+
+
+def rests_noted(job: PlanJob, connectors: Connectors) -> str:
+    """Return what to say of a motion with connectors."""
+    count = len(job.request.keys)
+    inner = sorted({one for one in connectors.rests if 0 < one < count - 1})
+    if connectors.has_no_rest or not inner:
+        return CONNECTS
+    names = " and ".join(f"keyframes[{one}]" for one in inner)
+    return f"stops at {names}: this takes less time than the curve through all keyframes"
+
+
+def end_states(job: PlanJob) -> tuple[State, State]:
+    """Return the states at the first and the last keyframe."""
+    ends, keys, zero = job.ends, job.request.keys, np.zeros(3)
+    vectors = (ends.omega_start, ends.alpha_start, ends.omega_end)
+    first, first_rate, last = (zero if one is None else one for one in vectors)
+    at = job.halt.last
+    return State(keys[0], first, first_rate, at), State(keys[-1], last, zero, at)
+
+
+def _with_leads(
+    job: PlanJob, parts: Sequence[Sequence[PathSegment]], times: Floats
+) -> CandidateMotion:
+    """Return parts, each from time 0 on, laid end to end with the leads before and after them."""
+    begin, end = end_states(job)
+    segments: list[PathSegment] = []
+    positions, start_time = PositionPath.held(job.start.position), 0.0
+    if job.request.approach:
+        lead = job.lead_to(begin)
+        segments += lead.segments
+        positions, start_time = lead.positions, lead.cycles * job.period
+    since = start_time
+    for part in parts:
+        segments += [segment.shifted(since) for segment in part]
+        since = segments[-1].end if segments else since
+    times = start_time + times
+    end_time = float(times[-1])
+    segments += leads_out(end, end_time, job.limits, job.period)
+    path = Path.joined(segments, positions, job.start.q)
+    return CandidateMotion(path, start_time, end_time, times, None)

@@ -1,0 +1,192 @@
+"""Stops, pauses and other speeds keep every limit of the gimbal's axes, wherever they begin."""
+
+import os
+
+import numpy as np
+import pytest
+from axis_ride import HALF, PAUSE, RANDOM, STOP, AxisRide, disturbed
+from pole_passes import AXES, LIMITS, PERIOD, driver_with, over_the_top
+
+from orientd import motion_file, rotation
+from orientd.daemon.devices import servo_link
+from orientd.errors import Fault, PlanError
+from orientd.planner import DevicePlanner, Keyframe, MotionRequest, State
+from orientd.stream import Command, ServoState
+from orientd.tolerances import GUARD_TOLERANCE
+
+CASES = int(os.environ.get("ORIENTD_CASES", "12"))
+_SLOW_CASES = ((8, 8, 0), (2, None, 3), (1, 8, 3))
+_TICK = 2 * np.pi / 4096
+_AT_POLE = 1e-3
+_ORDERS = ("ZYX", "ZXY", "XYZ", "YZX")
+
+
+def plan_for(request, joints=(0.0, 0.0, 0.0), limits=LIMITS, **options):
+    """Return the gimbal's motion for *request*, and the settings of its driver."""
+    driver = driver_with(**options)
+    planner = DevicePlanner(driver, limits=limits, period=PERIOD)
+    start = State.at_rest(driver._tracker.forward(joints))
+    return planner.plan(request, start=start, joints=joints), driver.options
+
+
+def assert_keeps(ride, record, what, random=None):
+    speed, force = disturbed(ride, record, what, random)
+    # Within a thousandth of the pole itself, an axis turns by a tick for less than a millionth of a
+    # radian, by which the curve between two records misses it.
+    hardest = min(axis.acceleration for axis in ride.driver.settings.axes)
+    slack = _TICK / PERIOD**2 / hardest if passes_through_the_pole(ride) else 0.0
+    assert speed <= GUARD_TOLERANCE, (record, what)
+    assert force <= GUARD_TOLERANCE + slack, (record, what)
+
+
+def passes_through_the_pole(ride):
+    """Return whether the axes line up on the way, on the records or between two."""
+    middle = np.cos(ride.joints[:, 1])
+    return bool(np.any(np.abs(middle) < _AT_POLE) or np.any(middle[:-1] * middle[1:] < 0.0))
+
+
+@pytest.mark.parametrize("what", [STOP, PAUSE, HALF])
+@pytest.mark.parametrize(
+    ("miss", "seconds", "deviation"),
+    [
+        *((1, None, 0), (2, None, 0), (4, None, 0), (8, None, 0), (4, 8, 3)),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in _SLOW_CASES),
+    ],
+)
+def test_no_axis_exceeds_its_limits_by_the_pole(miss, seconds, deviation, what):
+    request = motion_file.parse(over_the_top(miss, seconds))
+    motion, settings = plan_for(request, max_deviation_deg=deviation)
+    ride = AxisRide(motion, settings)
+    for record in range(3, motion.record_count - 1, 8):
+        assert_keeps(ride, record, what)
+
+
+def test_a_stop_by_the_pole_is_as_short_as_the_certificate_says():
+    for miss in (1, 4):
+        motion, settings = plan_for(motion_file.parse(over_the_top(miss)))
+        ride = AxisRide(motion, settings)
+        for record in range(3, motion.record_count - 1, 8):
+            disturbed(ride, record, STOP)
+            cycles = len(ride.driver.sent) - 2
+            assert cycles * PERIOD <= motion.certificate.stop_time + 4 * PERIOD, record
+
+
+def random_pass(random):
+    """Return a random motion of a random gimbal with its settings, or ``None`` if it is refused."""
+    order = str(random.choice(_ORDERS))
+    velocity, acceleration = random.uniform(40, 200), random.uniform(200, 2300)
+    axes = [
+        {**axis, "velocity_deg": velocity * random.uniform(0.7, 1.3),
+         "acceleration_deg": acceleration * random.uniform(0.7, 1.3)}
+        for axis in AXES
+    ]  # fmt: skip
+    options = {
+        "order": order,
+        "axes": axes,
+        "max_deviation_deg": float(random.choice([0.0, 3.0, 10.0])),
+        "allow_slews": bool(random.random() < 0.3),
+    }
+    driver = driver_with(**options)
+    # From one side of the pole to the other, missing it by some degrees, and on from there.
+    middle = random.choice([-1.0, 1.0]) * np.pi / 2
+    count = int(random.integers(2, 6))
+    sweep = middle + np.sort(random.uniform(-1.2, 1.2, count))[:: int(random.choice([-1, 1]))]
+    aside = np.deg2rad(random.uniform(-15, 15)) + np.deg2rad(2.0) * random.normal(size=count)
+    heading = random.uniform(-2.0, 2.0)
+    joints = (heading, float(sweep[0]), 0.0)
+    first = np.array(driver._tracker.forward(joints))
+    q = [first]
+    for angle, off in zip(sweep[1:], aside[1:], strict=True):
+        turned = np.array(driver._tracker.forward((heading, float(angle), 0.0)))
+        q.append(rotation.multiply(turned, rotation.exp(off * random.normal(size=3))))
+    is_timed = random.random() < 0.4
+    seconds = np.cumsum(random.uniform(0.5, 3.0, count)) if is_timed else [None] * count
+    keyframes = [
+        Keyframe(tuple(key.tolist()), None if time is None else float(time))
+        for key, time in zip(q, seconds, strict=True)
+    ]
+    limits = LIMITS if random.random() < 0.6 else LIMITS.slowed(random.uniform(0.4, 3.0))
+    try:
+        return plan_for(MotionRequest(keyframes, approach=True), joints, limits, **options)
+    except PlanError:
+        return None
+
+
+def test_no_axis_of_random_gimbals_exceeds_its_limits():
+    random = np.random.default_rng(37)
+    found = 0
+    while found < CASES:
+        planned = random_pass(random)
+        if planned is None or not 40 < planned[0].record_count < 4000:
+            continue
+        found += 1
+        ride = AxisRide(*planned)
+        # Half of them where an axis turns fastest, or is bent most.
+        steps = np.abs(np.diff(ride.joints, axis=0)).max(axis=1)
+        for k in range(9):
+            record = int(random.integers(3, len(ride.joints) - 20))
+            if k % 2:
+                near = int(np.argmax(steps if k % 4 == 1 else np.abs(np.diff(steps))))
+                record = min(max(near - int(random.integers(0, 25)), 3), len(ride.joints) - 20)
+            assert_keeps(ride, record, (STOP, PAUSE, HALF, RANDOM)[k % 4], random)
+
+
+@pytest.mark.parametrize("miss", [1, 8])
+def test_a_stop_that_counts_no_axes_is_braked_by_the_driver_and_a_fault(miss):
+    motion, settings = plan_for(motion_file.parse(over_the_top(miss)))
+    facts = motion.facts
+    blind = servo_link.servo_limits_of(facts.limits, facts.brake_rate)
+    speed = np.abs(np.diff(motion.path.joints[:, 0]))
+    ride = AxisRide(motion, settings, blind)
+    ride.go_to(int(np.argmax(speed)))
+    ride.command(Command.STOP)
+    ride.come_to_rest()
+    setpoints = ride.servo.setpoints
+    assert (ride.servo.state, setpoints.fault) == (ServoState.FAULT, Fault.DEVICE_FAULT)
+    assert "yaw would have to accelerate by" in setpoints.fault_text
+    # The driver's own margin: a twentieth, and a tick.
+    assert max(ride.excess()) <= 1.05 + _TICK / PERIOD**2 / np.deg2rad(2290)
+
+
+def test_a_halt_off_the_path_is_within_the_limits_of_the_axes():
+    motion, settings = plan_for(motion_file.parse(over_the_top(2)))
+    for record in range(3, motion.record_count - 1, 8):
+        ride = AxisRide(motion, settings)
+        ride.go_to(record)
+        ride.command(Command.HALT)
+        ride.run_until(lambda servo: not servo.is_moving)
+        assert ride.servo.state is ServoState.HOLDING, ride.servo.setpoints.fault_text
+        assert max(ride.excess()) <= GUARD_TOLERANCE, record
+        sent = ride.driver.sent[-1]
+        ride.run(20)
+        assert ride.driver.sent[-1] == pytest.approx(sent, abs=1e-9)
+
+
+@pytest.mark.parametrize("miss", [2, 8])
+def test_a_stop_where_another_motion_takes_over_keeps_the_limits_of_the_axes(miss):
+    motion, settings = plan_for(motion_file.parse(over_the_top(miss)))
+    ride = AxisRide(motion, settings)
+    stopped = 0
+    for record in range(24, motion.record_count - 24, 24):
+        target = rotation.multiply(
+            motion.sample([record * PERIOD]).q[0], rotation.exp([0, 0.6, 0.2])
+        )
+        try:
+            new = DevicePlanner(driver_with(), limits=LIMITS, period=PERIOD).plan(
+                MotionRequest([Keyframe(tuple(target.tolist()))], approach=True),
+                start=motion.state_at(record),
+                joints=motion.path.joints_at(record),
+                before=motion.path.joints_before(record),
+            )
+        except PlanError:
+            continue
+        for after in (0, 5, 8, 14):
+            ride.go_to(record - 8)
+            ride.splice(new, record)
+            ride.run(after)
+            ride.command(Command.STOP)
+            ride.come_to_rest()
+            stopped += 1
+            assert ride.servo.state is ServoState.HOLDING, ride.servo.setpoints.fault_text
+            assert max(ride.excess()) <= GUARD_TOLERANCE, (record, after)
+    assert stopped >= 20

@@ -1,0 +1,258 @@
+"""Gimbals of every order are sent from anywhere to anywhere, poles included, and home again."""
+
+import os
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+
+from orientd import motion_file
+from orientd.clock import ManualClock
+from orientd.errors import LimitError, PlanError
+from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
+from orientd.rotation import angle, rotate
+from orientd_dynamixel import DynamixelDriver
+from orientd_dynamixel.planning import gimbal_of
+
+PERIOD = 0.01
+LIMITS = Limits(1.5, 8.0, 1500.0, 1.0, 10.0)
+ORDERS = [
+    "".join(letters)
+    for count in (2, 3)
+    for letters in product("XYZ", repeat=count)
+    if all(a != b for a, b in pairwise(letters))
+]
+RANGES = [(-270, 270), (-180, 180), (-100, 100), (-90, 90), (-90, 0), (-20, 200)]
+CASES = int(os.environ.get("ORIENTD_CASES", "10"))
+
+
+class Sequence:
+    """A gimbal whose motions are planned one after the other, and sent as its driver sends them."""
+
+    def __init__(self, order, ranges, **options):
+        axes = [
+            {"id": k + 1, "name": f"axis {k}", "limits_deg": [*limits], "velocity_deg": 220}
+            for k, limits in enumerate(ranges)
+        ]
+        self.driver = DynamixelDriver(
+            {"port": "virtual", "order": order, "axes": axes, **options},
+            period_ns=10_000_000, clock=ManualClock(1),
+        )  # fmt: skip
+        self.axes = self.driver.settings.axes
+        self.planner = DevicePlanner(self.driver, limits=LIMITS, period=PERIOD)
+        self.gimbal = gimbal_of(self.driver.settings)
+        self.tracker = self.driver._tracker
+        self.q = np.array(self.tracker.forward(self.tracker.angles))
+
+    def stand(self, *degrees):
+        self.tracker.angles = tuple(np.deg2rad(degrees))
+        self.q = np.array(self.tracker.forward(self.tracker.angles))
+        return self
+
+    @property
+    def degrees(self):
+        return np.rad2deg(self.tracker.angles)
+
+    def go(self, request):
+        """Plan a motion, send it, hold what the axes do against their limits; return it."""
+        self.driver.tune(request.device_options)
+        motion = self.planner.plan(request, start=State.at_rest(self.q), joints=self.tracker.angles)
+        sent = motion.records(0, motion.record_count)[:, :4]
+        # The servo begins a path nowhere but at what was commanded last.
+        assert min(np.abs(sent[0] - self.q).max(), np.abs(sent[0] + self.q).max()) < 1e-9
+        made = [self.tracker.angles] * 2
+        for q in sent.tolist():
+            self.tracker.angles = self.tracker.solve(tuple(q))[0]
+            made.append(self.tracker.angles)
+        made += made[-1:] * 2
+        angles = np.array(made)
+        rate, force = np.diff(angles, axis=0) / PERIOD, np.diff(angles, 2, axis=0) / PERIOD**2
+        for k, axis in enumerate(self.axes):
+            # A tick is 1.5e-3 rad.
+            assert axis.low - 2e-4 <= angles[:, k].min() <= angles[:, k].max() <= axis.high + 2e-4
+            assert np.abs(rate[:, k]).max() <= 1.002 * axis.velocity
+            assert np.abs(force[:, k]).max() <= 1.01 * axis.acceleration
+        self.q = sent[-1]
+        return motion
+
+    def point(self, *directions, **fields):
+        """Point to azimuths and elevations, deg."""
+        keyframes = [
+            {"azimuth_elevation": {"azimuth": azimuth, "elevation": elevation}}
+            for azimuth, elevation in directions
+        ]
+        for keyframe, time in zip(keyframes, fields.pop("times", ()), strict=False):
+            keyframe["time"] = time
+        return self.go(motion_file.parse({"keyframes": keyframes, "approach": True, **fields}))
+
+    def point_to(self, direction):
+        """Point the innermost axis of three, or the one that two point, in *direction*."""
+        axis = "xyz"[self.gimbal.inner_axis]
+        return self.go(
+            motion_file.parse(
+                {"keyframes": [{"direction": direction.tolist()}], "approach": True,
+                 "pointing_axis": axis}
+            )
+        )  # fmt: skip
+
+    def points(self, q):
+        """Return where *q* points that axis."""
+        return rotate(q, np.eye(3)[self.gimbal.inner_axis])
+
+    def home(self):
+        anywhere = Keyframe((1.0, 0.0, 0.0, 0.0))
+        return self.go(MotionRequest([anywhere], device_options={"home": True}))
+
+    def misses(self, q):
+        """Return by how much the tool misses *q*, with two axes its direction."""
+        if len(self.axes) == 3:
+            return float(angle(self.q, q))
+        return float(np.linalg.norm(self.points(self.q) - self.points(q)))
+
+
+def drawn(rng):
+    """Return a gimbal, and whether its axes stand and turn where they are told."""
+    order = ORDERS[rng.integers(len(ORDERS))]
+    ranges = [RANGES[rng.integers(len(RANGES))] for _ in order]
+    return Sequence(order, ranges, allow_slews=bool(rng.integers(2)))
+
+
+def aim(it, rng):
+    """Return axis angles inside the limits, deg: anywhere, at a pole or nearly there."""
+    angles = np.array([rng.uniform(np.rad2deg(a.low), np.rad2deg(a.high)) for a in it.axes])
+    if rng.random() < 0.3:
+        angles = np.round(angles / 45) * 45
+    if rng.random() < 0.5:
+        first = 0 if it.gimbal.inner_axis == it.gimbal.axes[0] else 90
+        poles = np.array([first - 180, first, first + 180], dtype=float)
+        low, high = np.rad2deg([it.axes[1].low, it.axes[1].high])
+        poles = poles[(poles >= low) & (poles <= high)]
+        if len(poles):
+            angles[1] = rng.choice(poles)
+            if rng.random() < 0.3:
+                angles[1] += rng.choice([-1, 1]) * 10 ** rng.uniform(-6, 0)
+    low, high = np.rad2deg([[a.low for a in it.axes], [a.high for a in it.axes]])
+    return np.clip(angles, low, high)
+
+
+@pytest.mark.parametrize("case", range(CASES))
+def test_ten_pointings_and_home(case):
+    rng = np.random.default_rng([45, case])
+    it = drawn(rng)
+    for _ in range(10):
+        q = it.gimbal.forward(np.deg2rad(aim(it, rng)))
+        if rng.random() < 0.7:
+            it.go(MotionRequest([Keyframe(tuple(q.tolist()))]))
+            assert it.misses(q) < 1e-5
+            continue
+        try:
+            it.point_to(it.points(q))
+        except LimitError as error:
+            # Of the rolls that three axes are free to choose one or two are tried.
+            if len(it.axes) == 2 or "angle of axis" not in error.quantity:
+                raise
+        else:
+            assert it.points(it.q) == pytest.approx(it.points(q), abs=1e-5)
+    it.home()
+    assert it.degrees == pytest.approx([0.0] * len(it.axes), abs=0.01)
+
+
+def two_axes(**options):
+    return Sequence("ZY", [(-270, 270), (-90, 0)], **options)
+
+
+def three_axes(**options):
+    return Sequence("ZYX", [(-270, 270), (-100, 100), (-120, 120)], **options)
+
+
+@pytest.mark.parametrize("allow_slews", [False, True])
+@pytest.mark.parametrize("onward", [(0, 45), (100, 5), (100, 90), (-150, 30), "home"])
+def test_two_axes_go_on_from_the_zenith_and_home(onward, allow_slews):
+    it = two_axes(allow_slews=allow_slews)
+    it.point((100, 90))
+    if onward == "home":
+        it.home()
+        assert it.degrees == pytest.approx([0, 0], abs=1e-3)
+        return
+    it.point(onward)
+    if onward[1] < 90:
+        azimuth, elevation = onward
+        assert it.degrees == pytest.approx([azimuth, -elevation], abs=1e-3)
+    it.home()
+
+
+@pytest.mark.parametrize("allow_slews", [False, True])
+def test_three_axes_go_on_from_the_zenith_and_home(allow_slews):
+    it = three_axes(allow_slews=allow_slews)
+    it.point((0, 90))
+    it.point((100, 5))
+    it.home()
+    assert it.degrees == pytest.approx([0, 0, 0], abs=1e-3)
+
+
+def test_home_from_an_azimuth_at_the_zenith():
+    it = three_axes().stand(100, -90, 0)
+    it.home()
+    assert it.degrees == pytest.approx([0, 0, 0], abs=1e-3)
+
+
+@pytest.mark.parametrize("make", [two_axes, three_axes])
+def test_keyframes_without_times_go_on_from_the_pole_and_over_it(make):
+    it = make().stand(*[100, -90, 0][: 2 + (make is three_axes)])
+    motion = it.point((10, 40), (-30, 20))
+    assert any("stops and the axes slew" in note for note in motion.certificate.notes)
+    it.home()
+
+
+def test_a_way_over_the_pole_that_ends_behind_it_turns_there():
+    it = two_axes()
+    motion = it.point((0, 60), (0, 90), (180, 60))
+    assert any("stops and the axes slew" in note for note in motion.certificate.notes)
+    assert abs(it.degrees[0]) == pytest.approx(180, abs=1e-3)
+    assert it.degrees[1] == pytest.approx(-60, abs=1e-3)
+
+
+def test_times_that_leave_no_turn_at_the_pole_are_refused_with_what_would_do():
+    with pytest.raises(PlanError, match="leave out the times"):
+        two_axes().stand(0, -90).point((0, 90), (100, 45), times=(0, 5))
+
+
+def test_a_lead_in_turns_at_the_pole_before_the_times_begin():
+    it = two_axes()
+    it.point((0, 90))
+    motion = it.point((100, 60), (120, 45), times=(0, 3))
+    assert motion.keyframe_times[1] - motion.keyframe_times[0] == pytest.approx(3.0, abs=0.011)
+    assert it.degrees == pytest.approx([120, -45], abs=1e-3)
+
+
+@pytest.mark.parametrize("fields", [{"duration": 12.0}, {"pace": 0.25}])
+def test_a_turn_of_the_axes_takes_as_long_as_asked_for(fields):
+    quickest = two_axes().stand(100, -90).point((0, 45)).duration
+    motion = two_axes().stand(100, -90).point((0, 45), **fields)
+    wanted = fields.get("duration", quickest / fields.get("pace", 1.0))
+    assert motion.duration == pytest.approx(wanted, abs=0.011)
+
+
+def test_a_duration_too_short_for_the_axes_is_refused_with_the_least():
+    with pytest.raises(PlanError, match="take at least"):
+        two_axes().stand(100, -90).point((0, 45), duration=0.9)
+
+
+def test_an_orientation_that_no_axis_angles_make_is_refused_for_that_axis():
+    it = three_axes().stand(100, -90, 0)
+    q = it.gimbal.forward(np.deg2rad([0, -20, 150])).tolist()
+    with pytest.raises(LimitError, match="angle of axis 2"):
+        it.go(MotionRequest([Keyframe(tuple(q))]))
+
+
+def test_home_from_a_motion_is_planned_from_rest_only():
+    it = three_axes()
+    motion = it.point((60, 30))
+    middle = motion.record_count // 2
+    it.driver.tune({"home": True})
+    with pytest.raises(PlanError, match="from rest only"):
+        it.planner.plan(
+            MotionRequest([Keyframe((1.0, 0.0, 0.0, 0.0))], device_options={"home": True}),
+            start=motion.state_at(middle), joints=motion.path.joints_at(middle),
+            before=motion.path.joints_before(middle),
+        )  # fmt: skip

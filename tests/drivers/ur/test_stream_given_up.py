@@ -1,0 +1,233 @@
+"""After a fault the arm stays where it is, whatever is pressed on the pendant or the dashboard."""
+
+import contextlib
+import math
+import os
+import random
+import time
+
+import pytest
+from emulated_robot import EmulatedRobot, LaunchError
+from ur_rig import device_of, fault_of, recover, streaming, swing, until
+
+from orientd.clock import MonotonicClock
+from orientd.driver import Setpoint
+from orientd.errors import DeviceError, DeviceFaultError
+from orientd.floats import exp, multiply
+from orientd_ur import UrDriver
+from orientd_ur.dashboard import Dashboard
+
+pytest.importorskip("rtde_control")
+
+CASES = int(os.environ.get("ORIENTD_CASES", "5"))
+HOME = (0.0, -math.pi / 2, 4 * math.pi / 9, -4 * math.pi / 9, -math.pi / 2, 0.0)
+STOPS = {"protective_stop": "", "safeguard": "release", "pause": "", "stop": ""}
+
+
+def moved(robot, since):
+    return math.dist(robot.state()["actual_q"], since)
+
+
+def press(robot, *, unlock):
+    """Unlock and play on the dashboard; the answers do not matter."""
+    with Dashboard(robot.host) as dashboard:
+        if unlock:
+            until(
+                lambda: (
+                    dashboard.ask("unlock protective stop")
+                    and robot.state()["safety_mode"] == "NORMAL"
+                ),
+                "the unlocked stop",
+            )
+        return dashboard.ask("play")
+
+
+def push(robot, angles):
+    """Move the stopped arm by hand; return where it then stands."""
+    still = robot.wait_until(lambda s: s["is_still"])
+    return bring(robot, [q + a for q, a in zip(still["actual_q"], angles, strict=True)])
+
+
+def bring(robot, joints):
+    robot.ask(f"push {' '.join(map(str, joints))} 0.4")
+    is_there = lambda s: s["is_still"] and math.dist(s["actual_q"], joints) < 1e-6  # noqa: E731
+    return robot.wait_until(is_there)["actual_q"]
+
+
+class Stream:
+    """A driver that is streamed to, cycle by cycle, as the servo does it."""
+
+    def __init__(self, host, **options):
+        self.driver = UrDriver(
+            {
+                "host": host,
+                "lookahead": 0.1,
+                "watchdog_hz": 1.5,
+                "feedback_timeout": 0.5,
+                **options,
+            },
+            period_ns=2_000_000,
+            clock=MonotonicClock(),
+        )
+        self.driver.open()
+        self.start()
+
+    def start(self):
+        home = self.driver.enable()
+        self.q, self.position, self.angle = home.q, home.position, 0.0
+        self.is_faulty = False
+
+    def cycle(self, rate=0.0):
+        try:
+            self.driver.read()
+            if not self.is_faulty:
+                self.angle += 0.002 * rate
+                q = multiply(self.q, exp((0.0, 0.0, self.angle)))
+                self.driver.write(Setpoint(0, q, position=self.position))
+        except DeviceError:
+            self.is_faulty = True
+            self.driver.rest_in_fault()
+            self.driver.disable()
+        time.sleep(0.002)
+
+    def run(self, seconds, rate=0.0):
+        ends = time.monotonic() + seconds
+        while time.monotonic() < ends:
+            self.cycle(rate)
+
+
+@pytest.mark.parametrize("order", STOPS)
+@pytest.mark.parametrize("is_pushed", [False, True])
+def test_arm_that_was_stopped_stays_when_somebody_presses_play(ur_robot, order, is_pushed):
+    stream = Stream(ur_robot.host)
+    try:
+        stream.run(0.4, rate=1.0)
+        ur_robot.ask(order)
+        stream.run(0.3)
+        assert stream.is_faulty
+        ur_robot.wait_until(lambda s: s["is_still"])
+        angles = (0.3, 0.1, 0.0, 0.0, 0.0, -0.2) if is_pushed else (0.0,) * 6
+        stands = push(ur_robot, angles)
+        if STOPS[order]:
+            ur_robot.ask(STOPS[order])
+        press(ur_robot, unlock=order == "protective_stop")
+        stream.run(0.6)
+        assert moved(ur_robot, stands) < 1e-6
+        assert ur_robot.state()["runtime_state"] == "STOPPED"
+        stream.driver.reset()
+        stream.start()
+        stream.run(0.3, rate=0.3)
+        assert not stream.is_faulty
+    finally:
+        stream.driver.close()
+
+
+def has_started(stream):
+    try:
+        stream.driver.reset()
+        stream.start()
+    except DeviceFaultError:
+        return False
+    return True
+
+
+def test_random_stops_pushes_and_buttons_never_move_the_arm(ur_host):
+    generator = random.Random(int(os.environ.get("ORIENTD_SEED", "7")))
+    buttons = ("play", "pause", "stop", "load other.urp", "power on", "brake release")
+    most = 0.0
+    with EmulatedRobot(ur_host, "--unlock-after", "0.02") as robot:
+        stream = Stream(ur_host)
+        try:
+            for case in range(CASES):
+                rate = generator.uniform(-1.4, 1.4)
+                stream.run(generator.uniform(0.05, 0.4), rate)
+                order = generator.choice(list(STOPS))
+                with contextlib.suppress(LaunchError):
+                    # On a busy machine the robot's watchdog may have ended the program before.
+                    robot.ask(order)
+                until(lambda: stream.cycle() or stream.is_faulty, f"{case}: a fault of {order}")
+                # A fault may be answered by a hand within a tenth of a second.
+                stream.run(generator.uniform(0.05, 0.2))
+                robot.wait_until(lambda s: s["is_still"])
+                stands = robot.state()["actual_q"]
+                if generator.random() < 0.6:
+                    stands = push(robot, [generator.uniform(-0.3, 0.3) for _ in range(6)])
+                if STOPS[order]:
+                    robot.ask(STOPS[order])
+                with Dashboard(ur_host) as dashboard:
+                    if order == "protective_stop":
+                        dashboard.ask("unlock protective stop")
+                    for _ in range(generator.randint(1, 3)):
+                        dashboard.ask(generator.choice(buttons))
+                    dashboard.ask("play")
+                stream.run(0.12)
+                off = moved(robot, stands)
+                most = max(most, off)
+                assert off < 1e-4, (case, order, off, robot.state()["log"][-3:])
+                robot.ask("stop")
+                bring(robot, HOME)
+                until(lambda: has_started(stream), "a reset")
+        finally:
+            stream.driver.close()
+    print(f"{CASES} cases, moved by {most:.2e} rad at most")
+
+
+def test_fault_of_the_daemon_ends_the_program_too(ur_robot):
+    stream = Stream(ur_robot.host)
+    try:
+        stream.run(0.4, rate=0.5)
+        stream.run(0.4)
+        stream.is_faulty = True  # at rest after a stop on the path
+        stream.driver.rest_in_fault()
+        stream.run(0.2)
+        assert ur_robot.state()["runtime_state"] == "STOPPED"
+        assert "watchdog" not in " ".join(ur_robot.state()["log"])
+        assert not stream.driver.notices()
+    finally:
+        stream.driver.close()
+
+
+def test_program_that_plays_during_a_fault_is_an_event(ur_robot):
+    events = []
+    with device_of(ur_robot.host, on_event=events.append) as device:
+        swing(device)
+        streaming(device)
+        ur_robot.ask("pause")
+        fault_of(device)
+        ended = ur_robot.wait_until(lambda s: s["runtime_state"] == "STOPPED")
+        ur_robot.wait_until(lambda s: s["ticks"] > ended["ticks"] + 50)
+        with Dashboard(ur_robot.host) as dashboard:
+            dashboard.ask("load other.urp")
+            assert dashboard.ask("play") == "Starting program"
+        until(
+            lambda: device.snapshot() and any("another program" in str(event) for event in events),
+            lambda: f"the event in {events}",
+            5.0,
+        )
+        recover(device)
+
+
+def test_robot_without_a_dashboard_has_its_program_ended_when_it_is_played(ur_host):
+    with EmulatedRobot(ur_host, "--polyscope", "10.11") as robot:
+        stream = Stream(ur_host)
+        try:
+            stream.run(0.4, rate=1.0)
+            robot.ask("pause")
+            stream.run(0.3)
+            stands = robot.wait_until(lambda s: s["is_still"])["actual_q"]
+            robot.ask("play")
+            stream.run(0.5)
+            assert moved(robot, stands) < 0.02
+            assert robot.state()["runtime_state"] == "STOPPED"
+            assert "was played on the robot during the fault" in stream.driver.notices()[0]
+        finally:
+            stream.driver.close()
+
+
+def test_arm_that_a_program_holds_is_not_pushed(ur_robot):
+    stream = Stream(ur_robot.host)
+    try:
+        with pytest.raises(LaunchError, match="the arm does not give way"):
+            ur_robot.ask("push 0 0 0 0 0 0")
+    finally:
+        stream.driver.close()

@@ -1,0 +1,217 @@
+"""Recordings that are cut or damaged: never taken for whole, and what is whole of them."""
+
+import os
+import warnings
+
+import numpy as np
+import pytest
+from command_line import assert_refused, orientd
+from mcap.writer import Writer
+from recorded import OFFSET_NS, RATE_HZ, moving
+
+from orientd.recorder import load_recording, read_orientations
+from orientd.recorder.mcap_records import Damages, records
+from orientd.recorder.writer import LIVE_CHUNK_BYTES, RecordingError, RecordingWriter
+from orientd.rpc import control_pb2 as pb
+
+CASES = int(os.environ.get("ORIENTD_CASES", "12"))
+COUNT = 1500
+SECONDS = COUNT / RATE_HZ
+TAIL = 4096
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A recording of a motion of 4 s that goes on where it ends, as bytes, and its cycles."""
+    path, table = tmp_path_factory.mktemp("whole") / "whole.mcap", moving(COUNT)
+    began = pb.Event(
+        device="arm",
+        kind=pb.EVENT_KIND_MOTION_STARTED,
+        motion_number=1,
+        time_ns=int(table["deadline_ns"][0]),
+        plan=pb.Plan(certificate=pb.Certificate(duration=4.0)),
+    )
+    with RecordingWriter(path, offset_ns=OFFSET_NS, chunk_bytes=LIVE_CHUNK_BYTES) as writer:
+        writer.add_device("arm", RATE_HZ)
+        writer.add_configuration("{}", {})
+        writer.add_event(began)
+        for first in range(0, COUNT, 25):
+            writer.add_cycles("arm", table[first : first + 25])
+    return path.read_bytes(), load_recording(path).cycles["arm"]
+
+
+@pytest.fixture(autouse=True)
+def no_warnings():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
+
+def refusal(path):
+    """Return in which words a recording is refused, by both of its readers."""
+    with pytest.raises(RecordingError) as refused:
+        load_recording(path)
+    with pytest.raises(RecordingError) as again:
+        read_orientations(path)
+    assert str(refused.value) == str(again.value)
+    assert "\n" not in str(refused.value)
+    assert "Error" not in str(refused.value)
+    return str(refused.value)
+
+
+def rest(path, cycles):
+    """Return how many cycles are had of a damaged recording, each as it was."""
+    try:
+        recording = load_recording(path, partial=True)
+    except RecordingError:
+        return 0
+    assert recording.damages
+    found = recording.cycles.get("arm", cycles[:0])
+    places = found["index"] - cycles["index"][0]
+    assert np.all(np.diff(places) > 0)
+    assert found.tobytes() == cycles[places].tobytes()  # joints are no numbers
+    return len(found)
+
+
+@pytest.mark.timeout(1200)  # with 300 cases there are 4,300 cuts
+def test_a_recording_that_was_cut_is_never_taken_for_whole(whole, tmp_path):
+    content, cycles = whole
+    random, path = np.random.default_rng(1), tmp_path / "cut.mcap"
+    anywhere = random.integers(0, len(content), min(CASES, 200)).tolist()
+    at_the_end = range(len(content) - TAIL, len(content))
+    if CASES < 300:
+        at_the_end = random.choice(at_the_end, CASES).tolist()
+    before = 0
+    for size in sorted({0, 7, 8, *anywhere, *at_the_end, len(content) - 1}):
+        path.write_bytes(content[:size])
+        words = refusal(path)
+        assert any(part in words for part in ("no end", "cut off", "MCAP file")), (size, words)
+        had = rest(path, cycles)
+        assert had >= before
+        before = had
+    assert before == COUNT
+
+
+def test_it_is_said_how_far_a_cut_recording_reaches_and_what_is_missing(whole, tmp_path):
+    content, cycles = whole
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(content[: len(content) // 2])
+    words = refusal(path)
+    recording = load_recording(path, partial=True)
+    reached = float(recording.cycles["arm"]["deadline_ns"][-1] - cycles["deadline_ns"][0]) * 1e-9
+    assert f"it reaches to {reached:.3f} s" in words
+    assert f"motion 1 of arm was to go on for about {4.0 - reached:.3f} s" in words
+    assert "missing are at least" in words
+    assert "`--partial` (in Python `partial=True`) takes what can be read" in words
+    found = read_orientations(path, partial=True)
+    assert len(found.times) == len(recording.cycles["arm"])
+    assert any("it has no end" in note for note in found.notes)
+
+
+def test_what_is_cut_behind_the_data_takes_nothing_of_it(whole, tmp_path):
+    content, cycles = whole
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(content[:-1])
+    words = refusal(path)
+    assert "the index behind its data is cut off; missing are 0.000 s and 0 bytes" in words
+    assert rest(path, cycles) == COUNT
+
+
+def test_a_tail_of_zeros_is_no_data(whole, tmp_path):
+    content, cycles = whole
+    path = tmp_path / "zeros.mcap"
+    size = len(content) // 2
+    path.write_bytes(content[:size] + bytes(len(content) - size))
+    assert "it has no end" in refusal(path)
+    assert 0 < rest(path, cycles) < COUNT
+
+
+def test_a_flipped_bit_costs_its_chunk_and_is_named_with_its_place(whole, tmp_path):
+    content, cycles = whole
+    path = tmp_path / "flipped.mcap"
+    place = len(content) // 2
+    path.write_bytes(content[:place] + bytes([content[place] ^ 4]) + content[place + 1 :])
+    words = refusal(path)
+    recording = load_recording(path, partial=True)
+    (part,) = recording.damages.parts
+    missing = np.setdiff1d(cycles["deadline_ns"], recording.cycles["arm"]["deadline_ns"])
+    missing += OFFSET_NS
+    assert part.begin_ns < missing[0] <= missing[-1] <= part.end_ns
+    begin, end = (1e-9 * (t - recording.damages.first_ns) for t in (part.begin_ns, part.end_ns))
+    assert f"it cannot be read from {begin:.3f} s to {end:.3f} s" in words
+    assert f"({part.count} bytes at byte {part.first})" in words
+    assert part.first <= place < part.first + part.count
+    assert 0.0 < begin < end < SECONDS
+    assert COUNT - 200 < rest(path, cycles) < COUNT
+
+
+def test_random_flipped_bits_are_named_or_harmless(whole, tmp_path):
+    content, cycles = whole
+    random, path, harmless = np.random.default_rng(2), tmp_path / "flipped.mcap", 0
+    for _ in range(CASES):
+        damaged = bytearray(content)
+        for place in random.integers(8, len(content), int(random.integers(1, 4))).tolist():
+            damaged[place] ^= 1 << int(random.integers(8))
+        path.write_bytes(damaged)
+        try:
+            recording = load_recording(path)
+        except RecordingError:
+            refusal(path)
+            rest(path, cycles)
+        else:
+            harmless += 1
+            assert recording.cycles["arm"].tobytes() == cycles.tobytes()
+    print(f"{harmless} of {CASES} harmless")
+
+
+def test_a_chunk_that_has_become_another_record_is_missing(whole, tmp_path):
+    content, cycles = whole
+    damages = Damages()
+    path = tmp_path / "a.mcap"
+    path.write_bytes(content)
+    list(records(path, damages))
+    assert not damages
+    chunk = content.index(b"zstd", len(content) // 3) - 9 - 8 - 8 - 8 - 4 - 4
+    assert content[chunk] == 6
+    for opcode in (7, 0x86, 0x46, 0):
+        path.write_bytes(content[:chunk] + bytes([opcode]) + content[chunk + 1 :])
+        assert "it cannot be read from" in refusal(path)
+        assert COUNT - 200 < rest(path, cycles) < COUNT
+
+
+def test_recordings_of_others_are_not_taken_for_whole_either(tmp_path):
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=200)
+        writer.start()
+        channel = writer.register_channel("/head", "json", 0)
+        for k in range(200):
+            content = b'{"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}'
+            time = 10**9 + k * 10**7
+            writer.add_message(channel, log_time=time, data=content, publish_time=time)
+        writer.finish()
+    content = path.read_bytes()
+    assert len(read_orientations(path).times) == 200
+    path.write_bytes(content[: len(content) // 2])
+    with pytest.raises(RecordingError, match=r"is not whole: .*it has no end: it reaches to"):
+        read_orientations(path)
+    found = read_orientations(path, partial=True)
+    assert 10 < len(found.times) < 190
+    assert "it has no end" in found.notes[0]
+
+
+def test_commands_refuse_a_cut_recording_in_one_line_and_take_what_is_whole_when_asked(
+    whole, tmp_path
+):
+    content, _ = whole
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(content[: len(content) // 2])
+    for command in (
+        ("replay", path, "--dry-run"),
+        ("plot", path, "-o", tmp_path / "a.svg"),
+        ("export", path, "-o", tmp_path / "a.csv"),
+    ):
+        assert_refused(orientd(*command), "is not whole: ", "it has no end", "`--partial`")
+        done = orientd(*command, "--partial")
+        assert done.returncode == 0, done.stderr
+        assert "it has no end: it reaches to" in done.stdout

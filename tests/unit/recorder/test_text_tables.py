@@ -1,0 +1,213 @@
+"""Orientations in text: TUM trajectories, EuRoC tables, and what is said of times and norms."""
+
+import json
+import os
+import warnings
+
+import numpy as np
+import pytest
+from command_line import assert_refused, orientd
+
+from orientd import rotation
+from orientd.recorder import RecordingError, read_orientations
+
+CASES = int(os.environ.get("ORIENTD_CASES", "10"))
+START_NS = 1_403_636_579_758_555_392
+STEP_NS = 5_000_001
+COUNT = 300
+NS = STEP_NS * np.arange(COUNT)
+TIMES = NS * 1e-9
+Q = rotation.exp(np.outer(0.8 * np.sin(TIMES), [0.0, 0.6, 0.8]))
+EUROC = (
+    "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], "
+    "q_RS_z [], v_RS_R_x [m s^-1], v_RS_R_y [m s^-1], v_RS_R_z [m s^-1]"
+)
+TUM = "# timestamp tx ty tz qx qy qz qw"
+
+
+@pytest.fixture(autouse=True)
+def no_warnings():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
+
+def seconds(ns):
+    return f"{ns // 10**9}.{ns % 10**9:09d}"
+
+
+def tum(path, *, header=TUM, order="xyzw", q=Q, ns=NS, start=START_NS):
+    lines = ["# ground truth trajectory", "# file: 'a.bag'", header, ""]
+    for at, one in zip((start + ns).tolist(), q, strict=True):
+        parts = dict(zip("wxyz", one, strict=True))
+        numbers = " ".join(f"{parts[name]:.6f}" for name in order)
+        lines.append(f"{seconds(at)} 1.1 -0.2 0.3 {numbers} ")
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def euroc(path, *, header=EUROC, ns=NS, q=Q):
+    lines = [header]
+    for at, one in zip((START_NS + ns).tolist(), q, strict=True):
+        lines.append(f"{at},1.1,0.2,0.3,{','.join(f'{c:.6f}' for c in one)},0.1,0.2,0.3")
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def check(found):
+    # To the nanosecond, which a double of the time of day has not.
+    assert np.array_equal(np.rint(found.times * 1e9).astype(np.int64), NS)
+    assert rotation.angle(found.q, Q).max() < 3e-6
+    assert np.allclose(np.linalg.norm(found.q, axis=1), 1.0, rtol=0, atol=1.1e-6)
+
+
+@pytest.mark.parametrize("name", ["a.tum", "a.txt"])
+def test_a_tum_trajectory_is_read_to_the_nanosecond(tmp_path, name):
+    found = read_orientations(tum(tmp_path / name))
+    check(found)
+
+
+def test_the_header_of_a_tum_trajectory_says_where_w_is(tmp_path):
+    header = "#timestamp tx ty tz qw qx qy qz"
+    check(read_orientations(tum(tmp_path / "a.tum", header=header, order="wxyz")))
+    # Without one it is last.
+    check(read_orientations(tum(tmp_path / "a.tum", header="# anything")))
+
+
+@pytest.mark.parametrize("clock", ["#timestamp", "#timestamp [ns]", "timestamp"])
+def test_a_table_of_euroc_is_read_to_the_nanosecond(tmp_path, clock):
+    check(read_orientations(euroc(tmp_path / "a.csv", header=EUROC.replace("#timestamp", clock))))
+
+
+def test_norms_of_six_decimals_have_a_note(tmp_path):
+    q = Q * (1.0 + 8e-6 * np.cos(np.arange(COUNT)))[:, None]
+    found = read_orientations(euroc(tmp_path / "a.csv", q=q))
+    check(found)
+    (note,) = found.notes
+    assert "quaternions have norms from 0.99999" in note
+    assert note.endswith("scaled to 1")
+
+
+def test_norms_that_are_far_off_are_named_and_what_is_none_is_left_out(tmp_path):
+    q = Q.copy()
+    q[::2] *= 1.1
+    q[7], q[11] = 1e200, 0.0
+    found = read_orientations(euroc(tmp_path / "a.csv", q=q))
+    assert np.flatnonzero(np.isnan(found.q).any(axis=1)).tolist() == [7, 11]
+    assert np.allclose(np.linalg.norm(np.delete(found.q, [7, 11], axis=0), axis=1), 1.0, atol=2e-6)
+    assert any("150 of 300" in note or "norms from" in note for note in found.notes)
+    assert any(
+        "2 of 300 are no quaternions and left out, the first in line 9" in n for n in found.notes
+    )
+
+
+@pytest.mark.parametrize("write", [tum, euroc])
+def test_one_stamp_that_steps_back_is_named_with_its_line(tmp_path, write):
+    ns = NS.copy()
+    ns[100] -= 400_000_000
+    path = write(tmp_path / ("a.tum" if write is tum else "a.csv"), ns=ns)
+    line = 105 if write is tum else 102
+    note = next(note for note in read_orientations(path).notes if "steps back" in note)
+    assert note.startswith(f"the time steps back 1 times, first in line {line}, by at most 0.395")
+
+
+@pytest.mark.parametrize("offset_ns", [0, 7_000_000])
+@pytest.mark.parametrize("write", [tum, euroc])
+def test_a_clock_that_starts_again_is_refused_with_its_line(tmp_path, write, offset_ns):
+    ns = np.concatenate([NS[:150], NS[:150] + offset_ns])
+    path = write(tmp_path / ("a.tum" if write is tum else "a.csv"), ns=ns)
+    line = 155 if write is tum else 152
+    back = 1e-9 * (NS[149] - offset_ns)
+    with pytest.raises(RecordingError) as refused:
+        read_orientations(path)
+    assert (
+        f"the time steps back by {back:.6g} s in line {line}, from {1e-9 * NS[149]:.6g} s"
+        in str(refused.value)
+    )
+    assert "150 of 300 samples come after that, among earlier ones" in str(refused.value)
+
+
+def test_samples_that_come_a_little_late_are_put_in_order(tmp_path):
+    random = np.random.default_rng(3)
+    order = np.argsort(NS + random.uniform(0, 5 * STEP_NS, COUNT), kind="stable")
+    found = read_orientations(euroc(tmp_path / "a.csv", ns=NS[order], q=Q[order]))
+    assert any("samples are taken in the order of their times" in note for note in found.notes)
+
+
+def test_blocks_that_were_written_out_of_order_are_put_in_order(tmp_path):
+    order = np.concatenate([np.arange(100), np.arange(200, 300), np.arange(100, 200)])
+    found = read_orientations(euroc(tmp_path / "a.csv", ns=NS[order], q=Q[order]))
+    assert any("the time steps back 1 times" in note for note in found.notes)
+
+
+def test_ten_poses_to_a_stamp_are_counted(tmp_path):
+    found = read_orientations(euroc(tmp_path / "a.csv", ns=NS // (10 * STEP_NS) * 10 * STEP_NS))
+    assert "270 of 300 samples repeat a time and are left out" in found.notes
+
+
+def test_a_line_that_is_cut_is_named(tmp_path):
+    for path in (tum(tmp_path / "a.tum"), euroc(tmp_path / "a.csv")):
+        text = path.read_text()
+        path.write_text(text[: text.rstrip().rindex("0.3") - 30])
+        note = read_orientations(path).notes[0]
+        last = len(path.read_text().splitlines())
+        assert (
+            note == f"1 of {COUNT} samples lack a number and are left out, the first in line {last}"
+        )
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "problem"),
+    [
+        ("a.tum", "1 2 3\n", "expected timestamp tx ty tz qx qy qz qw in each line, got 3 words"),
+        ("a.txt", "once upon a time there was\n", "in each line, got 6 words in line 1"),
+        (
+            "a.csv",
+            "#timestamp [fortnight], q_w, q_x, q_y, q_z\n1,1,0,0,0\n",
+            "expected s, ms, us, ns",
+        ),
+    ],
+)
+def test_texts_of_something_else_are_refused(tmp_path, name, text, problem):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(RecordingError, match=problem):
+        read_orientations(tmp_path / name)
+
+
+def test_random_cuts_and_letters_never_end_in_a_trace(tmp_path):
+    random = np.random.default_rng(8)
+    for number in range(CASES):
+        path = (tum, euroc)[number % 2](tmp_path / ("a.tum", "a.csv")[number % 2])
+        content = bytearray(path.read_bytes())
+        for place in random.integers(0, len(content), 5).tolist():
+            content[place] = int(random.integers(256))
+        path.write_bytes(content[: int(random.integers(1, len(content)))])
+        try:
+            found = read_orientations(path)
+        except RecordingError as error:
+            words = str(error)
+        else:
+            words = " ".join(found.notes)
+            assert len(found.times) == len(found.q)
+        assert "\n" not in words
+
+
+@pytest.mark.parametrize("write", [tum, euroc])
+def test_replay_and_plot_take_both(tmp_path, write):
+    path = write(tmp_path / ("a.tum" if write is tum else "a.csv"))
+    done = orientd("replay", path, "--dry-run", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["fit"]["samples"] == COUNT
+    done = orientd("plot", path, "-o", tmp_path / "a.svg")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "a.svg").stat().st_size > 10_000
+
+
+def test_replay_names_norms_and_refuses_a_clock_that_starts_again(tmp_path):
+    path = euroc(tmp_path / "a.csv", q=1.01 * Q)
+    done = orientd("replay", path, "--dry-run")
+    assert done.returncode == 0, done.stderr
+    assert "note: 300 of 300 quaternions have norms from 1.01 to 1.01: scaled to 1" in done.stdout
+    ns = np.concatenate([NS[:150], NS[:150]])
+    done = orientd("replay", euroc(path, ns=ns), "--dry-run")
+    assert_refused(done, "the time steps back by")

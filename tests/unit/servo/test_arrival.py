@@ -1,0 +1,95 @@
+"""A motion is done once the axes have arrived; axes that do not come are a fault."""
+
+import math
+
+import pytest
+from rig import PERIOD_NS, Rig, turn
+
+from orientd.driver import AxisGap
+from orientd.errors import Fault
+from orientd.servo.arrival import ARRIVAL_NS, Arrival
+from orientd.stream import Command, CycleFlag, ServoState
+
+DEGREE = math.pi / 180
+WAIT = ARRIVAL_NS // PERIOD_NS
+
+
+def at_end(gap):
+    """Return a rig whose motion has just been sent to its end, with axes *gap* degrees behind."""
+    rig = Rig()
+    rig.gap = gap
+    rig.driver.gaps = lambda: (
+        AxisGap("yaw", rig.gap * DEGREE, 2 * DEGREE, "0.45 A"),
+        AxisGap("pitch", 0.0, 2 * DEGREE),
+    )
+    rig.start(turn())
+    rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
+    return rig
+
+
+def is_arriving(rig):
+    return bool(rig.cycle.flags & CycleFlag.ARRIVING)
+
+
+def test_motion_is_arriving_until_every_axis_is_within_its_tolerance():
+    rig = at_end(-6.0)
+    rig.run(20)
+    assert is_arriving(rig)
+    rig.gap = 1.9
+    rig.run(2)
+    assert not is_arriving(rig)
+    rig.gap = 6.0
+    rig.run(2 * WAIT)
+    assert rig.cycle.state is ServoState.HOLDING
+
+
+def test_axis_that_does_not_arrive_is_a_fault_that_names_it():
+    rig = at_end(-6.1)
+    taken = rig.run_until(lambda servo: servo.state is ServoState.FAULT)
+    assert taken <= WAIT + 5
+    assert rig.servo.setpoints.fault is Fault.DEVICE_FAULT
+    text = rig.servo.setpoints.fault_text
+    assert text.startswith("yaw has not arrived: it is 6.1 deg behind")
+    assert "0.45 A" in text
+    assert "pitch" not in text
+
+
+def test_device_that_does_not_tell_has_arrived_with_the_last_setpoint():
+    rig = Rig()
+    rig.start(turn())
+    rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
+    assert not is_arriving(rig)
+
+
+@pytest.mark.parametrize("command", [Command.DISABLE, Command.TRACK])
+def test_wait_ends_with_whatever_comes_next(command):
+    rig = at_end(6.0)
+    rig.run(3)
+    rig.ask(command)
+    rig.run(2 * WAIT)
+    assert not is_arriving(rig)
+    assert rig.servo.setpoints.fault is Fault.NONE
+
+
+def test_gap_that_is_no_number_is_not_arrived():
+    arrival = Arrival()
+    arrival.begin(0)
+    assert not arrival.look([AxisGap("yaw", math.nan, 1.0)], 1)
+    assert arrival.is_awaited
+
+
+def test_what_was_measured_before_the_last_setpoint_does_not_count():
+    arrival = Arrival()
+    arrival.begin(1000)
+    assert not arrival.look([AxisGap("yaw", 0.0, 1.0)], 1000)
+    assert arrival.is_awaited
+    assert not arrival.look([AxisGap("yaw", 0.0, 1.0)], 1001)
+    assert not arrival.is_awaited
+
+
+def test_driver_that_cannot_tell_is_an_internal_fault():
+    rig = Rig()
+    rig.driver.gaps = lambda: 1 / 0
+    rig.start(turn())
+    rig.run_until(lambda servo: servo.state is ServoState.FAULT)
+    assert rig.servo.setpoints.fault is Fault.INTERNAL
