@@ -29,7 +29,6 @@ def lazily(package: str) -> Callable[[str], Any]:
         if name.strip()
     }
     front.__all__ = sorted(home_of)  # type: ignore[attr-defined]
-    front.__dir__ = lambda: sorted({*vars(front), *home_of})  # type: ignore[method-assign]
 
     def find(name: str) -> Any:  # noqa: ANN401 - whatever the name stands for
         if name not in home_of:

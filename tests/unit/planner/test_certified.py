@@ -88,8 +88,9 @@ def test_errors_are_how_far_the_path_is_from_what_was_asked():
     assert (certificate.start_velocity_error, certificate.end_velocity_error) == (0.0, 0.0)
     other = replace(request, start_velocity=(0.3, 0.0, 0.4), end_velocity=(0.0, 0.6, 0.8))
     peaks = Mock(brake_rate=0.0, axis_velocity=(), axis_acceleration=(), axis_jerk=())
+    peaks.velocity = certificate.peak_velocity
     later = motion.keyframe_times + np.array([0.0, 0.0, 0.1, 0.0])
-    found = summing_up.summed_up(other, path, (begin, end), later, peaks, PERIOD)
+    found = summing_up.summed_up(other, path, (begin, end), later, peaks, PERIOD, motion.limits)
     for time, wanted, error in (
         (begin, (0.3, 0.0, 0.4), found.start_velocity_error),
         (end, (0.0, 0.6, 0.8), found.end_velocity_error),
@@ -100,7 +101,7 @@ def test_errors_are_how_far_the_path_is_from_what_was_asked():
     assert found.keyframe_error > 0.01
     assert found.stop_time == math.inf
     peaks.brake_rate = 0.5
-    slow = summing_up.summed_up(other, path, (begin, end), later, peaks, PERIOD)
+    slow = summing_up.summed_up(other, path, (begin, end), later, peaks, PERIOD, motion.limits)
     assert slow.stop_time == 2.0
     assert found.figures == ()
 

@@ -7,7 +7,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import orientd
-from orientd import planner
 from orientd.errors import RequestError
 from orientd.planner import Keyframe, Limits, MotionRequest
 
@@ -79,4 +78,3 @@ def test_an_unknown_keyword_is_answered_as_an_unknown_key_of_a_file_is():
 
 def test_tab_shows_what_there_is():
     assert {"plan", "connect", "Quaternion", "curves", "OnTarget"} <= set(dir(orientd))
-    assert {"Limits", "Motion", "State"} <= set(dir(planner))
