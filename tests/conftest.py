@@ -1,6 +1,7 @@
 import os
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -52,3 +53,20 @@ def open_folder():
     folder.chmod(0o755)
     yield folder
     shutil.rmtree(folder)
+
+
+@pytest.fixture(autouse=True)
+def _no_command_outlives_its_test():
+    """Ends the commands that a failed test has left running."""
+    begun = getattr(sys.modules.get("command_line"), "BEGUN", [])
+    before = len(begun)
+    yield
+    for process in begun[before:]:
+        if process.poll() is None:
+            process.terminate()
+            try:
+                process.wait(20.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+    del begun[before:]

@@ -182,6 +182,8 @@ def _orientation(target: object) -> Orientation:
         return (float(target.w), float(target.x), float(target.y), float(target.z))
     mapping = keyframe_mappings([target])[0]
     for key in sorted(set(mapping) - set(motion_file.FORMS)):
+        if key in TARGET_KEYS:
+            raise RequestError(f"target.{key}", "expected beside the orientation, not among it")
         near = did_you_mean(key, [*motion_file.FORMS, *TARGET_KEYS])
         raise RequestError("target", f"unknown key {key!r}{near}")
     try:

@@ -42,9 +42,13 @@ def inside(*arguments):
     )
 
 
+BEGUN = []
+"""Processes that were started and may run still."""
+
+
 def begin(*arguments, env=None, **more):
-    """Start a command and return its process."""
-    return subprocess.Popen(
+    """Start a command and return its process; it ends with the test that started it."""
+    process = subprocess.Popen(
         [*COMMAND, *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -53,6 +57,8 @@ def begin(*arguments, env=None, **more):
         env=env or environment(),
         **more,
     )
+    BEGUN.append(process)
+    return process
 
 
 def assert_refused(done, *parts, status=1):
