@@ -216,7 +216,9 @@ class PeerListener:
 
         def meet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
             if not is_read:
-                writer.transport.pause_reading()  # type: ignore[attr-defined] # it reads, too
+                # Before Python 3.11.3 a transport begins to read after this, paused or not.
+                pause = writer.transport.pause_reading  # type: ignore[attr-defined] # it reads, too
+                asyncio.get_running_loop().call_soon(pause)
             visit = asyncio.ensure_future(receive(reader, writer))
             self._visits.add(visit)
             visit.add_done_callback(self._visits.discard)
