@@ -65,8 +65,8 @@ def _no_command_outlives_its_test():
         if process.poll() is None:
             process.terminate()
             try:
-                process.wait(20.0)
+                process.communicate(timeout=20.0)
             except subprocess.TimeoutExpired:
                 process.kill()
-                process.wait()
+                process.communicate()
     del begun[before:]
