@@ -63,7 +63,7 @@ from orientd.planner.timing import (
 
 EVEN = "at an even pace: stopping wherever the acceleration jumps is no quicker"
 
-_FAR_LONGER = 2.5
+_FAR_LONGER = 4.0
 """Times as long as stops take: the usual duration of a curve that is hardly the quicker way."""
 
 _FAR_SLOWER = 4.0

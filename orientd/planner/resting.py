@@ -273,7 +273,7 @@ def rests_noted(job: PlanJob, connectors: Connectors) -> str:
     if connectors.has_no_rest or not inner:
         return CONNECTS
     names = " and ".join(f"keyframes[{one}]" for one in inner)
-    return f"stops at {names}: this takes less time than the curve through all keyframes"
+    return f"stops at {names}: no quicker curve through all keyframes was found"
 
 
 def end_states(job: PlanJob) -> tuple[State, State]:
