@@ -18,7 +18,7 @@ the way, *D*.  Both together leave one equation for *n*, whose smallest root is 
 from __future__ import annotations
 
 from orientd.driver import Vector3
-from orientd.servo.path.cubic import Cubic
+from orientd.servo.path.segment import Law
 
 _ITERATIONS = 4
 _BISECTIONS = 24
@@ -42,21 +42,24 @@ class TurnBackPoint:
         self.way = 0.0
         self.is_found = False
 
-    def look(self, piece: Cubic) -> None:
-        """Look for it between the record so far and the next."""
-        a, b, c, m = (dot(vector, self.axis) for vector in piece)
-        if a + 2.0 * b + 3.0 * c > 0.0:
-            self.way += m
+    def look(self, piece: Law) -> None:
+        """Look for it between the record so far and the next.
+
+        Args:
+            piece: angle from the first of them on, in units of the period, rad/s.
+        """
+        if dot(piece.rate(1.0), self.axis) > 0.0:
+            self.way += dot(piece.value(1.0), self.axis)
             self.place += 1.0
             return
         low, high = 0.0, 1.0
         for _ in range(_BISECTIONS):
             u = 0.5 * (low + high)
-            if (3.0 * c * u + 2.0 * b) * u + a > 0.0:
+            if dot(piece.rate(u), self.axis) > 0.0:
                 low = u
             else:
                 high = u
-        self.way += ((c * low + b) * low + a) * low
+        self.way += dot(piece.value(low), self.axis)
         self.place += low
         self.is_found = True
 

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from orientd.servo.path.cubic import between, cubic
+from orientd.servo.path.segment import hermite
 from orientd.servo.path.turn_back import TurnBackPoint
 
-ZERO = (0.0, 0.0, 0.0)
 AXIS = (0.6, 0.0, 0.8)
 
 
@@ -18,7 +17,7 @@ def a_turn(speed, push):
     """Return the turn of a motion with constant acceleration along an axis, from its records."""
     turn, omega = TurnBackPoint(AXIS, 0), speed
     while not turn.is_found:
-        turn.look(cubic(along(omega), along(omega + push), along(omega + 0.5 * push)))
+        turn.look(hermite(along(omega + 0.5 * push), along(omega), along(omega + push)))
         omega += push
     return turn
 
@@ -42,8 +41,8 @@ def test_the_turn_is_where_the_velocity_along_the_axis_is_zero(push):
 
 def test_what_has_been_come_along_is_not_left():
     turn = a_turn(1.0, -0.1)
-    piece = cubic(along(1.0), along(0.9), along(0.95))
-    turn.come(between(piece, 0.0, piece, 0.5, ZERO)[0])
+    piece = hermite(along(0.95), along(1.0), along(0.9))
+    turn.come(piece.value(0.5))
     assert turn.way == pytest.approx(5.0 - 0.4875)
 
 
