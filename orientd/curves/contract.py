@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.family import Family, is_same
+from orientd.drawing import Drawable
 from orientd.rotation import Floats, to_scipy
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from scipy.spatial.transform import Rotation
 
 Samples = tuple[Floats, Floats, Floats]
@@ -32,7 +31,7 @@ _FEW = 8
 """Numbers that a parameter may have to be shown in full."""
 
 
-class Curve(metaclass=Family):
+class Curve(Drawable, metaclass=Family):
     """A curve of orientations over an interval of time.
 
     A family subclasses this, computes what it needs in its constructor, whose keyword-only
@@ -142,21 +141,6 @@ class Curve(metaclass=Family):
         parts = [f"{start:g} s to {end:g} s", f"C{self.continuity}"]
         parts += [f"{name}={_in_short(value)}" for name, value in self.made_of.items()]
         return f"<{type(self).__name__}: {', '.join(parts)}>"
-
-    def plot(self, path: str | Path, *, title: str = "") -> None:
-        """Draw the curve to a .png, .svg or .pdf file; needs Matplotlib.
-
-        Raises:
-            OrientdError: the file cannot be written, or Matplotlib is not installed.
-        """
-        from orientd.plots import draw_alone
-
-        draw_alone(path, self, title=title)
-
-    def _repr_png_(self) -> bytes | None:
-        from orientd.plots import png_of
-
-        return png_of(self)
 
     def ends(self) -> Samples:
         """Return what :meth:`evaluate` does at both ends of the domain."""
