@@ -92,8 +92,14 @@ class Law(NamedTuple):
 
     def scaled(self, factor: float) -> Law:
         """Return the law of the vector times a factor."""
-        parts = ((factor * x, factor * y, factor * z) for x, y, z in self[:4])
-        return Law(*parts, self.place)
+        (a, b, c), (d, e, f), (g, h, i), (x, y, z), place = self
+        return Law(
+            (factor * a, factor * b, factor * c),
+            (factor * d, factor * e, factor * f),
+            (factor * g, factor * h, factor * i),
+            (factor * x, factor * y, factor * z),
+            place,
+        )
 
 
 def hermite(way: Vector3, leave: Vector3, arrive: Vector3) -> Law:
