@@ -158,6 +158,11 @@ def jet_geodesic(
     start: Floats, step: Floats, u: Floats, u_first: Floats, u_second: Floats, out: Floats, /
 ) -> None: ...
 
+# between.h
+def between(
+    here: Floats, there: Floats, periods: Floats, shares: Floats, out: Floats, /
+) -> None: ...
+
 # certify.h
 def least_rate(
     velocity: Floats,
