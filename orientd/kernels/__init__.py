@@ -12,6 +12,7 @@ __path__.insert(0, str(library().parent))
 from orientd.kernels.native import (  # noqa: E402
     LEVEL,
     are_unit,
+    between,
     choose_knots,
     euclidean_increments,
     farthest_from_path,
@@ -19,6 +20,7 @@ from orientd.kernels.native import (  # noqa: E402
     find_connector,
     find_increments,
     find_profile,
+    fit_trajectory,
     guess_connector,
     interpolate_c2,
     jet_exponential,
@@ -45,6 +47,7 @@ from orientd.kernels.native import (  # noqa: E402
     sample_cubic,
     sample_path,
     sample_product,
+    sample_trajectory,
     setpoint_extremes,
     shorten_connector,
     solve_banded,
