@@ -112,93 +112,36 @@ int least_rate(matrix_t velocity, matrix_t acceleration, row_t jerk, double most
     return 0;
 }
 
-/* What turns differences into rates, and how much larger acceleration and jerk may be in a rough
- * part of the path. */
-typedef struct { double unit, unit2, unit3, start, period, begin, end, more, most; } scale_t;
-
-INLINE double larger(double a, double b) { return a > b ? a : b; }
-
-INLINE bool is_rough(scale_t s, index_t i) {
-    double time = s.start + s.period * (double)i;
-    return (s.begin <= time) & (time < s.end);
-}
-
-/* What lies between the records counts as it is: what is more on the rough part is said of the
- * records alone. */
-INLINE void shares(scale_t s, bool is_first, index_t i, double *bends, double *twists) {
-    bool is_less = !is_first & is_rough(s, i);
-    *bends = is_less ? 1.0 / s.more : 1.0;
-    *twists = is_less ? 1.0 / s.most : 1.0;
-}
-
-/* Write the largest squares of velocity, acceleration and jerk of the setpoints at and after each
- * record, and the largest product of the first two, of all three components together. */
-static void put_norms(const seen_t *seen, index_t points, scale_t s, bool is_first,
-                      double (*restrict to)[BLOCK]) {
-    const double (*v)[BLOCK] = seen->rates[0], (*a)[BLOCK] = seen->rates[1];
-    const double (*squares)[BLOCK] = seen->squares;
-    const double least = is_first ? 0.0 : 1.0;
-    INDEPENDENT
-    for (index_t i = 0; i < points; i++) {
-        double bends, twists;
-        shares(s, is_first, i, &bends, &twists);
-        double along = fabs(v[0][i + 2] * a[0][i + 1] + v[1][i + 2] * a[1][i + 1]
-                            + v[2][i + 2] * a[2][i + 1]);
-        to[0][i] = larger(squares[0][i + 2], least * to[0][i]);
-        to[1][i] = larger(bends * bends * squares[1][i + 1], least * to[1][i]);
-        to[2][i] = larger(bends * along, least * to[2][i]);
-        to[3][i] = larger(twists * twists * squares[2][i], least * to[3][i]);
+/* Write the largest velocity, acceleration and jerk at the phases of each record, and the largest
+ * product of the first two. */
+INLINE void put_points(const sight_t *sight, index_t points, double period, int column,
+                       lane_t *restrict to) {
+    double u = 1.0 / period, u2 = u * u, u3 = u2 * u;
+    for (int p = 0; p < PHASES; p++) {
+        const lanes_t *rates = sight->rates[p];
+        index_t begin = p ? least(sight->first, points) : 0;
+        index_t end = p ? least(sight->windows[2], points) : points;
+        INDEPENDENT
+        for (index_t i = begin; i < end; i++) {
+            vec_t v = at(rates, i + 2), a = at(rates + 1, i + 1), j = at(rates + 2, i);
+            double along = column == 0 ? fabs(dot(v, a)) : size_of(v, column) * size_of(a, column);
+            to[0][i] = most_of(p ? to[0][i] : 0.0, u * size_of(v, column));
+            to[1][i] = most_of(p ? to[1][i] : 0.0, u2 * size_of(a, column));
+            to[2][i] = most_of(p ? to[2][i] : 0.0, u3 * along);
+            to[3][i] = most_of(p ? to[3][i] : 0.0, u3 * size_of(j, column));
+        }
     }
 }
 
-/* Write the same of one component. */
-static void put_component(const seen_t *seen, index_t axis, index_t points, scale_t s,
-                          bool is_first, double (*restrict to)[BLOCK]) {
-    const double *v = seen->rates[0][axis], *a = seen->rates[1][axis];
-    const double *jerk = seen->rates[2][axis];
-    const double least = is_first ? 0.0 : 1.0;
-    INDEPENDENT
-    for (index_t i = 0; i < points; i++) {
-        double bends, twists;
-        shares(s, is_first, i, &bends, &twists);
-        double speed = v[i + 2], size = bends * a[i + 1], twist = twists * jerk[i];
-        to[0][i] = larger(speed * speed, least * to[0][i]);
-        to[1][i] = larger(size * size, least * to[1][i]);
-        to[2][i] = larger(fabs(speed * size), least * to[2][i]);
-        to[3][i] = larger(twist * twist, least * to[3][i]);
-    }
-}
-
-/* Turn squares of differences into rates. */
-static void put_rates(scale_t s, index_t points, double (*restrict to)[BLOCK]) {
-    INDEPENDENT
-    for (index_t i = 0; i < points; i++) {
-        bool is_more = is_rough(s, i);
-        double bends = is_more ? s.unit2 * s.more : s.unit2;
-        double twists = is_more ? s.unit3 * s.most : s.unit3;
-        to[0][i] = s.unit * sqrt(to[0][i]), to[1][i] = bends * sqrt(to[1][i]);
-        to[2][i] = s.unit * bends * to[2][i], to[3][i] = twists * sqrt(to[3][i]);
-    }
-}
-
-slowest_t slower(const sight_t *sight, index_t shift, double start, const measure_t *how,
-                 slowest_t before) {
-    index_t points = sight->at->count - HISTORY;
+slowest_t slower(const sight_t *sight, index_t shift, const measure_t *how, slowest_t before) {
+    index_t points = sight->counts[2];
     if (points <= 0)
         return before;
-    double rows[5][BLOCK] = {{0.0}}, period = how->period;
-    const double *rough = how->rough;
+    lane_t rows[5];
     points_t at = {rows[0], rows[1], rows[2], rows[3], rows[4], points};
-    scale_t s = {1.0 / period, 1.0 / (period * period), 1.0 / (period * period * period),
-                 start + period * (double)shift, period, rough[0], rough[1], rough[2], rough[3]};
     /* The norm, then the components where they are limited. */
-    for (index_t column = 0; column < (how->with_axes ? 4 : 1); column++) {
-        for (int p = 0; p < sight->phases; p++)
-            if (column)
-                put_component(sight->at + p, column - 1, points - (p > 0), s, !p, rows);
-            else
-                put_norms(sight->at + p, points - (p > 0), s, !p, rows);
-        put_rates(s, points, rows);
+    for (int column = 0; column < (how->with_axes ? 4 : 1); column++) {
+        put_points(sight, points, how->period, column, rows);
         before = least_of(at, how->most[column], how->most[4 + column], how->law, shift, before);
     }
     return before;

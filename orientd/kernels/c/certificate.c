@@ -7,7 +7,7 @@
 int setpoint_extremes(matrix_t q, index_t past, double start, measure_t how, extremes_t found,
                       slowest_t *slowest) {
     block_t block = {.has_rates = q.n == 10};
-    sight_t *sight = malloc(sizeof *sight);
+    sight_t *sight = calloc(1, sizeof *sight);
     *slowest = (slowest_t){how.law.fastest, 0};
     if (sight == NULL)
         return OUT_OF_MEMORY;
@@ -20,9 +20,10 @@ int setpoint_extremes(matrix_t q, index_t past, double start, measure_t how, ext
             note_unknown(&block);
         read += more;
         index_t shift = read - block.count;
-        take_differences(&block, how.period, shift ? 0 : past, how.with_axes, shift, sight, found);
+        take_differences(&block, how.period, shift ? 0 : past, how.with_axes, how.with_rate, shift,
+                         sight, found);
         if (how.with_rate)
-            *slowest = slower(sight, shift, start, &how, *slowest);
+            *slowest = slower(sight, shift, &how, *slowest);
         keep_last(&block);
     }
     free(sight);

@@ -1,18 +1,14 @@
-/* Backward differences of a block of records, and of what is drawn between them, and the largest.
- *
- * A device knows setpoints, not derivatives.  It takes the rotation vector from one setpoint to
- * the next over a period for the velocity, the change of that for the acceleration and the change
- * of that for the jerk.
- */
+/* Backward differences of a block of records and of the path between them, and the largest. */
 #include <math.h>
 #include <string.h>
 
 #include "differences.h"
-#include "rotation.h"
 
-/* Square of the tangent of the half angle, below which the series of atan(t) / t is exact to the
- * last digit. */
-#define SMALL (1.0 / 1024.0)
+/* Angle within a period up to which the bounds are proven, rad. */
+#define LARGEST_TURN 0.5
+
+/* How far (u - f)^2 / 2 behind any f in [0, 1] is off the polynomial through its nodes, at most. */
+#define BENT 0.0042
 
 /* From a largest square to the same on the records alone. */
 enum { ON_RECORDS = 12 };
@@ -34,9 +30,8 @@ void keep_last(block_t *block) {
 }
 
 /* Write the rotation vectors between setpoints, and return how many are too large for that. */
-static index_t turn_near(seen_t *seen) {
-    index_t large = 0, count = seen->count - 1;
-    double (*restrict q)[BLOCK] = seen->q, (*restrict omega)[BLOCK] = seen->rates[0];
+static index_t turn_near(double (*restrict q)[BLOCK], index_t count, lanes_t *restrict omega) {
+    index_t large = 0;
     INDEPENDENT
     for (index_t i = 0; i < count; i++) {
         double a = q[0][i], b = q[1][i], c = q[2][i], d = q[3][i];
@@ -47,155 +42,244 @@ static index_t turn_near(seen_t *seen) {
         double z = a * h - b * g + c * f - d * e;
         double square = (x * x + y * y + z * z) / (w * w);
         large += !(square < SMALL);
-        double rest = 1.0 / 5 - square * (1.0 / 7 - square * (1.0 / 9 - square / 11));
-        double factor = 2.0 * (1.0 - square * (1.0 / 3 - square * rest)) / w;
-        omega[0][i] = factor * x, omega[1][i] = factor * y, omega[2][i] = factor * z;
+        double factor = turn_factor(square) / w;
+        omega->x[i] = factor * x, omega->y[i] = factor * y, omega->z[i] = factor * z;
     }
     return large;
 }
 
-INLINE quat_t setpoint(const seen_t *seen, index_t i) {
-    return quat(seen->q[0][i], seen->q[1][i], seen->q[2][i], seen->q[3][i]);
-}
-
 /* Write the rotation vectors that the series is not good for. */
-static void turn_far(seen_t *seen) {
-    for (index_t i = 0; i + 1 < seen->count; i++) {
-        quat_t turn = multiplied(conjugated(setpoint(seen, i)), setpoint(seen, i + 1));
+static void turn_far(double (*q)[BLOCK], index_t count, lanes_t *omega) {
+    for (index_t i = 0; i < count; i++) {
+        quat_t here = quat(q[0][i], q[1][i], q[2][i], q[3][i]);
+        quat_t there = quat(q[0][i + 1], q[1][i + 1], q[2][i + 1], q[3][i + 1]);
+        quat_t turn = multiplied(conjugated(here), there);
         if (turn.w < 0.0)
-            turn = quat(-turn.w, -turn.x, -turn.y, -turn.z);
-        if (turn.x * turn.x + turn.y * turn.y + turn.z * turn.z < SMALL * (turn.w * turn.w))
-            continue;
-        vec_t half = logarithm(turn);
-        seen->rates[0][0][i] = 2.0 * half.x;
-        seen->rates[0][1][i] = 2.0 * half.y;
-        seen->rates[0][2][i] = 2.0 * half.z;
+            turn = opposite(turn);
+        if (turn.x * turn.x + turn.y * turn.y + turn.z * turn.z >= SMALL * (turn.w * turn.w))
+            put(omega, i, times(2.0, logarithm(turn)));
     }
 }
 
-/* Write the changes of the rotation vectors, the changes of those, and all squared norms. */
-static void differ(seen_t *seen) {
-    for (index_t order = 0; order < 3; order++) {
-        index_t count = seen->count - 1 - order;
-        double (*restrict rates)[BLOCK] = seen->rates[order];
-        double *restrict squares = seen->squares[order];
-        if (order)
-            for (index_t k = 0; k < 3; k++) {
-                const double *lower = seen->rates[order - 1][k];
-                double *higher = rates[k];
-                INDEPENDENT
-                for (index_t i = 0; i < count; i++)
-                    higher[i] = lower[i + 1] - lower[i];
-            }
+/* Write the differences of setpoints, of all orders. */
+static void differ(double (*q)[BLOCK], index_t setpoints, lanes_t *rates) {
+    if (turn_near(q, setpoints - 1, rates))
+        turn_far(q, setpoints - 1, rates);
+    for (index_t order = 1; order < 3; order++) {
+        const lanes_t *lower = rates + order - 1;
+        lanes_t *higher = rates + order;
         INDEPENDENT
-        for (index_t i = 0; i < count; i++)
-            squares[i] = rates[0][i] * rates[0][i] + rates[1][i] * rates[1][i]
-                       + rates[2][i] * rates[2][i];
+        for (index_t i = 0; i < setpoints - 1 - order; i++)
+            put(higher, i, minus(at(lower, i + 1), at(lower, i)));
     }
 }
 
-/* Note the largest of some squares; one that is not a number is, and stays, the largest. */
-static void note(const double *squares, index_t first, index_t end, index_t shift,
-                 double *largest, int64_t *place) {
-    double known = *largest;
-    index_t larger = 0;
-    for (index_t i = first; i < end; i++)
-        larger += !(squares[i] <= known);
-    if (!larger)
-        return;
-    for (index_t i = first; i < end; i++)
-        if (!(squares[i] <= *largest) && *largest < INFINITY)
-            *largest = squares[i], *place = shift + i;
-}
-
-/* Take the differences of setpoints. */
-static void see(seen_t *seen) {
-    if (turn_near(seen))
-        turn_far(seen);
-    differ(seen);
-}
-
-/* Forget differences that begin at a place before one. */
-static void forget(seen_t *seen, index_t known) {
-    for (index_t order = 0; order < 3; order++)
-        for (index_t i = 0; i < known; i++) {
-            seen->squares[order][i] = -1.0;
-            for (index_t k = 0; k < 3; k++)
-                seen->rates[order][k][i] = 0.0;
-        }
-}
-
-/* Write the largest values between neighbours in time: at the vertex of the parabola through three,
- * where the middle one is the largest. */
-static void put_vertices(const double *left, const double *here, const double *right, index_t n,
-                         double *restrict to) {
+/* Write the setpoints at a phase. */
+static void draw(const block_t *block, const course_t *course, double u,
+                 double (*restrict q)[BLOCK]) {
+    const double (*rows)[BLOCK] = block->rows;
     INDEPENDENT
-    for (index_t i = 0; i < n; i++) {
-        double l = left[i], h = here[i], r = right[i];
-        double bend = 2.0 * h - l - r, lean = r - l;
-        bool is_top = (l >= 0.0) & (r >= 0.0) & (h >= l) & (h >= r) & (bend > 0.0);
-        to[i] = is_top ? h + lean * lean / (8.0 * bend) : h;
+    for (index_t i = 0; i < block->count - 1; i++) {
+        law_t law = {at(&course->first, i), at(&course->second, i), at(&course->third, i),
+                     at(&course->step, i), course->place[i]};
+        double c, s;
+        quat_t here = quat(rows[0][i], rows[1][i], rows[2][i], rows[3][i]);
+        here = turned_by(here, law_value(law, u), &c, &s);
+        q[0][i] = here.w, q[1][i] = here.x, q[2][i] = here.y, q[3][i] = here.z;
     }
 }
 
-/* Note the largest of squares that follow one another from phase to phase, and of the first one's. */
-static void note_phases(double (*squares)[BLOCK], int phases, const index_t *ends, index_t first,
-                        index_t shift, double *largest, int64_t *place) {
-    double tops[BLOCK];
-    int64_t unused;
-    note(squares[0], first, ends[0], shift, largest + ON_RECORDS, &unused);
-    if (phases == 1) {
-        note(squares[0], first, ends[0], shift, largest, place);
-        return;
+/* Write the Bernstein coefficients of the first differences over a period. */
+static void put_hulls(sight_t *sight, index_t windows) {
+    for (index_t k = 0; k < NODES; k++) {
+        lanes_t *restrict to = sight->hulls + k;
+        INDEPENDENT
+        for (index_t i = 0; i < windows; i++) {
+            vec_t sum = times(bernstein(k, PHASES), at(&sight->rates[0][0], i + 1));
+            for (index_t n = 0; n < PHASES; n++)
+                sum = plus(sum, times(bernstein(k, n), at(&sight->rates[n][0], i)));
+            put(to, i, sum);
+        }
     }
-    for (int p = 0; p < phases; p++) {
-        const double *here = squares[p];
-        const double *left = p ? squares[p - 1] : squares[phases - 1] - 1;
-        const double *right = p + 1 < phases ? squares[p + 1] : squares[0] + 1;
-        /* The first on a record has no neighbour before it, the last no other after it. */
-        index_t begin = p ? first : first + 1, end = least(ends[p], ends[1]);
-        for (index_t i = first; i < ends[p]; i++)
-            tops[i] = here[i];
-        if (begin < end)
-            put_vertices(left + begin, here + begin, right + begin, end - begin, tops + begin);
-        note(tops, first, ends[p], shift, largest, place);
+}
+
+/* A Bernstein coefficient of a difference of an order. */
+INLINE vec_t coefficient(const sight_t *sight, index_t k, index_t i, index_t order) {
+    const lanes_t *hull = sight->hulls + k;
+    vec_t here = at(hull, i);
+    if (order == 1)
+        return here;
+    vec_t next = at(hull, i + 1);
+    return order == 2 ? minus(next, here)
+                      : plus(minus(at(hull, i + 2), times(2.0, next)), here);
+}
+
+/* Return whether a vector and all within a distance are within 30 degrees of a direction, or on
+ * the same side. */
+INLINE bool is_along(vec_t v, double distance, vec_t way, int column) {
+    double size = size_of(v, column), length = size_of(way, column);
+    double along = column == 0 ? dot(v, way) : column == 1 ? v.x * way.x
+                 : column == 2 ? v.y * way.y : v.z * way.z;
+    double share = column == 0 ? 0.8660254037844387 : 0.0;
+    return along - distance * length >= share * (size + distance) * length;
+}
+
+/* Return whether a difference grows with the rate, whatever the phase: what it is an average of
+ * lies within a cone, and what does not commute, and jumps that do not, cannot take it out of
+ * that. */
+INLINE bool is_growing(const course_t *course, index_t i, index_t order, int column,
+                       reach_t reach) {
+    double slightest = INFINITY, jumps = 0.0;
+    vec_t way = order == 1 ? at(&course->arrive, i)
+              : order == 2 ? at(&course->begin, i + 1)
+                           : plus(at(&course->jerk, i + 1), at(&course->jerk, i + 2));
+    bool is_one = true;
+    for (index_t k = i; k <= i + order; k++) {
+        double loose = course->speed[k] * course->bend[k], distance;
+        vec_t first, last;
+        if (order == 1) {
+            first = at(&course->leave, k), last = at(&course->arrive, k);
+            distance = 0.125 * course->twist[k] + 0.25 * course->steps[k];
+        } else if (order == 2) {
+            first = at(&course->begin, k), last = at(&course->end, k);
+            distance = 0.6 * loose;
+            is_one &= is_along(at(&course->before, k), distance, way, column)
+                    & is_along(at(&course->behind, k), distance, way, column);
+        } else {
+            first = at(&course->jerk, k), last = plus(first, at(&course->spin, k));
+            distance = course->stray[k];
+            double step = course->steps[k], slack = 0.6 * course->speed[k] * step;
+            jumps += is_along(at(&course->step, k), slack, way, column) ? 0.0 : step;
+            jumps += k < i + order ? course->jump[k] : 0.0;
+        }
+        is_one &= is_along(first, distance, way, column) & is_along(last, distance, way, column);
+        double size = size_of(first, column), other = size_of(last, column);
+        size = (size < other ? size : other) - distance;
+        if (order == 2) {
+            double before = size_of(at(&course->before, k), column) - distance;
+            double behind = size_of(at(&course->behind, k), column) - distance;
+            size = before < size ? before : size, size = behind < size ? behind : size;
+        }
+        slightest = size < slightest ? size : slightest;
+    }
+    double least_sum = 0.866 * slightest;
+    double off = (reach.off + 0.75 * jumps) / least_sum;
+    double lean = (reach.slope + 3.0 * jumps) / ((double)order * least_sum);
+    return is_one & (least_sum > 0.0) & (off + lean + off * lean <= 0.5);
+}
+
+/* Write bounds of differences over a period behind each record: while the path runs as planned, and
+ * at every rate. */
+INLINE void put_bounds(const sight_t *sight, index_t begin, index_t order, int column,
+                       double *restrict bounds) {
+    const course_t *course = &sight->course;
+    const double weights[4] = {1.0, (double)order, order == 3 ? 3.0 : 1.0, 1.0};
+    INDEPENDENT
+    for (index_t i = begin; i < sight->windows[order - 1]; i++) {
+        reach_t reach = reach_of(course, i, order, column);
+        double crude = reach_at(reach, order, 1.0), hull = 0.0, rest = 0.0, bent = 0.0;
+        double found = 0.0, speed = 0.0;
+        for (index_t k = 0; k < NODES; k++)
+            hull = most_of(hull, size_of(coefficient(sight, k, i, order), column));
+        for (index_t k = 0; k < order; k++)
+            rest = most_of(rest, course->rest[i + k]);
+        for (index_t p = 0; p < PHASES; p++)
+            found = most_of(found, size_of(at(&sight->rates[p][order - 1], i), column));
+        for (index_t k = 0; k <= order; k++) {
+            bent += weights[k] * course->steps[i + k];
+            speed = most_of(speed, course->speed[i + k]);
+        }
+        hull += (order == 1 ? 1.0 : order == 2 ? 2.0 : 4.0) * rest + BENT * bent;
+        hull = hull < crude ? hull : crude;
+        bool is_proven = speed <= LARGEST_TURN;
+        double bound = is_growing(course, i, order, column, reach) ? hull : crude;
+        bounds[i] = is_proven ? bound : found;
+    }
+}
+
+/* The same for any order and column, each with a loop of its own. */
+static void put_bounds_of(const sight_t *sight, index_t begin, index_t order, int column,
+                          double *restrict bounds) {
+    switch (4 * order + column) {
+    case 4: put_bounds(sight, begin, 1, 0, bounds); break;
+    case 8: put_bounds(sight, begin, 2, 0, bounds); break;
+    case 12: put_bounds(sight, begin, 3, 0, bounds); break;
+    default: put_bounds(sight, begin, order, column, bounds);
+    }
+}
+
+/* Note a size of which the square is kept; one that is not a number is, and stays, the largest. */
+static void note(double size, double *square) {
+    if (!(size * size <= *square) && *square < INFINITY)
+        *square = size * size;
+}
+
+/* Note the differences of a kind on the records, and at the phases behind them. */
+static void note_found(sight_t *sight, index_t first, index_t order, int column, index_t shift,
+                       extremes_t found) {
+    index_t slot = 4 * (order - 1) + column;
+    double *known = &sight->known[order - 1][column];
+    for (index_t i = first; i < sight->counts[order - 1]; i++)
+        note(size_of(at(&sight->rates[0][order - 1], i), column), found.squares + ON_RECORDS + slot);
+    for (index_t phase = 0; phase < (sight->windows[order - 1] > 0 ? PHASES : 1); phase++) {
+        index_t end = phase ? sight->windows[order - 1] : sight->counts[order - 1];
+        for (index_t i = phase ? most(first, sight->first) : first; i < end; i++) {
+            double size = size_of(at(&sight->rates[phase][order - 1], i), column);
+            if (!(size <= *known) && *known < INFINITY)
+                *known = size, found.places[slot] = shift + i;
+        }
+    }
+}
+
+/* Note bounds of the differences of a kind. */
+static void note_bounds(const block_t *block, sight_t *sight, index_t first, index_t order,
+                        int column, index_t shift, extremes_t found) {
+    lane_t bounds;
+    double *known = &sight->known[order - 1][column];
+    index_t slot = 4 * (order - 1) + column;
+    put_bounds_of(sight, sight->first, order, column, bounds);
+    for (index_t i = most(first, sight->first); i < sight->windows[order - 1]; i++) {
+        double bound = bounds[i];
+        if (!(bound <= cut_of(*known))) {
+            double before = *known;
+            bound = enclose(block, &sight->course, i, order, column, known);
+            if (*known > before)
+                found.places[slot] = shift + i;
+        }
+        note(bound, found.squares + slot);
     }
 }
 
 void take_differences(const block_t *block, double period, index_t past, bool with_axes,
-                      index_t shift, sight_t *sight, extremes_t found) {
-    seen_t *at = sight->at;
-    sight->phases = block->has_rates ? PHASES : 1;
-    for (int p = 0; p < sight->phases; p++)
-        at[p].count = p ? block->count - 1 : block->count;
+                      bool is_proof, index_t shift, sight_t *sight, extremes_t found) {
+    for (index_t order = 1; order <= 3; order++) {
+        sight->counts[order - 1] = most(block->count - order, 0);
+        sight->windows[order - 1] = block->has_rates ? most(block->count - 1 - order, 0) : 0;
+    }
+    sight->first = least(block->unknown, sight->windows[0]);
     if (block->count < 2)
         return;
-    memcpy(at->q, block->rows, sizeof at->q);
-    see(at);
-    if (sight->phases > 1)
-        draw_between(block, period, at->rates[0][0], at);
-    for (int p = 1; p < sight->phases; p++) {
-        see(at + p);
-        forget(at + p, block->unknown);
-    }
-    for (index_t order = 0; order < 3; order++) {
-        index_t first = (2 - order) * past, ends[PHASES];
-        double *largest = found.squares + 4 * order, squares[PHASES][BLOCK];
-        int64_t *places = found.places + 4 * order;
-        for (int p = 0; p < sight->phases; p++) {
-            ends[p] = most(at[p].count - 1 - order, 0);
-            memcpy(squares[p], at[p].squares[order], sizeof squares[p]);
-        }
-        note_phases(squares, sight->phases, ends, first, shift, largest, places);
-        for (index_t k = 0; with_axes && k < 3; k++) {
-            for (int p = 0; p < sight->phases; p++) {
-                const double *component = at[p].rates[order][k];
-                for (index_t i = first; i < ends[p]; i++)
-                    squares[p][i] = at[p].squares[order][i] < 0.0 ? -1.0
-                                                                  : component[i] * component[i];
-            }
-            note_phases(squares, sight->phases, ends, first, shift, largest + 1 + k,
-                        places + 1 + k);
+    memcpy(sight->q[0], block->rows, sizeof sight->q[0]);
+    differ(sight->q[0], block->count, sight->rates[0]);
+    if (sight->windows[0]) {
+        put_laws(block, period, &sight->rates[0][0], &sight->course);
+        for (index_t p = 1; p < PHASES; p++) {
+            draw(block, &sight->course, node_of(p), sight->q[p]);
+            differ(sight->q[p], block->count - 1, sight->rates[p]);
         }
     }
+    if (is_proof && sight->windows[0]) {
+        put_course(block->count - 1, &sight->rates[0][0], &sight->course);
+        put_hulls(sight, sight->windows[0]);
+        for (index_t k = sight->first; k < block->count - 1; k++)
+            sight->unproven += !(sight->course.speed[k] <= LARGEST_TURN);
+    }
+    for (index_t order = 1; order <= 3; order++)
+        for (int column = 0; column < (with_axes ? 4 : 1); column++) {
+            index_t first = (3 - order) * past;
+            note_found(sight, first, order, column, shift, found);
+            if (is_proof)
+                note_bounds(block, sight, first, order, column, shift, found);
+            note(sight->known[order - 1][column], found.squares + 4 * (order - 1) + column);
+        }
 }

@@ -1,17 +1,78 @@
-/* Backward differences of setpoints, a block of records at a time: what kernels that certify
- * share. */
+/* Bounds of the backward differences of setpoints, a block of records at a time.
+ *
+ * A device knows setpoints, not derivatives.  It takes the rotation vector from one setpoint to the
+ * next over a period for the velocity, the change of that for the acceleration and the change of
+ * that for the jerk.  Setpoints lie on the records while a motion runs as planned, and anywhere
+ * between them, a constant share of a period apart, after a pause, a stop or at another speed.
+ * Where the records have their rates, what is bounded here holds for all of these: for every phase
+ * of the setpoints against the records and for every rate of the path in [0, 1].
+ */
 #ifndef ORIENTD_DIFFERENCES_H
 #define ORIENTD_DIFFERENCES_H
 
+#include "between.h"
 #include "certify.h"
 
 /* Records in a block; each but the first begins with the last KEPT of the one before, so that every
  * difference has those before and after it in one block. */
 enum { BLOCK = 256, KEPT = HISTORY + 2 };
 
-/* Places between two records at which differences are taken, the record itself being the first: a
- * stop, a pause or another speed leaves the device anywhere between the records. */
-enum { PHASES = 4 };
+/* Phases at which a difference is taken, the record itself being the first: with the record after
+ * it they are the nodes of a polynomial of the fourth degree. */
+enum { PHASES = 4, NODES = PHASES + 1 };
+
+/* Square of the tangent of half an angle, below which the series of the next function is exact to
+ * the last digit. */
+#define SMALL (1.0 / 1024.0)
+
+/* 2 atan(t) / t, of the square of t. */
+INLINE double turn_factor(double square) {
+    double rest = 1.0 / 5 - square * (1.0 / 7 - square * (1.0 / 9 - square / 11));
+    return 2.0 * (1.0 - square * (1.0 / 3 - square * rest));
+}
+
+typedef double lane_t[BLOCK];
+typedef struct { lane_t x, y, z; } lanes_t;
+
+INLINE vec_t at(const lanes_t *lanes, index_t i) {
+    return vec(lanes->x[i], lanes->y[i], lanes->z[i]);
+}
+
+INLINE void put(lanes_t *lanes, index_t i, vec_t v) {
+    lanes->x[i] = v.x, lanes->y[i] = v.y, lanes->z[i] = v.z;
+}
+
+/* By how much a bound may be larger than the largest difference found, as a share of that and as
+ * an angle, rad; the latter is of the size of rounding. */
+#define SLACK 1e-4
+#define ROUNDING 2e-15
+
+/* Return what a bound need not be less than where the largest difference found is known. */
+INLINE double cut_of(double known) { return known * (1.0 + SLACK) + ROUNDING; }
+
+/* Phases of the nodes. */
+INLINE double node_of(index_t n) {
+    static const double nodes[NODES] = {0.0, 0.1464466094067262, 0.5, 0.8535533905932737, 1.0};
+    return nodes[n];
+}
+
+/* What the value at a node counts in the Bernstein coefficient of a polynomial of the fourth
+ * degree. */
+INLINE double bernstein(index_t coefficient, index_t node) {
+    static const double weights[NODES][NODES] = {
+        {1.0, 0.0, 0.0, 0.0, 0.0},
+        {-1.75, 3.414213562373095, -1.0, 0.585786437626905, -0.25},
+        {7.0 / 6, -8.0 / 3, 4.0, -8.0 / 3, 7.0 / 6},
+        {-0.25, 0.585786437626905, -1.0, 3.414213562373095, -1.75},
+        {0.0, 0.0, 0.0, 0.0, 1.0},
+    };
+    return weights[coefficient][node];
+}
+
+/* The size of a vector, or of one of its components. */
+INLINE double size_of(vec_t v, int column) {
+    return column == 0 ? norm(v) : fabs(column == 1 ? v.x : column == 2 ? v.y : v.z);
+}
 
 /* Records: orientations, and angular velocities and accelerations where there are any.  The first
  * ones may have none of the latter, being not numbers. */
@@ -21,17 +82,45 @@ typedef struct {
     bool has_rates;
 } block_t;
 
-/* Setpoints with their first three differences and the squared norms of these, which are -1 where a
- * difference is not known. */
+/* What is known of the path between each record and the next, lengths of time being periods.
+ *
+ * first, second, third, step, place: the law.
+ * leave, arrive: angular velocity at both ends, rad.
+ * begin, end, before, behind: angular acceleration at both ends and before and behind its step.
+ * jerk, spin: the jerk at the beginning, and by how much it turns until the end.
+ * speed, bend, twist: bounds of velocity, acceleration and jerk but for that of a step.
+ * stray: by how much the jerk may differ from what is said of it.
+ * steps: the size of the step.
+ * jump: by how much the acceleration jumps at the record behind.
+ * twine: bounds of F, N and N' of course.c between the record, the next and the one after that.
+ * slope: of the derivative of F by the rate.
+ * rest: of what first differences over that time are off a polynomial of the fourth degree. */
 typedef struct {
-    double q[4][BLOCK];
-    double rates[3][3][BLOCK];
-    double squares[3][BLOCK];
-    index_t count;
-} seen_t;
+    lanes_t first, second, third, step;
+    lane_t place;
+    lanes_t leave, arrive, begin, end, before, behind, jerk, spin;
+    lane_t speed, bend, twist, stray, steps, jump;
+    lane_t twine[3], slope, rest;
+} course_t;
 
-/* Setpoints on the records of a block and at as many places between them as differ. */
-typedef struct { seen_t at[PHASES]; int phases; } sight_t;
+/* Differences at the records and at the phases behind them, and bounds for all phases.
+ *
+ * q: setpoints at the phases.
+ * rates: their differences, of three orders.
+ * hulls: Bernstein coefficients of the first ones.
+ * known: the largest that was found of each, which is a lower bound.
+ * counts, windows: how many differences of an order there are on the records, and behind them.
+ * first: from which record on there are the latter.
+ * unproven: periods in which the path turns too far for a proof; differences there are looked at
+ *     at the phases only. */
+typedef struct {
+    lane_t q[PHASES][4];
+    lanes_t rates[PHASES][3];
+    lanes_t hulls[NODES];
+    double known[3][4];
+    course_t course;
+    index_t counts[3], windows[3], first, unproven;
+} sight_t;
 
 /* Note how many of the first records have no velocity. */
 void note_unknown(block_t *block);
@@ -39,26 +128,88 @@ void note_unknown(block_t *block);
 /* Move the last records of a block to its beginning, and leave nothing else in it. */
 void keep_last(block_t *block);
 
-/* Take the differences of a block, and note the largest at any phase.
+/* Take the differences of a block, and note bounds of them, or the largest at the phases.
  *
  * period: from one record to the next, s.
  * past: as in setpoint_extremes.
- * shift: what to add to a place in the block. */
+ * shift: what to add to a place in the block.
+ * is_proof: whether bounds are wanted.
+ * sight: zeros before the first block. */
 void take_differences(const block_t *block, double period, index_t past, bool with_axes,
-                      index_t shift, sight_t *sight, extremes_t found);
+                      bool is_proof, index_t shift, sight_t *sight, extremes_t found);
 
-/* Return the least brake rate of a block at any phase, or what it was before.
+/* Return the least brake rate of a block at any phase, or what it was before. */
+slowest_t slower(const sight_t *sight, index_t shift, const measure_t *how, slowest_t before);
+
+/* course.c */
+
+/* Write the laws between the records of a block, and the velocities there.
  *
- * start: path time of the fourth setpoint of all, s. */
-slowest_t slower(const sight_t *sight, index_t shift, double start, const measure_t *how,
-                 slowest_t before);
+ * turns: rotation vectors from each record to the next. */
+void put_laws(const block_t *block, double period, const lanes_t *turns, course_t *course);
 
-/* drawn.c */
+/* Write what else there is to know of some laws. */
+void put_course(index_t count, const lanes_t *turns, course_t *course);
 
-/* Write the orientations that the servo draws between the records of a block.
+/* What bounds differences of an order that begin behind a record, whatever the phase and the rate.
  *
- * turns: rotation vectors from each record to the next, rows of BLOCK.
- * at: setpoints at the phases, of which all but the first are written. */
-void draw_between(const block_t *block, double period, const double *turns, seen_t *at);
+ * most: of velocity, acceleration or jerk, of the norm or a component.
+ * steps: in the acceleration.
+ * off, slope: what does not commute, and its derivative by the rate. */
+typedef struct { double most, steps, off, slope; } reach_t;
+
+INLINE double most_of(double a, double b) { return a > b ? a : b; }
+
+/* Return the largest velocity, acceleration or jerk between a record and the next. */
+INLINE double peak_of(const course_t *course, index_t k, index_t order, int column) {
+    if (column == 0)
+        return order == 1 ? course->speed[k] : order == 2 ? course->bend[k] : course->twist[k];
+    if (order == 1)
+        return most_of(size_of(at(&course->leave, k), column),
+                       size_of(at(&course->arrive, k), column))
+             + 0.125 * course->twist[k] + 0.25 * course->steps[k];
+    if (order == 2)
+        return most_of(most_of(size_of(at(&course->begin, k), column),
+                               size_of(at(&course->end, k), column)),
+                       most_of(size_of(at(&course->before, k), column),
+                               size_of(at(&course->behind, k), column)))
+             + 0.6 * course->speed[k] * course->bend[k];
+    vec_t jerk = at(&course->jerk, k), last = plus(jerk, at(&course->spin, k));
+    return most_of(size_of(jerk, column), size_of(last, column)) + course->stray[k];
+}
+
+INLINE reach_t reach_of(const course_t *course, index_t i, index_t order, int column) {
+    reach_t reach = {peak_of(course, i, order, column), course->steps[i], 0.0, 0.0};
+    double slope = 0.0, bend = 0.0;
+    for (index_t k = i; k < i + order; k++) {
+        reach.most = most_of(reach.most, peak_of(course, k + 1, order, column));
+        reach.steps += course->jump[k] + course->steps[k + 1];
+        reach.off = most_of(reach.off, course->twine[order - 1][k]);
+        slope = most_of(slope, course->slope[k]);
+        bend = most_of(bend, course->twine[order == 2 ? 1 : 2][k]);
+    }
+    reach.slope = order == 1 ? slope : order == 2 ? 2.0 * slope + bend : 4.0 * slope + 2.0 * bend;
+    return reach;
+}
+
+/* Return what bounds a difference at a rate and below it. */
+INLINE double reach_at(reach_t reach, index_t order, double rate) {
+    double most = reach.most * rate;
+    if (order == 1)
+        return most + reach.off;
+    return (order == 2 ? most * rate : most * rate * rate + 0.75 * rate * rate * reach.steps)
+         + reach.off;
+}
+
+/* enclosure.c */
+
+/* Return a bound of a difference for every rate in [0, 1] and every phase behind a record.
+ *
+ * i: the record.
+ * order: of the difference, 1 to 3.
+ * column: 0 for the norm, 1 to 3 for a component.
+ * known: the largest difference found, which is updated. */
+double enclose(const block_t *block, const course_t *course, index_t i, index_t order, int column,
+               double *known);
 
 #endif

@@ -204,7 +204,7 @@ int path_extremes(row_t path, index_t records, matrix_t before, measure_t how, e
     index_t tail = before.n, end = records + HISTORY;
     double start = how.period * (double)(HISTORY - tail), instants[BLOCK];
     scratch_t *scratch = malloc(sizeof *scratch);
-    sight_t *sight = malloc(sizeof *sight);
+    sight_t *sight = calloc(1, sizeof *sight);
     int failed = scratch == NULL || sight == NULL ? OUT_OF_MEMORY : 0;
     *slowest = (slowest_t){how.law.fastest, 0};
     for (index_t i = 0; i < tail; i++)
@@ -224,8 +224,9 @@ int path_extremes(row_t path, index_t records, matrix_t before, measure_t how, e
         read += more;
         /* Places count from the first setpoint before the path. */
         index_t shift = read - block.count + tail;
-        take_differences(&block, how.period, tail && !shift, how.with_axes, shift, sight, found);
-        *slowest = slower(sight, shift, start, &how, *slowest);
+        take_differences(&block, how.period, tail && !shift, how.with_axes, how.with_rate, shift,
+                         sight, found);
+        *slowest = slower(sight, shift, &how, *slowest);
         keep_last(&block);
     }
     free(sight);

@@ -103,7 +103,7 @@ static int see_records(look_t motion, curve_t curve, index_t first, index_t last
         }
         block.count += more;
         read += more;
-        take_differences(&block, motion.period, 0, with_axes, 0, sight, found);
+        take_differences(&block, motion.period, 0, with_axes, false, 0, sight, found);
         keep_last(&block);
     }
     return 0;
@@ -137,7 +137,7 @@ int look_at(indices_t ranges, look_t motion, matrix_t limits, double tolerance,
     if (!read_curve(motion.curve, &curve))
         return NO_PATH;
     scratch_t *scratch = malloc(sizeof *scratch);
-    sight_t *sight = malloc(sizeof *sight);
+    sight_t *sight = calloc(1, sizeof *sight);
     int failed = scratch == NULL || sight == NULL ? OUT_OF_MEMORY : 0;
     index_t final = (index_t)nearbyint(motion.duration / motion.period);
     for (index_t i = 0; i < ranges.n && !failed; i += 2)

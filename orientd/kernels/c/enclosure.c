@@ -1,0 +1,191 @@
+/* Bound a difference for every phase and every rate, by halving of phases and rates.
+ *
+ * A box of phases and rates is done with once the largest value in it is known to be at most what
+ * was looked for, by one of these:
+ *
+ * - the differences are averages of velocity, acceleration or jerk times a power of the rate;
+ * - the value in the middle, and by how much it can change within the box;
+ * - it grows with the rate all over the box, so that the highest rate counts alone.  At the rate 1
+ *   it is a polynomial of the fourth degree, but for a rest that is bounded, and lies in the hull
+ *   of its Bernstein coefficients.
+ */
+#include "differences.h"
+
+/* Boxes after which a bound is taken as it is. */
+enum { BOXES = 2000, STACK = 64 };
+
+/* Below this share of a period a bound is taken as it is, too. */
+#define NARROW (1.0 / 512)
+
+typedef struct { double from, to, low, high; } box_t;
+
+/* A difference, and by how much its parts change by phase and by rate. */
+typedef struct {
+    const block_t *block;
+    const course_t *course;
+    index_t i, order;
+    int column;
+    reach_t reach;
+    double rest, by_phase, by_rate, slope_by_phase, slope_by_rate;
+} difference_t;
+
+/* A setpoint, and the angular velocity there. */
+static quat_t state_at(const difference_t *d, double place, vec_t *omega) {
+    index_t k = most(least((index_t)place, d->block->count - 2), 0);
+    const course_t *course = d->course;
+    const double (*rows)[BLOCK] = d->block->rows;
+    law_t law = {at(&course->first, k), at(&course->second, k), at(&course->third, k),
+                 at(&course->step, k), course->place[k]};
+    double c, s, u = place - (double)k;
+    vec_t turn = law_value(law, u);
+    quat_t q = turned_by(quat(rows[0][k], rows[1][k], rows[2][k], rows[3][k]), turn, &c, &s);
+    *omega = right_jacobian(turn, c, s, law_rate(law, u));
+    return q;
+}
+
+/* The rotation vector between two setpoints. */
+INLINE vec_t turn_between(quat_t p, quat_t q) {
+    quat_t turn = relative(p, q);
+    double square = (turn.x * turn.x + turn.y * turn.y + turn.z * turn.z) / (turn.w * turn.w);
+    if (square < SMALL)
+        return times(turn_factor(square) / turn.w, vec(turn.x, turn.y, turn.z));
+    return times(2.0, logarithm(shorter(turn)));
+}
+
+/* Return the difference at a phase and a rate, and its derivative by the rate. */
+static vec_t value_at(const difference_t *d, double phase, double rate, vec_t *slope) {
+    static const double weights[3][3] = {{1, 0, 0}, {1, -1, 0}, {1, -2, 1}};
+    vec_t value = vec(0, 0, 0), omega;
+    *slope = vec(0, 0, 0);
+    double here = (double)(d->i + d->order) + phase;
+    quat_t q = state_at(d, here, &omega);
+    for (index_t k = 0; k < d->order; k++) {
+        quat_t before = state_at(d, here - (double)(k + 1) * rate, &omega);
+        double weight = weights[d->order - 1][k];
+        value = plus(value, times(weight, turn_between(before, q)));
+        *slope = plus(*slope, times((double)d->order * weight, omega));
+        q = before;
+    }
+    return value;
+}
+
+/* Return a bound over phases at the rate 1 within which no acceleration has a step. */
+static double hull_of(const difference_t *d, double from, double to, double *known) {
+    vec_t values[NODES], slope;
+    double largest = 0.0, width = to - from;
+    for (index_t n = 0; n < NODES; n++) {
+        values[n] = value_at(d, from + width * node_of(n), 1.0, &slope);
+        *known = most_of(*known, size_of(values[n], d->column));
+    }
+    for (index_t k = 0; k < NODES; k++) {
+        vec_t sum = vec(0, 0, 0);
+        for (index_t n = 0; n < NODES; n++)
+            sum = plus(sum, times(bernstein(k, n), values[n]));
+        largest = most_of(largest, size_of(sum, d->column));
+    }
+    return largest + width * width * d->rest;
+}
+
+static double inner(vec_t a, vec_t b, int column) {
+    return column == 0 ? dot(a, b) : column == 1 ? a.x * b.x : column == 2 ? a.y * b.y : a.z * b.z;
+}
+
+/* Return the place of a step of the acceleration within some phases, or -1 if there is none. */
+static double step_within(const difference_t *d, double from, double to) {
+    for (index_t k = d->i; k <= d->i + d->order; k++) {
+        double place = d->course->place[k];
+        if (d->course->steps[k] > 0.0 && place > from + 1e-9 && place < to - 1e-9)
+            return place;
+    }
+    return -1.0;
+}
+
+static difference_t difference_of(const block_t *block, const course_t *course, index_t i,
+                                  index_t order, int column) {
+    difference_t d = {block, course, i, order, column, reach_of(course, i, order, column),
+                      0.0, 0.0, 0.0, 0.0, 0.0};
+    reach_t norms = reach_of(course, i, order, 0);
+    double w = 0.0, a = 0.0, j = 0.0, change = 0.0, off[3] = {0.0};
+    for (index_t k = i; k <= i + order; k++) {
+        w = most_of(w, course->speed[k]), a = most_of(a, course->bend[k]);
+        j = most_of(j, course->twist[k]);
+        for (index_t l = i; l < k; l++)
+            change = most_of(change, norm(minus(at(&course->jerk, k), at(&course->jerk, l))));
+    }
+    for (index_t k = i; k < i + order; k++) {
+        d.rest = most_of(d.rest, course->rest[k]);
+        for (index_t l = 0; l < 3; l++)
+            off[l] = most_of(off[l], course->twine[l][k]);
+    }
+    for (index_t k = i; k <= i + order; k++)
+        change = most_of(change, 2.0 * (norm(at(&course->spin, k)) + course->stray[k]));
+    double steps = norms.steps;
+    d.rest *= order == 1 ? 1.0 : order == 2 ? 2.0 : 4.0;
+    switch (order) {
+    case 1:
+        d.by_phase = a + off[1], d.by_rate = w;
+        d.slope_by_phase = a, d.slope_by_rate = a;
+        break;
+    case 2:
+        d.by_phase = j + steps + 2.0 * off[1], d.by_rate = 2.0 * a;
+        d.slope_by_phase = 2.0 * (j + steps), d.slope_by_rate = 2.0 * (a + j + steps);
+        break;
+    default:
+        d.by_phase = 2.0 * change + steps + 2.0 * off[2], d.by_rate = 3.0 * (j + steps);
+        d.slope_by_phase = 3.0 * (2.0 * change + steps);
+        d.slope_by_rate = 6.0 * j + 6.0 * change + 9.0 * steps;
+    }
+    d.by_rate += norms.slope;
+    return d;
+}
+
+double enclose(const block_t *block, const course_t *course, index_t i, index_t order, int column,
+               double *known) {
+    difference_t d = difference_of(block, course, i, order, column);
+    double bound = *known, all = d.reach.most + 0.75 * (order == 3 ? d.reach.steps : 0.0);
+    double low = all > 0.0 ? (*known - d.reach.off) / all : 1.0;
+    low = low > 0.0 ? order == 1 ? low : sqrt(low) : 0.0;
+    box_t boxes[STACK] = {{0.0, 1.0, low < 1.0 ? low : 1.0, 1.0}};
+    int count = 1;
+    for (int left = BOXES; count; left--) {
+        box_t box = boxes[--count];
+        double width = box.to - box.from, height = box.high - box.low;
+        double middle = box.from + 0.5 * width;
+        vec_t slope, value = value_at(&d, middle, box.high, &slope);
+        double size = size_of(value, column), climb = size_of(slope, column);
+        double spread = 0.5 * width * d.by_phase + height * d.by_rate;
+        double crude = reach_at(d.reach, order, box.high), near = size + spread;
+        double least_bound = crude < near ? crude : near;
+        if (!(size < INFINITY))
+            return NAN;
+        *known = most_of(*known, size);
+        bool is_last = left <= 0 || count + 2 > STACK;
+        if (least_bound <= cut_of(*known) || is_last) {
+            bound = most_of(bound, least_bound);
+            continue;
+        }
+        double lean = 0.5 * width * d.slope_by_phase + height * d.slope_by_rate + d.reach.slope;
+        bool is_climbing = height <= 0.0 || inner(value, slope, column)
+                           >= size * lean + climb * spread + spread * lean;
+        double place = step_within(&d, box.from, box.to);
+        if (is_climbing && box.high < 1.0)
+            continue;
+        if (is_climbing && place < 0.0) {
+            double hull = hull_of(&d, box.from, box.to, known);
+            if (hull <= cut_of(*known) || width <= NARROW) {
+                bound = most_of(bound, hull < least_bound ? hull : least_bound);
+                continue;
+            }
+        }
+        if (is_climbing || 0.5 * width * d.by_phase >= height * d.by_rate) {
+            double split = place > 0.0 ? place : middle;
+            boxes[count++] = (box_t){box.from, split, box.low, box.high};
+            boxes[count++] = (box_t){split, box.to, box.low, box.high};
+        } else {
+            double split = box.high - 0.5 * height;
+            boxes[count++] = (box_t){box.from, box.to, box.low, split};
+            boxes[count++] = (box_t){box.from, box.to, split, box.high};
+        }
+    }
+    return bound;
+}
