@@ -177,14 +177,12 @@ def least_rate(
     margin: float,
     /,
 ) -> tuple[float, int]: ...
-def setpoint_extremes(
-    q: Floats,
+def certify(
+    rows: Floats,
     past: int,
     with_axes: bool,
+    is_certificate: bool,
     period: float,
-    start: float,
-    rough: Floats,
-    with_rate: bool,
     most: Floats,
     nodes: Floats,
     worst: Floats,
@@ -194,26 +192,9 @@ def setpoint_extremes(
     squares: Floats,
     places: Indices,
     /,
-) -> tuple[float, int]: ...
+) -> tuple[float, int, int]: ...
 def sample_path(path: Floats, times: Floats, out: Floats, /) -> None: ...
 def farthest_from_path(path: Floats, times: Floats, keys: Floats, /) -> float: ...
-def path_extremes(
-    path: Floats,
-    records: int,
-    period: float,
-    before: Floats,
-    with_axes: bool,
-    rough: Floats,
-    most: Floats,
-    nodes: Floats,
-    worst: Floats,
-    most_change: float,
-    fastest: float,
-    margin: float,
-    squares: Floats,
-    places: Indices,
-    /,
-) -> tuple[float, int]: ...
 def put_instants(
     breaks: Floats, duration: float, pieces: int, shares: Floats, instants: Floats, /
 ) -> int: ...

@@ -95,7 +95,6 @@ def reshaped(
         before=before(motion.start_state, period),
         holds_after=True,
         brake_limits=motion.limits.scaled(GUARD_TOLERANCE),
-        rough=rough,
     )
     shares = NO_SHARES
     if len(shape.joint_limits):

@@ -322,7 +322,6 @@ def certified(
         limits,
         before=before(start, period) if start.is_known else None,
         brake_limits=limits.scaled(GUARD_TOLERANCE),
-        rough=candidate.rough,
     )
     place = refusal.Place(request, candidate.begin, candidate.end, candidate.keyframe_times)
     refusal.check_limits(peaks, place)

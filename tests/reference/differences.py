@@ -8,10 +8,12 @@ import numpy as np
 from reference.brake import least_brake_rate
 from reference.drawn import drawn
 
-from orientd.planner.certify.differences import OFF_GRID, Extremes, Rough
+from orientd.planner.certify.differences import Extremes
 from orientd.planner.limits import Limits
-from orientd.planner.recorded import HISTORY
 from orientd.rotation import Floats, conjugate, log, multiply
+
+PHASES = (0.5 - 0.125**0.5, 0.5, 0.5 + 0.125**0.5)
+"""Shares of a period between two records at which differences are looked at."""
 
 
 def differences(q: Floats) -> tuple[Floats, Floats, Floats]:
@@ -35,15 +37,13 @@ def extremes(
     past: int = 0,
     with_axes: bool = False,
     period: float = 1.0,
-    start: float = 0.0,
-    rough: Rough | None = None,
     brake_limits: Limits | None = None,
 ) -> Extremes:
-    """Return what :func:`orientd.planner.certify.differences.extremes` does."""
+    """Return what :func:`orientd.planner.certify.differences.extremes` does, all of it sampled."""
     with_axes = with_axes or (brake_limits is not None and brake_limits.has_axes)
     known = int(np.sum(np.isnan(q[:3, 4]))) if q.shape[1] == 10 else 0
     phases = [differences(q[:, :4])]
-    for share in (0.25, 0.5, 0.75) if q.shape[1] == 10 else ():
+    for share in PHASES if q.shape[1] == 10 else ():
         between = differences(drawn(q[known:], period, share))
         empty = np.full((known, 3), np.nan)
         phases.append(tuple(np.concatenate([empty, part]) for part in between))
@@ -52,13 +52,14 @@ def extremes(
         for column in range(4 if with_axes else 1):
             squares = [_squares(rates[order], column)[first:] for rates in phases]
             if len(squares[0]):
-                tops = _tops(squares)
-                found.largest[order][column] = float(tops.max())
-                found.largest[3 + order][column] = float(squares[0].max())
-                found.places[order][column] = first + int(np.argmax(tops)) // len(phases)
+                tops = [float(np.max(part, initial=-1.0)) for part in squares]
+                phase = int(np.argmax([-1.0 if np.isnan(top) else top for top in tops]))
+                found.largest[order][column] = max(tops)
+                found.largest[3 + order][column] = tops[0]
+                found.places[order][column] = first + int(np.argmax(squares[phase]))
     if brake_limits is None or not len(phases[0][2]):
         return found
-    rate, place = _slowest(phases, period, start, rough, brake_limits)
+    rate, place = _slowest(phases, period, brake_limits)
     return replace(found, rate=rate, rate_place=place)
 
 
@@ -67,38 +68,17 @@ def _squares(vectors: Floats, column: int) -> Floats:
     return squares
 
 
-def _tops(phases: list[Floats]) -> Floats:
-    """Return squares in order of time, with those of vertices where there is one between three."""
-    if len(phases) == 1:
-        return phases[0]
-    padded = [np.append(some, [np.nan] * (len(phases[0]) - len(some))) for some in phases]
-    squares = np.stack(padded, axis=1).ravel()
-    tops = np.where(np.isnan(squares), -1.0, squares)
-    left, here, right = squares[:-2], squares[1:-1], squares[2:]
-    bend = 2.0 * here - left - right
-    is_top = (here >= left) & (here >= right) & (bend > 0.0)
-    tops[1:-1][is_top] += (right - left)[is_top] ** 2 / (8.0 * bend[is_top])
-    return tops
-
-
 def _slowest(
     phases: list[tuple[Floats, Floats, Floats]],
     period: float,
-    start: float,
-    rough: Rough | None,
     limits: Limits,
 ) -> tuple[float, int]:
     """Return the least brake rate at and after every record, and which third difference sets it."""
     count = len(phases[0][2])
-    times = start + period * np.arange(count)
-    bends, twists = np.ones((2, count))
-    if rough is not None:
-        is_rough = (times >= rough.begin) & (times < rough.end + HISTORY * period)
-        bends[is_rough], twists[is_rough] = OFF_GRID[rough.continuity]
     columns = []
     for column in range(4 if limits.has_axes else 1):
         rows = np.zeros((4, count))
-        for number, (omega, alpha, jerk) in enumerate(phases):
+        for omega, alpha, jerk in phases:
             parts = [
                 part[..., column - 1 : column] if column else part for part in (omega, alpha, jerk)
             ]
@@ -109,9 +89,6 @@ def _slowest(
                 np.abs(np.sum(v * a, axis=1)) / period**3,
                 np.linalg.norm(j, axis=1) / period**3,
             ]
-            if number == 0:
-                # What more there is between the records is seen there, or said of the records.
-                found *= np.stack([np.ones(count), bends, bends, twists])
             rows[:, : len(j)] = np.fmax(rows[:, : len(j)], found)
         columns.append(rows)
     return least_brake_rate(columns, limits)

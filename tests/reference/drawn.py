@@ -35,7 +35,7 @@ def drawn(rows: Floats, period: float, u: float) -> Floats:
 
 
 def _bend(s: Floats, t: Floats, rise: Floats, u: float) -> Floats:
-    """Return what a step of the acceleration adds, as of ``servo.path.acceleration_step``."""
+    """Return what a step of the acceleration adds, as of ``servo.path.segment``."""
     if not max(s @ s, t @ t) >= _LEAST_STEP**2:
         return np.zeros(3)
     # s (w^2 - 1/3) = t (w - 1/2), along the larger of the two.

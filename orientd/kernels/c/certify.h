@@ -11,9 +11,10 @@ enum { HISTORY = 3 };
 /* The numbers of the row that a path is sampled from are not a path. */
 enum { NO_PATH = -3 };
 
-/* The largest backward differences: squares, in units of rad a period, and where they are.  Rows
- * are velocity, acceleration and jerk, then those on the records alone; columns the norm and the three
- * components, shape (6, 4).  Places are of the first three rows, shape (12,). */
+/* Bounds of the backward differences, and the largest at the records: squares, in units of rad a
+ * period, and where they are about.  Rows are velocity, acceleration and jerk, then those on the
+ * records alone; columns the norm and the three components, shape (6, 4).  Places are of the first
+ * three rows, shape (12,). */
 typedef struct { double *squares; int64_t *places; } extremes_t;
 
 /* What the brake rate follows from; orientd.planner.certify.brake has the mathematics.
@@ -29,15 +30,14 @@ typedef struct { matrix_t nodes; row_t worst; double most_change, fastest, margi
 /* How differences are taken and held against limits.
  *
  * with_axes: whether the largest components are wanted, too.
- * with_rate: whether the brake rate is.
+ * is_certificate: whether the brake rate is, and bounds that are proven; else differences are taken
+ *     at the phases alone.
  * period: from one setpoint to the next, s.
- * rough: path times from which and until which acceleration and jerk may be larger between the
- *     records, and how many times, shape (4,).
  * most: limits of acceleration and jerk, of the norm and the components, shape (2, 4). */
 typedef struct {
-    bool with_axes, with_rate;
+    bool with_axes, is_certificate;
     double period;
-    const double *rough, *most;
+    const double *most;
     brake_law_t law;
 } measure_t;
 
@@ -56,15 +56,18 @@ int least_rate(matrix_t velocity, matrix_t acceleration, row_t jerk, double most
 
 /* certificate.c */
 
-/* Write the largest backward differences of setpoints, and return the least brake rate.
+/* Write bounds of the backward differences of setpoints, and return the least brake rate.
  *
- * q: orientations, shape (4, n); with angular velocities and accelerations, shape (10, n), what the
- *     servo draws between them counts, too.
+ * The rate and the differences that it follows from are those of the records and of three phases
+ * between them.
+ *
+ * rows: orientations of records, shape (4, n); with angular velocities and accelerations, shape
+ *     (10, n), the path between them counts, too.
  * past: how many accelerations, and twice as many velocities, are not to count as largest.
- * start: path time of the fourth setpoint, s.
- * found: zeros, where the differences go. */
-int setpoint_extremes(matrix_t q, index_t past, double start, measure_t how, extremes_t found,
-                      slowest_t *slowest);
+ * found: bounds of records before these, or zeros, where the bounds of both go.
+ * unproven: receives the number of periods in which the path turns too far for a proof. */
+int certify(matrix_t rows, index_t past, measure_t how, extremes_t found, slowest_t *slowest,
+            index_t *unproven);
 
 /* path.c */
 
@@ -80,16 +83,6 @@ int sample_path(row_t path, row_t times, matrix_t out);
  * times: increasing path times, s, shape (n,).
  * keys: orientations that the path should have then, shape (n, 4). */
 int farthest_from_path(row_t path, row_t times, matrix_t keys, double *angle);
-
-/* Write the largest backward differences of a path that is held after its last record, and the
- * least brake rate.
- *
- * records: how many there are.
- * before: the records before the first, shape (3, 10), whose velocities and accelerations are not
- *     numbers if they are not known; or (0, 10) if nothing is.
- * found: as in setpoint_extremes; places count from the first of all setpoints. */
-int path_extremes(row_t path, index_t records, matrix_t before, measure_t how, extremes_t found,
-                  slowest_t *slowest);
 
 /* survey.c */
 

@@ -75,13 +75,13 @@ static void differ(double (*q)[BLOCK], index_t setpoints, lanes_t *rates) {
 }
 
 /* Write the setpoints at a phase. */
-static void draw(const block_t *block, const course_t *course, double u,
+static void draw(const block_t *block, const segments_t *segments, double u,
                  double (*restrict q)[BLOCK]) {
     const double (*rows)[BLOCK] = block->rows;
     INDEPENDENT
     for (index_t i = 0; i < block->count - 1; i++) {
-        law_t law = {at(&course->first, i), at(&course->second, i), at(&course->third, i),
-                     at(&course->step, i), course->place[i]};
+        law_t law = {at(&segments->first, i), at(&segments->second, i), at(&segments->third, i),
+                     at(&segments->step, i), segments->place[i]};
         double c, s;
         quat_t here = quat(rows[0][i], rows[1][i], rows[2][i], rows[3][i]);
         here = turned_by(here, law_value(law, u), &c, &s);
@@ -127,37 +127,37 @@ INLINE bool is_along(vec_t v, double distance, vec_t way, int column) {
 /* Return whether a difference grows with the rate, whatever the phase: what it is an average of
  * lies within a cone, and what does not commute, and jumps that do not, cannot take it out of
  * that. */
-INLINE bool is_growing(const course_t *course, index_t i, index_t order, int column,
+INLINE bool is_growing(const segments_t *segments, index_t i, index_t order, int column,
                        reach_t reach) {
     double slightest = INFINITY, jumps = 0.0;
-    vec_t way = order == 1 ? at(&course->arrive, i)
-              : order == 2 ? at(&course->begin, i + 1)
-                           : plus(at(&course->jerk, i + 1), at(&course->jerk, i + 2));
+    vec_t way = order == 1 ? at(&segments->arrive, i)
+              : order == 2 ? at(&segments->begin, i + 1)
+                           : plus(at(&segments->jerk, i + 1), at(&segments->jerk, i + 2));
     bool is_one = true;
     for (index_t k = i; k <= i + order; k++) {
-        double loose = course->speed[k] * course->bend[k], distance;
+        double loose = segments->speed[k] * segments->bend[k], distance;
         vec_t first, last;
         if (order == 1) {
-            first = at(&course->leave, k), last = at(&course->arrive, k);
-            distance = 0.125 * course->twist[k] + 0.25 * course->steps[k];
+            first = at(&segments->leave, k), last = at(&segments->arrive, k);
+            distance = 0.125 * segments->twist[k] + 0.25 * segments->steps[k];
         } else if (order == 2) {
-            first = at(&course->begin, k), last = at(&course->end, k);
+            first = at(&segments->begin, k), last = at(&segments->end, k);
             distance = 0.6 * loose;
-            is_one &= is_along(at(&course->before, k), distance, way, column)
-                    & is_along(at(&course->behind, k), distance, way, column);
+            is_one &= is_along(at(&segments->before, k), distance, way, column)
+                    & is_along(at(&segments->behind, k), distance, way, column);
         } else {
-            first = at(&course->jerk, k), last = plus(first, at(&course->spin, k));
-            distance = course->stray[k];
-            double step = course->steps[k], slack = 0.6 * course->speed[k] * step;
-            jumps += is_along(at(&course->step, k), slack, way, column) ? 0.0 : step;
-            jumps += k < i + order ? course->jump[k] : 0.0;
+            first = at(&segments->jerk, k), last = plus(first, at(&segments->spin, k));
+            distance = segments->spread[k];
+            double step = segments->steps[k], slack = 0.6 * segments->speed[k] * step;
+            jumps += is_along(at(&segments->step, k), slack, way, column) ? 0.0 : step;
+            jumps += k < i + order ? segments->jump[k] : 0.0;
         }
         is_one &= is_along(first, distance, way, column) & is_along(last, distance, way, column);
         double size = size_of(first, column), other = size_of(last, column);
         size = (size < other ? size : other) - distance;
         if (order == 2) {
-            double before = size_of(at(&course->before, k), column) - distance;
-            double behind = size_of(at(&course->behind, k), column) - distance;
+            double before = size_of(at(&segments->before, k), column) - distance;
+            double behind = size_of(at(&segments->behind, k), column) - distance;
             size = before < size ? before : size, size = behind < size ? behind : size;
         }
         slightest = size < slightest ? size : slightest;
@@ -169,42 +169,50 @@ INLINE bool is_growing(const course_t *course, index_t i, index_t order, int col
 }
 
 /* Write bounds of differences over a period behind each record: while the path runs as planned, and
- * at every rate. */
+ * at every rate.
+ *
+ * known: a difference that is as large as the largest that is looked for. */
 INLINE void put_bounds(const sight_t *sight, index_t begin, index_t order, int column,
-                       double *restrict bounds) {
-    const course_t *course = &sight->course;
+                       double known, double *restrict hulls, double *restrict bounds) {
+    const segments_t *segments = &sight->segments;
     const double weights[4] = {1.0, (double)order, order == 3 ? 3.0 : 1.0, 1.0};
     INDEPENDENT
     for (index_t i = begin; i < sight->windows[order - 1]; i++) {
-        reach_t reach = reach_of(course, i, order, column);
+        reach_t reach = reach_of(segments, i, order, column);
         double crude = reach_at(reach, order, 1.0), hull = 0.0, rest = 0.0, bent = 0.0;
         double found = 0.0, speed = 0.0;
         for (index_t k = 0; k < NODES; k++)
             hull = most_of(hull, size_of(coefficient(sight, k, i, order), column));
         for (index_t k = 0; k < order; k++)
-            rest = most_of(rest, course->rest[i + k]);
+            rest = most_of(rest, segments->rest[i + k]);
         for (index_t p = 0; p < PHASES; p++)
             found = most_of(found, size_of(at(&sight->rates[p][order - 1], i), column));
         for (index_t k = 0; k <= order; k++) {
-            bent += weights[k] * course->steps[i + k];
-            speed = most_of(speed, course->speed[i + k]);
+            bent += weights[k] * segments->steps[i + k];
+            speed = most_of(speed, segments->speed[i + k]);
         }
         hull += (order == 1 ? 1.0 : order == 2 ? 2.0 : 4.0) * rest + BENT * bent;
         hull = hull < crude ? hull : crude;
+        /* From the rate on at which the averages allow more than is known already. */
+        double low = lowest_rate(reach, order, known);
+        double fall = order == 1 ? reach.most : (double)order * (reach.most + reach.steps);
+        double near = most_of(known, hull + (1.0 - low) * (fall + reach.slope));
+        crude = near < crude ? near : crude;
+        hulls[i] = hull;
         bool is_proven = speed <= LARGEST_TURN;
-        double bound = is_growing(course, i, order, column, reach) ? hull : crude;
+        double bound = is_growing(segments, i, order, column, reach) ? hull : crude;
         bounds[i] = is_proven ? bound : found;
     }
 }
 
 /* The same for any order and column, each with a loop of its own. */
 static void put_bounds_of(const sight_t *sight, index_t begin, index_t order, int column,
-                          double *restrict bounds) {
+                          double known, double *restrict hulls, double *restrict bounds) {
     switch (4 * order + column) {
-    case 4: put_bounds(sight, begin, 1, 0, bounds); break;
-    case 8: put_bounds(sight, begin, 2, 0, bounds); break;
-    case 12: put_bounds(sight, begin, 3, 0, bounds); break;
-    default: put_bounds(sight, begin, order, column, bounds);
+    case 4: put_bounds(sight, begin, 1, 0, known, hulls, bounds); break;
+    case 8: put_bounds(sight, begin, 2, 0, known, hulls, bounds); break;
+    case 12: put_bounds(sight, begin, 3, 0, known, hulls, bounds); break;
+    default: put_bounds(sight, begin, order, column, known, hulls, bounds);
     }
 }
 
@@ -234,15 +242,15 @@ static void note_found(sight_t *sight, index_t first, index_t order, int column,
 /* Note bounds of the differences of a kind. */
 static void note_bounds(const block_t *block, sight_t *sight, index_t first, index_t order,
                         int column, index_t shift, extremes_t found) {
-    lane_t bounds;
+    lane_t hulls, bounds;
     double *known = &sight->known[order - 1][column];
     index_t slot = 4 * (order - 1) + column;
-    put_bounds_of(sight, sight->first, order, column, bounds);
+    put_bounds_of(sight, sight->first, order, column, *known, hulls, bounds);
     for (index_t i = most(first, sight->first); i < sight->windows[order - 1]; i++) {
         double bound = bounds[i];
         if (!(bound <= cut_of(*known))) {
             double before = *known;
-            bound = enclose(block, &sight->course, i, order, column, known);
+            bound = enclose(block, &sight->segments, i, order, column, hulls[i], known);
             if (*known > before)
                 found.places[slot] = shift + i;
         }
@@ -262,17 +270,17 @@ void take_differences(const block_t *block, double period, index_t past, bool wi
     memcpy(sight->q[0], block->rows, sizeof sight->q[0]);
     differ(sight->q[0], block->count, sight->rates[0]);
     if (sight->windows[0]) {
-        put_laws(block, period, &sight->rates[0][0], &sight->course);
+        put_laws(block, period, &sight->rates[0][0], &sight->segments);
         for (index_t p = 1; p < PHASES; p++) {
-            draw(block, &sight->course, node_of(p), sight->q[p]);
+            draw(block, &sight->segments, node_of(p), sight->q[p]);
             differ(sight->q[p], block->count - 1, sight->rates[p]);
         }
     }
     if (is_proof && sight->windows[0]) {
-        put_course(block->count - 1, &sight->rates[0][0], &sight->course);
+        put_segments(block->count - 1, &sight->rates[0][0], &sight->segments);
         put_hulls(sight, sight->windows[0]);
         for (index_t k = sight->first; k < block->count - 1; k++)
-            sight->unproven += !(sight->course.speed[k] <= LARGEST_TURN);
+            sight->unproven += !(sight->segments.speed[k] <= LARGEST_TURN);
     }
     for (index_t order = 1; order <= 3; order++)
         for (int column = 0; column < (with_axes ? 4 : 1); column++) {

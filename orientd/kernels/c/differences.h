@@ -44,8 +44,8 @@ INLINE void put(lanes_t *lanes, index_t i, vec_t v) {
 
 /* By how much a bound may be larger than the largest difference found, as a share of that and as
  * an angle, rad; the latter is of the size of rounding. */
-#define SLACK 1e-4
-#define ROUNDING 2e-15
+#define SLACK 3e-4
+#define ROUNDING 3e-14
 
 /* Return what a bound need not be less than where the largest difference found is known. */
 INLINE double cut_of(double known) { return known * (1.0 + SLACK) + ROUNDING; }
@@ -89,19 +89,19 @@ typedef struct {
  * begin, end, before, behind: angular acceleration at both ends and before and behind its step.
  * jerk, spin: the jerk at the beginning, and by how much it turns until the end.
  * speed, bend, twist: bounds of velocity, acceleration and jerk but for that of a step.
- * stray: by how much the jerk may differ from what is said of it.
+ * spread: by how much the jerk may differ from what is said of it.
  * steps: the size of the step.
  * jump: by how much the acceleration jumps at the record behind.
- * twine: bounds of F, N and N' of course.c between the record, the next and the one after that.
+ * coupling: bounds of F, N and N' of segments.c between the record, the next and the one after that.
  * slope: of the derivative of F by the rate.
  * rest: of what first differences over that time are off a polynomial of the fourth degree. */
 typedef struct {
     lanes_t first, second, third, step;
     lane_t place;
     lanes_t leave, arrive, begin, end, before, behind, jerk, spin;
-    lane_t speed, bend, twist, stray, steps, jump;
-    lane_t twine[3], slope, rest;
-} course_t;
+    lane_t speed, bend, twist, spread, steps, jump;
+    lane_t coupling[3], slope, rest;
+} segments_t;
 
 /* Differences at the records and at the phases behind them, and bounds for all phases.
  *
@@ -118,7 +118,7 @@ typedef struct {
     lanes_t rates[PHASES][3];
     lanes_t hulls[NODES];
     double known[3][4];
-    course_t course;
+    segments_t segments;
     index_t counts[3], windows[3], first, unproven;
 } sight_t;
 
@@ -141,15 +141,15 @@ void take_differences(const block_t *block, double period, index_t past, bool wi
 /* Return the least brake rate of a block at any phase, or what it was before. */
 slowest_t slower(const sight_t *sight, index_t shift, const measure_t *how, slowest_t before);
 
-/* course.c */
+/* segments.c */
 
 /* Write the laws between the records of a block, and the velocities there.
  *
  * turns: rotation vectors from each record to the next. */
-void put_laws(const block_t *block, double period, const lanes_t *turns, course_t *course);
+void put_laws(const block_t *block, double period, const lanes_t *turns, segments_t *segments);
 
 /* Write what else there is to know of some laws. */
-void put_course(index_t count, const lanes_t *turns, course_t *course);
+void put_segments(index_t count, const lanes_t *turns, segments_t *segments);
 
 /* What bounds differences of an order that begin behind a record, whatever the phase and the rate.
  *
@@ -161,32 +161,39 @@ typedef struct { double most, steps, off, slope; } reach_t;
 INLINE double most_of(double a, double b) { return a > b ? a : b; }
 
 /* Return the largest velocity, acceleration or jerk between a record and the next. */
-INLINE double peak_of(const course_t *course, index_t k, index_t order, int column) {
+INLINE double peak_of(const segments_t *segments, index_t k, index_t order, int column) {
     if (column == 0)
-        return order == 1 ? course->speed[k] : order == 2 ? course->bend[k] : course->twist[k];
+        return order == 1 ? segments->speed[k] : order == 2 ? segments->bend[k] : segments->twist[k];
     if (order == 1)
-        return most_of(size_of(at(&course->leave, k), column),
-                       size_of(at(&course->arrive, k), column))
-             + 0.125 * course->twist[k] + 0.25 * course->steps[k];
+        return most_of(size_of(at(&segments->leave, k), column),
+                       size_of(at(&segments->arrive, k), column))
+             + 0.125 * segments->twist[k] + 0.25 * segments->steps[k];
     if (order == 2)
-        return most_of(most_of(size_of(at(&course->begin, k), column),
-                               size_of(at(&course->end, k), column)),
-                       most_of(size_of(at(&course->before, k), column),
-                               size_of(at(&course->behind, k), column)))
-             + 0.6 * course->speed[k] * course->bend[k];
-    vec_t jerk = at(&course->jerk, k), last = plus(jerk, at(&course->spin, k));
-    return most_of(size_of(jerk, column), size_of(last, column)) + course->stray[k];
+        return most_of(most_of(size_of(at(&segments->begin, k), column),
+                               size_of(at(&segments->end, k), column)),
+                       most_of(size_of(at(&segments->before, k), column),
+                               size_of(at(&segments->behind, k), column)))
+             + 0.6 * segments->speed[k] * segments->bend[k];
+    vec_t jerk = at(&segments->jerk, k), last = plus(jerk, at(&segments->spin, k));
+    return most_of(size_of(jerk, column), size_of(last, column)) + segments->spread[k];
 }
 
-INLINE reach_t reach_of(const course_t *course, index_t i, index_t order, int column) {
-    reach_t reach = {peak_of(course, i, order, column), course->steps[i], 0.0, 0.0};
+/* Return the step of the acceleration between a record and the next, or of a component of it. */
+INLINE double step_of(const segments_t *segments, index_t k, int column) {
+    double step = segments->steps[k];
+    return column == 0 ? step : size_of(at(&segments->step, k), column)
+                              + 0.6 * segments->speed[k] * step;
+}
+
+INLINE reach_t reach_of(const segments_t *segments, index_t i, index_t order, int column) {
+    reach_t reach = {peak_of(segments, i, order, column), step_of(segments, i, column), 0.0, 0.0};
     double slope = 0.0, bend = 0.0;
     for (index_t k = i; k < i + order; k++) {
-        reach.most = most_of(reach.most, peak_of(course, k + 1, order, column));
-        reach.steps += course->jump[k] + course->steps[k + 1];
-        reach.off = most_of(reach.off, course->twine[order - 1][k]);
-        slope = most_of(slope, course->slope[k]);
-        bend = most_of(bend, course->twine[order == 2 ? 1 : 2][k]);
+        reach.most = most_of(reach.most, peak_of(segments, k + 1, order, column));
+        reach.steps += segments->jump[k] + step_of(segments, k + 1, column);
+        reach.off = most_of(reach.off, segments->coupling[order - 1][k]);
+        slope = most_of(slope, segments->slope[k]);
+        bend = most_of(bend, segments->coupling[order == 2 ? 1 : 2][k]);
     }
     reach.slope = order == 1 ? slope : order == 2 ? 2.0 * slope + bend : 4.0 * slope + 2.0 * bend;
     return reach;
@@ -201,6 +208,14 @@ INLINE double reach_at(reach_t reach, index_t order, double rate) {
          + reach.off;
 }
 
+/* Return a rate up to which no difference is larger than a known one. */
+INLINE double lowest_rate(reach_t reach, index_t order, double known) {
+    double all = reach.most + (order == 3 ? 0.75 * reach.steps : 0.0);
+    double rate = (known - reach.off) / (all > 0.0 ? all : 1.0);
+    rate = rate > 0.0 ? rate < 1.0 ? rate : 1.0 : 0.0;
+    return order == 1 ? rate : sqrt(rate);
+}
+
 /* enclosure.c */
 
 /* Return a bound of a difference for every rate in [0, 1] and every phase behind a record.
@@ -208,8 +223,9 @@ INLINE double reach_at(reach_t reach, index_t order, double rate) {
  * i: the record.
  * order: of the difference, 1 to 3.
  * column: 0 for the norm, 1 to 3 for a component.
+ * hull: a bound for the rate 1.
  * known: the largest difference found, which is updated. */
-double enclose(const block_t *block, const course_t *course, index_t i, index_t order, int column,
-               double *known);
+double enclose(const block_t *block, const segments_t *segments, index_t i, index_t order,
+               int column, double hull, double *known);
 
 #endif

@@ -22,7 +22,7 @@ typedef struct { double from, to, low, high; } box_t;
 /* A difference, and by how much its parts change by phase and by rate. */
 typedef struct {
     const block_t *block;
-    const course_t *course;
+    const segments_t *segments;
     index_t i, order;
     int column;
     reach_t reach;
@@ -32,10 +32,10 @@ typedef struct {
 /* A setpoint, and the angular velocity there. */
 static quat_t state_at(const difference_t *d, double place, vec_t *omega) {
     index_t k = most(least((index_t)place, d->block->count - 2), 0);
-    const course_t *course = d->course;
+    const segments_t *segments = d->segments;
     const double (*rows)[BLOCK] = d->block->rows;
-    law_t law = {at(&course->first, k), at(&course->second, k), at(&course->third, k),
-                 at(&course->step, k), course->place[k]};
+    law_t law = {at(&segments->first, k), at(&segments->second, k), at(&segments->third, k),
+                 at(&segments->step, k), segments->place[k]};
     double c, s, u = place - (double)k;
     vec_t turn = law_value(law, u);
     quat_t q = turned_by(quat(rows[0][k], rows[1][k], rows[2][k], rows[3][k]), turn, &c, &s);
@@ -93,33 +93,34 @@ static double inner(vec_t a, vec_t b, int column) {
 /* Return the place of a step of the acceleration within some phases, or -1 if there is none. */
 static double step_within(const difference_t *d, double from, double to) {
     for (index_t k = d->i; k <= d->i + d->order; k++) {
-        double place = d->course->place[k];
-        if (d->course->steps[k] > 0.0 && place > from + 1e-9 && place < to - 1e-9)
+        double place = d->segments->place[k];
+        if (d->segments->steps[k] > 0.0 && place > from + 1e-9 && place < to - 1e-9)
             return place;
     }
     return -1.0;
 }
 
-static difference_t difference_of(const block_t *block, const course_t *course, index_t i,
+static difference_t difference_of(const block_t *block, const segments_t *segments, index_t i,
                                   index_t order, int column) {
-    difference_t d = {block, course, i, order, column, reach_of(course, i, order, column),
+    difference_t d = {block, segments, i, order, column, reach_of(segments, i, order, column),
                       0.0, 0.0, 0.0, 0.0, 0.0};
-    reach_t norms = reach_of(course, i, order, 0);
     double w = 0.0, a = 0.0, j = 0.0, change = 0.0, off[3] = {0.0};
     for (index_t k = i; k <= i + order; k++) {
-        w = most_of(w, course->speed[k]), a = most_of(a, course->bend[k]);
-        j = most_of(j, course->twist[k]);
+        w = most_of(w, peak_of(segments, k, 1, column));
+        a = most_of(a, peak_of(segments, k, 2, column));
+        j = most_of(j, peak_of(segments, k, 3, column));
+        vec_t jerk = at(&segments->jerk, k);
+        change = most_of(change, 2.0 * (size_of(at(&segments->spin, k), column)
+                                        + segments->spread[k]));
         for (index_t l = i; l < k; l++)
-            change = most_of(change, norm(minus(at(&course->jerk, k), at(&course->jerk, l))));
+            change = most_of(change, size_of(minus(jerk, at(&segments->jerk, l)), column));
     }
     for (index_t k = i; k < i + order; k++) {
-        d.rest = most_of(d.rest, course->rest[k]);
+        d.rest = most_of(d.rest, segments->rest[k]);
         for (index_t l = 0; l < 3; l++)
-            off[l] = most_of(off[l], course->twine[l][k]);
+            off[l] = most_of(off[l], segments->coupling[l][k]);
     }
-    for (index_t k = i; k <= i + order; k++)
-        change = most_of(change, 2.0 * (norm(at(&course->spin, k)) + course->stray[k]));
-    double steps = norms.steps;
+    double steps = d.reach.steps;
     d.rest *= order == 1 ? 1.0 : order == 2 ? 2.0 : 4.0;
     switch (order) {
     case 1:
@@ -135,17 +136,15 @@ static difference_t difference_of(const block_t *block, const course_t *course, 
         d.slope_by_phase = 3.0 * (2.0 * change + steps);
         d.slope_by_rate = 6.0 * j + 6.0 * change + 9.0 * steps;
     }
-    d.by_rate += norms.slope;
+    d.by_rate += d.reach.slope;
     return d;
 }
 
-double enclose(const block_t *block, const course_t *course, index_t i, index_t order, int column,
-               double *known) {
-    difference_t d = difference_of(block, course, i, order, column);
-    double bound = *known, all = d.reach.most + 0.75 * (order == 3 ? d.reach.steps : 0.0);
-    double low = all > 0.0 ? (*known - d.reach.off) / all : 1.0;
-    low = low > 0.0 ? order == 1 ? low : sqrt(low) : 0.0;
-    box_t boxes[STACK] = {{0.0, 1.0, low < 1.0 ? low : 1.0, 1.0}};
+double enclose(const block_t *block, const segments_t *segments, index_t i, index_t order,
+               int column, double hull, double *known) {
+    difference_t d = difference_of(block, segments, i, order, column);
+    double bound = *known, low = lowest_rate(d.reach, order, *known);
+    box_t boxes[STACK] = {{0.0, 1.0, low, 1.0}};
     int count = 1;
     for (int left = BOXES; count; left--) {
         box_t box = boxes[--count];
@@ -153,9 +152,14 @@ double enclose(const block_t *block, const course_t *course, index_t i, index_t 
         double middle = box.from + 0.5 * width;
         vec_t slope, value = value_at(&d, middle, box.high, &slope);
         double size = size_of(value, column), climb = size_of(slope, column);
-        double spread = 0.5 * width * d.by_phase + height * d.by_rate;
+        double turn = 0.5 * width * d.by_phase, spread = turn + height * d.by_rate;
+        double lean = 0.5 * width * d.slope_by_phase + height * d.slope_by_rate + d.reach.slope;
         double crude = reach_at(d.reach, order, box.high), near = size + spread;
-        double least_bound = crude < near ? crude : near;
+        /* The lowest rate by the slope at the highest, which changes by no more than the lean. */
+        double lowest = size_of(minus(value, times(height, slope)), column);
+        double line = most_of(size, lowest) + turn + height * lean;
+        double least_bound = line < near ? line : near;
+        least_bound = crude < least_bound ? crude : least_bound;
         if (!(size < INFINITY))
             return NAN;
         *known = most_of(*known, size);
@@ -164,20 +168,19 @@ double enclose(const block_t *block, const course_t *course, index_t i, index_t 
             bound = most_of(bound, least_bound);
             continue;
         }
-        double lean = 0.5 * width * d.slope_by_phase + height * d.slope_by_rate + d.reach.slope;
         bool is_climbing = height <= 0.0 || inner(value, slope, column)
                            >= size * lean + climb * spread + spread * lean;
         double place = step_within(&d, box.from, box.to);
         if (is_climbing && box.high < 1.0)
             continue;
-        if (is_climbing && place < 0.0) {
-            double hull = hull_of(&d, box.from, box.to, known);
-            if (hull <= cut_of(*known) || width <= NARROW) {
-                bound = most_of(bound, hull < least_bound ? hull : least_bound);
+        if (is_climbing && (place < 0.0 || hull <= cut_of(*known))) {
+            double here = hull <= cut_of(*known) ? hull : hull_of(&d, box.from, box.to, known);
+            if (here <= cut_of(*known) || width <= NARROW) {
+                bound = most_of(bound, here < least_bound ? here : least_bound);
                 continue;
             }
         }
-        if (is_climbing || 0.5 * width * d.by_phase >= height * d.by_rate) {
+        if (is_climbing || turn >= height * (d.by_rate < lean ? d.by_rate : lean)) {
             double split = place > 0.0 ? place : middle;
             boxes[count++] = (box_t){box.from, split, box.low, box.high};
             boxes[count++] = (box_t){split, box.to, box.low, box.high};

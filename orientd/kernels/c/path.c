@@ -197,39 +197,3 @@ int farthest_from_path(row_t path, row_t times, matrix_t keys, double *angle) {
     free(q);
     return failed;
 }
-
-int path_extremes(row_t path, index_t records, matrix_t before, measure_t how, extremes_t found,
-                  slowest_t *slowest) {
-    block_t block = {.has_rates = true};
-    index_t tail = before.n, end = records + HISTORY;
-    double start = how.period * (double)(HISTORY - tail), instants[BLOCK];
-    scratch_t *scratch = malloc(sizeof *scratch);
-    sight_t *sight = calloc(1, sizeof *sight);
-    int failed = scratch == NULL || sight == NULL ? OUT_OF_MEMORY : 0;
-    *slowest = (slowest_t){how.law.fastest, 0};
-    for (index_t i = 0; i < tail; i++)
-        for (index_t row = 0; row < 10; row++)
-            block.rows[row][i] = row_of(before, i)[row];
-    block.count = tail;
-    note_unknown(&block);
-    for (index_t read = 0; read < end && !failed;) {
-        index_t known = block.count, more = least(BLOCK - known, end - read);
-        for (index_t i = 0; i < more; i++)
-            instants[i] = how.period * (double)least(read + i, records - 1);
-        failed = sample_in_parts(path, (row_t){instants, more},
-                                 (matrix_t){block.rows[0] + known, 10, BLOCK}, scratch);
-        if (failed)
-            break;
-        block.count += more;
-        read += more;
-        /* Places count from the first setpoint before the path. */
-        index_t shift = read - block.count + tail;
-        take_differences(&block, how.period, tail && !shift, how.with_axes, how.with_rate, shift,
-                         sight, found);
-        *slowest = slower(sight, shift, &how, *slowest);
-        keep_last(&block);
-    }
-    free(sight);
-    free(scratch);
-    return failed;
-}

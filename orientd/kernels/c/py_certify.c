@@ -54,16 +54,19 @@ KERNEL(between) {
     Py_RETURN_NONE;
 }
 
-/* q, past, with_axes, period, start, rough, with_rate, most, the law, squares, places */
-KERNEL(setpoint_extremes) {
-    TAKE("mipddvpmmvdddMX");
-    CHECK((a[0].m.n == 4 || a[0].m.n == 10) && a[1].i >= 0 && a[1].i <= 1 && a[5].v.n == 4);
-    CHECK(is_table(a[7].m, 2) && is_law(a + 8) && is_room(a + 13));
-    measure_t how = {a[2].p, a[6].p, a[3].d, a[5].v.v, a[7].m.v, law_of(a + 8)};
+/* rows, past, with_axes, is_certificate, period, most, the law, squares, places */
+KERNEL(certify) {
+    TAKE("mippdmmvdddMX");
+    CHECK((a[0].m.n == 4 || a[0].m.n == 10) && a[1].i >= 0 && a[1].i <= 1);
+    CHECK(is_table(a[5].m, 2) && is_law(a + 6) && is_room(a + 11));
+    measure_t how = {a[2].p, a[3].p, a[4].d, a[5].m.v, law_of(a + 6)};
     slowest_t found;
+    index_t unproven;
     int failed;
-    RUN(failed = setpoint_extremes(a[0].m, a[1].i, a[4].d, how, room_of(a + 13), &found));
-    return answer(failed, found.rate, found.place);
+    RUN(failed = certify(a[0].m, a[1].i, how, room_of(a + 11), &found, &unproven));
+    if (failed)
+        return PyErr_NoMemory();
+    return Py_BuildValue("dLL", found.rate, (long long)found.place, (long long)unproven);
 }
 
 KERNEL(sample_path) {
@@ -83,19 +86,6 @@ KERNEL(farthest_from_path) {
     int failed;
     RUN(failed = farthest_from_path(a[0].v, a[1].v, a[2].m, &angle));
     return answer(failed, angle, -1);
-}
-
-/* path, records, period, before, with_axes, rough, most, the law, squares, places */
-KERNEL(path_extremes) {
-    TAKE("vidmpvmmvdddMX");
-    CHECK(a[1].i >= 1 && (double)a[1].i <= MOST_RECORDS && a[5].v.n == 4);
-    CHECK(a[3].m.m == 10 && (a[3].m.n == 0 || a[3].m.n == HISTORY));
-    CHECK(is_table(a[6].m, 2) && is_law(a + 7) && is_room(a + 12));
-    measure_t how = {a[4].p, true, a[2].d, a[5].v.v, a[6].m.v, law_of(a + 7)};
-    slowest_t found = {0.0, 0};
-    int failed;
-    RUN(failed = path_extremes(a[0].v, a[1].i, a[3].m, how, room_of(a + 12), &found));
-    return answer(failed, found.rate, found.place);
 }
 
 KERNEL(put_instants) {
@@ -141,7 +131,7 @@ KERNEL(look_at) {
 }
 
 PyMethodDef certify_methods[] = {
-    ENTRY(between), ENTRY(least_rate), ENTRY(setpoint_extremes), ENTRY(sample_path), ENTRY(farthest_from_path),
-    ENTRY(path_extremes), ENTRY(put_instants), ENTRY(put_factors), ENTRY(put_spots),
+    ENTRY(between), ENTRY(least_rate), ENTRY(certify), ENTRY(sample_path), ENTRY(farthest_from_path),
+    ENTRY(put_instants), ENTRY(put_factors), ENTRY(put_spots),
     ENTRY(look_at), LAST_ENTRY,
 };

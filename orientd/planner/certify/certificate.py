@@ -9,11 +9,12 @@ from orientd.driver import Figure
 
 @dataclass(frozen=True, slots=True)
 class Peak:
-    """The largest value of a quantity.
+    """A bound of a quantity.
 
     Attributes:
-        value: in SI units.
-        time: path time of the record where it occurs, s.
+        value: a bound of it, in SI units: proven for every phase of the setpoints against the
+            records and every rate in [0, 1], as :mod:`orientd.planner.certify.differences` says.
+        time: path time of the record where it is about as large, s.
         limit: what was allowed.
         on_records: the largest of a motion that runs as planned, where that is less: off its
             records, after a pause, a stop or another speed, it may be somewhat more.

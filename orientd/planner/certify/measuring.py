@@ -1,4 +1,4 @@
-"""Records held against limits, as the device differentiates them."""
+"""Hold records against limits, as the device differentiates them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from orientd.planner.certify.differences import Rough, extremes, path_extremes
+from orientd.planner.certify.differences import extremes
 from orientd.planner.certify.peaks import Peaks, Tally
 from orientd.planner.limits import Limits
 from orientd.planner.path import Path
@@ -34,9 +34,8 @@ def measure(
     before: tuple[Floats, Floats] | None,
     holds_after: bool,
     brake_limits: Limits | None = None,
-    rough: Rough | None = None,
 ) -> Peaks:
-    """Return the largest backward differences over the records 0 to *count* - 1.
+    """Return bounds of the backward differences over the records 0 to *count* - 1.
 
     Args:
         setpoints: gives the records from an index on.
@@ -46,12 +45,12 @@ def measure(
         before: the three setpoints before the first, ``(3, 4)`` and ``(3, 3)``; ``None`` looks at
             differences inside the records only.
         holds_after: whether the device stays where the last record is.
-        brake_limits: limits for the brake rate; ``None`` leaves the brake rate out.
-        rough: where the brake rate must expect more between the records than on them.
+        brake_limits: limits for the brake rate, for a certificate; with ``None`` there is none, and
+            differences are sampled.
     """
     tally = Tally(period, limits)
     q_tail, p_tail = before if before is not None else (np.empty((0, 4)), np.empty((0, 3)))
-    earlier = q_tail
+    earlier, found = q_tail, None
     for first in range(0, count, CHUNK):
         size = min(CHUNK, count - first)
         q, p = setpoints(first, size)
@@ -74,9 +73,8 @@ def measure(
             past=past,
             with_axes=limits.has_axes,
             period=period,
-            start=period * (index + HISTORY),
-            rough=rough,
             brake_limits=brake_limits,
+            so_far=found,
         )
         tally.note_turns(found, index)
         if not is_still:
@@ -92,9 +90,8 @@ def measure_path(
     *,
     before: tuple[Floats, Floats] | None,
     brake_limits: Limits,
-    rough: Rough | None,
 ) -> Peaks:
-    """Return the largest backward differences of a path, at the end of which the device stays.
+    """Return bounds of the backward differences of a path, at the end of which the device stays.
 
     Args:
         path: sampled at multiples of the period.
@@ -103,23 +100,7 @@ def measure_path(
         limits: as for :func:`measure`, like all that have the same name.
         before: likewise.
         brake_limits: likewise.
-        rough: likewise.
     """
-    plain, held = path.plain, path.positions
-    q, p = before if before is not None else (np.empty((0, 4)), np.empty((0, 3)))
-    if plain is not None and held.is_held and bool((p == held.first).all()):
-        found = path_extremes(
-            plain,
-            count,
-            period,
-            before=_with_rates(q),
-            with_axes=limits.has_axes,
-            rough=rough,
-            brake_limits=brake_limits,
-        )
-        tally = Tally(period, limits)
-        tally.note_turns(found, -len(q))
-        return tally.peaks()
     return measure(
         partial(path.setpoints, period=period),
         count,
@@ -128,7 +109,6 @@ def measure_path(
         before=before,
         holds_after=True,
         brake_limits=brake_limits,
-        rough=rough,
     )
 
 

@@ -20,7 +20,7 @@ Largest = tuple[float, int]
 
 @dataclass(frozen=True, slots=True)
 class Peaks:
-    """The largest rates over a segment of records, by backward differences.
+    """Bounds of the rates over a segment of records, by backward differences.
 
     Attributes:
         velocity: angular, rad/s.
@@ -34,6 +34,7 @@ class Peaks:
             none is limited by itself, as the next two.
         axis_acceleration: of the angular acceleration, rad/s^2.
         axis_jerk: of the angular jerk, rad/s^3.
+        unproven: periods that turn too far for a proof, where peaks are sampled.
     """
 
     velocity: Peak
@@ -46,6 +47,7 @@ class Peaks:
     axis_velocity: tuple[Peak, ...] = ()
     axis_acceleration: tuple[Peak, ...] = ()
     axis_jerk: tuple[Peak, ...] = ()
+    unproven: int = 0
 
     @property
     def spins(self) -> float:
@@ -88,6 +90,7 @@ class Tally:
         self._planned = [[_NONE] * columns for _ in ANGULAR]
         self._move, self._push = _NONE, _NONE
         self._slowest, self._slowest_record = FASTEST_BRAKE_RATE, 0
+        self._unproven = 0
 
     def note_turns(self, found: Extremes, first: int) -> None:
         """Take in what was found of orientations, the first of which is that of record *first*."""
@@ -97,6 +100,7 @@ class Tally:
                 planned = self._planned[order]
                 planned[column] = _larger(planned[column], (found.on_records(order, column), 0))
         self._note_rate(found.rate, first + HISTORY + found.rate_place)
+        self._unproven += found.unproven
 
     def note_moves(
         self, positions: Floats, first: int, *, past: int, brake_limits: Limits | None
@@ -138,6 +142,7 @@ class Tally:
             self._peaks(turns, limits.axis_velocity, 1),
             self._peaks(bends, limits.axis_acceleration, 2),
             self._peaks(twists, limits.axis_jerk, 3),
+            self._unproven,
         )
 
     def _peak(self, largest: Largest, limit: float, power: int) -> Peak:

@@ -60,6 +60,16 @@ def summed_up(
         usual_stop_time=min(usual_stop_time(path, peaks.velocity.time, limits), stop_time),
         has_control_points=not METHODS[request.method].interpolates,
         figures=tuple(_axis_figures(peaks)),
+        notes=_notes(peaks),
+    )
+
+
+def _notes(peaks: Peaks) -> tuple[str, ...]:
+    if not peaks.unproven:
+        return ()
+    return (
+        f"peaks are sampled, not proven, in {peaks.unproven} periods that turn by more than 0.5 rad"
+        ": at most 0.36 of a period lies between two samples",
     )
 
 

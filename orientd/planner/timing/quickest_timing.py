@@ -264,14 +264,13 @@ def _looked_at(
             limits,
             before=before(State.at_rest(whole.first, path.positions.first), period),
             brake_limits=limits.scaled(GUARD_TOLERANCE),
-            rough=None,
         )
         rate = peaks.brake_rate
         stop_time = 1.0 / rate if rate else math.inf
         path = replace(path, found=(period, limits, peaks), stop_time=stop_time)
     excess = max(
         peaks.spins,
-        peaks.drawn[0],
+        peaks.drawn[0] / GUARD_TOLERANCE,
         math.sqrt(peaks.bends),
         math.cbrt(peaks.twists),
         peaks.linear_velocity.ratio,

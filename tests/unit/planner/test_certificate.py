@@ -11,7 +11,6 @@ from orientd.floats import difference
 from orientd.planner import DEFAULT_LIMITS, Limits
 from orientd.planner.certify import measuring
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE
-from orientd.planner.certify.differences import Rough
 from orientd.planner.certify.measuring import measure
 from orientd.rotation import conjugate, exp, log, multiply
 
@@ -251,30 +250,6 @@ def test_what_is_not_a_number_is_the_peak(monkeypatch, chunk):
     q, p = walk()
     q[150] = np.nan
     assert np.isnan(look(q, p).velocity.value)
-
-
-def test_a_rough_part_brakes_more_carefully_than_a_smooth_one():
-    q, p = walk()
-    tight = Limits(10.0, 200.0, 1.2 * look(q, p).jerk.value, 10.0, 1e3)
-    smooth = look(q, p, brake_limits=tight)
-    rough = look(q, p, brake_limits=tight, rough=Rough(0.0, len(q) * H, 1))
-    elsewhere = look(q, p, brake_limits=tight, rough=Rough(10.0, 20.0, 1))
-    assert rough.brake_rate < smooth.brake_rate == elsewhere.brake_rate
-
-
-def test_a_rough_part_counts_where_it_is_and_for_three_records_behind():
-    q, p = walk()
-    limits = Limits(10.0, 200.0, 2.0 * look(q, p).jerk.value, 10.0, 1e3)
-    everywhere = look(q, p, brake_limits=limits, rough=Rough(0.0, len(q) * H, 1))
-    time = everywhere.brake_time
-    for begin, end, is_seen in (
-        (time - 0.5 * H, time, True),
-        (time - 2.5 * H, time - 2.5 * H, True),
-        (time + 0.5 * H, 9.0, False),
-        (0.0, time - 3.5 * H, False),
-    ):
-        peaks = look(q, p, brake_limits=limits, rough=Rough(begin, end, 1))
-        assert (peaks.brake_rate == everywhere.brake_rate) is is_seen
 
 
 def test_a_long_motion_needs_no_more_memory_than_a_short_one():

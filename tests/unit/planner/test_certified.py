@@ -107,7 +107,7 @@ def test_errors_are_how_far_the_path_is_from_what_was_asked():
 
 
 def measured_path(path, count, before):
-    return measure_path(path, count, PERIOD, ARM, before=before, brake_limits=ARM, rough=None)
+    return measure_path(path, count, PERIOD, ARM, before=before, brake_limits=ARM)
 
 
 @pytest.mark.parametrize("is_known", [True, False])

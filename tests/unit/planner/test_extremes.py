@@ -12,8 +12,8 @@ from reference.aims import retarget
 from orientd import kernels
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 from orientd.planner.certify import measuring
-from orientd.planner.certify.brake import LAW, brake_rate
-from orientd.planner.certify.differences import Rough, extremes
+from orientd.planner.certify.brake import brake_rate
+from orientd.planner.certify.differences import extremes
 from orientd.planner.certify.measuring import measure_path
 from orientd.planner.limits import ANGULAR
 from orientd.rotation import exp, multiply
@@ -53,12 +53,11 @@ def test_differences_are_those_of_turns_of_any_size(angle):
 
 
 @pytest.mark.parametrize("limits", [LIMITS[0], LIMITS[1].with_rates({"jerk": [9e3, 5e3, 7e3]})])
-@pytest.mark.parametrize("rough", [None, Rough(0.1, 0.3, 1), Rough(0.0, 9.0, 0)])
 @pytest.mark.parametrize("count", [3, 4, 400])
-def test_the_brake_rate_of_setpoints_is_that_of_numpy(limits, rough, count):
+def test_the_brake_rate_of_setpoints_is_that_of_numpy(limits, count):
     times = PERIOD * np.arange(count)
     q = exp(np.stack([np.sin(2.0 * times), 0.5 * np.cos(3.0 * times), 0.1 * times], axis=1))
-    options = {"start": 3 * PERIOD, "rough": rough, "brake_limits": limits, "period": PERIOD}
+    options = {"brake_limits": limits, "period": PERIOD}
     wanted, found = (each(q, **options) for each in (reference.extremes, extremes))
     assert found.rate == pytest.approx(wanted.rate, rel=1e-9)
     assert found.rate_place == wanted.rate_place
@@ -89,11 +88,6 @@ def test_numbers_that_are_not_a_path_are_refused():
             kernels.sample_path(bad, times, np.empty((10, 9)))
         with pytest.raises(ValueError, match="path"):
             kernels.farthest_from_path(bad, times, np.empty((9, 4)))
-        room = np.zeros((6, 4)), np.zeros(12, dtype=np.int64)
-        with pytest.raises(ValueError, match="path"):
-            kernels.path_extremes(
-                bad, 9, PERIOD, np.empty((0, 10)), False, np.zeros(4), np.ones((2, 4)), *LAW, *room
-            )
 
 
 KEYS = [(1.0, 0.0, 0.0, 0.0), (0.8, 0.6, 0.0, 0.0), (0.6, 0.0, 0.8, 0.0)]
@@ -171,32 +165,30 @@ def value_at(path, name, time):
 
 
 @pytest.mark.parametrize("limits", LIMITS)
-@pytest.mark.parametrize("rough", [None, Rough(0.1, 2.0, 1)])
 @pytest.mark.parametrize("with_each", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_a_path_is_held_against_its_limits_as_numpy_does(monkeypatch, limits, rough, with_each):
-    first = LIMITS.index(limits) + (rough is not None)
-    for number, motion in enumerate(several_paths(limits), first):
+def test_a_path_is_held_against_its_limits_as_numpy_does(monkeypatch, limits, with_each):
+    for number, motion in enumerate(several_paths(limits), LIMITS.index(limits)):
         path, count = motion.path, motion.record_count
         q = path.orientations(np.zeros(3))
         befores = [None, (q, np.zeros((3, 3))), (q, np.full((3, 3), 0.1))]
         for before in befores if with_each else [befores[number % 3]]:
-            options = {"before": before, "brake_limits": limits, "rough": rough}
+            options = {"before": before, "brake_limits": limits}
             found = measure_path(path, count, PERIOD, limits, **options)
             with monkeypatch.context() as patch:
-                patch.setattr(measuring, "extremes", reference.extremes)
+                patch.setattr(measuring, "extremes", sampled)
                 wanted = measure_path(one_by_one(path), count, PERIOD, limits, **options)
-            assert found.brake_rate == pytest.approx(wanted.brake_rate, rel=1e-6)
+            assert found.brake_rate == pytest.approx(wanted.brake_rate, rel=1e-4)
             for name in ("velocity", "acceleration", "jerk", "linear_velocity"):
                 one, other = getattr(found, name), getattr(wanted, name)
-                # Whether there is a step of the acceleration is decided by a threshold.
-                assert one.value == pytest.approx(other.value, rel=1e-3)
+                # The bound is above what a few phases show, by more where there are steps.
+                assert other.value * (1.0 - 1e-3) <= one.value <= other.value * 1.03
                 if name in ANGULAR:
+                    assert one.on_records == pytest.approx(other.on_records, rel=1e-6)
                     # Of several that are as large either may be named; between a record and the
                     # next it may be somewhat larger than on both.
                     values = [value_at(path, name, one.time + k * PERIOD) for k in (0, 1)]
                     assert 0.6 * one.value <= max(values) <= one.value * (1.0 + 1e-6)
-            for name in ("axis_velocity", "axis_acceleration", "axis_jerk"):
-                row, rows = getattr(found, name), getattr(wanted, name)
-                assert [p.value for p in row] == pytest.approx([p.value for p in rows], rel=1e-3)
-                planned, wanted_ = ([p.on_records for p in each] for each in (row, rows))
-                assert planned == pytest.approx(wanted_, rel=1e-6)
+
+
+def sampled(q, *, so_far, **options):
+    return reference.extremes(q, **options)

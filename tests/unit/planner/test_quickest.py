@@ -154,7 +154,6 @@ def test_what_is_drawn_between_the_records_hardly_ever_needs_a_second_timing(jer
             limits,
             before=before(State.at_rest(whole.first), PERIOD),
             brake_limits=limits,
-            rough=None,
         )
         beyond += max(peaks.drawn) > GUARD_TOLERANCE
         slower.append(quick.duration / float(quick.profile.clock().times[-1]))

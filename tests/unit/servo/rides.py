@@ -75,7 +75,6 @@ def up_to_its_limits(random, motion):
         before=None,
         holds_after=True,
         brake_limits=limits.scaled(GUARD_TOLERANCE),
-        rough=motion.rough,
     )
     # What takes longer to stop is refused.
     if found.brake_rate < 0.25:

@@ -37,7 +37,7 @@ INLINE vec_t acceleration(vec_t r, vec_t rate, vec_t bend) {
 
 INLINE double larger(double a, double b) { return a > b ? a : b; }
 
-void put_laws(const block_t *block, double period, const lanes_t *turns, course_t *restrict to) {
+void put_laws(const block_t *block, double period, const lanes_t *turns, segments_t *restrict to) {
     const double (*rows)[BLOCK] = block->rows;
     double square = period * period;
     INDEPENDENT
@@ -54,7 +54,7 @@ void put_laws(const block_t *block, double period, const lanes_t *turns, course_
     }
 }
 
-void put_course(index_t count, const lanes_t *turns, course_t *restrict to) {
+void put_segments(index_t count, const lanes_t *turns, segments_t *restrict to) {
     INDEPENDENT
     for (index_t i = 0; i < count; i++) {
         vec_t v = at(&to->leave, i), w = at(&to->arrive, i), step = at(&to->step, i);
@@ -71,10 +71,10 @@ void put_course(index_t count, const lanes_t *turns, course_t *restrict to) {
         put(&to->begin, i, second), put(&to->before, i, before), put(&to->behind, i, behind);
         put(&to->end, i, acceleration(at(turns, i), rate, last));
         vec_t jerk = minus(third, times(0.5, cross(v, second))), spin = cross(third, v);
-        double stray = 0.6 * w2 * d + w2 * w2 * (0.7 * a2 + 0.2 * j1) + 0.5 * a2 * j1;
+        double spread = 0.6 * w2 * d + w2 * w2 * (0.7 * a2 + 0.2 * j1) + 0.5 * a2 * j1;
         put(&to->jerk, i, jerk), put(&to->spin, i, spin);
-        to->speed[i] = w2, to->bend[i] = a2, to->steps[i] = d, to->stray[i] = stray;
-        to->twist[i] = larger(norm(jerk), norm(plus(jerk, spin))) + stray;
+        to->speed[i] = w2, to->bend[i] = a2, to->steps[i] = d, to->spread[i] = spread;
+        to->twist[i] = larger(norm(jerk), norm(plus(jerk, spin))) + spread;
     }
     for (index_t i = 0; i + 1 < count; i++) {
         double w = to->speed[i];
@@ -89,13 +89,13 @@ void put_course(index_t count, const lanes_t *turns, course_t *restrict to) {
         double j = larger(to->twist[i], to->twist[i + 1]);
         double d = to->steps[i] + to->steps[i + 1] + to->jump[i];
         double change = norm(minus(at(&to->jerk, i + 1), at(&to->jerk, i)))
-                      + 2.0 * larger(norm(at(&to->spin, i)) + to->stray[i],
-                                     norm(at(&to->spin, i + 1)) + to->stray[i + 1]);
+                      + 2.0 * larger(norm(at(&to->spin, i)) + to->spread[i],
+                                     norm(at(&to->spin, i + 1)) + to->spread[i + 1]);
         double f = 0.1 * a * w, e = j / 12 + 0.125 * d + f, n = w * e + 0.085 * w * w * a;
-        to->twine[0][i] = f, to->twine[1][i] = n;
-        to->twine[2][i] = w * (0.125 * change + 0.5 * d + n) + a * e
+        to->coupling[0][i] = f, to->coupling[1][i] = n;
+        to->coupling[2][i] = w * (0.125 * change + 0.5 * d + n) + a * e
                         + 0.09 * (w * a * (a + 2.0 * n) + w * w * (j + d));
         to->slope[i] = w * (0.5 * a + f) * (0.5 + 0.085 * w);
-        to->rest[i] = 0.175 * to->twine[2][i] + 0.002 * (w * w * j + a * j + w * a * a);
+        to->rest[i] = 0.175 * to->coupling[2][i] + 0.002 * (w * w * j + a * j + w * a * a);
     }
 }
