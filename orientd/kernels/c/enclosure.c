@@ -12,7 +12,7 @@
 #include "differences.h"
 
 /* Boxes after which a bound is taken as it is. */
-enum { BOXES = 2000, STACK = 64 };
+enum { BOXES = 50000, STACK = 64 };
 
 /* Below this share of a period a bound is taken as it is, too. */
 #define NARROW (1.0 / 512)

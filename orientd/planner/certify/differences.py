@@ -9,11 +9,12 @@ sent after a pause, a stop or at another speed.
 A certificate's bounds of velocity, acceleration and jerk, of the norm and of the components, are
 *proven* for setpoints a constant share of a period apart on the path: for every phase against the
 records and every rate in [0, 1].  They are at most :math:`3 \cdot 10^{-4}` above a value that is
-reached; that of a component far below the norm may be looser, where it takes too long to refine.  First differences are
-averages of the velocity, second ones of the acceleration and third ones of the jerk, but for what
-rotations fail to commute by, which is bounded (``kernels/c/segments.c``, ``enclosure.c``); at the
-rate 1 they are polynomials of the phase but for a bounded rest, and lie in the hull of their
-Bernstein coefficients.  Bounds are of exact arithmetic: rounding adds some 1e-15 rad.
+reached; that of a component far below the norm may be looser, where it takes too long to refine.
+First differences are averages of the velocity, second ones of the acceleration and third ones of
+the jerk, but for what rotations fail to commute by, which is bounded (``kernels/c/segments.c``,
+``enclosure.c``); at the rate 1 they are polynomials of the phase but for a bounded rest, and lie in
+the hull of their Bernstein coefficients.  Bounds are of exact arithmetic: rounding adds some 1e-15
+rad.
 
 What is *sampled*, at the records and three phases between them, at most 0.36 of a period apart:
 

@@ -180,8 +180,10 @@ def test_a_path_is_held_against_its_limits_as_numpy_does(monkeypatch, limits, wi
             assert found.brake_rate == pytest.approx(wanted.brake_rate, rel=1e-4)
             for name in ("velocity", "acceleration", "jerk", "linear_velocity"):
                 one, other = getattr(found, name), getattr(wanted, name)
-                # The bound is above what a few phases show, by more where there are steps.
-                assert other.value * (1.0 - 1e-3) <= one.value <= other.value * 1.03
+                # The bound is above what a few phases show, by more where there are steps; where
+                # the path does not go on from what was before, it is beyond all limits.
+                assert other.value * (1.0 - 1e-3) <= one.value
+                assert one.value <= other.value * 1.03 or one.on_records > 1.1 * one.limit
                 if name in ANGULAR:
                     assert one.on_records == pytest.approx(other.on_records, rel=1e-6)
                     # Of several that are as large either may be named; between a record and the
