@@ -229,6 +229,8 @@ def _to_single(job: PlanJob, name: str, tried: _Tried) -> Iterator[_Attempt]:
 
         return to.led(target, candidate, name, connections=connections)
 
+    if is_turn and request.total is not None:
+        return
     if is_turn:
         yield _Attempt("an even pace", partial(led, job.evenly()), is_fallback=True)
         return
@@ -315,7 +317,9 @@ def _along_curve(job: PlanJob, name: str, tried: _Tried) -> Iterator[_Attempt]:
         yield _Attempt("the quickest timing with times by chord", other, is_fallback=True)
     if tried.best is not None and request.total is None:
         if _rests(job, job.shape(is_quick=True)) is not None:
-            yield _Attempt("an even pace", partial(_even_within, even, name, tried.took), is_optional=True)
+            yield _Attempt(
+                "an even pace", partial(_even_within, even, name, tried.took), is_optional=True
+            )
     else:
         if isinstance(tried.last, refusal.TotalError):
             raise tried.last

@@ -15,7 +15,6 @@ static const double guesses[GUESSES][2] = {{1.0, 0.6}, {0.0, 1.3}};
 #define LONGER 8.0        /* times a guess of how long a connector takes */
 #define VERGE 0.99        /* of the velocity: what rises beyond has to let its acceleration fall */
 #define FALL 0.999        /* of acceleration and jerk, with which it falls */
-#define TURN_SLACK 1.001  /* times the turn that a connector may make, for rounding */
 #define STILL 1e-6        /* of the velocity: what rises by less has no acceleration to speak of */
 
 /* Joins end to end, signs continuous. */
@@ -31,22 +30,6 @@ static views_t views_of(joins_t *joins, index_t n) {
 }
 
 static double end_of(const joins_t *joins) { return joins->breaks[joins->count]; }
-
-/* About how far a device turns until it is at rest: half a double S (Biagiotti and Melchiorri 2008,
- * section 3.4), after the fall of an acceleration. */
-static double turn_to_stop(const motion_t *state, matrix_t limits) {
-    double speed = norm(state->omega);
-    if (!(speed > 0.0))
-        return 0.0;
-    vec_t direction = times(1.0 / speed, state->omega);
-    double most = limit_along(direction, row_of(limits, 1));
-    double jerk = limit_along(direction, row_of(limits, 2));
-    double rise = fmax(0.0, dot(direction, state->alpha)), fall = rise / jerk;
-    double highest = speed + 0.5 * rise * fall;
-    double half = highest * jerk > most * most ? 0.5 * (highest / most + most / jerk)
-                                               : sqrt(highest / jerk);
-    return speed * fall + rise * fall * fall / 3.0 + highest * half;
-}
 
 /* Leave out what takes no time of a connector of three parts. */
 static void drop_empty(joins_t *joins) {
@@ -64,11 +47,8 @@ static void drop_empty(joins_t *joins) {
 
 /* Write the shortest connector and return whether there is one. */
 static bool put_connector(row_t start, row_t end, matrix_t limits, double period, double least,
-                          double longest, double ease, bool as_found, joins_t *best) {
-    motion_t begin = state_at(start.v), finish = state_at(end.v);
-    double most_turn = TURN_SLACK * (angle_between(begin.q, finish.q)
-                                     + turn_to_stop(&begin, limits)
-                                     + turn_to_stop(&finish, limits));
+                          double longest, double most_turn, double ease, bool as_found,
+                          joins_t *best) {
     joins_t found, shorter;
     views_t first = views_of(&found, 3), room = views_of(&shorter, ELEMENTS);
     best->count = found.count = 0;
@@ -169,18 +149,18 @@ static index_t put_behind(const joins_t *joins, index_t count, matrix_t q, tenso
 }
 
 index_t connect_states(row_t start, row_t end, matrix_t limits, matrix_t own, double period,
-                       double least, double longest, double ease, bool as_found, bool falls_first,
-                       matrix_t q, tensor_t w, row_t breaks) {
+                       double least, double longest, double most_turn, double ease, bool as_found,
+                       bool falls_first, matrix_t q, tensor_t w, row_t breaks) {
     joins_t direct, falls, onward;
     bool is_direct = !falls_first && put_connector(start, end, limits, period, least, longest,
-                                                   ease, as_found, &direct);
+                                                   most_turn, ease, as_found, &direct);
     motion_t state = state_at(start.v);
     put_falls(&state, own, period, falls_first, &falls);
     if (falls.count) {
         double row[STATE], begin = end_of(&falls);
         put_state(row, state);
         bool is_found = put_connector((row_t){row, STATE}, end, limits, period, least - begin,
-                                      longest, ease, as_found, &onward);
+                                      longest, most_turn, ease, as_found, &onward);
         if (is_found && !(is_direct && end_of(&direct) <= begin + end_of(&onward))) {
             index_t count = put_behind(&falls, 0, q, w, breaks);
             return put_behind(&onward, count, q, w, breaks);

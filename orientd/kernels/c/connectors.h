@@ -193,9 +193,6 @@ typedef struct {
 ramps_t ramps_from(const motion_t *state, vec_t way, matrix_t limits, const bounds_t *bounds,
                    double period, bool in_cycles);
 
-/* A limit on the component along a direction. */
-double limit_along(vec_t direction, const double limits[4]);
-
 /* leave.c */
 
 /* Write the joins of the shortest way found from a state to rest, wherever that is, and return how

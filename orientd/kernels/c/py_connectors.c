@@ -30,13 +30,13 @@ KERNEL(try_joins) {
 }
 
 KERNEL(connect) {
-    TAKE("vvmmddddppMTV");
+    TAKE("vvmmdddddppMTV");
     CHECK(a[0].v.n == STATE && a[1].v.n == STATE && is_matrix(a[2].m, 3, 4));
-    CHECK(is_matrix(a[3].m, 3, 4) && is_matrix(a[10].m, MOST_JOINS, 4));
-    CHECK(is_tensor(a[11].t, MOST_JOINS, FACTORS, 3) && a[12].v.n == MOST_JOINS + 1);
+    CHECK(is_matrix(a[3].m, 3, 4) && is_matrix(a[11].m, MOST_JOINS, 4));
+    CHECK(is_tensor(a[12].t, MOST_JOINS, FACTORS, 3) && a[13].v.n == MOST_JOINS + 1);
     index_t found;
     RUN(found = connect_states(a[0].v, a[1].v, a[2].m, a[3].m, a[4].d, a[5].d, a[6].d, a[7].d,
-                               a[8].p, a[9].p, a[10].m, a[11].t, a[12].v));
+                               a[8].d, a[9].p, a[10].p, a[11].m, a[12].t, a[13].v));
     return PyLong_FromLongLong(found);
 }
 

@@ -67,7 +67,8 @@ static void add_ramp(ramps_t *ramps, const motion_t *state, vec_t goal, matrix_t
     ramps->durations[ramps->count++] = duration;
 }
 
-double limit_along(vec_t direction, const double limits[4]) {
+/* A limit on the component along a direction. */
+static double limit_along(vec_t direction, const double limits[4]) {
     double limit = limits[0], parts[3] = {direction.x, direction.y, direction.z};
     for (int k = 0; k < 3; k++)
         if (fabs(parts[k]) * limit > limits[k + 1])

@@ -18,11 +18,13 @@ from orientd.planner.connect.quintic_connector import FACTORS, QuinticConnectors
 from orientd.planner.limits import LONGEST, Limits
 from orientd.planner.path import PathSegment
 from orientd.planner.request import State
+from orientd.rotation import angle
 
 CONNECTOR_RESERVE = 0.96
 """Share of acceleration and jerk that a connector uses, so that a motion can be stopped in it."""
 
 _MOST_JOINS = 36
+_TURN_SLACK = 1.001  # times the turn that a connector may make, for rounding
 
 
 def connector(
@@ -57,14 +59,17 @@ def connector(
     """
     q, w = np.empty((_MOST_JOINS, 4)), np.empty((_MOST_JOINS, FACTORS, 3))
     breaks = np.empty(_MOST_JOINS + 1)
+    within = limits.with_reserve(CONNECTOR_RESERVE)
+    stops = turn_to_stop(start, within) + turn_to_stop(end, within)
     count = kernels.connect(
         state_row(start),
         state_row(end),
-        limit_table(limits.with_reserve(CONNECTOR_RESERVE)),
+        limit_table(within),
         limit_table(limits if own is None else own),
         period,
         least,
         LONGEST,
+        _TURN_SLACK * (float(angle(start.q, end.q)) + stops),
         ease,
         as_found,
         falls_first,
