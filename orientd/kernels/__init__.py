@@ -12,6 +12,7 @@ __path__.insert(0, str(library().parent))
 from orientd.kernels.native import (  # noqa: E402
     LEVEL,
     are_unit,
+    between,
     choose_knots,
     connect,
     euclidean_increments,
@@ -19,6 +20,7 @@ from orientd.kernels.native import (  # noqa: E402
     fill_basis,
     find_increments,
     find_profile,
+    fit_trajectory,
     interpolate_c2,
     jet_exponential,
     jet_geodesic,
@@ -44,6 +46,7 @@ from orientd.kernels.native import (  # noqa: E402
     sample_cubic,
     sample_path,
     sample_product,
+    sample_trajectory,
     setpoint_extremes,
     solve_banded,
     try_joins,
