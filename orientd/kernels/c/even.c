@@ -16,6 +16,7 @@ enum {
     GAP = 256,              /* records that cost less than another beginning */
     MARGIN = 4,             /* records on either side of a spot */
     END_KNOTS = 10,         /* to which the ends of a path reach, whatever the duration */
+    MOST_RECORDS = 300000000, /* to look at in all */
     MOST_ATTEMPTS = 60,
     MOST_PREDICTIONS = 8,   /* attempts that trust the prediction; then bisection */
 };
@@ -23,6 +24,7 @@ enum {
 static const double SHARES[LOOKS] = {1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6}; /* of a piece */
 #define HOT 0.97            /* of the largest factor, where a spot begins */
 #define PRECISION 1e-3      /* of the shortest duration */
+#define FAR 4.0             /* times the guess, beyond which nothing is looked at */
 #define LARGEST_FACTOR 1e4  /* that a prediction is made from */
 
 /* Instants, and by which factor the motion should take longer for each. */
@@ -33,6 +35,7 @@ typedef struct {
     double places[3][BLOCK];
     block_t block;
     sight_t sight;
+    index_t left;  /* records that may still be looked at */
 } scratch_t;
 
 /* Return a rate as a share of its limits, of the norm or of a component. */
@@ -51,7 +54,9 @@ static index_t place_looks(const even_t *asked, double *instants) {
         double own = i < known ? knots[i] : INFINITY, move = j < moving ? moves[j] : INFINITY;
         double even = k <= pieces ? duration * (double)k / (double)pieces : INFINITY;
         double here = fmin(own, fmin(move, even));
-        i += i < known && own <= here, j += j < moving && move <= here, k += k <= pieces && even <= here;
+        /* What is not a number is passed over. */
+        i += i < known && !(own > here), j += j < moving && !(move > here);
+        k += k <= pieces && !(even > here);
         if (!(here >= 0.0 && here <= duration))
             continue;
         if (here > before && before >= 0.0)
@@ -108,8 +113,8 @@ static void weigh_looks(const even_t *asked, double slower, survey_t *survey, sc
     }
 }
 
-/* The largest differences found, as shares of the limits. */
-typedef struct { double squares[24], speed, push; } largest_t;
+/* The largest differences found, and how many records may still be looked at. */
+typedef struct { double squares[24], speed, push; index_t left; } largest_t;
 
 /* Look at the records from a first to a last one of a motion of so many cycles. */
 static void see_records(const even_t *asked, index_t first, index_t last, index_t final,
@@ -117,6 +122,9 @@ static void see_records(const even_t *asked, index_t first, index_t last, index_
     double duration = asked->knots.v[asked->knots.n - 1], rate = duration / (asked->period * (double)final);
     index_t read = first - (first == 0 && asked->is_held[0] ? HISTORY : 0);
     index_t end = last + 1 + (last == final && asked->is_held[1] ? HISTORY : 0), seen = 0;
+    found->left -= end - read;
+    if (found->left < 0)
+        return;
     int64_t places[12];
     double p[3], before[3] = {0.0}, moved[3] = {0.0};
     block_t *block = &scratch->block;
@@ -174,13 +182,18 @@ static double excess_of(const even_t *asked, const largest_t *found) {
     return fmax(factor, moved);
 }
 
-/* Add the records around a spot to those before, or look at these first if they are far apart. */
 typedef struct { index_t first, last, final; bool with_axes; } range_t;
 
+static index_t record_of(double place, index_t final) {
+    return place > 0.0 ? place < (double)final ? (index_t)place : final : 0;
+}
+
+/* Add the records around a spot to those before, or look at these first if they are far apart. */
 static void add_spot(const even_t *asked, range_t *range, double begin, double end,
                      largest_t *found, scratch_t *scratch) {
-    index_t first = most((index_t)floor(begin * (double)range->final) - MARGIN, 0);
-    index_t last = least((index_t)ceil(end * (double)range->final) + MARGIN, range->final);
+    index_t first = most(record_of(floor(begin * (double)range->final), range->final) - MARGIN, 0);
+    index_t last = record_of(ceil(end * (double)range->final), range->final);
+    last = most(least(last + MARGIN, range->final), first);
     if (range->last >= 0 && first > range->last + GAP) {
         see_records(asked, range->first, range->last, range->final, range->with_axes, found, scratch);
         range->last = -1;
@@ -191,7 +204,7 @@ static void add_spot(const even_t *asked, range_t *range, double begin, double e
 
 /* Return by which factor a motion of so many cycles should take longer. */
 static double look(const even_t *asked, survey_t *survey, index_t cycles, scratch_t *scratch) {
-    largest_t found = {.speed = 0.0};
+    largest_t found = {.left = scratch->left};
     double duration = asked->knots.v[asked->knots.n - 1];
     bool is_short = cycles < SHORT && !asked->has_one_shape;
     range_t range = {0, -1, cycles, false};
@@ -216,7 +229,8 @@ static double look(const even_t *asked, survey_t *survey, index_t cycles, scratc
                      &found, scratch);
     }
     see_records(asked, range.first, range.last, cycles, range.with_axes, &found, scratch);
-    double factor = excess_of(asked, &found);
+    scratch->left = found.left;
+    double factor = found.left < 0 ? INFINITY : excess_of(asked, &found);
     if (asked->step == 0.0)
         return factor;
     /* What a step of the acceleration shows on the records changes with where it falls between them;
@@ -240,6 +254,8 @@ static void search(const even_t *asked, survey_t *survey, index_t cycles, index_
                 break;
         } else
             low = cycles;
+        if (!(found->factor < INFINITY))
+            break;
         if ((double)(high - low) <= fmax(1.0, PRECISION * (double)high))
             break;
         double factor = fmin(found->factor, LARGEST_FACTOR) * (1.0 + 0.5 * PRECISION);
@@ -264,11 +280,16 @@ int time_even(const even_t *asked, index_t first, index_t least_cycles, index_t 
         survey.n = place_looks(asked, survey.instants);
         weigh_looks(asked, 1.0, &survey, scratch);
         found->coarse = survey.largest;
-        double guess = first ? (double)first : ceil(duration * survey.largest / asked->period);
-        if (most_cycles >= least_cycles && guess < INFINITY) {
-            index_t cycles = (index_t)fmin(fmax(guess, (double)least_cycles), (double)most_cycles);
-            search(asked, &survey, cycles, least_cycles - 1, most_cycles + 1, found, scratch);
-        }
+        double guess = ceil(duration * survey.largest / asked->period), cycles = (double)first;
+        /* Instants and records agree but for a few percent where the shape is the same. */
+        if (!first || (asked->has_one_shape && least_cycles < most_cycles))
+            cycles = fmin(fmax(cycles, guess / FAR), FAR * guess);
+        scratch->left = MOST_RECORDS;
+        if (most_cycles >= least_cycles && guess < FAR * (double)most_cycles) {
+            index_t begin = (index_t)fmin(fmax(cycles, (double)least_cycles), (double)most_cycles);
+            search(asked, &survey, begin, least_cycles - 1, most_cycles + 1, found, scratch);
+        } else
+            found->factor = guess / (double)most_cycles;
     }
     free(scratch), free(survey.instants);
     return is_there ? 0 : OUT_OF_MEMORY;
