@@ -37,6 +37,7 @@ if TYPE_CHECKING:
         parameters,
         turns_name,
     )
-    from orientd.curves.warped import Retimed, TimeMap, places_of
+    from orientd.curves.trajectory import PIECE, Trajectory
+    from orientd.curves.warped import TimeMap, places_of
 
 __getattr__ = lazily(__name__)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.family import Family, is_same
+from orientd.curves.trajectory import Trajectory
 from orientd.rotation import Floats, to_scipy
 
 if TYPE_CHECKING:
@@ -157,6 +159,13 @@ class Curve(metaclass=Family):
         from orientd.plots import png_of
 
         return png_of(self)
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """The table it compiles to."""
+        return Trajectory.fit(
+            lambda times: self.evaluate(times)[0], self.knots, continuity=self.continuity
+        )
 
     def ends(self) -> Samples:
         """Return what :meth:`evaluate` does at both ends of the domain."""

@@ -102,16 +102,25 @@ def put_table(
 ) -> bool: ...
 def solve_banded(band: Floats, lower: int, upper: int, right: Floats, /) -> bool: ...
 
+# trajectory.h
+def fit_trajectory(nodes: Floats, pieces: Floats, sizes: Floats, /) -> None: ...
+def join_trajectory(
+    q: Floats, w: Floats, breaks: Floats, ends: Floats, pieces: Floats, /
+) -> int: ...
+def retime_trajectory(
+    breaks: Floats, pieces: Floats, times: Floats, places: Floats, values: Floats, slopes: Floats,
+    leaves: Floats, ends: Floats, out: Floats, /,
+) -> int: ...  # fmt: skip
+def sample_trajectory(
+    times: Floats, breaks: Floats, pieces: Floats, slack: float, out: Floats, /
+) -> int: ...
+
 # sampling.h
 def sample_cubic(
     times: Floats, breaks: Floats, table: Floats, slack: float, out: Floats, /
 ) -> int: ...
 
 # connectors.h
-def put_joins(
-    q: Floats, w: Floats, breaks: Floats, base: Floats, axes: Floats, lengths: Floats,
-    values: Floats, rates: Floats, curvatures: Floats, at_ends: Floats, /,
-) -> None: ...  # fmt: skip
 def try_joins(
     first: Floats, last: Floats, durations: Floats, around: Floats, limits: Floats, w: Floats,
     kept: Indices, /,
@@ -184,25 +193,6 @@ def setpoint_extremes(
     places: Indices,
     /,
 ) -> tuple[float, int]: ...
-def sample_path(path: Floats, times: Floats, out: Floats, /) -> None: ...
-def farthest_from_path(path: Floats, times: Floats, keys: Floats, /) -> float: ...
-def path_extremes(
-    path: Floats,
-    records: int,
-    period: float,
-    before: Floats,
-    with_axes: bool,
-    rough: Floats,
-    most: Floats,
-    nodes: Floats,
-    worst: Floats,
-    most_change: float,
-    fastest: float,
-    margin: float,
-    squares: Floats,
-    places: Indices,
-    /,
-) -> tuple[float, int]: ...
 def put_instants(
     breaks: Floats, duration: float, pieces: int, shares: Floats, instants: Floats, /
 ) -> int: ...
@@ -221,9 +211,8 @@ def put_spots(
 ) -> int: ...
 def look_at(
     ranges: Indices,
-    curve: Floats,
-    rate: float,
-    duration: float,
+    breaks: Floats,
+    pieces: Floats,
     period: float,
     is_held_before: bool,
     is_held_after: bool,

@@ -19,7 +19,7 @@ from orientd.planner.keyframes import half_turn_notes
 from orientd.planner.limits import LONGEST, Limits, is_still
 from orientd.planner.methods import Ends, check_method
 from orientd.planner.motion import Motion
-from orientd.planner.path import PositionPath
+from orientd.planner.path import PositionPath, end_states
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.timing import (
     FirstProfile,
@@ -213,9 +213,8 @@ class PlanJob:
         return with_leads(keyframe_path, lead, self.start, self.limits, self.period)
 
     def _lead_in(self, keyframe_path: KeyframePath) -> LeadIn:
-        first, _ = keyframe_path.segment.ends()
-        at = keyframe_path.positions.first
-        return self.lead_to(State(first.q, first.omega_body, first.alpha_body, at))
+        first, _ = end_states(keyframe_path.trajectory)
+        return self.lead_to(replace(first, position=keyframe_path.positions.first))
 
     def lead_to(self, first: State) -> LeadIn:
         """Return the lead-in to a state at the first keyframe.

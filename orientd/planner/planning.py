@@ -10,7 +10,6 @@ from functools import partial
 
 import numpy as np
 
-from orientd.curves import AxisTurn
 from orientd.errors import LimitError, PlanError, RequestError, StartError
 from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, to_single
@@ -410,7 +409,7 @@ def _as_quick_as_possible(
     """
     path_request, keyframe_path, profile = job.shape(is_quick=not by_chord)
     if path_request.has_one_shape:
-        rests = len(corners(keyframe_path.segment.curve))
+        rests = len(corners(keyframe_path.trajectory))
         if not rests and (job.request.total is None or keyframe_path.is_from_rest_to_rest):
             return _timed(job, keyframe_path, profile, motion_id)
         return _resting_or_even(job, keyframe_path, rests, motion_id)
@@ -491,7 +490,7 @@ def _timed(
             if not (is_of_timing and share > LEAST_SHARE):
                 raise
             # It falls as the share does about one axis, by about half as much along a curve.
-            share /= over if isinstance(quick.segment.curve, AxisTurn) else over**2
+            share /= over if quick.is_turn else over**2
             continue
         rate, last = motion.certificate.brake_rate, stop_time
         stop_time = 1.0 / rate if rate else math.inf

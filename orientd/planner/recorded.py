@@ -21,6 +21,7 @@ from orientd.rotation import (
     exp,
     log,
     multiply,
+    right_jacobian,
     right_jacobian_inverse,
 )
 from orientd.stream import NO_SHARES, PATH_FLOATS, JointShares
@@ -207,6 +208,37 @@ class RecordedMotion:
         return q
 
 
+def between(here: Floats, there: Floats, h: float, u: Floats) -> Floats:
+    """Return states a share of the way from some records to those after them.
+
+    Args:
+        here: states at the records, shape ``(n, STATE_FLOATS)`` or wider.
+        there: those at the records after them.
+        h: from one record to the next, s.
+        u: the shares, shape ``(n, 1)``.
+    """
+    found: Floats = np.empty((len(here), STATE_FLOATS))
+    way = log(multiply(conjugate(here[:, :4]), there[:, :4]))
+    leave = h * here[:, 4:7]
+    arrive = h * np.einsum("nij,nj->ni", right_jacobian_inverse(way), there[:, 4:7])
+    r, rate = _cubic(way, leave, arrive, u)
+    found[:, :4] = multiply(here[:, :4], exp(r))
+    found[:, 4:7] = np.einsum("nij,nj->ni", right_jacobian(r), rate) / h
+    found[:, 7:10] = (1 - u) * here[:, 7:10] + u * there[:, 7:10]
+    way = there[:, 10:13] - here[:, 10:13]
+    place, rate = _cubic(way, h * here[:, 13:16], h * there[:, 13:16], u)
+    found[:, 10:13], found[:, 13:16] = here[:, 10:13] + place, rate / h
+    found[:, 16:19] = (1 - u) * here[:, 16:19] + u * there[:, 16:19]
+    return found
+
+
+def _cubic(way: Floats, leave: Floats, arrive: Floats, u: Floats) -> tuple[Floats, Floats]:
+    """Return the cubic from zero to *way* with rates at both ends, and its rate, at shares."""
+    place = u * u * (3 - 2 * u) * way + u * (1 - u) * ((1 - u) * leave - u * arrive)
+    rate = 6 * u * (1 - u) * way + (1 - u) * (1 - 3 * u) * leave + u * (3 * u - 2) * arrive
+    return place, rate
+
+
 def orientations_between(here: Floats, there: Floats, period: Floats | float, u: Floats) -> Floats:
     """Return orientations a share of the way from some records to those after them.
 
@@ -220,6 +252,6 @@ def orientations_between(here: Floats, there: Floats, period: Floats | float, u:
     leave = period * here[:, 4:7]
     arrive = np.einsum("nij,nj->ni", right_jacobian_inverse(way), there[:, 4:7])
     arrive *= period
-    r = u * u * (3 - 2 * u) * way + u * (1 - u) * ((1 - u) * leave - u * arrive)
+    r, _ = _cubic(way, leave, arrive, u)
     joined: Floats = multiply(here[:, :4], exp(r))
     return joined

@@ -15,13 +15,14 @@ from typing import cast
 
 import numpy as np
 
+from orientd.curves import Trajectory
 from orientd.errors import PlanError
 from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, leads_out
 from orientd.planner.connect import WITHOUT_RESERVE, Caution, join, turn_to_stop
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
-from orientd.planner.path import Path, PathCurve, PathSegment, PositionPath
+from orientd.planner.path import Path, PositionPath
 from orientd.planner.plan_job import PlanJob
 from orientd.planner.request import DEFAULT_METHOD, Keyframe, MotionRequest, State
 from orientd.planner.timing import SAME, KeyframePath, least_with_stops
@@ -97,8 +98,8 @@ class Connectors:
         caution: with which they were found.
     """
 
-    head: tuple[PathSegment, ...]
-    tail: tuple[PathSegment, ...]
+    head: tuple[Trajectory, ...]
+    tail: tuple[Trajectory, ...]
     rests: tuple[int, int]
     caution: Caution
 
@@ -117,11 +118,11 @@ class Connectors:
         keys, (begin, end) = job.request.keys, end_states(job)
         first, last = rests = rests or resting_keyframes(job)
         if first > last:
-            return cls(job.connected(begin, end, caution).segments, (), rests, caution)
+            return cls(job.connected(begin, end, caution).parts, (), rests, caution)
         here, there = (State.at_rest(keys[at], job.halt.last) for at in (first, last))
         starts, ends = job.ends.moves
-        head = job.connected(begin, here, caution).segments if starts else ()
-        tail = job.connected(there, end, caution).segments if ends else ()
+        head = job.connected(begin, here, caution).parts if starts else ()
+        tail = job.connected(there, end, caution).parts if ends else ()
         return cls(head, tail, rests, caution)
 
     @property
@@ -132,7 +133,7 @@ class Connectors:
     @property
     def durations(self) -> tuple[float, float]:
         """How long both take, s."""
-        head, tail = (part[-1].end if part else 0.0 for part in (self.head, self.tail))
+        head, tail = (part[-1].domain[1] if part else 0.0 for part in (self.head, self.tail))
         return head, tail
 
 
@@ -205,7 +206,7 @@ def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> C
     first, last = connectors.rests
     head, tail = connectors.head, connectors.tail
     if first > last:
-        return _with_leads(job, [head], np.array([0.0, head[-1].end]))
+        return _with_leads(job, [head], np.array([0.0, head[-1].domain[1]]))
     before, after = connectors.durations
     least = 0.0 if between is None else between.duration
     duration = least
@@ -215,18 +216,14 @@ def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> C
     elif tail:
         # A velocity begins at a record.
         duration = math.ceil(least / job.period - _WHOLE) * job.period
-    inner: Sequence[PathSegment] = ()
+    inner: Sequence[Trajectory] = ()
     passed = np.full(last - first + 1, 0.0 if tail else duration)
     if between is not None:
         factor = duration / least
         passed = factor * between.keyframe_times
-        inner = [
-            one.slowed(factor * (one.end - one.begin)).shifted(factor * one.begin)
-            for one in cast("Path", between.path).segments
-        ]
+        inner = [cast("Path", between.path).trajectory.slowed(duration)]
     elif duration > _WHOLE * job.period:
-        still = join(job.request.keys[first], _NO_TURN, duration)
-        inner = (PathSegment(still, 0.0, duration),)
+        inner = [join(job.request.keys[first], _NO_TURN, duration)]
     begin, end = np.zeros(int(bool(head))), np.full(int(bool(tail)), before + duration + after)
     is_pair = len(job.request.keys) == 2 and bool(head and tail)
     times = [begin, end] if is_pair else [begin, before + passed, end]
@@ -249,8 +246,8 @@ def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
     for _ in range(_BISECTIONS):
         pace = math.sqrt(slow * fast) if paths else fast
         at_pace = replace(job, limits=job.limits.slowed(pace))
-        found = at_pace.connected(begin, end, Caution.NONE).segments
-        duration = found[-1].end
+        found = at_pace.connected(begin, end, Caution.NONE).parts
+        duration = found[-1].domain[1]
         if not paths:
             refusal.check_total(total, duration)
         if duration > total:
@@ -258,9 +255,8 @@ def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
             continue
         fast = pace
         held = PositionPath.held(job.halt.last)
-        curve = PathCurve(Path.joined(found, held).segments)
-        segment = PathSegment(curve, 0.0, duration)
-        paths.append(KeyframePath(segment, held, np.array([0.0, duration])))
+        times = np.array([0.0, duration])
+        paths.append(KeyframePath(Trajectory.joined(found), held, times))
         if duration > _ABOUT * total:
             break
     return sorted(paths, key=lambda path: -path.duration)
@@ -286,22 +282,22 @@ def end_states(job: PlanJob) -> tuple[State, State]:
 
 
 def _with_leads(
-    job: PlanJob, parts: Sequence[Sequence[PathSegment]], times: Floats
+    job: PlanJob, parts: Sequence[Sequence[Trajectory]], times: Floats
 ) -> CandidateMotion:
     """Return parts, each from time 0 on, laid end to end with the leads before and after them."""
     begin, end = end_states(job)
-    segments: list[PathSegment] = []
+    laid: list[Trajectory] = []
     positions, start_time = PositionPath.held(job.start.position), 0.0
     if job.request.approach:
         lead = job.lead_to(begin)
-        segments += lead.segments
+        laid += lead.parts
         positions, start_time = lead.positions, lead.cycles * job.period
     since = start_time
     for part in parts:
-        segments += [segment.shifted(since) for segment in part]
-        since = segments[-1].end if segments else since
+        laid += [one.shifted(since) for one in part]
+        since = laid[-1].domain[1] if laid else since
     times = start_time + times
     end_time = float(times[-1])
-    segments += leads_out(end, end_time, job.limits, job.period)
-    path = Path.joined(segments, positions, job.start.q)
+    laid += leads_out(end, end_time, job.limits, job.period)
+    path = Path.joined(laid, positions, job.start.q)
     return CandidateMotion(path, start_time, end_time, times, None)

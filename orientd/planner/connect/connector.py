@@ -16,18 +16,18 @@ from typing import NamedTuple
 import numpy as np
 
 from orientd import kernels
+from orientd.curves import Trajectory
 from orientd.errors import PlanError
 from orientd.planner.certify import limit_table
 from orientd.planner.connect.leads import check_lead
 from orientd.planner.connect.quintic_connector import (
     FACTORS,
     STATE,
-    QuinticConnectors,
     join,
+    joins,
     state_row,
 )
 from orientd.planner.limits import ACCELERATION_RESERVE, Limits
-from orientd.planner.path import PathSegment
 from orientd.planner.request import State
 from orientd.rotation import Floats, angle
 
@@ -60,8 +60,8 @@ def connector(
     least: float = 0.0,
     is_even: bool = False,
     ease: float = 1.0,
-) -> PathSegment:
-    """Return a segment from path time 0 that leads from one state to another.
+) -> Trajectory:
+    """Return a trajectory from path time 0 that leads from one state to another.
 
     The velocity, and the acceleration, may be as high as they are at the ends, and otherwise keep
     *limits* with their reserve.  It makes no whole turn that is not needed: it turns at most by the
@@ -91,9 +91,9 @@ def connector(
         ways = [_shortened(given, found, found.end - period, ease)] if is_found else []
         if not any(ways) or limits.has_axes:
             ways += [_shortened_guess(given, *guess, ease) for guess in _GUESSES]
-        shorter = [way for way in ways if way and not (is_found and way.end >= found.end)]
+        shorter = [way for way in ways if way and not (is_found and way.duration >= found.end)]
         if shorter:
-            return min(shorter, key=lambda way: way.end)
+            return min(shorter, key=lambda way: way.duration)
     if not is_found:
         raise PlanError(
             f"no way found from {np.linalg.norm(start.omega_body):.4g} rad/s to "
@@ -102,10 +102,7 @@ def connector(
     # A ramp that takes no time is none.
     _, before, after, total = found.times.tolist()
     first, last = int(before == 0.0), 3 - int(after == total)
-    curve = QuinticConnectors(
-        found.q[first:last], found.w[first:last], found.times[first : last + 1]
-    )
-    return PathSegment(curve, 0.0, total)
+    return joins(found.q[first:last], found.w[first:last], found.times[first : last + 1])
 
 
 def turn_to_stop(state: State, limits: Limits) -> float:
@@ -143,20 +140,19 @@ class _Found(NamedTuple):
         return float(self.times[-1])
 
 
-def _shortened(given: _Given, found: _Found, longest: float, ease: float) -> PathSegment | None:
+def _shortened(given: _Given, found: _Found, longest: float, ease: float) -> Trajectory | None:
     """Return what a connector is shortened to, if that takes no longer."""
-    joins, increments = np.empty((MOST_JOINS, 4)), np.empty((MOST_JOINS, FACTORS, 3))
+    begins, increments = np.empty((MOST_JOINS, 4)), np.empty((MOST_JOINS, FACTORS, 3))
     breaks = np.empty(MOST_JOINS + 1)
-    count = kernels.shorten_connector(*given, longest, ease, *found, joins, increments, breaks)
+    count = kernels.shorten_connector(*given, longest, ease, *found, begins, increments, breaks)
     if not count:
         return None
-    curve = QuinticConnectors(joins[:count], increments[:count], breaks[: count + 1])
-    return PathSegment(curve, 0.0, float(breaks[count]))
+    return joins(begins[:count], increments[:count], breaks[: count + 1])
 
 
 def _shortened_guess(
     given: _Given, rates: float, duration: float, ease: float
-) -> PathSegment | None:
+) -> Trajectory | None:
     """Return what a connector is that begins with a guess, if one comes of it."""
     guess = _Found.empty()
     kernels.guess_connector(*given[:-1], rates, duration, *guess)
@@ -165,7 +161,7 @@ def _shortened_guess(
 
 def ramped_stops(
     state: State, limits: Limits, period: float
-) -> Iterator[tuple[PathSegment | None, State]]:
+) -> Iterator[tuple[Trajectory | None, State]]:
     """Yield ramps that a stop may begin with, of whole periods, and the states they lead to.
 
     The first one is none at all.
@@ -175,13 +171,13 @@ def ramped_stops(
     table = limit_table(limits.with_reserve())
     count = kernels.ramps_of_stop(state_row(state), table, period, ends, w, durations)
     for end, increments, duration in zip(ends[:count], w, durations.tolist(), strict=False):
-        ramp = PathSegment(join(state.q, increments, duration), 0.0, duration) if duration else None
+        ramp = join(state.q, increments, duration) if duration else None
         yield ramp, State(end[:4], end[4:7], end[7:], state.position)
 
 
 def fallen(
     state: State, limits: Limits, period: float, *, is_wanted: bool = False
-) -> tuple[list[PathSegment], State]:
+) -> tuple[list[Trajectory], State]:
     """Return the ramps in which an acceleration falls that has to, and the state they lead to.
 
     What rises to a limit of its velocity with all of the jerk has to let the acceleration fall at
@@ -197,14 +193,14 @@ def fallen(
     Returns:
         No ramp where the acceleration may go on.
     """
-    ramps: list[PathSegment] = []
+    ramps: list[Trajectory] = []
     within = limits.with_reserve(_FALL / ACCELERATION_RESERVE)
     while len(ramps) < _FALLS and (_has_to_fall(state, limits) or is_wanted):
         found = ((ramp, end) for ramp, end in ramped_stops(state, within, period) if ramp)
         ramp, state = next(found, (None, state))
         if ramp is None:
             break
-        ramps.append(ramp.shifted(ramps[-1].end if ramps else 0.0))
+        ramps.append(ramp.shifted(ramps[-1].domain[1] if ramps else 0.0))
         is_wanted = False
     return ramps, state
 

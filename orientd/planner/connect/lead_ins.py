@@ -14,6 +14,7 @@ from functools import partial
 
 import numpy as np
 
+from orientd.curves import Trajectory
 from orientd.errors import PlanError
 from orientd.planner.connect.connector import (
     CONNECTOR_RESERVE,
@@ -25,7 +26,7 @@ from orientd.planner.connect.leads import approach, approach_cycles, lead_out
 from orientd.planner.connect.position_stop import position_lead
 from orientd.planner.connect.quintic_connector import join
 from orientd.planner.limits import Limits, is_still
-from orientd.planner.path import PathSegment, PositionPath
+from orientd.planner.path import PositionPath
 from orientd.planner.request import State
 from orientd.rotation import Floats
 
@@ -39,12 +40,12 @@ class LeadIn:
     """What comes before the first keyframe.
 
     Attributes:
-        segments: from path time 0 on.
+        parts: end to end, from path time 0 on.
         cycles: how many periods they take.
         positions: what the position does meanwhile.
     """
 
-    segments: tuple[PathSegment, ...]
+    parts: tuple[Trajectory, ...]
     cycles: int
     positions: PositionPath
 
@@ -140,25 +141,25 @@ def lead_in(
         is_even=is_even or caution is Caution.AS_FOUND,
         ease=caution.ease,
     )
-    ways: list[list[PathSegment]] = []
+    ways: list[list[Trajectory]] = []
     is_falling = caution is Caution.FALLING_FIRST
     if not is_falling:
         with suppress(PlanError):
             ways.append([connect(start, least=least)])
     ramps, end = fallen(start, limits, period, is_wanted=is_falling)
     if ramps:
-        begin = ramps[-1].end
+        begin = ramps[-1].domain[1]
         with suppress(PlanError):
             ways.append([*ramps, connect(end, least=least - begin).shifted(begin)])
     if not ways:
         return by_way_of_rest()
-    segments = min(ways, key=lambda way: way[-1].end)
-    end_time = segments[-1].end
+    parts = min(ways, key=lambda way: way[-1].domain[1])
+    end_time = parts[-1].domain[1]
     if not positions.is_held:
         positions = position_lead(
             start, first.position, limits=within, period=period, least=end_time
         )
-    return LeadIn(tuple(segments), round(end_time / period), positions)
+    return LeadIn(tuple(parts), round(end_time / period), positions)
 
 
 def from_rest(
@@ -191,8 +192,8 @@ def from_rest(
             )
         except PlanError as error:
             raise PlanError(f"no run-up to the first keyframe: {error}") from error
-        rest = run_up.evaluate(np.array([run_up.domain[1]]))[0][0]
-        run_up_cycles = round(run_up.domain[1] / period)
+        rest = run_up.ends()[0][1]
+        run_up_cycles = round(run_up.duration / period)
     cycles = approach_cycles(
         start.q,
         rest,
@@ -204,46 +205,42 @@ def from_rest(
     )
     cycles = max(cycles, least - run_up_cycles)
     arrival = cycles * period
-    segments = []
+    parts = []
     if cycles:
-        segments.append(
-            _waiting(approach(start.q, rest, limits, is_even=is_even), start.q, arrival)
-        )
+        parts.append(_waiting(approach(start.q, rest, limits, is_even=is_even), start.q, arrival))
     cycles += run_up_cycles
     if run_up is not None:
-        segments.append(PathSegment(run_up, arrival, cycles * period, rate=-1.0))
+        parts.append(run_up.reversed().shifted(arrival))
     # The position arrives with the approach and waits while the orientation takes its run-up.
     positions = PositionPath.held(first.position).after_move_from(start.position, 0.0, arrival)
-    return LeadIn(tuple(segments), cycles, positions)
+    return LeadIn(tuple(parts), cycles, positions)
 
 
-def _waiting(turn: PathSegment | None, q: Floats, arrival: float) -> PathSegment:
+def _waiting(turn: Trajectory | None, q: Floats, arrival: float) -> Trajectory:
     """Return a turn that takes longer, or none at all, while the position moves."""
     if turn is None:
-        still = np.zeros((5, 3))
-        return PathSegment(join(q, still, arrival), 0.0, arrival)
+        return join(q, np.zeros((5, 3)), arrival)
     return turn.slowed(arrival)
 
 
-def stop(start: State, *, limits: Limits, period: float) -> list[PathSegment]:
+def stop(start: State, *, limits: Limits, period: float) -> list[Trajectory]:
     """Return the way from a state to rest, wherever that is, from path time 0 on.
 
     Raises:
         PlanError: nothing was found.
     """
-    best: list[PathSegment] = []
+    best: list[Trajectory] = []
     error: PlanError | None = None
     for ramp, end in ramped_stops(start, limits, period):
-        begin = ramp.end if ramp is not None else 0.0
+        begin = ramp.duration if ramp is not None else 0.0
         try:
-            curve = lead_out(end.q, end.omega_body, end.alpha_body, limits=limits, period=period)
+            lead = lead_out(end.q, end.omega_body, end.alpha_body, limits=limits, period=period)
         except PlanError as problem:
             error = problem
             continue
-        total = begin + curve.domain[1]
-        if not best or total < best[-1].end:
+        if not best or begin + lead.duration < best[-1].domain[1]:
             best = [] if ramp is None else [ramp]
-            best.append(PathSegment(curve, begin, total))
+            best.append(lead.shifted(begin))
     if not best:
         raise PlanError(f"no way to rest: {error}")
     return best
@@ -259,12 +256,12 @@ def _by_way_of_rest(
     period: float,
 ) -> LeadIn:
     try:
-        segments = stop(start, limits=limits, period=period)
+        parts = stop(start, limits=limits, period=period)
     except PlanError:
-        segments = stop(start, limits=own, period=period)
-    halt = segments[-1].end
-    rest = State.at_rest(segments[-1].ends()[1].q, first.position)
+        parts = stop(start, limits=own, period=period)
+    halt = parts[-1].domain[1]
+    rest = State.at_rest(parts[-1].ends()[0][1], first.position)
     least = 0 if positions.is_held else round((float(positions.breaks[-1]) - halt) / period)
     onward = from_rest(rest, first, limits=limits, period=period, least=least)
-    segments += [segment.shifted(halt) for segment in onward.segments]
-    return LeadIn(tuple(segments), round(halt / period) + onward.cycles, positions)
+    parts += [part.shifted(halt) for part in onward.parts]
+    return LeadIn(tuple(parts), round(halt / period) + onward.cycles, positions)

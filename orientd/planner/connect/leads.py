@@ -22,11 +22,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.curves import AxisTurn, Curve
+from orientd.curves import AxisTurn, Trajectory
 from orientd.errors import PlanError
 from orientd.planner.connect.quintic_connector import join
 from orientd.planner.limits import LONGEST, STILL, Limits
-from orientd.planner.path import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY, PathSegment
+from orientd.planner.path import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY
 from orientd.planner.timing import CAREFUL_JERK_SHARE, SHARE, phases_of_turn
 from orientd.rotation import (
     Floats,
@@ -100,8 +100,8 @@ def _norm(vectors: Floats) -> Floats:
     return norm
 
 
-def lead_out(q: Floats, omega: Floats, alpha: Floats, *, limits: Limits, period: float) -> Curve:
-    """Return the curve from a state to rest, over ``[0, T]``.
+def lead_out(q: Floats, omega: Floats, alpha: Floats, *, limits: Limits, period: float) -> Trajectory:
+    """Return the trajectory from a state to rest, over ``[0, T]``.
 
     Args:
         q: orientation, shape ``(4,)``.
@@ -115,9 +115,9 @@ def lead_out(q: Floats, omega: Floats, alpha: Floats, *, limits: Limits, period:
     """
     bounds = _Bounds.of(limits, omega, alpha)
     for cycles in _candidates(omega, alpha, bounds, period):
-        curve = _lead(q, omega, alpha, cycles * period)
-        if _curve_keeps(curve, bounds):
-            return curve
+        lead = _lead(q, omega, alpha, cycles * period)
+        if _is_kept(lead, bounds):
+            return lead
     raise PlanError(
         f"between rest and {np.linalg.norm(omega):.4g} rad/s with {np.linalg.norm(alpha):.4g} "
         f"rad/s^2 none keeps the limits of {limits.velocity:g} rad/s, {limits.acceleration:g} "
@@ -125,7 +125,7 @@ def lead_out(q: Floats, omega: Floats, alpha: Floats, *, limits: Limits, period:
     )
 
 
-def _lead(q: Floats, omega: Floats, alpha: Floats, duration: float) -> Curve:
+def _lead(q: Floats, omega: Floats, alpha: Floats, duration: float) -> Trajectory:
     if np.linalg.norm(omega) > STILL:
         turn = omega * (duration / 2.0) + alpha * (duration**2 / 12.0)
         end = multiply(q, exp_half(0.5 * turn))
@@ -135,7 +135,7 @@ def _lead(q: Floats, omega: Floats, alpha: Floats, duration: float) -> Curve:
     return _to_rest(q, end, omega, alpha, duration)
 
 
-def _to_rest(q: Floats, end: Floats, omega: Floats, alpha: Floats, duration: float) -> Curve:
+def _to_rest(q: Floats, end: Floats, omega: Floats, alpha: Floats, duration: float) -> Trajectory:
     """Return the quintic that ends at rest, the way round that the signs of the quaternions say."""
     first = duration / 10.0 * omega
     second = first + duration**2 / 40.0 * alpha
@@ -198,9 +198,9 @@ def _closed_form_keeps(
     return bounds.keeps(velocity, acceleration, jerk)
 
 
-def _curve_keeps(curve: Curve, bounds: _Bounds) -> bool:
-    duration = curve.domain[1]
-    _, velocity, acceleration = curve.evaluate(_FINEST_SHARES * duration)
+def _is_kept(lead: Trajectory, bounds: _Bounds) -> bool:
+    duration = lead.duration
+    _, velocity, acceleration = lead.sample(_FINEST_SHARES * duration)
     jerk = np.diff(acceleration, axis=0) / (_FINEST_SHARES[1] * duration)
     return bool(bounds.keeps(velocity, acceleration, np.concatenate([jerk, jerk[-1:]])))
 
@@ -225,7 +225,7 @@ def approach_cycles(
     turn, move = approach(q0, q1, limits, is_even=is_even), float(np.linalg.norm(p1 - p0))
     most = limits.with_reserve().linear_acceleration
     duration = max(
-        0.0 if turn is None else turn.end,
+        0.0 if turn is None else turn.duration,
         UNIT_VELOCITY * move / limits.linear_velocity if move > _SAME else 0.0,
         math.sqrt(UNIT_ACCELERATION * move / most) if move > _SAME else 0.0,
     )
@@ -242,7 +242,7 @@ def approach(
     share: float = SHARE,
     jerk_share: float = CAREFUL_JERK_SHARE,
     is_part: bool = True,
-) -> PathSegment | None:
+) -> Trajectory | None:
     """Return the quickest turn from rest at *q0* to rest at *q1*, the short way round.
 
     It begins at path time 0; there is none where both are the same.
@@ -270,8 +270,7 @@ def approach(
             axis, turn, limits, share=share, jerk_share=jerk_share, is_part=is_part
         )
         check_lead("an approach", float(phases.sum()))
-        curve: Curve = AxisTurn(q0, axis, turn, phases)
-        return PathSegment(curve, 0.0, curve.domain[1])
+        return AxisTurn(q0, axis, turn, phases).trajectory
     velocity, acceleration, jerk = limits.with_reserve().along(axis.tolist())
     duration = max(
         UNIT_VELOCITY * turn / velocity,
@@ -280,7 +279,7 @@ def approach(
     )
     check_lead("an approach", duration)
     zero = np.zeros(3)
-    return PathSegment(_to_rest(q0, align([q0, q1])[1], zero, zero, duration), 0.0, duration)
+    return _to_rest(q0, align([q0, q1])[1], zero, zero, duration)
 
 
 def _axis_between(q0: list[float], q1: list[float]) -> tuple[Floats, bool]:

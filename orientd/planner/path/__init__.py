@@ -1,4 +1,4 @@
-"""The geometry of a motion: curves laid end to end in time, with the position that goes along."""
+"""The geometry of a motion: a trajectory of orientations, and the position that goes along."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.planner.path.path import Path, PathSamples, PathSegment
-    from orientd.planner.path.path_curve import PathCurve
-    from orientd.planner.path.plain_path import plain_curve
+    from orientd.planner.path.path import Path, PathSamples, end_states
     from orientd.planner.path.position import (
         DEGREE,
         UNIT_ACCELERATION,
@@ -20,8 +18,7 @@ if TYPE_CHECKING:
         position_path,
         quintic,
     )
+    from orientd.planner.path.recorded_path import SAME_ANGLE, RecordedPath
     from orientd.planner.path.retimed_position import repositioned
-    from orientd.planner.path.row_path import RowPath
-    from orientd.planner.path.table_path import SAME_ANGLE, TablePath, between
 
 __getattr__ = lazily(__name__)
