@@ -51,7 +51,9 @@ class AxisTurn:
         cuts = np.ceil(ways / _LONGEST_PIECE).astype(np.intp).clip(1)
         self.trajectory = self._trajectory(q, axis, cuts, 2 if rise else 1)
 
-    def _trajectory(self, q: Floats, axis: Floats, cuts: NDArray[np.intp], continuity: int) -> Trajectory:
+    def _trajectory(
+        self, q: Floats, axis: Floats, cuts: NDArray[np.intp], continuity: int
+    ) -> Trajectory:
         """Return the turn with each phase cut into so many pieces."""
         phase = np.repeat(np.arange(len(cuts)), cuts)
         half = 0.5 * (np.diff(self._knots) / cuts)[phase]

@@ -4,10 +4,10 @@ On piece *k*, over :math:`[t_k, t_{k+1}]` with *u* from -1 to 1 along it,
 
 .. math:: q(t) = q_k \exp(r_k(u)), \qquad r_k(u) = \sum_{j=0}^{9} c_{kj} u^j
 
-where :math:`r_k` is a rotation vector in rad.  The coefficients follow from orientations alone: those
-at the ten Lobatto nodes of the piece.  Body angular velocity, acceleration and jerk follow from the
-right Jacobian of the exponential (Sola et al., 2018, eq. 143), so no curve brings derivatives of
-its own.  ``orientd/kernels/c/trajectory.h`` has the formulas.
+where :math:`r_k` is a rotation vector in rad.  The coefficients follow from the orientations at the
+ten Lobatto nodes of the piece, and from nothing else.  Body angular velocity, acceleration and jerk
+follow from the right Jacobian of the exponential (Sola et al., 2018, eq. 143), so no curve brings
+derivatives of its own.  ``orientd/kernels/c/trajectory.h`` has the formulas.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ FINE = 1e-14
 """Rad, how far a fit may be from the curve between the nodes: a few roundings."""
 
 _LARGEST = 1.0  # rad, |r| at the nodes of a piece; the series of the kernels hold up to 1.1
-_MOST_HALVINGS = 20
+_MOST_HALVINGS = 40
+_COARSE = 1e-12  # rad, an error that is never taken for rounding
 _GAIN = 8.0  # by which halving a piece lessens its error at least; else what is left is rounding
 _BLOCK = 4096  # pieces that are fitted at a time, so that memory stays bounded
 
@@ -93,7 +94,7 @@ class Trajectory:
         for _ in range(_MOST_HALVINGS):
             table, quality = _fitted(orientations, begins, finals)
             size, error = quality.T
-            is_helped = error * _GAIN <= before
+            is_helped = (error * _GAIN <= before) | (error > _COARSE)
             is_poor = (size > _LARGEST) | ((error > tolerance) & is_helped)
             found.append((begins[~is_poor], table[~is_poor]))
             if not is_poor.any():

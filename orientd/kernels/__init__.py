@@ -12,6 +12,7 @@ __path__.insert(0, str(library().parent))
 from orientd.kernels.native import (  # noqa: E402
     LEVEL,
     are_unit,
+    between,
     choose_knots,
     euclidean_increments,
     fill_basis,

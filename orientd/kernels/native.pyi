@@ -103,7 +103,7 @@ def put_table(
 def solve_banded(band: Floats, lower: int, upper: int, right: Floats, /) -> bool: ...
 
 # trajectory.h
-def fit_trajectory(nodes: Floats, pieces: Floats, sizes: Floats, /) -> None: ...
+def fit_trajectory(orientations: Floats, pieces: Floats, quality: Floats, /) -> None: ...
 def join_trajectory(
     q: Floats, w: Floats, breaks: Floats, ends: Floats, pieces: Floats, /
 ) -> int: ...
@@ -159,6 +159,11 @@ def jet_slerp(
 ) -> None: ...  # fmt: skip
 def jet_geodesic(
     start: Floats, step: Floats, u: Floats, u_first: Floats, u_second: Floats, out: Floats, /
+) -> None: ...
+
+# between.h
+def between(
+    here: Floats, there: Floats, periods: Floats, shares: Floats, out: Floats, /
 ) -> None: ...
 
 # certify.h

@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import TABLE_ROWS, CumulativeCurve, KeyframeEquations, solve
+from orientd.curves.contract import takes_common_names
+from orientd.curves.family import END_STATES
 from orientd.curves.keyframes import (
     check_aligned,
     check_end,
@@ -67,7 +69,9 @@ class C2Cumulative(CumulativeCurve):
     interpolates = True
     meets_end_velocities = True
     meets_end_accelerations = True
+    takes = ("keys", "times", *END_STATES, "align", "turns")
 
+    @takes_common_names
     def __init__(
         self,
         *,

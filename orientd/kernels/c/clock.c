@@ -6,6 +6,7 @@
 /* c t^2 below which the series are exact to the last digit or two. */
 #define SMALL 0.05
 #define NEWTON_STEPS 40
+#define AT_REST 1e-13
 
 /* Return x, its rate and its change after a time on an element. */
 static pace_t after(double rate, double change, double c, double t) {
@@ -111,7 +112,8 @@ void sample_clock(row_t times, row_t places, row_t values, row_t slopes, row_t l
 /* The parameter by time where it leaves rest. */
 static pace_t left(pace_t x, double place, double length) {
     double s[3];
-    leave(place, length, s);
+    /* At rest itself, but for rounding, where the second derivative by x is infinite. */
+    leave(place < AT_REST * length ? 0.0 : place, length, s);
     return (pace_t){s[0], s[1] * x.rate, s[2] * x.rate * x.rate + s[1] * x.change};
 }
 

@@ -6,7 +6,7 @@
 #include "connectors.h"
 #include "trajectory.h"
 
-enum { CHECKS = 3, POINTS = NODES + CHECKS, LANES = 16, DEEPEST = 16 };
+enum { CHECKS = 3, POINTS = NODES + CHECKS, LANES = 16 };
 
 /* The Lobatto nodes -cos(pi i / 9), and points where what is left out shows most: between the
  * outermost two and in the middle. */
@@ -21,6 +21,9 @@ enum { MIDDLE = NODES + 1 };
 #define MISSED 1e-13
 /* Rad, that rotation vectors between two orientations may be off by rounding. */
 #define ROUNDING 1e-14
+/* Rad, an error that is never taken for rounding, and how much halving lessens others at least. */
+#define COARSE 1e-12
+#define GAIN 8.0
 /* Share of an element within which instants are the same. */
 #define SAME 1e-9
 
@@ -29,7 +32,7 @@ typedef struct { row_t breaks; matrix_t pieces; index_t count; } table_t;
 
 /* What a piece is to be: its base, rotation vectors at the points less that at u = 0, which so have
  * all their digits, and their first two derivatives by u at both ends.  Rounding is what they may
- * be off by. */
+ * be off by, rad. */
 typedef struct {
     quat_t base;
     vec_t middle, r[POINTS], rates[2], changes[2];
@@ -63,33 +66,39 @@ static void pin(double *c, int order, double end, vec_t wanted) {
     }
 }
 
-/* Append pieces from one instant to another, halved until they fit. */
+/* Append pieces from one instant to another, halved until they fit or that does not help, which
+ * leaves rounding.
+ *
+ * before: what twice as long a piece missed, rad. */
 static bool append(table_t *table, source_t *source, const void *from, double begin, double end,
-                   int depth) {
+                   double before) {
     wanted_t wanted;
+    double missed = INFINITY;
     if (table->count == table->pieces.n)
         return false;
     double *piece = row_of(table->pieces, table->count), *c = piece + 4;
     bool fits = source(from, begin, end, &wanted);
     if (fits) {
-        double missed = 0.0, far = 0.0;
+        double far = 0.0;
+        missed = 0.0;
         put_quat(piece, wanted.base);
-        put_polynomial(wanted.r, c);
+        for (int i = 0; i < NODES; i++)
+            far = fmax(far, apart(wanted.r[i], vec(0.0, 0.0, 0.0)));
+        put_polynomial(wanted.r, 1e-16 * far + 0.02 * wanted.rounding, c);
         for (int side = 0; side < 2; side++) {
             pin(c, 1, 2.0 * side - 1.0, wanted.rates[side]);
             pin(c, 2, 2.0 * side - 1.0, wanted.changes[side]);
         }
-        for (int i = 0; i < NODES; i++)
-            far = fmax(far, apart(wanted.r[i], vec(0.0, 0.0, 0.0)));
         for (int i = NODES; i < POINTS; i++)
             missed = fmax(missed, apart(polynomial_at(c, PLACES[i]), wanted.r[i]));
-        fits = missed <= MISSED * far + wanted.rounding;
+        fits = missed <= MISSED * far + wanted.rounding
+            || (missed <= COARSE && missed * GAIN >= before);
         put_vec(c, plus(vec_at(c), wanted.middle));
     }
     double middle = 0.5 * (begin + end);
-    if (!fits && depth < DEEPEST && begin < middle && middle < end)
-        return append(table, source, from, begin, middle, depth + 1)
-            && append(table, source, from, middle, end, depth + 1);
+    if (!fits && begin < middle && middle < end)
+        return append(table, source, from, begin, middle, missed)
+            && append(table, source, from, middle, end, missed);
     table->breaks.v[++table->count] = end;
     return true;
 }
@@ -157,7 +166,7 @@ index_t join_trajectory(matrix_t q, tensor_t w, row_t breaks, row_t ends, matrix
             of[k] = vec_at(w.v + (i * FACTORS + k) * 3);
         double begin = breaks.v[i], end = breaks.v[i + 1];
         joined_t from = {quat_at(row_of(q, i)), join_of(of, end - begin), begin};
-        if (!append(&table, of_join, &from, begin, end, 0))
+        if (!append(&table, of_join, &from, begin, end, INFINITY))
             return 0;
     }
     return table.count;
@@ -186,7 +195,8 @@ static bool of_clock(const void *from, double begin, double end, wanted_t *wante
         for (int j = DEGREE - 1; j >= k; j--)
             for (int axis = 0; axis < 3; axis++)
                 c[3 * j + axis] = fused(u, c[3 * j + 3 + axis], c[3 * j + axis]);
-    wanted->base = quat_at(of->piece), wanted->middle = vec_at(c), wanted->rounding = 0.0;
+    wanted->base = quat_at(of->piece), wanted->middle = vec_at(c);
+    wanted->rounding = 4e-16 * per_second * (of->first + middle) * norm(vec_at(c + 3));
     put_vec(c, vec(0.0, 0.0, 0.0));
     for (int i = 0; i < POINTS; i++)
         wanted->r[i] = polynomial_at(c, per_second * paces[i].s);
@@ -218,7 +228,7 @@ index_t retime_trajectory(row_t breaks, matrix_t pieces, const clocked_t *clock,
         while (k + 1 < pieces.n && next < stop - same) {
             if (next > since + same) {
                 retimed_t from = {clock, e, first, breaks.v[k], breaks.v[k + 1], row_of(pieces, k)};
-                if (!append(&table, of_clock, &from, since, next, 0))
+                if (!append(&table, of_clock, &from, since, next, INFINITY))
                     return 0;
                 since = next;
             }
@@ -226,7 +236,7 @@ index_t retime_trajectory(row_t breaks, matrix_t pieces, const clocked_t *clock,
             next = time_of(clock, breaks.v[k + 1] - first);
         }
         retimed_t from = {clock, e, first, breaks.v[k], breaks.v[k + 1], row_of(pieces, k)};
-        if (!append(&table, of_clock, &from, since, stop, 0))
+        if (!append(&table, of_clock, &from, since, stop, INFINITY))
             return 0;
     }
     return table.count;

@@ -47,8 +47,12 @@ void fit_trajectory(tensor_t orientations, matrix_t pieces, matrix_t quality);
  * Return the place of the first instant that is outside the domain, or -1 if none is. */
 index_t sample_trajectory(row_t times, row_t breaks, matrix_t pieces, double slack, matrix_t out);
 
-/* Write the ten coefficients of vectors at the Lobatto nodes. */
-void put_polynomial(const vec_t r[NODES], double c[3 * NODES]);
+/* Write the coefficients c_0 ... c_9 of a rotation vector by its values at the nodes.
+ *
+ * negligible: rad, up to which Chebyshev coefficients at the end are left out as rounding. */
+void put_polynomial(const vec_t *r, double negligible, double *c);
+
+/* Return a rotation vector at u by its coefficients. */
 
 INLINE vec_t polynomial_at(const double *c, double u) {
     vec_t sum = vec_at(c + 3 * DEGREE);

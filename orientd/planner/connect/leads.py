@@ -100,7 +100,9 @@ def _norm(vectors: Floats) -> Floats:
     return norm
 
 
-def lead_out(q: Floats, omega: Floats, alpha: Floats, *, limits: Limits, period: float) -> Trajectory:
+def lead_out(
+    q: Floats, omega: Floats, alpha: Floats, *, limits: Limits, period: float
+) -> Trajectory:
     """Return the trajectory from a state to rest, over ``[0, T]``.
 
     Args:

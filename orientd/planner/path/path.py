@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from orientd.curves import Trajectory
 from orientd.planner.limits import STEADY, STILL
 from orientd.planner.path.position import PositionPath
-from orientd.planner.request import State
-from orientd.rotation import Floats, angle
+from orientd.planner.request import Frame, State
+from orientd.rotation import Floats, angle, conjugate, rotate
 
 Booleans = NDArray[np.bool_]
 
@@ -39,6 +39,23 @@ class PathSamples(NamedTuple):
     alpha_body: Floats
     position: Floats
     velocity: Floats
+
+    def seen_in(self, frame: Frame) -> PathSamples:
+        """Return how the tool of a frame moves, seen from its base, where these are the flange's.
+
+        Args:
+            frame: its base in the world, and its tool on the flange.
+        """
+        q, position = frame.pose(self.q, self.position)
+        # What turns about the flange moves the tool on its lever.
+        lever = rotate(self.q, np.cross(self.omega_body, frame.tool.position))
+        return self._replace(
+            q=q,
+            omega_body=frame.vector(self.omega_body),
+            alpha_body=frame.vector(self.alpha_body),
+            position=position,
+            velocity=rotate(conjugate(frame.base.q), self.velocity + lever),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,6 +173,6 @@ class Path:
 
 def end_states(trajectory: Trajectory) -> tuple[State, State]:
     """Return the states at both ends of a trajectory; their positions are left at the origin."""
+    q, omega, alpha = trajectory.ends()
     zero = np.zeros(3)
-    first, last = (State(q, *rates, zero) for q, *rates in zip(*trajectory.ends(), strict=True))
-    return first, last
+    return State(q[0], omega[0], alpha[0], zero), State(q[1], omega[1], alpha[1], zero)

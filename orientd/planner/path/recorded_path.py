@@ -1,8 +1,7 @@
 r"""A path that is known at its records only: a driver has shaped it for its axes, or a file has it.
 
-At a record it is what the row says, to the last bit.  Around the record :math:`q_k` the path is
-:math:`q_k \exp(r)`; between two records *r* and the position are cubics with the velocities of both
-at their ends.
+At a record it is what the row says, to the last bit.  Between two records it is the path that the
+servo takes (:mod:`orientd.servo.path.segment`).
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ import numpy as np
 
 from orientd.curves import Indices
 from orientd.planner.path.path import Path, PathSamples
-from orientd.planner.recorded import HISTORY, STATE_FLOATS, between
+from orientd.planner.recorded import HISTORY, STATE_FLOATS, states_between
 from orientd.planner.request import State
 from orientd.rotation import Floats, align, angle, conjugate, exp, log, multiply
 
@@ -129,9 +128,9 @@ class RecordedPath:
         index, share = _on_grid(times, h, len(table))
         found: Floats = table[index, :STATE_FLOATS]
         inner = np.flatnonzero(share > 0.0)
-        if len(inner):
-            here, there = table[index[inner]], table[index[inner] + 1]
-            found[inner] = between(here, there, h, share[inner][:, None])
+        states = table[:, :STATE_FLOATS]
+        here, there = states[index[inner]], states[index[inner] + 1]
+        found[inner] = states_between(here, there, h, share[inner])
         beyond = (times < 0.0) | (times >= (len(table) - 1) * h)
         found[beyond, 4:10] = found[beyond, 13:] = 0.0
         return found

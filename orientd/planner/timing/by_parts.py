@@ -70,7 +70,9 @@ class RestingClock:
 
     def retimed(self, part: Trajectory) -> Trajectory:
         """Return a part on the clock, from its time 0 on."""
-        return Trajectory.fit(lambda times: part.orientations(self(times)[0]), self.times(self.knots))
+        return Trajectory.fit(
+            lambda times: part.orientations(self(times)[0]), self.times(self.knots)
+        )
 
     def times(self, path_times: Floats) -> Floats:
         """Return when it is at given path times; at its ends for those beyond."""

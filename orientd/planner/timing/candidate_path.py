@@ -22,6 +22,8 @@ from orientd.planner.request import MotionRequest, State
 from orientd.planner.timing.timing import Indices
 from orientd.rotation import Floats
 
+_SAME = 1e-14  # of quaternions that are the same to rounding
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KeyframePath:
@@ -107,7 +109,8 @@ class KeyframePath:
         if self.found is None or not is_same or self.found[:2] != (period, limits):
             return None
         is_there = bool((start.position == self.positions.first).all())
-        return self.found[2] if is_there and bool((start.q == path.first).all()) else None
+        is_here = float(np.abs(start.q - path.first).max()) < _SAME
+        return self.found[2] if is_here and is_there else None
 
     def record_count(self, period: float) -> int:
         """Return how many records a period apart it has."""

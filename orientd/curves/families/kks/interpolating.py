@@ -16,7 +16,10 @@ from orientd.curves.construct import (
     interpolation_knots,
     squared_acceleration,
 )
+from orientd.curves.contract import takes_common_names
+from orientd.curves.family import END_STATES
 from orientd.curves.keyframes import (
+    ParameterError,
     check_aligned,
     check_end,
     check_integer,
@@ -79,7 +82,9 @@ class KksInterpolating(CumulativeCurve):
     source = "Kim, Kim and Shin 1995, sec. 5.3, made to interpolate"
     interpolates = True
     meets_end_velocities = True
+    takes = ("keys", "times", "order", *END_STATES, "align", "turns")
 
+    @takes_common_names
     def __init__(
         self,
         *,
@@ -102,7 +107,7 @@ class KksInterpolating(CumulativeCurve):
             steps, q = with_turns(steps, q, turns)
         k = check_integer(order, "order", minimum=3)
         if k > 6:
-            raise ValueError(f"order must be 3, 4, 5 or 6, got {order!r}")
+            raise ParameterError("order", f"order must be 3, 4, 5 or 6, got {order!r}")
         first = check_end_state(start, omega_start, alpha_start, "start", k)
         last = check_end_state(end, omega_end, alpha_end, "end", k)
         basis = cumulative_basis(interpolation_knots(instants, k), k)
@@ -156,14 +161,17 @@ def check_end_state(
     velocity, _ = check_end(condition, side, omega)
     if velocity is None:
         if alpha is not None:
-            raise ValueError(
+            raise ParameterError(
+                f"alpha_{side}",
                 f"alpha_{side} must be None with {side}='natural', got {alpha!r}; "
-                f"use {side}='clamped'"
+                f"use {side}='clamped'",
             )
         return None
     if order < 5:
         if alpha is not None:
-            raise ValueError(f"alpha_{side} must be None for order {order}, got {alpha!r}")
+            raise ParameterError(
+                f"alpha_{side}", f"alpha_{side} must be None for order {order}, got {alpha!r}"
+            )
         return 0.5 * velocity[None]
     acceleration = np.zeros(3) if alpha is None else check_vector(alpha, f"alpha_{side}")
     return 0.5 * np.stack([velocity, acceleration])
