@@ -19,7 +19,7 @@ def surveyed(keyframe_path: KeyframePath, limits: Limits, period: float) -> tupl
         The factor, and parts of the duration, from 0 to 1, shape ``(m, 2)``.
     """
     instants = _instants(keyframe_path)
-    _, omega, alpha = keyframe_path.segment.sample(instants)
+    _, omega, alpha = keyframe_path.trajectory.sample(instants)
     steps = np.maximum(np.diff(instants), period)
     twists = np.zeros(len(instants))
     twists[1:] = _shares(np.diff(alpha, axis=0), limits, "jerk") / steps
@@ -40,8 +40,7 @@ def surveyed(keyframe_path: KeyframePath, limits: Limits, period: float) -> tupl
 
 
 def _instants(keyframe_path: KeyframePath) -> Floats:
-    curve = keyframe_path.segment.curve
-    breaks = (curve.knots - curve.domain[0]) / keyframe_path.segment.rate
+    breaks = keyframe_path.trajectory.knots
     breaks = breaks[(breaks >= 0.0) & (breaks <= keyframe_path.duration)]
     if len(breaks) < PIECES:
         breaks = np.union1d(breaks, np.linspace(0.0, keyframe_path.duration, PIECES + 1))

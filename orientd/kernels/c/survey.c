@@ -4,7 +4,7 @@
 
 #include "differences.h"
 #include "fused.h"
-#include "plain_path.h"
+#include "trajectory.h"
 
 index_t put_instants(row_t breaks, double duration, index_t pieces, row_t shares, row_t instants) {
     bool few = breaks.n < pieces;
@@ -78,9 +78,9 @@ index_t put_spots(row_t instants, row_t factors, double hot, matrix_t ends, matr
 }
 
 /* What is looked at in the end: some records, and what the device holds before and after them. */
-static int see_records(look_t motion, curve_t curve, index_t first, index_t last, index_t final,
-                       bool with_axes, extremes_t found, scratch_t *scratch, sight_t *sight) {
-    double low = curve.numbers[0], high = curve.numbers[curve.spans];
+static void see_records(look_t motion, index_t first, index_t last, index_t final, bool with_axes,
+                        extremes_t found, sight_t *sight) {
+    double instants[BLOCK], duration = motion.breaks.v[motion.breaks.n - 1];
     block_t block = {.has_rates = true};
     index_t read = first - (first == 0 && motion.is_held[0] ? HISTORY : 0);
     index_t end = last + 1 + (last == final && motion.is_held[1] ? HISTORY : 0);
@@ -88,25 +88,15 @@ static int see_records(look_t motion, curve_t curve, index_t first, index_t last
         index_t known = block.count, more = least(BLOCK - known, end - read);
         for (index_t i = 0; i < more; i++) {
             index_t record = least(most(read + i, first), last);
-            double t = fmin(motion.period * (double)record, motion.duration);
-            t = fused(motion.rate, t, low);
-            scratch->instants[i] = fmin(fmax(t, low), high);
+            instants[i] = fmin(motion.period * (double)record, duration);
         }
-        int failed = sample_curve(curve, (row_t){scratch->instants, more},
-                                  (matrix_t){scratch->samples, 10, more});
-        if (failed)
-            return failed;
-        for (index_t row = 0; row < 10; row++) {
-            double factor = row < 4 ? 1.0 : row < 7 ? motion.rate : motion.rate * motion.rate;
-            for (index_t i = 0; i < more; i++)
-                block.rows[row][known + i] = factor * scratch->samples[row * more + i];
-        }
+        sample_trajectory((row_t){instants, more}, motion.breaks, motion.pieces, INFINITY,
+                          (matrix_t){block.rows[0] + known, 10, BLOCK});
         block.count += more;
         read += more;
         take_differences(&block, motion.period, 0, with_axes, 0, sight, found);
         keep_last(&block);
     }
-    return 0;
 }
 
 /* Return by which factor a motion should take longer to just keep its limits. */
@@ -128,23 +118,19 @@ static double excess(const double *squares, double period, matrix_t limits, doub
 
 int look_at(indices_t ranges, look_t motion, matrix_t limits, double tolerance,
             const double more[2], bool is_smooth, double *factor) {
-    curve_t curve;
     double squares[24] = {0.0};
     int64_t places[12];
     bool with_axes = false;
     for (index_t i = 0; i < 12; i++)
         with_axes |= i % 4 && limits.v[i] < INFINITY;
-    if (!read_curve(motion.curve, &curve))
-        return NO_PATH;
-    scratch_t *scratch = malloc(sizeof *scratch);
     sight_t *sight = malloc(sizeof *sight);
-    int failed = scratch == NULL || sight == NULL ? OUT_OF_MEMORY : 0;
-    index_t final = (index_t)nearbyint(motion.duration / motion.period);
-    for (index_t i = 0; i < ranges.n && !failed; i += 2)
-        failed = see_records(motion, curve, ranges.v[i], ranges.v[i + 1], final, with_axes,
-                             (extremes_t){squares, places}, scratch, sight);
+    if (sight == NULL)
+        return OUT_OF_MEMORY;
+    index_t final = (index_t)nearbyint(motion.breaks.v[motion.breaks.n - 1] / motion.period);
+    for (index_t i = 0; i < ranges.n; i += 2)
+        see_records(motion, ranges.v[i], ranges.v[i + 1], final, with_axes,
+                    (extremes_t){squares, places}, sight);
     free(sight);
-    free(scratch);
     *factor = excess(squares, motion.period, limits, tolerance, more, is_smooth);
-    return failed;
+    return 0;
 }

@@ -16,6 +16,7 @@ from orientd.curves import TimeMap, places_of
 from orientd.errors import PlanError
 from orientd.planner.certify import limit_table
 from orientd.planner.limits import Limits
+from orientd.planner.path import end_states
 from orientd.planner.timing.candidate_path import KeyframePath
 from orientd.planner.timing.timing import Indices
 from orientd.rotation import Floats
@@ -70,7 +71,7 @@ class Elements:
         first = cls.split(knots, np.full(len(knots) - 1, pieces))
         # What is given at an end is inside, by a little: nothing can be done about that.
         for end, moves, near in zip(
-            keyframe_path.segment.ends(),
+            end_states(keyframe_path.trajectory),
             rates.moves,
             (np.arange(pieces), -1 - np.arange(pieces)),
             strict=True,
@@ -255,13 +256,11 @@ class PathRates:
     @classmethod
     def of(cls, path: KeyframePath, limits: Limits) -> PathRates:
         """Return the rates of a keyframe path."""
-        segment = path.segment
-        knots = (segment.curve.knots - segment.curve.domain[0]) / segment.rate
-        knots[-1] = path.duration
+        knots = path.trajectory.knots
         spots = np.concatenate([knots, 0.5 * (knots[1:] + knots[:-1])])
-        _, omega, _ = segment.sample(np.minimum(spots, path.duration))
+        _, omega, _ = path.trajectory.sample(spots)
         rest = _REST * float(np.linalg.norm(omega, axis=1).max())
-        ends = segment.ends()
+        ends = end_states(path.trajectory)
         moves = [float(np.linalg.norm(end.omega_body)) > rest for end in ends]
         # Where the path sets out with an acceleration, its angle grows like the square of its
         # time, and that of a motion from rest like the cube: like the square without jerk limit.
@@ -370,7 +369,7 @@ class PathRates:
     def _turning(self, places: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
         s = np.empty((3, len(places)))
         kernels.leave_rest(places, self.leaves, self.total, s)
-        _, omega, alpha = self.path.segment.sample(np.minimum(s[0], self.path.duration))
+        _, omega, alpha = self.path.trajectory.sample(s[0])
         return omega, s[1][:, None], s[2][:, None], alpha, s[0]
 
     def _derivatives(self, elements: Elements) -> Derivatives:

@@ -15,12 +15,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orientd.curves import Retimed
 from orientd.errors import PlanError
 from orientd.planner import refusal
 from orientd.planner.certify import before, measure_path
 from orientd.planner.limits import Limits
-from orientd.planner.path import Path, PathSegment, repositioned
+from orientd.planner.path import Path, repositioned
 from orientd.planner.request import State
 from orientd.planner.timing.axis_turn import SHARE, VELOCITY_SHARE, turned_at_once
 from orientd.planner.timing.candidate_path import KeyframePath
@@ -142,8 +141,7 @@ def lasting(
     for _ in range(_MOST_PACES):
         took = float(profile.clock().times[-1])
         if _NEARLY * total <= took <= total:
-            retimed = _retimed(keyframe_path, profile.lasting(total, rates.moves))
-            retimed = replace(retimed, segment=replace(retimed.segment, end=total))
+            retimed = _retimed(keyframe_path, profile.lasting(total, rates.moves)).slowed(total)
             retimed, excess = _looked_at(retimed, limits, period, rates.moves)
             if excess <= 1.0:
                 return retimed
@@ -228,7 +226,7 @@ def _kept(
             profile = profile.lasting(cycles * period, rates.moves)
         quick = _retimed(keyframe_path, profile)
         if rates.moves[1]:
-            quick = replace(quick, segment=replace(quick.segment, end=cycles * period))
+            quick = quick.slowed(cycles * period)
         if slower > 1.0:
             quick = quick.slowed(quick.duration * slower)
         refusal.check_duration(quick.duration)
@@ -256,7 +254,7 @@ def _looked_at(
         last = math.floor(path.duration / period + _WHOLE) if moves[1] else None
         peaks = path.peaks(period, limits, last=last)
     else:
-        whole = Path.joined([path.segment], path.positions)
+        whole = Path.joined([path.trajectory], path.positions)
         peaks = measure_path(
             whole,
             math.ceil(path.duration / period - _WHOLE) + 1,
@@ -282,13 +280,10 @@ def _looked_at(
 
 def _retimed(keyframe_path: KeyframePath, profile: Profile) -> KeyframePath:
     """Return the keyframe path at the speed of a profile."""
-    segment = keyframe_path.segment
     clock = profile.clock()
-    warp = replace(clock, first=segment.curve.domain[0], scale=segment.rate)
-    duration = float(clock.times[-1])
     return QuickPath(
-        PathSegment(Retimed(segment.curve, warp), 0.0, duration),
-        repositioned(keyframe_path.positions, clock),
+        clock.retimed(keyframe_path.trajectory),
+        repositioned(keyframe_path.positions, clock, clock.times),
         clock.times_of(keyframe_path.times),
         profile=profile,
     )

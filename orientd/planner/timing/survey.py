@@ -16,7 +16,6 @@ import numpy as np
 from orientd.kernels import look_at, put_factors, put_instants, put_spots
 from orientd.planner.certify import CHUNK, OFF_GRID, limit_table
 from orientd.planner.limits import Limits
-from orientd.planner.path import plain_curve
 from orientd.planner.timing.candidate_path import KeyframePath
 from orientd.planner.timing.timing import excess
 from orientd.rotation import Floats
@@ -113,17 +112,16 @@ class Survey:
         is_short = count <= _SHORT and not self.has_one_shape
         spots = _EVERYWHERE if everywhere or is_short else self.spots
         ranges = _ranges(spots, count - 1)
-        curve = plain_curve(keyframe_path.segment.curve) if keyframe_path.is_plain else None
-        if curve is None:
+        trajectory = keyframe_path.trajectory
+        if not keyframe_path.positions.is_held:
             factor = max(
                 _excess(keyframe_path, limits, period, first, last) for first, last in ranges
             )
         else:
             factor = look_at(
                 np.array(ranges).reshape(-1),
-                curve,
-                keyframe_path.segment.rate,
-                keyframe_path.duration,
+                trajectory.breaks,
+                trajectory.pieces,
                 period,
                 *(self.is_held or keyframe_path.held_ends(limits)),
                 limit_table(limits),
@@ -149,8 +147,7 @@ def _excess(
 
 def _instants(keyframe_path: KeyframePath) -> Floats:
     """Return instants on either side of every break of the keyframe path and between them, s."""
-    curve = keyframe_path.segment.curve
-    breaks = (curve.knots - curve.domain[0]) / keyframe_path.segment.rate
+    breaks = keyframe_path.trajectory.knots
     if not keyframe_path.positions.is_held:
         breaks = np.union1d(breaks, keyframe_path.positions.breaks)
     instants: Floats = np.empty(len(SHARES) * (len(breaks) + PIECES + 1))
@@ -167,7 +164,7 @@ def _factors(
         # One more on either side, for differences.
         some = slice(max(first - 1, 0), first + CHUNK)
         times, found = instants[some], factors[some].copy()
-        _, omega, alpha = keyframe_path.segment.sample(times)
+        _, omega, alpha = keyframe_path.trajectory.sample(times)
         spins, bends = np.ascontiguousarray(omega.T), np.ascontiguousarray(alpha.T)
         put_factors(times, spins, bends, period, limit_table(limits), step, found)
         if not keyframe_path.positions.is_held:
