@@ -247,7 +247,7 @@ def test_a_guess_is_shortened_where_no_connector_is_found():
     assert searched(start, end, limits, PERIOD, 0.0) is None
     way = connector(start, end, limits=limits, period=PERIOD)
     assert way.duration <= 1.4  # by way of rest it is 2.03
-    velocity, acceleration, jerk = shares(way.curve, limits)
+    velocity, acceleration, jerk = shares(way, limits)
     assert max(velocity, acceleration, jerk) <= 1.0
 
 
