@@ -137,7 +137,7 @@ def test_a_motion_takes_over_from_one_that_is_still_moving():
     begin = second.start_state
     assert angle(begin.q, end.q) < 1e-12
     assert begin.omega_body == pytest.approx(end.omega_body, abs=1e-11)
-    assert begin.alpha_body == pytest.approx(end.alpha_body, abs=1e-9)
+    assert begin.alpha_body == pytest.approx(end.alpha_body, abs=1e-8)
     # The velocity need not be said again.
     assert made(keyframes, end).start_state.omega_body == pytest.approx(end.omega_body)
     # The two together, as the device sees them, keep the limits where they meet.

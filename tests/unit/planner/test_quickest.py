@@ -12,7 +12,7 @@ from orientd.curves import METHODS
 from orientd.errors import RequestError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify import before, measure_path
-from orientd.planner.path.path import Path, PathSegment
+from orientd.planner.path.path import Path
 from orientd.planner.path.position import PositionPath
 from orientd.planner.plan_job import PlanJob
 from orientd.planner.timing.candidate_path import KeyframePath
@@ -58,9 +58,8 @@ def core_of(seed, *, count=6, step=0.6, at_rest=True):
         omega_start=speed * random.normal(size=3),
         omega_end=speed * random.normal(size=3),
     )
-    end = count - 1.0
     positions = PositionPath.held(np.zeros(3))
-    return KeyframePath(PathSegment(curve, 0.0, end), positions, np.arange(count, dtype=float))
+    return KeyframePath(curve.trajectory, positions, np.arange(count, dtype=float))
 
 
 @pytest.mark.parametrize("turn", [0.1, 1.0, 3.0])
