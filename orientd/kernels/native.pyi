@@ -191,67 +191,8 @@ def setpoint_extremes(
     places: Indices,
     /,
 ) -> tuple[float, int]: ...
-def put_instants(
-    breaks: Floats, duration: float, pieces: int, shares: Floats, instants: Floats, /
-) -> int: ...
-def put_factors(
-    instants: Floats,
-    omega: Floats,
-    alpha: Floats,
-    period: float,
-    limits: Floats,
-    step: float,
-    factors: Floats,
-    /,
-) -> None: ...
-def put_spots(
-    instants: Floats, factors: Floats, hot: float, ends: Floats, spots: Floats, /
-) -> int: ...
-def look_at(
-    ranges: Indices,
-    breaks: Floats,
-    pieces: Floats,
-    period: float,
-    is_held_before: bool,
-    is_held_after: bool,
-    limits: Floats,
-    tolerance: float,
-    bends: float,
-    twists: float,
-    is_smooth: bool,
-    /,
-) -> float: ...
 
 # clock.h, knot_times.h, profile.h
-def choose_knots(
-    keys: Floats,
-    lengths: Floats,
-    limits: Floats,
-    total: float,
-    pieces: int,
-    descents: int,
-    times: Floats,
-    coefficients: Floats,
-    shares: Floats,
-    /,
-) -> bool: ...
-def find_profile(
-    widths: Floats,
-    first: Floats,
-    second: Floats,
-    move_first: Floats,
-    move_second: Floats,
-    limits: Floats,
-    move_limits: Floats,
-    aims: Floats,
-    has_start: bool,
-    has_end: bool,
-    begin: float,
-    gap: float,
-    coefficients: Floats,
-    shares: Floats,
-    /,
-) -> bool: ...
 def leave_rest(places: Floats, leaves: Floats, total: float, out: Floats, /) -> None: ...
 def put_node_times(places: Floats, values: Floats, slopes: Floats, times: Floats, /) -> None: ...
 def sample_clock(
@@ -264,3 +205,53 @@ def sample_clock(
     out: Floats,
     /,
 ) -> None: ...
+def choose_knots(
+    keys: Floats,
+    lengths: Floats,
+    limits: Floats,
+    total: float,
+    descents: int,
+    times: Floats,
+    profile: Floats,
+    /,
+) -> bool: ...
+def time_even(
+    breaks: Floats,
+    pieces: Floats,
+    knots: Floats,
+    move_breaks: Floats,
+    moves: Floats,
+    limits: Floats,
+    move_limits: Floats,
+    period: float,
+    is_held_before: bool,
+    is_held_after: bool,
+    tolerance: float,
+    more_acceleration: float,
+    more_jerk: float,
+    step: float,
+    has_one_shape: bool,
+    is_everywhere: bool,
+    first: int,
+    least: int,
+    most: int,
+    /,
+) -> tuple[int, float, float]: ...
+def time_quickest(
+    breaks: Floats,
+    pieces: Floats,
+    knots: Floats,
+    edges: Floats,
+    is_at_rest: bool,
+    move_breaks: Floats,
+    moves: Floats,
+    limits: Floats,
+    move_limits: Floats,
+    room: float,
+    period: float,
+    total: float,
+    known: Floats,
+    excess: float,
+    slower: float,
+    /,
+) -> tuple[bytes, bytes] | bool: ...

@@ -63,52 +63,5 @@ int least_rate(matrix_t velocity, matrix_t acceleration, row_t jerk, double most
 int setpoint_extremes(matrix_t q, index_t past, double start, measure_t how, extremes_t found,
                       slowest_t *slowest);
 
-/* survey.c */
-
-/* Write instants on either side of every break of a curve and between them, and return how many.
- *
- * breaks: of the curve, increasing, from 0 on, s, shape (n,).
- * duration: of the motion, s; breaks beyond it are left out.
- * pieces: equal pieces that a curve of fewer breaks is cut into.
- * shares: where to look in each piece, increasing, shape (m,).
- * instants: receives them, shape (m (n + pieces + 1),) or more. */
-index_t put_instants(row_t breaks, double duration, index_t pieces, row_t shares, row_t instants);
-
-/* Write, instant by instant, by which factor a motion should take longer to keep its limits.
- *
- * instants: increasing, s, shape (n,).
- * omega, alpha: angular velocities and accelerations then, components first, shape (3, n).
- * period: of the device, s.
- * limits: of velocity, acceleration and jerk, of the norm and the components, shape (3, 4).
- * step: what the jerk of a step of the acceleration over a period is multiplied by; 0 if there is
- *     no such step, and jerks fall with the third power of the duration.
- * factors: receives them, shape (n,). */
-void put_factors(row_t instants, matrix_t omega, matrix_t alpha, double period, matrix_t limits,
-                 double step, row_t factors);
-
-/* Write around which instants some factors are largest, as intervals in order, and return how many.
- *
- * instants, factors: shape (n,).
- * hot: the least factor that counts.
- * ends: intervals that count in any case, the first and the last one, shape (0 or 2, 2).
- * spots: receives them, shape (n + 2, 2) or more. */
-index_t put_spots(row_t instants, row_t factors, double hot, matrix_t ends, matrix_t spots);
-
-/* What is looked at: a trajectory from time 0 on.
- *
- * breaks, pieces: see trajectory.h.
- * period: of the device, s.
- * is_held: whether the device holds before the first record, and after the last one. */
-typedef struct { row_t breaks; matrix_t pieces; double period; bool is_held[2]; } look_t;
-
-/* Write by which factor a motion should take longer to keep its limits, from some records.
- *
- * ranges: first and last records of some parts, one part after the other, shape (2 n,).
- * limits: as in put_factors.
- * tolerance: factor by which what is drawn between the records may exceed them.
- * more: how much larger acceleration and jerk may be between the records.
- * is_smooth: whether jerks fall with the third power of the duration, or with the second. */
-int look_at(indices_t ranges, look_t motion, matrix_t limits, double tolerance,
-            const double more[2], bool is_smooth, double *factor);
 
 #endif
