@@ -337,7 +337,7 @@ def _with_stops(job: PlanJob, name: str, tried: _Tried) -> Iterator[_Attempt]:
         best = tried.best
         took = math.inf if best is None else best.end_time - best.start_time
         stops = turns_with_stops(job.request, job.ends, job.start, job.limits, took, share)
-        if stops is None or stops.duration >= took:
+        if stops is None:
             return None
         motion = job.motion(stops, name)
         return motion.noted(STOPS) if len(job.request.keyframes) > 2 else motion
