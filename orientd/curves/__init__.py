@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from orientd.curves.families.kks.interpolating import KksInterpolating
     from orientd.curves.family import is_same
     from orientd.curves.fitting.spline_fit import Fit, fit_orientations
-    from orientd.curves.keyframes import check_keys, resolve_times
+    from orientd.curves.keyframes import ParameterError, check_keys, resolve_times
     from orientd.curves.methods import METHODS
     from orientd.curves.roles import (
         CurveTask,

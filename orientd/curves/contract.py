@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import wraps
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.family import Family, is_same
-from orientd.rotation import Floats, to_scipy
+from orientd.curves.family import Family, is_same, kept
+from orientd.curves.roles import own_names
+from orientd.drawing import Drawable
+from orientd.rotation import Floats, to_scipy, unnamed
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from scipy.spatial.transform import Rotation
 
 Samples = tuple[Floats, Floats, Floats]
@@ -28,42 +29,29 @@ BLOCK = 8192
 """Samples worked out at a time; intermediate results of so many stay in the cache."""
 
 
+_AS_THEY_ARE = (float, int, str, bool, type(None))
+
 _FEW = 8
 """Numbers that a parameter may have to be shown in full."""
 
 
-class Curve(metaclass=Family):
+class Curve(Family, Drawable):
     """A curve of orientations over an interval of time.
 
     A family subclasses this, computes what it needs in its constructor, whose keyword-only
-    arguments are the family's parameters, and samples in :meth:`_sample`.  Besides these, every
-    family takes ``keys``, ``times`` (``None`` goes by chord length), ``start_velocity``,
-    ``end_velocity`` (rad/s, in the frame the family takes) and ``turns`` (whole turns in each
-    interval); :mod:`orientd.curves.roles` says what they are to it.  Orientations may be
-    ``Rotation``, named quaternions or arrays ``(w, x, y, z)``.
+    arguments are those that it :attr:`takes`, and samples in :meth:`_sample`.  By
+    :func:`takes_common_names` every family also takes ``keys``, ``times`` (``None`` goes by chord
+    length), ``start_velocity`` and ``end_velocity`` (rad/s, in ``velocity_frame``), and ``turns``
+    (whole turns in each interval); :mod:`orientd.curves.roles` says what they are to it.
+    Orientations may be ``Rotation``, named quaternions or arrays ``(w, x, y, z)``.
 
     Curves are equal that are of one family and made of the same parameters.
 
     Attributes:
-        name: the key of the family in ``METHODS``.
-        summary: one line for a list of the families.
-        source: author, year and equation.
-        interpolates: whether the curve passes through every keyframe at its time.
-        local: whether moving a keyframe changes the curve near that keyframe only.
-        meets_end_velocities: whether angular velocities can be prescribed at both ends.
-        meets_end_accelerations: whether accelerations can be prescribed with them.
         continuity: how many derivatives of the orientation are continuous at the knots for the
             parameters at hand: 0, 1 or 2.  A single segment has no knots inside and says 2.
         made_of: the parameters by the family's own names; not to be changed.
     """
-
-    name: ClassVar[str]
-    summary: ClassVar[str]
-    source: ClassVar[str]
-    interpolates: ClassVar[bool] = False
-    local: ClassVar[bool] = False
-    meets_end_velocities: ClassVar[bool] = False
-    meets_end_accelerations: ClassVar[bool] = False
 
     continuity: int
     made_of: Mapping[str, Any] = MappingProxyType({})
@@ -143,21 +131,6 @@ class Curve(metaclass=Family):
         parts += [f"{name}={_in_short(value)}" for name, value in self.made_of.items()]
         return f"<{type(self).__name__}: {', '.join(parts)}>"
 
-    def plot(self, path: str | Path, *, title: str = "") -> None:
-        """Draw the curve to a .png, .svg or .pdf file; needs Matplotlib.
-
-        Raises:
-            OrientdError: the file cannot be written, or Matplotlib is not installed.
-        """
-        from orientd.plots import draw_alone
-
-        draw_alone(path, self, title=title)
-
-    def _repr_png_(self) -> bytes | None:
-        from orientd.plots import png_of
-
-        return png_of(self)
-
     def ends(self) -> Samples:
         """Return what :meth:`evaluate` does at both ends of the domain."""
         return self.evaluate(np.array(self.domain))
@@ -192,6 +165,25 @@ class Curve(metaclass=Family):
             interior, times, side="right"
         )
         return spans
+
+
+def takes_common_names(make: Callable[..., None]) -> Callable[..., None]:
+    """Let the constructor of a family take the names common to all, and orientations of any kind.
+
+    The curve keeps what it was made of, by the family's own names.
+    """
+
+    @wraps(make)
+    def construct(self: Curve, **given: Any) -> None:  # noqa: ANN401
+        for name, value in given.items():
+            if not isinstance(value, np.ndarray) and type(value) not in _AS_THEY_ARE:
+                given[name] = unnamed(value)
+        if not given.keys() <= set(self.takes):
+            given = own_names(type(self), given)
+        make(self, **given)
+        self.made_of = {name: kept(value) for name, value in given.items()}
+
+    return construct
 
 
 def _in_short(value: object) -> str:

@@ -1,62 +1,43 @@
-"""What a curve was made of: parameters by any of their names, kept for equality and pictures."""
+"""What a family of curves says of itself, and what a curve of it was made of."""
 
 from __future__ import annotations
 
-from abc import ABCMeta
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from inspect import Signature, signature
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import Any, ClassVar
 
 import numpy as np
 
-from orientd.curves.family_parameters import ordered_names, parameter_names
-from orientd.rotation import unnamed
-
-if TYPE_CHECKING:
-    from orientd.curves.contract import Curve
-
-Made = TypeVar("Made")
-
-_AS_THEY_ARE = (float, int, str, bool, type(None))
+END_STATES = ("start", "end", "omega_start", "omega_end", "alpha_start", "alpha_end")
+"""Parameters of a family whose ends have conditions and states of motion."""
 
 
-class Family(ABCMeta):
-    """The class of families of curves: it takes their parameters, and has each curve keep its own.
+class Family:
+    """A class of curves, with the parameters that its constructor takes.
 
-    Every orientation may be a ``scipy.spatial.transform.Rotation``, a
-    :class:`~orientd.rotation.Quaternion` or an array ``(w, x, y, z)``, and every family takes
-    ``keys``, ``times``, ``start_velocity``, ``end_velocity`` and ``turns`` besides the names of its
-    own; :func:`orientd.curves.roles.own_names` says what these are to it.
+    Attributes:
+        name: the key of the family in ``METHODS``.
+        summary: one line for a list of the families.
+        source: author, year and equation.
+        interpolates: whether the curve passes through every keyframe at its time.
+        local: whether moving a keyframe changes the curve near that keyframe only.
+        meets_end_velocities: whether angular velocities can be prescribed at both ends.
+        meets_end_accelerations: whether accelerations can be prescribed with them.
+        takes: the family's own names of its parameters, in order.
+            :mod:`orientd.curves.roles` reads from them what keyframes are to the family.
     """
 
-    def __call__(cls: type[Made], *args: Any, **given: Any) -> Made:  # noqa: ANN401
-        """Make a curve."""
-        for name, value in given.items():
-            if not isinstance(value, np.ndarray) and type(value) not in _AS_THEY_ARE:
-                given[name] = unnamed(value)
-        family: type = cls
-        if not given.keys() <= parameter_names(family):
-            # Loads the kernels, which a list of the families has no need of.
-            from orientd.curves.roles import own_names
-
-            given = own_names(cast("type[Curve]", family), given)
-        curve: Made = type.__call__(cls, *args, **given)
-        if args:
-            given.update(zip(ordered_names(family), args, strict=False))
-        curve.made_of = {  # type: ignore[attr-defined]  # of every class of this one
-            name: _kept(value) for name, value in given.items()
-        }
-        return curve
-
-    @property
-    def __signature__(cls) -> Signature:
-        """The family's own parameters, which ``__call__`` would hide."""
-        own = signature(cls.__init__)  # type: ignore[misc]  # that of the class at hand
-        return own.replace(parameters=list(own.parameters.values())[1:])
+    name: ClassVar[str]
+    summary: ClassVar[str]
+    source: ClassVar[str]
+    interpolates: ClassVar[bool] = False
+    local: ClassVar[bool] = False
+    meets_end_velocities: ClassVar[bool] = False
+    meets_end_accelerations: ClassVar[bool] = False
+    takes: ClassVar[tuple[str, ...]] = ()
 
 
-def _kept(value: object) -> object:
+def kept(value: object) -> object:
     """Return a parameter that nobody else can change."""
     if isinstance(value, list | tuple):
         value = np.array(value)

@@ -1,7 +1,7 @@
 """Checks of the parameters that curve families share: keyframes, times, vectors, choices.
 
-Every check returns the parameter as an array or number of its own, or raises a ValueError that
-names the parameter, what was allowed and what came.
+Every check returns the parameter as an array or number of its own, or raises a
+:class:`ParameterError` that says the parameter, what was allowed and what came.
 """
 
 from __future__ import annotations
@@ -18,15 +18,31 @@ from orientd.rotation import ROUNDING, Floats, align
 from orientd.tolerances import NORM_TOLERANCE
 
 
+class ParameterError(ValueError):
+    """A parameter of a curve that is not what the family takes.
+
+    Attributes:
+        parameter: its name.
+    """
+
+    def __init__(self, parameter: str, problem: str) -> None:
+        super().__init__(parameter, problem)
+        self.parameter = parameter
+        self._problem = problem
+
+    def __str__(self) -> str:
+        return self._problem
+
+
 def _numbers(value: object, name: str, expected: str) -> Floats:
     if isinstance(value, np.ndarray) and value.dtype == np.float64:
         return value.copy()
     try:
         array = np.asarray(value)
     except ValueError as error:
-        raise ValueError(f"{name} must be {expected}, got {value!r}") from error
+        raise ParameterError(name, f"{name} must be {expected}, got {value!r}") from error
     if array.dtype.kind not in "iuf":
-        raise ValueError(f"{name} must be {expected}, got {value!r}")
+        raise ParameterError(name, f"{name} must be {expected}, got {value!r}")
     return array.astype(np.float64, order="C")
 
 
@@ -36,14 +52,17 @@ def _unit(array: Floats, name: str) -> Floats:
     if (error <= ROUNDING).all():
         return array
     if not np.isfinite(array).all():
-        raise ValueError(f"{name} must be finite, got {_worst(array, ~np.isfinite(array))}")
+        raise ParameterError(
+            name, f"{name} must be finite, got {_worst(array, ~np.isfinite(array))}"
+        )
     is_off = error > NORM_TOLERANCE
     if is_off.any():
         place = int(np.argmax(is_off))
         where = f"{name}[{place}]" if array.ndim == 2 else name
-        raise ValueError(
+        raise ParameterError(
+            name,
             f"{where} must have norm 1 within {NORM_TOLERANCE:g}, "
-            f"got {array.reshape(-1, 4)[place].tolist()} of norm {norm.flat[place]:.9g}"
+            f"got {array.reshape(-1, 4)[place].tolist()} of norm {norm.flat[place]:.9g}",
         )
     # Dividing what is a unit quaternion already would only add its rounding to small steps.
     unit: Floats = np.where((error <= ROUNDING)[..., None], array, array / norm[..., None])
@@ -64,7 +83,7 @@ def check_quaternion(value: object, name: str) -> Floats:
     """
     array = _numbers(value, name, "a unit quaternion (w, x, y, z)")
     if array.shape != (4,):
-        raise ValueError(f"{name} must be a unit quaternion (w, x, y, z), got {value!r}")
+        raise ParameterError(name, f"{name} must be a unit quaternion (w, x, y, z), got {value!r}")
     return _unit(array, name)
 
 
@@ -77,7 +96,9 @@ def check_keys(value: object, name: str = "keys", *, minimum: int = 2) -> Floats
     expected = f"a list of at least {minimum} unit quaternions (w, x, y, z)"
     array = _numbers(value, name, expected)
     if array.ndim != 2 or array.shape[-1] != 4 or len(array) < minimum:
-        raise ValueError(f"{name} must be {expected}, got an array of shape {array.shape}")
+        raise ParameterError(
+            name, f"{name} must be {expected}, got an array of shape {array.shape}"
+        )
     return _unit(array, name)
 
 
@@ -101,7 +122,9 @@ def check_vector(value: object, name: str, length: int = 3) -> Floats:
     """
     array = _numbers(value, name, f"a vector of {length} numbers")
     if array.shape != (length,) or not np.isfinite(array).all():
-        raise ValueError(f"{name} must be a vector of {length} finite numbers, got {value!r}")
+        raise ParameterError(
+            name, f"{name} must be a vector of {length} finite numbers, got {value!r}"
+        )
     return array
 
 
@@ -113,7 +136,7 @@ def check_number(value: object, name: str) -> float:
     """
     array = _numbers(value, name, "a finite number")
     if array.ndim != 0 or not math.isfinite(array):
-        raise ValueError(f"{name} must be a finite number, got {value!r}")
+        raise ParameterError(name, f"{name} must be a finite number, got {value!r}")
     return float(array)
 
 
@@ -127,7 +150,7 @@ def check_integer(value: object, name: str, *, minimum: int | None = None) -> in
     array = _numbers(value, name, expected)
     is_whole = array.ndim == 0 and math.isfinite(array) and float(array).is_integer()
     if not is_whole or (minimum is not None and array < minimum):
-        raise ValueError(f"{name} must be {expected}, got {value!r}")
+        raise ParameterError(name, f"{name} must be {expected}, got {value!r}")
     return round(float(array))
 
 
@@ -138,7 +161,7 @@ def check_bool(value: object, name: str) -> bool:
         ValueError: it is neither true nor false.
     """
     if not isinstance(value, bool | np.bool_):
-        raise ValueError(f"{name} must be True or False, got {value!r}")
+        raise ParameterError(name, f"{name} must be True or False, got {value!r}")
     return bool(value)
 
 
@@ -150,7 +173,7 @@ def check_choice(value: object, name: str, allowed: Collection[str]) -> str:
     """
     if not isinstance(value, str) or value not in allowed:
         words = ", ".join(repr(word) for word in allowed)
-        raise ValueError(f"{name} must be one of {words}, got {value!r}")
+        raise ParameterError(name, f"{name} must be one of {words}, got {value!r}")
     return value
 
 
@@ -175,16 +198,22 @@ def check_end(
     """
     word = check_choice(condition, side, allowed)
     if word != "natural" and omega is None:
-        raise ValueError(f"omega_{side} must be given for {side}={word!r}, got None")
+        raise ParameterError(
+            f"omega_{side}", f"omega_{side} must be given for {side}={word!r}, got None"
+        )
     if word == "state" and alpha is None:
-        raise ValueError(f"alpha_{side} must be given for {side}='state', got None")
+        raise ParameterError(
+            f"alpha_{side}", f"alpha_{side} must be given for {side}='state', got None"
+        )
     if word != "state" and alpha is not None:
-        raise ValueError(
-            f"alpha_{side} must be None unless {side}='state', got {alpha!r} with {word!r}"
+        raise ParameterError(
+            f"alpha_{side}",
+            f"alpha_{side} must be None unless {side}='state', got {alpha!r} with {word!r}",
         )
     if word == "natural" and omega is not None:
-        raise ValueError(
-            f"omega_{side} must be None with {side}='natural', got {omega!r}; use {side}='clamped'"
+        raise ParameterError(
+            f"omega_{side}",
+            f"omega_{side} must be None with {side}='natural', got {omega!r}; use {side}='clamped'",
         )
     return (
         None if omega is None else check_vector(omega, f"omega_{side}"),
@@ -200,7 +229,7 @@ def check_interval(t0: object, t1: object) -> tuple[float, float]:
     """
     start, end = check_number(t0, "t0"), check_number(t1, "t1")
     if not end > start:
-        raise ValueError(f"t1 must be greater than t0 = {start!r}, got {end!r}")
+        raise ParameterError("t1", f"t1 must be greater than t0 = {start!r}, got {end!r}")
     return start, end
 
 
@@ -236,25 +265,30 @@ def resolve_times(times: object, keys: Floats, turns: ArrayLike | None = None) -
             arcs += np.pi * np.abs(check_turns(turns, len(arcs)))
         if not np.all(arcs > 0.0):
             place = int(np.argmin(arcs))
-            raise ValueError(
+            raise ParameterError(
+                "times",
                 "times='chord' must have neighbouring keyframes that differ, "
-                f"got keys[{place}] and keys[{place + 1}] the same"
+                f"got keys[{place}] and keys[{place + 1}] the same",
             )
         return np.concatenate([[0.0], np.cumsum(arcs)])
     array = _numbers(times, "times", "'uniform', 'chord' or a list of numbers")
     if array.shape != (count,):
-        raise ValueError(
+        raise ParameterError(
+            "times",
             f"times must have one number for each of the {count} keyframes, "
-            f"got an array of shape {array.shape}"
+            f"got an array of shape {array.shape}",
         )
     if not np.isfinite(array).all():
-        raise ValueError(f"times must be finite, got {_worst(array, ~np.isfinite(array))}")
+        raise ParameterError(
+            "times", f"times must be finite, got {_worst(array, ~np.isfinite(array))}"
+        )
     steps = array[1:] - array[:-1]
     if not (steps > 0.0).all():
         place = int(np.argmin(steps > 0.0))
-        raise ValueError(
+        raise ParameterError(
+            "times",
             f"times must increase strictly, got times[{place + 1}] = {float(array[place + 1])!r} "
-            f"after times[{place}] = {float(array[place])!r}"
+            f"after times[{place}] = {float(array[place])!r}",
         )
     return array
 
@@ -281,9 +315,10 @@ def check_turns(turns: ArrayLike, intervals: int) -> np.ndarray[Any, np.dtype[An
     """
     count = np.asarray(turns)
     if count.shape != (intervals,) or count.dtype.kind not in "iuf" or np.any(count % 1 != 0):
-        raise ValueError(
+        raise ParameterError(
+            "turns",
             f"turns must be a list of {intervals} whole numbers, one for each interval, "
-            f"got {turns!r}"
+            f"got {turns!r}",
         )
     return count
 
@@ -295,9 +330,10 @@ def with_turns(steps: Floats, keys: Floats, turns: ArrayLike) -> tuple[Floats, F
     is_open = (lengths == 0.0) & (count != 0)
     if np.any(is_open):
         place = int(np.argmax(is_open))
-        raise ValueError(
+        raise ParameterError(
+            "turns",
             f"turns must be 0 between keyframes that are the same, which leave the axis open, "
-            f"got turns[{place}] = {count[place]}"
+            f"got turns[{place}] = {count[place]}",
         )
     longer = steps * (1.0 + count * math.pi / np.where(lengths > 0.0, lengths, 1.0))[:, None]
     signs = np.cumprod(np.concatenate([[1.0], np.where(count % 2 == 0, 1.0, -1.0)]))

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.curves.family_parameters import ordered_names, parameter_names
+from orientd.curves.family import Family
 from orientd.curves.keyframes import (
+    ParameterError,
     check_choice,
     check_integer,
     check_interval,
@@ -28,8 +29,7 @@ from orientd.curves.keyframes import (
 )
 from orientd.rotation import Floats, align, conjugate, rotate
 
-if TYPE_CHECKING:
-    from orientd.curves.contract import Curve
+Made = TypeVar("Made", bound=Family)
 
 EQUAL = 1e-9
 """Of the duration, by which equal intervals may differ."""
@@ -60,7 +60,7 @@ _FROM_TASK = frozenset(
 _TURNS = ("turns", "revolutions", "spins")
 
 
-class UnevenError(ValueError):
+class UnevenError(ParameterError):
     """Keyframes at unequal intervals, for a family that needs equal ones.
 
     Attributes:
@@ -69,8 +69,9 @@ class UnevenError(ValueError):
 
     def __init__(self, steps: Floats) -> None:
         super().__init__(
+            "times",
             f"needs equal intervals between keyframes, got {steps.min():.6g} s "
-            f"to {steps.max():.6g} s"
+            f"to {steps.max():.6g} s",
         )
         self.keyframe = int(np.argmax(np.abs(steps - steps[0]))) + 1
 
@@ -117,23 +118,23 @@ class CurveTask:
         )
 
 
-def options_of(family: type[Curve]) -> tuple[str, ...]:
+def options_of(family: type[Family]) -> tuple[str, ...]:
     """Return the parameters of a family that do not follow from a task."""
-    return tuple(name for name in ordered_names(family) if name not in _FROM_TASK)
+    return tuple(name for name in family.takes if name not in _FROM_TASK)
 
 
-def is_pair(family: type[Curve]) -> bool:
+def is_pair(family: type[Family]) -> bool:
     """Return whether a family joins two keyframes, and no more."""
-    return {"q0", "q1"} <= parameter_names(family)
+    return {"q0", "q1"} <= set(family.takes)
 
 
-def turns_name(family: type[Curve]) -> str | None:
+def turns_name(family: type[Family]) -> str | None:
     """Return the parameter by which a family makes whole turns; ``None`` if it cannot."""
-    return next((name for name in _TURNS if name in parameter_names(family)), None)
+    return next((name for name in _TURNS if name in set(family.takes)), None)
 
 
 def parameters(
-    family: type[Curve], task: CurveTask, options: Mapping[str, Any] | None = None
+    family: type[Family], task: CurveTask, options: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Return the keyword arguments with which *family* does *task*, *options* among them.
 
@@ -151,7 +152,7 @@ def parameters(
         UnevenError: the family needs equal intervals.
         ValueError: the family does not apply, with the reason.
     """
-    names, given = parameter_names(family), dict(options or {})
+    names, given = set(family.takes), dict(options or {})
     turned = turns_name(family)
     made: dict[str, Any] = {}
     if task.turns is not None and np.any(task.turns):
@@ -170,8 +171,8 @@ def parameters(
 
 
 def make_curve(
-    family: type[Curve], task: CurveTask, options: Mapping[str, Any] | None = None
-) -> Curve:
+    family: type[Made], task: CurveTask, options: Mapping[str, Any] | None = None
+) -> Made:
     """Return the curve of *family* that does *task*, on the clock of the task.
 
     Args:
@@ -187,7 +188,7 @@ def make_curve(
     return family(**parameters(family, task, options))
 
 
-def own_names(family: type[Curve], given: Mapping[str, Any]) -> dict[str, Any]:
+def own_names(family: type[Family], given: Mapping[str, Any]) -> dict[str, Any]:
     """Return parameters by a family's own names, where some have the names common to all.
 
     Args:
@@ -224,7 +225,9 @@ def own_names(family: type[Curve], given: Mapping[str, Any]) -> dict[str, Any]:
         if common[name] is None:
             return None
         if not family.meets_end_velocities:
-            raise ValueError(f"{name} must be None: {family.name} cannot prescribe velocities")
+            raise ParameterError(
+                name, f"{name} must be None: {family.name} cannot prescribe velocities"
+            )
         omega = check_vector(common[name], name)
         return rotate(conjugate(key), omega) if is_world else omega
 
@@ -240,7 +243,7 @@ def own_names(family: type[Curve], given: Mapping[str, Any]) -> dict[str, Any]:
     return parameters(family, task, rest)
 
 
-def _keys_of(family: type[Curve], keys: Any, rest: dict[str, Any]) -> Floats:  # noqa: ANN401
+def _keys_of(family: type[Family], keys: Any, rest: dict[str, Any]) -> Floats:  # noqa: ANN401
     """Return the keyframes by whichever name they have, and take them from *rest*."""
     if keys is not None:
         return check_keys(keys)
@@ -251,9 +254,7 @@ def _keys_of(family: type[Curve], keys: Any, rest: dict[str, Any]) -> Floats:  #
     raise TypeError(f"{family.name} must be given keys, got {', '.join(rest) or 'none'}")
 
 
-def _through_keyframes(
-    family: type[Curve], names: frozenset[str], task: CurveTask
-) -> dict[str, Any]:
+def _through_keyframes(family: type[Family], names: set[str], task: CurveTask) -> dict[str, Any]:
     made: dict[str, Any] = {"keys": task.keys, "times": task.times}
     conditions = (
         ("start", task.omega_start, task.alpha_start),
@@ -279,7 +280,7 @@ def _through_keyframes(
     return made
 
 
-def _between_two(names: frozenset[str], task: CurveTask) -> dict[str, Any]:
+def _between_two(names: set[str], task: CurveTask) -> dict[str, Any]:
     if len(task.keys) != 2:
         raise ValueError(f"takes exactly 2 keyframes, got {len(task.keys)}")
     start, end = float(task.times[0]), float(task.times[1])
@@ -294,7 +295,7 @@ def _between_two(names: frozenset[str], task: CurveTask) -> dict[str, Any]:
 
 
 def _from_controls(
-    family: type[Curve], names: frozenset[str], task: CurveTask, options: dict[str, Any]
+    family: type[Family], names: set[str], task: CurveTask, options: dict[str, Any]
 ) -> dict[str, Any]:
     made: dict[str, Any] = {"control": task.keys}
     if "align" in names:
@@ -305,7 +306,9 @@ def _from_controls(
     if "knots" in names:
         wanted = check_integer(options.get("order", 4), "order", minimum=2)
         if wanted > len(task.keys) and "order" in options:
-            raise ValueError(f"order must be at most the number of keyframes, got {wanted}")
+            raise ParameterError(
+                "order", f"order must be at most the number of keyframes, got {wanted}"
+            )
         order = min(wanted, len(task.keys))
         knots = options.pop("knots", None)
         made["order"] = order
@@ -331,12 +334,12 @@ def _on_the_clock(knots: object, times: Floats, order: int) -> Floats:
     try:
         vector = np.asarray(knots, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise ValueError(expected) from error
+        raise ParameterError("knots", expected) from error
     if vector.shape != (len(times) + order,) or not np.all(np.isfinite(vector)):
-        raise ValueError(f"{expected}, got {np.size(vector)}")
+        raise ParameterError("knots", f"{expected}, got {np.size(vector)}")
     begin, end = vector[order - 1], vector[-order]
     if np.any(np.diff(vector) < 0.0) or not end > begin:
-        raise ValueError(f"{expected}, and span some time")
+        raise ParameterError("knots", f"{expected}, and span some time")
     mapped: Floats = times[0] + (vector - begin) * ((times[-1] - times[0]) / (end - begin))
     mapped[order - 1], mapped[-order] = times[0], times[-1]
     # Rounding must not put a knot that is repeated at an end on either side of it.

@@ -17,6 +17,7 @@ from orientd.curves import (
     METHODS,
     Curve,
     CurveTask,
+    ParameterError,
     UnevenError,
     is_pair,
     make_curve,
@@ -193,14 +194,13 @@ def curve_of(request: MotionRequest, task: CurveTask) -> Curve:
         ) from error
     except PlanError as error:
         raise PlanError(f"{request.method} cannot join these keyframes: {error}") from error
-    except (ValueError, TypeError) as error:
-        for option in request.options:
-            if str(error).startswith(option):
-                raise RequestError(f"options.{option}", str(error)) from error
-        for role in ("keys ", "control "):
-            if str(error).startswith(role):
-                problem = f"{request.method}: {str(error).removeprefix(role)}"
-                raise RequestError("keyframes", problem) from error
+    except ParameterError as error:
+        if error.parameter in request.options:
+            raise RequestError(f"options.{error.parameter}", str(error)) from error
+        if error.parameter in ("keys", "control"):
+            raise RequestError("keyframes", f"{request.method}: {error}") from error
+        raise PlanError(f"{request.method} cannot join these keyframes: {error}") from error
+    except ValueError as error:
         raise PlanError(f"{request.method} cannot join these keyframes: {error}") from error
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves import is_same
+from orientd.drawing import Drawable
 from orientd.planner.certify import Certificate, Rough, before
 from orientd.planner.limits import Limits
 from orientd.planner.path import Path, PathSamples, RowPath, TablePath
@@ -19,6 +20,7 @@ from orientd.planner.recorded import (
     RecordedMotion,
 )
 from orientd.planner.request import MotionRequest, State, Vector3
+from orientd.planner.saving import write_archive
 from orientd.rotation import Floats, to_scipy
 from orientd.stream import NO_SHARES, PATH_FLOATS, JointShares
 
@@ -38,7 +40,7 @@ _COMPARED = (
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Motion:
+class Motion(Drawable):
     """A motion that keeps its limits, from hold to hold.
 
     Motions are equal that were made for the same request and have the same records and certificate,
@@ -111,24 +113,33 @@ class Motion:
         Raises:
             OrientdError: the file cannot be written, or its name is that of another format.
         """
-        from orientd.planner.saving import save_motion
-
-        save_motion(self, path)
-
-    def plot(self, path: str | FilePath, *, title: str = "") -> None:
-        """Draw the motion to a .png, .svg or .pdf file; needs Matplotlib.
-
-        Raises:
-            OrientdError: the file cannot be written, or Matplotlib is not installed.
-        """
-        from orientd.plots import draw_alone
-
-        draw_alone(path, self, title=title)
-
-    def _repr_png_(self) -> bytes | None:
-        from orientd.plots import png_of
-
-        return png_of(self)
+        request = self.request
+        header = {
+            "id": self.id,
+            "request": {
+                **request.given(),
+                "keyframes": [asdict(keyframe) for keyframe in request.keyframes],
+                "limits": None if request.limits is None else asdict(request.limits),
+            },
+            "limits": asdict(self.limits),
+            "period": self.period,
+            "duration": self.duration,
+            "start_time": self.start_time,
+            "end_time": self.end_time,
+            "certificate": asdict(self.certificate),
+            "rough": None if self.rough is None else asdict(self.rough),
+            "first_joints": self.first_joints,
+            "last_joints": self.last_joints,
+            "joint_shares": self.joint_shares,
+        }
+        arrays: dict[str, Floats] = {
+            "rows": self.rows(0, self.record_count),
+            "keyframe_times": self.keyframe_times,
+            "earlier": np.array(self.path.joints_before(0), dtype=np.float64),
+        }
+        if self.before is not None:
+            arrays["q_before"], arrays["position_before"] = self.before
+        write_archive(path, header, arrays)
 
     @property
     def duration(self) -> float:

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from orientd.errors import OrientdError
 from orientd.whole_file import written
-
-if TYPE_CHECKING:
-    from orientd.planner.motion import Motion
 
 FORMAT = "orientd motion"
 VERSION = 1
@@ -22,8 +19,13 @@ OTHER_FORMATS = {".csv", ".json", ".mcap", ".parquet", ".txt", ".yaml", ".yml"}
 """Endings that say what a saved motion is not."""
 
 
-def save_motion(motion: Motion, path: str | Path) -> None:
-    """Write a motion to a file.
+def write_archive(path: str | Path, header: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:
+    """Write what a motion consists of to a file.
+
+    Args:
+        path: the file, by custom ``.npz``.
+        header: plain values, and dataclasses as dictionaries; the format goes before them.
+        arrays: by the name that each has in the archive.
 
     Raises:
         OrientdError: the file cannot be written, or its name is that of another format.
@@ -33,37 +35,9 @@ def save_motion(motion: Motion, path: str | Path) -> None:
         raise OrientdError(
             f"a motion is saved as .npz, got {path.name!r}; `orientd plan --output` writes samples"
         )
-    request = motion.request.given()
-    header = {
-        "format": FORMAT,
-        "version": VERSION,
-        "id": motion.id,
-        "request": {
-            **request,
-            "keyframes": [asdict(keyframe) for keyframe in motion.request.keyframes],
-            "limits": None if motion.request.limits is None else asdict(motion.request.limits),
-        },
-        "limits": asdict(motion.limits),
-        "period": motion.period,
-        "duration": motion.duration,
-        "start_time": motion.start_time,
-        "end_time": motion.end_time,
-        "certificate": asdict(motion.certificate),
-        "rough": None if motion.rough is None else asdict(motion.rough),
-        "first_joints": motion.first_joints,
-        "last_joints": motion.last_joints,
-        "joint_shares": motion.joint_shares,
-    }
-    arrays: dict[str, Any] = {
-        "header": np.array(json.dumps(header, default=_plain)),
-        "rows": motion.rows(0, motion.record_count),
-        "keyframe_times": motion.keyframe_times,
-        "earlier": np.array(motion.path.joints_before(0), dtype=np.float64),
-    }
-    if motion.before is not None:
-        arrays["q_before"], arrays["position_before"] = motion.before
+    text = json.dumps({"format": FORMAT, "version": VERSION, **header}, default=_plain)
     with written(path) as part, part.open("wb") as file:
-        np.savez(file, **arrays)
+        np.savez(file, header=np.array(text), **arrays)
 
 
 def _plain(content: object) -> object:

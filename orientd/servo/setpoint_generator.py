@@ -14,12 +14,12 @@ from orientd.errors import Fault, NotYetError
 from orientd.floats import combine, difference, norm, plus
 from orientd.servo.guard import Guard
 from orientd.servo.path import (
-    BrakeLaw,
     Past,
     PathFollower,
     PathPart,
     PathPlace,
     PathPoint,
+    QuickStop,
     StarvedError,
     TimeScaling,
     eased,
@@ -83,7 +83,7 @@ class SetpointGenerator:
         self.time_scaling = TimeScaling(period)
         self.follower = PathFollower(memory.path, period, _NO_LIMITS)
         self._guard = Guard(period)
-        self._brake_law = BrakeLaw(self.time_scaling, self.follower, self._guard)
+        self._quick_stop = QuickStop(self.time_scaling, self.follower, self._guard)
         self._pursuit = TargetFollower(memory.targets, period)
         self._stalls = Stalls(period_ns, stall_ns)
         self.hindrance = ""
@@ -263,7 +263,7 @@ class SetpointGenerator:
                 self.brake(Fault.PATH_STARVED, "the daemon did not deliver the path in time")
         before, part = scaling.rate, follower.part
         if scaling.is_led or scaling.target == 0.0 < before:
-            rate = self._brake_law.advance(self._servo_limits, may_end=self.state is _STOPPING)
+            rate = self._quick_stop.advance(self._servo_limits, may_end=self.state is _STOPPING)
         else:
             rate = scaling.advance()
         try:

@@ -9,9 +9,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from orientd.curves import METHODS
 from orientd.curves.comparison.measure import Figures, measure
 from orientd.curves.contract import Curve
+from orientd.curves.methods import METHODS
 from orientd.curves.roles import CurveTask, make_curve
 from orientd.errors import PlanError
 from orientd.rotation import Floats

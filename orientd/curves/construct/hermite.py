@@ -10,7 +10,13 @@ from numpy.typing import ArrayLike
 from orientd.curves.construct.acceleration_integral import squared_acceleration
 from orientd.curves.construct.basis import CumulativeBasis
 from orientd.curves.construct.cumulative import CumulativeCurve
-from orientd.curves.keyframes import check_bool, check_integer, check_quaternion, check_vector
+from orientd.curves.keyframes import (
+    ParameterError,
+    check_bool,
+    check_integer,
+    check_quaternion,
+    check_vector,
+)
 from orientd.rotation import Floats, conjugate, rotate
 from orientd.rotation import align as align_signs
 
@@ -78,13 +84,16 @@ def turned(
     if not isinstance(revolutions, str):
         given = check_integer(revolutions, "revolutions")
         if given and length == 0.0:
-            raise ValueError(
+            raise ParameterError(
+                "revolutions",
                 "revolutions must be 0 when the middle increment of the curve is zero and so has "
-                f"no axis, got {given}"
+                f"no axis, got {given}",
             )
         return with_turns(given) if given else increments
     if revolutions != LEAST:
-        raise ValueError(f"revolutions must be a whole number or {LEAST!r}, got {revolutions!r}")
+        raise ParameterError(
+            "revolutions", f"revolutions must be a whole number or {LEAST!r}, got {revolutions!r}"
+        )
     if length == 0.0:
         return increments
     outer = np.delete(increments, middle, axis=0)

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from orientd import kernels
-from orientd.curves.keyframes import increments
 from orientd.errors import PlanError
 from orientd.rotation import Floats
 
@@ -83,8 +82,12 @@ def interpolate(
         np.empty((spans + order - 2, 3)) if near is None else near.copy(),
         np.empty((spans, order - 1, order)),
     )
-    asked = (keys, _NO_STEPS if steps is None else steps, times, order, given, *known)
-    if not kernels.interpolate(*asked, near is not None, *found):
+    is_found = kernels.interpolate(
+        *(keys, _NO_STEPS if steps is None else steps, times, order),
+        *(given, known[0], known[1], near is not None),
+        *(found.breaks, found.base, found.increments, found.values),
+    )
+    if not is_found:
         raise PlanError(
             f"no spline of order {order} was found through the keyframes: add keyframes, lower the "
             "end velocities or give them turns to coast through, or make neighbouring intervals "
@@ -93,7 +96,9 @@ def interpolate(
     return found
 
 
-def unwound(keys: Floats, times: Floats, order: int, ends: tuple[End, End], w: Floats) -> list[Spline]:
+def unwound(
+    keys: Floats, times: Floats, order: int, ends: tuple[End, End], w: Floats
+) -> list[Spline]:
     """Return other solutions: one inner increment of more than pi has lost whole turns.
 
     Where the ends are fast, the way up from small steps may gather turns that lead nowhere.

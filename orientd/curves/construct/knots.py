@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.curves.keyframes import ParameterError
 from orientd.rotation import Floats
 
 
@@ -24,31 +25,37 @@ def resolve_knots(knots: ArrayLike | None, count: int, order: int) -> Floats:
     try:
         vector = np.asarray(knots)
     except ValueError as error:
-        raise ValueError(f"knots must be {expected}, got {knots!r}") from error
+        raise ParameterError("knots", f"knots must be {expected}, got {knots!r}") from error
     if vector.dtype.kind not in "iuf" or vector.shape != (count + order,):
-        raise ValueError(
+        raise ParameterError(
+            "knots",
             f"knots must be {expected} for {count} control quaternions of order {order}, "
-            f"got {vector.dtype} of shape {vector.shape}"
+            f"got {vector.dtype} of shape {vector.shape}",
         )
     vector = vector.astype(np.float64)
     if not np.all(np.isfinite(vector)):
-        raise ValueError(f"knots must be finite, got {vector[~np.isfinite(vector)][0]!r}")
+        raise ParameterError(
+            "knots", f"knots must be finite, got {vector[~np.isfinite(vector)][0]!r}"
+        )
     if np.any(np.diff(vector) < 0.0):
         place = int(np.argmax(np.diff(vector) < 0.0))
-        raise ValueError(
+        raise ParameterError(
+            "knots",
             f"knots must not decrease, got knots[{place + 1}] = {float(vector[place + 1])!r} "
-            f"after knots[{place}] = {float(vector[place])!r}"
+            f"after knots[{place}] = {float(vector[place])!r}",
         )
     if not vector[count] > vector[order - 1]:
-        raise ValueError(
+        raise ParameterError(
+            "knots",
             f"knots must leave a domain from knots[{order - 1}] to knots[{count}], "
-            f"got {float(vector[count])!r} for both"
+            f"got {float(vector[count])!r} for both",
         )
     multiplicity = inner_multiplicity(vector, order)
     if multiplicity >= order:
-        raise ValueError(
+        raise ParameterError(
+            "knots",
             f"knots inside the domain must be repeated at most {order - 1} times for order "
-            f"{order}, got one repeated {multiplicity} times"
+            f"{order}, got one repeated {multiplicity} times",
         )
     return vector
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import TriangleCurve, bezier_continuity, cubic_bezier_points, reflect
+from orientd.curves.contract import takes_common_names
 from orientd.curves.keyframes import check_aligned, check_choice, resolve_times
 from orientd.rotation import conjugate, multiply, slerp
 
@@ -41,7 +42,9 @@ class BezierCatmullRom(TriangleCurve):
     source = "Nielson 1993, sec. 2.2"
     interpolates = True
     local = True
+    takes = ("keys", "times", "order", "align")
 
+    @takes_common_names
     def __init__(
         self,
         *,

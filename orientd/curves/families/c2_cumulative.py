@@ -5,6 +5,8 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import CumulativeCurve, interpolate
+from orientd.curves.contract import takes_common_names
+from orientd.curves.family import END_STATES
 from orientd.curves.keyframes import (
     check_aligned,
     check_end,
@@ -63,7 +65,9 @@ class C2Cumulative(CumulativeCurve):
     interpolates = True
     meets_end_velocities = True
     meets_end_accelerations = True
+    takes = ("keys", "times", *END_STATES, "align", "turns")
 
+    @takes_common_names
     def __init__(
         self,
         *,

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import Jet, check_defined, constant, rates, slerp
-from orientd.curves.contract import Curve, Samples
-from orientd.curves.keyframes import check_aligned, check_choice, resolve_times
+from orientd.curves.contract import Curve, Samples, takes_common_names
+from orientd.curves.keyframes import ParameterError, check_aligned, check_choice, resolve_times
 from orientd.rotation import Floats
 
 SAME = 1e-12
@@ -54,7 +54,9 @@ class CircularBlending(Curve):
     source = "Kim and Nam 1995; course notes, Circular Arc Blending"
     interpolates = True
     local = True
+    takes = ("keys", "times", "param", "weight", "align")
 
+    @takes_common_names
     def __init__(
         self,
         *,
@@ -121,9 +123,10 @@ def circles(q: Floats) -> tuple[Floats, Floats]:
     for gap, step in ((e, 1), (f, 1), (g, 2)):
         if not np.all(gap > SAME):
             place = int(np.argmin(gap)) + (1 if gap is not e and step == 1 else 0)
-            raise ValueError(
+            raise ParameterError(
+                "keys",
                 "keys must have any three consecutive ones different for a circle through them, "
-                f"got keys[{place}] and keys[{place + step}] the same"
+                f"got keys[{place}] and keys[{place + step}] the same",
             )
     first_axis = to_second / e[:, None]
     x = np.sum(to_third * first_axis, axis=-1)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import TriangleCurve
+from orientd.curves.contract import takes_common_names
 from orientd.curves.keyframes import check_aligned, check_interval
 
 
@@ -34,7 +35,9 @@ class DeCasteljau(TriangleCurve):
     name = "de_casteljau"
     summary = "one Bezier segment of any degree by repeated slerp"
     source = "Shoemake 1985; Nielson 1993, eq. 17; Schlag 1991"
+    takes = ("control", "t0", "t1", "align")
 
+    @takes_common_names
     def __init__(
         self, *, control: ArrayLike, t0: float = 0.0, t1: float = 1.0, align: bool = False
     ) -> None:

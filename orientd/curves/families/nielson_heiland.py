@@ -14,6 +14,7 @@ from orientd.curves.construct import (
     slerp,
     solve_blocks,
 )
+from orientd.curves.contract import takes_common_names
 from orientd.curves.keyframes import check_aligned, resolve_times
 from orientd.errors import PlanError
 from orientd.rotation import Floats, conjugate, exp_half, multiply, normalize
@@ -72,7 +73,9 @@ class NielsonHeiland(TriangleCurve):
     summary = "spherical B-spline solved to interpolate"
     source = "Nielson and Heiland 1992; Nielson 1993, eq. 22"
     interpolates = True
+    takes = ("keys", "times", "align")
 
+    @takes_common_names
     def __init__(
         self, *, keys: ArrayLike, times: str | ArrayLike | None = None, align: bool = True
     ) -> None:

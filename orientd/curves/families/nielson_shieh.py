@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import Jet, best_direction, frame_of, rates, unit
-from orientd.curves.contract import Curve, Samples
+from orientd.curves.contract import Curve, Samples, takes_common_names
 from orientd.curves.keyframes import (
+    ParameterError,
     check_aligned,
     check_bool,
     check_number,
@@ -72,7 +73,9 @@ class NielsonShieh(Curve):
     summary = "circular arcs with common tangents"
     source = "Nielson 1993, eqs. 10 to 15"
     interpolates = True
+    takes = ("keys", "times", "M1", "criterion", "reparam", "a1", "require_positive", "align")
 
+    @takes_common_names
     def __init__(
         self,
         *,
@@ -150,7 +153,9 @@ def check_criterion(criterion: object, allowed: tuple[int, int]) -> None:
         ValueError: it is not.
     """
     if isinstance(criterion, bool) or criterion not in allowed:
-        raise ValueError(f"criterion must be {allowed[0]} or {allowed[1]}, got {criterion!r}")
+        raise ParameterError(
+            "criterion", f"criterion must be {allowed[0]} or {allowed[1]}, got {criterion!r}"
+        )
 
 
 def check_chords(q: Floats) -> Floats:
@@ -163,9 +168,10 @@ def check_chords(q: Floats) -> Floats:
     for is_bad, said in ((chords < 1e-14, "the same"), (chords > 2.0 - 1e-14, "opposite")):
         if np.any(is_bad):
             place = int(np.argmax(is_bad))
-            raise ValueError(
+            raise ParameterError(
+                "keys",
                 "keys must have neighbours that differ by less than a whole turn for a circle "
-                f"through them, got keys[{place}] and keys[{place + 1}] {said}"
+                f"through them, got keys[{place}] and keys[{place + 1}] {said}",
             )
     return chords
 
@@ -215,12 +221,12 @@ def speed_ratios(speeds: Floats, a1: float | str) -> Floats:
     logs[1:] = -signs[1:] * np.cumsum(signs[1:] * -np.diff(np.log(speeds)))
     if isinstance(a1, str):
         if a1 != "balanced":
-            raise ValueError(f"a1 must be a positive number or 'balanced', got {a1!r}")
+            raise ParameterError("a1", f"a1 must be a positive number or 'balanced', got {a1!r}")
         shift = -float(np.mean(signs * logs))
     else:
         first = check_number(a1, "a1")
         if first <= 0.0:
-            raise ValueError(f"a1 must be a positive number or 'balanced', got {a1!r}")
+            raise ParameterError("a1", f"a1 must be a positive number or 'balanced', got {a1!r}")
         shift = float(np.log(first))
     ratios: Floats = np.exp(logs + signs * shift)
     return ratios

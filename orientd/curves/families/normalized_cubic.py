@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
+from orientd.curves.contract import takes_common_names
 from orientd.curves.families.nu_spline import NuSpline
 
 
@@ -31,7 +32,9 @@ class NormalizedCubic(NuSpline):
     name = "normalized_cubic"
     summary = "natural cubic spline of the components, normalised"
     source = "Nielson 1993, sec. 2.2"
+    takes = ("keys", "times", "align")
 
+    @takes_common_names
     def __init__(
         self, *, keys: ArrayLike, times: str | ArrayLike | None = None, align: bool = True
     ) -> None:

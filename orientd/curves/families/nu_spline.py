@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import Jet, rates, solve_banded, unit
-from orientd.curves.contract import Curve, Samples
-from orientd.curves.keyframes import check_aligned, resolve_times
+from orientd.curves.contract import Curve, Samples, takes_common_names
+from orientd.curves.keyframes import ParameterError, check_aligned, resolve_times
 from orientd.errors import PlanError
 from orientd.rotation import Floats
 
@@ -38,7 +40,9 @@ class NuSpline(Curve):
     summary = "normalised cubic spline with tension at the keyframes"
     source = "Nielson 1986; Nielson 1993, sec. 2.2"
     interpolates = True
+    takes: ClassVar[tuple[str, ...]] = ("keys", "times", "nu", "align")
 
+    @takes_common_names
     def __init__(
         self,
         *,
@@ -78,12 +82,12 @@ def check_tension(nu: object, count: int) -> Floats:
     try:
         array = np.asarray(nu)
     except ValueError as error:
-        raise ValueError(f"nu must be {expected}, got {nu!r}") from error
+        raise ParameterError("nu", f"nu must be {expected}, got {nu!r}") from error
     if array.dtype.kind not in "iuf" or array.shape not in ((), (count,)):
-        raise ValueError(f"nu must be {expected}, got {nu!r}")
+        raise ParameterError("nu", f"nu must be {expected}, got {nu!r}")
     tension: Floats = np.full(count, array, dtype=np.float64)
     if not np.all(np.isfinite(tension) & (tension >= 0.0)):
-        raise ValueError(f"nu must be {expected}, got {nu!r}")
+        raise ParameterError("nu", f"nu must be {expected}, got {nu!r}")
     return tension
 
 

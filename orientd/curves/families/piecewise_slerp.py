@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.contract import Curve, Samples
+from orientd.curves.contract import Curve, Samples, takes_common_names
 from orientd.curves.keyframes import check_aligned, increments, resolve_times
 from orientd.rotation import Floats, exp_half, multiply
 
@@ -43,7 +43,9 @@ class PiecewiseSlerp(Curve):
     source = "Shoemake 1985; Kim, Kim and Shin 1995, sec. 4.1"
     interpolates = True
     local = True
+    takes = ("keys", "times", "align")
 
+    @takes_common_names
     def __init__(
         self, *, keys: ArrayLike, times: str | ArrayLike | None = None, align: bool = True
     ) -> None:

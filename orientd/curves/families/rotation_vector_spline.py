@@ -6,8 +6,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import Jet, exponential, rates, solve_blocks
-from orientd.curves.contract import Curve, Samples
-from orientd.curves.keyframes import check_aligned, check_end, increments, resolve_times
+from orientd.curves.contract import Curve, Samples, takes_common_names
+from orientd.curves.keyframes import (
+    ParameterError,
+    check_aligned,
+    check_end,
+    increments,
+    resolve_times,
+)
 from orientd.errors import PlanError
 from orientd.rotation import Floats, multiply, right_jacobian, right_jacobian_inverse
 
@@ -57,7 +63,9 @@ class RotationVectorSpline(Curve):
     source = "Mayorov 2019 (scipy.spatial.transform.RotationSpline)"
     interpolates = True
     meets_end_velocities = True
+    takes = ("keys", "times", "start", "end", "omega_start", "omega_end", "align")
 
+    @takes_common_names
     def __init__(
         self,
         *,
@@ -77,9 +85,10 @@ class RotationVectorSpline(Curve):
         length = np.sqrt(np.sum(steps * steps, axis=-1))
         if not np.all(length < 2.0 * np.pi * (1.0 - 1e-9)):
             place = int(np.argmax(length))
-            raise ValueError(
+            raise ParameterError(
+                "keys",
                 "keys must turn by less than a whole turn from one to the next, got keys"
-                f"[{place}] to keys[{place + 1}] {length[place]:.9g} rad apart with their signs"
+                f"[{place}] to keys[{place + 1}] {length[place]:.9g} rad apart with their signs",
             )
         super().__init__(knots=instants, continuity=2)
         h = np.diff(instants)

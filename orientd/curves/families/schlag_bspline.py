@@ -11,6 +11,7 @@ from orientd.curves.construct import (
     inner_multiplicity,
     resolve_knots,
 )
+from orientd.curves.contract import takes_common_names
 from orientd.curves.keyframes import check_aligned, check_integer
 
 
@@ -45,7 +46,9 @@ class SchlagBSpline(TriangleCurve):
     summary = "B-spline of any order by de Boor's triangle of slerps"
     source = "Schlag 1991, after de Boor 1972"
     local = True
+    takes = ("control", "order", "knots", "align")
 
+    @takes_common_names
     def __init__(
         self,
         *,

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import TriangleCurve, catmull_rom_intervals, reflect
+from orientd.curves.contract import takes_common_names
 from orientd.curves.keyframes import check_aligned, check_choice, resolve_times
 
 
@@ -41,7 +42,9 @@ class SchlagCatmullRom(TriangleCurve):
     source = "Schlag 1991, after Barry and Goldman 1988"
     interpolates = True
     local = True
+    takes = ("keys", "times", "ends", "align")
 
+    @takes_common_names
     def __init__(
         self,
         *,

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import TriangleCurve, bezier_continuity, cubic_bezier_points
-from orientd.curves.keyframes import check_aligned, check_number, resolve_times
+from orientd.curves.contract import takes_common_names
+from orientd.curves.keyframes import ParameterError, check_aligned, check_number, resolve_times
 from orientd.errors import PlanError
 from orientd.rotation import Floats, slerp
 
@@ -49,7 +50,9 @@ class ShoemakeBezier(TriangleCurve):
     source = "Shoemake 1985; Nielson 1993, sec. 2.2"
     interpolates = True
     local = True
+    takes = ("keys", "times", "s", "align")
 
+    @takes_common_names
     def __init__(
         self,
         *,
@@ -104,8 +107,10 @@ def check_share(value: object, name: str) -> float:
         try:
             number = float(Fraction(value))
         except (ValueError, ZeroDivisionError) as error:
-            raise ValueError(f"{name} must be a number or a fraction, got {value!r}") from error
+            raise ParameterError(
+                name, f"{name} must be a number or a fraction, got {value!r}"
+            ) from error
     share = check_number(number, name)
     if not 0.0 < share <= 1.0:
-        raise ValueError(f"{name} must be greater than 0 and at most 1, got {value!r}")
+        raise ParameterError(name, f"{name} must be greater than 0 and at most 1, got {value!r}")
     return share

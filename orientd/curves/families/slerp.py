@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import CumulativeCurve, cumulative_basis
+from orientd.curves.contract import takes_common_names
 from orientd.curves.keyframes import (
+    ParameterError,
     check_choice,
     check_integer,
     check_interval,
@@ -52,7 +54,9 @@ class Slerp(CumulativeCurve):
     summary = "one great arc at constant velocity, with whole turns if wanted"
     source = "Shoemake 1985"
     interpolates = True
+    takes = ("q0", "q1", "t0", "t1", "path", "spins", "axis")
 
+    @takes_common_names
     def __init__(
         self,
         *,
@@ -76,15 +80,16 @@ class Slerp(CumulativeCurve):
         direction = log_half(relative)
         if np.linalg.norm(relative[1:]) <= _COINCIDENT and abs(angle) > _COINCIDENT:
             if axis is None:
-                raise ValueError(
-                    "axis must be given for a turn between orientations that coincide, got None"
+                raise ParameterError(
+                    "axis",
+                    "axis must be given for a turn between orientations that coincide, got None",
                 )
             direction = check_vector(axis, "axis")
         elif axis is not None:
             check_vector(axis, "axis")
         length = float(np.linalg.norm(direction))
         if axis is not None and length == 0.0 and abs(angle) > 0.0:
-            raise ValueError(f"axis must not be zero, got {axis!r}")
+            raise ParameterError("axis", f"axis must not be zero, got {axis!r}")
         increment = direction * (angle / length if length > 0.0 else 0.0)
         super().__init__(
             basis=cumulative_basis(np.repeat(interval, 2), 2),

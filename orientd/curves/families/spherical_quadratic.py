@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import ShoulderChain, TriangleCurve
+from orientd.curves.contract import takes_common_names
 from orientd.curves.families.nielson_shieh import check_criterion
 from orientd.curves.keyframes import check_aligned, check_quaternion, resolve_times
 from orientd.rotation import Floats, conjugate, log_half, multiply, slerp
@@ -50,7 +51,9 @@ class SphericalQuadratic(TriangleCurve):
     summary = "quadratic slerp segments through shoulder points"
     source = "Nielson 1993, eqs. 18 to 21"
     interpolates = True
+    takes = ("keys", "times", "M1", "criterion", "align")
 
+    @takes_common_names
     def __init__(
         self,
         *,

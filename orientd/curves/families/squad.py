@@ -14,7 +14,7 @@ from orientd.curves.construct import (
     rates,
     slerp,
 )
-from orientd.curves.contract import Curve, Samples
+from orientd.curves.contract import Curve, Samples, takes_common_names
 from orientd.curves.keyframes import check_aligned, check_choice, increments, resolve_times
 from orientd.rotation import Floats, conjugate, exp_half, log_half, multiply
 
@@ -55,7 +55,9 @@ class Squad(Curve):
     source = "Shoemake 1987; inner points for unequal times by the velocities at the keyframes"
     interpolates = True
     local = True
+    takes = ("keys", "times", "rule", "align")
 
+    @takes_common_names
     def __init__(
         self,
         *,

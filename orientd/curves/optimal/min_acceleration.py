@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import Path, squared_acceleration
-from orientd.curves.contract import Curve, Samples
+from orientd.curves.contract import Curve, Samples, takes_common_names
 from orientd.curves.families import C2Cumulative, RotationVectorSpline
 from orientd.curves.keyframes import check_aligned, check_end, increments, resolve_times
 from orientd.curves.optimal.relaxation import relaxed, spline_path
@@ -64,7 +64,9 @@ class MinAcceleration(Curve):
     source = "Barr, Currin, Gabriel and Hughes 1992; Noakes, Heinzinger and Paden 1989"
     interpolates = True
     meets_end_velocities = True
+    takes = ("keys", "times", "start", "end", "omega_start", "omega_end", "align")
 
+    @takes_common_names
     def __init__(
         self,
         *,

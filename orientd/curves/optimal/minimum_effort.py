@@ -16,7 +16,15 @@ from orientd.curves.construct import (
     cumulative_basis,
     outer_derivatives,
 )
-from orientd.curves.keyframes import check_aligned, check_end, check_integer, resolve_times
+from orientd.curves.contract import takes_common_names
+from orientd.curves.family import END_STATES
+from orientd.curves.keyframes import (
+    ParameterError,
+    check_aligned,
+    check_end,
+    check_integer,
+    resolve_times,
+)
 from orientd.curves.optimal.effort_equations import EffortEquations, EndRows
 from orientd.curves.optimal.effort_search import least_effort
 from orientd.curves.optimal.effort_start import refined, search, start_path
@@ -102,7 +110,9 @@ class MinimumEffort(CumulativeCurve):
     interpolates = True
     meets_end_velocities = True
     meets_end_accelerations = True
+    takes = ("keys", "times", "inertia", "order", "smoothness", "spans", *END_STATES, "align")
 
+    @takes_common_names
     def __init__(
         self,
         *,
@@ -212,14 +222,14 @@ def check_inertia(inertia: ArrayLike) -> Floats:
     try:
         matrix = np.asarray(inertia, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
-        raise ValueError(f"{expected} {inertia!r}") from error
+        raise ParameterError("inertia", f"{expected} {inertia!r}") from error
     if matrix.shape == (3,):
         matrix = np.diag(matrix)
     if matrix.shape != (3, 3) or not np.all(np.isfinite(matrix)):
-        raise ValueError(f"{expected} {inertia!r}")
+        raise ParameterError("inertia", f"{expected} {inertia!r}")
     moments = np.linalg.eigvalsh(matrix)
     if not moments[0] > 0.0 or np.max(np.abs(matrix - matrix.T)) > 1e-9 * moments[-1]:
-        raise ValueError(f"{expected} {inertia!r}")
+        raise ParameterError("inertia", f"{expected} {inertia!r}")
     scaled: Floats = 0.5 * (matrix + matrix.T) / moments[-1]
     return scaled
 
@@ -241,7 +251,7 @@ def _check_between(value: object, name: str, least: int, most: int) -> int:
     number = check_integer(value, name)
     if not least <= number <= most:
         allowed = str(least) if least == most else f"{least} to {most}"
-        raise ValueError(f"{name} must be {allowed}, got {value!r}")
+        raise ParameterError(name, f"{name} must be {allowed}, got {value!r}")
     return number
 
 

@@ -121,7 +121,7 @@ def _sampled(motion: Motion, rate_hz: float, frame: Frame | None = None) -> tupl
     if times[-1] - times[-2] < 1e-9:
         times = times[:-1]
     samples = motion.sample(times)
-    return times, samples if frame is None else frame.seen(samples)
+    return times, samples if frame is None else samples.seen_in(frame)
 
 
 def _samples(number: int, times: Floats, parts: list[Floats]) -> bytes:

@@ -17,8 +17,8 @@ from orientd.curves import Curve
 from orientd.kernels import farthest_from_path, sample_path
 from orientd.planner.path.plain_path import plain_path
 from orientd.planner.path.position import PositionPath
-from orientd.planner.request import State
-from orientd.rotation import Floats, angle
+from orientd.planner.request import Frame, State
+from orientd.rotation import Floats, angle, conjugate, rotate
 
 _AT_REST = 1e-9
 """Seconds before its end that a path counts as ended: its last record is at rest, to rounding."""
@@ -45,6 +45,23 @@ class PathSamples(NamedTuple):
     alpha_body: Floats
     position: Floats
     velocity: Floats
+
+    def seen_in(self, frame: Frame) -> PathSamples:
+        """Return how the tool of a frame moves, seen from its base, where these are the flange's.
+
+        Args:
+            frame: its base in the world, and its tool on the flange.
+        """
+        q, position = frame.pose(self.q, self.position)
+        # What turns about the flange moves the tool on its lever.
+        lever = rotate(self.q, np.cross(self.omega_body, frame.tool.position))
+        return self._replace(
+            q=q,
+            omega_body=frame.vector(self.omega_body),
+            alpha_body=frame.vector(self.alpha_body),
+            position=position,
+            velocity=rotate(conjugate(frame.base.q), self.velocity + lever),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,17 +13,29 @@ axes, lengths and the coefficients of the basis.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from orientd.curves import CumulativeCurve, Curve, Retimed
 from orientd.rotation import Floats
 
-if TYPE_CHECKING:
-    from orientd.planner.path.path import PathSegment
-
 _NO_CLOCK = np.zeros(1)
+
+
+class Segment(Protocol):
+    """What a row says of a segment; see :class:`.PathSegment`."""
+
+    @property
+    def curve(self) -> Curve: ...  # noqa: D102
+    @property
+    def begin(self) -> float: ...  # noqa: D102
+    @property
+    def skipped(self) -> float: ...  # noqa: D102
+    @property
+    def rate(self) -> float: ...  # noqa: D102
+    @property
+    def sign(self) -> float: ...  # noqa: D102
 
 
 def plain_curve(curve: Curve) -> Floats | None:
@@ -34,7 +46,7 @@ def plain_curve(curve: Curve) -> Floats | None:
 
 
 def plain_path(
-    segments: Sequence[PathSegment], first: Floats, last: Floats, end: float
+    segments: Sequence[Segment], first: Floats, last: Floats, end: float
 ) -> Floats | None:
     """Return the row of numbers that a path is sampled from, if its curves are such products.
 

@@ -14,7 +14,6 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,9 +21,6 @@ from numpy.typing import ArrayLike
 from orientd.driver import Quaternion, Vector3
 from orientd.errors import RequestError
 from orientd.rotation import Floats, check_unit, conjugate, multiply, rotate
-
-if TYPE_CHECKING:
-    from orientd.planner.path import PathSamples
 
 MOST_FRAMES = 100
 """In one request."""
@@ -94,19 +90,6 @@ class Frame:
     def vector(self, body: ArrayLike) -> Floats:
         """Return vectors in coordinates of the flange in those of the tool, shape ``(..., 3)``."""
         return rotate(conjugate(self.tool.q), body)
-
-    def seen(self, samples: PathSamples) -> PathSamples:
-        """Return how the tool moves, seen from the base, where the flange moves so in the world."""
-        q, position = self.pose(samples.q, samples.position)
-        # What turns about the flange moves the tool on its lever.
-        lever = rotate(samples.q, np.cross(samples.omega_body, self.tool.position))
-        return samples._replace(
-            q=q,
-            omega_body=self.vector(samples.omega_body),
-            alpha_body=self.vector(samples.alpha_body),
-            position=position,
-            velocity=rotate(conjugate(self.base.q), samples.velocity + lever),
-        )
 
 
 def named_frames(given: Mapping[str, Frame]) -> Mapping[str, Frame]:

@@ -23,11 +23,11 @@ of its limit, which must not exceed 1.
 
 from __future__ import annotations
 
-from math import atanh, floor, inf, sqrt
+from math import atanh, inf, sqrt
 from typing import NamedTuple
 
 from orientd.driver import Vector3
-from orientd.floats import norm
+from orientd.servo.double_s import first_change
 from orientd.servo.path.path_point import PathPoint
 from orientd.stream import JointShares, ServoLimits
 
@@ -151,8 +151,8 @@ def released(
 ) -> float:
     """Return the least rate from which speed and acceleration can still reach zero together.
 
-    From the speed *v* the changes *c, c-d, c-2d, ...* of the cycles to come cover
-    ``(f+1)(c - d f/2)``, ``f = floor(c/d)``, where *d* is what the jerk allows along the path.
+    It falls as :func:`~orientd.servo.double_s.first_change` says, by what the jerk allows along the
+    path.
 
     Args:
         past: the cycle before.
@@ -178,34 +178,7 @@ def released(
     jerk = max(sqrt(jerk * jerk - across * across), _LEAST_RELEASE * jerk)
     jerk = min(jerk, jerk_along(servo_limits, (x, y, z)))
     step = share * jerk * period * period
-    left = speed / step
-    whole = floor(0.5 * (sqrt(1.0 + 8.0 * left) - 1.0))
-    change = (left / (whole + 1) + 0.5 * whole) * step
-    return (speed - change - (a * x + b * y + c * z)) / path_speed
-
-
-def brought_to_rest(past: Past, ahead: Ahead, period: float, cycles: int) -> float:
-    """Return the rate of the next of so many cycles, after which the device rests.
-
-    The changes of the acceleration are as even as they can be: least squares, for one and for two
-    cycles.
-
-    Args:
-        past: the cycle before.
-        ahead: what a rate leads to.
-        period: between the two, s.
-        cycles: in which the device still moves, at most two.
-    """
-    path_speed = norm(ahead.omega)
-    if path_speed < _STILL or cycles <= 0:
-        return 0.0
-    x, y, z = ahead.omega
-    speed, push, bend = (
-        (u * x + v * y + w * z) / path_speed for u, v, w in (past.omega, past.alpha, ahead.bend)
-    )
-    change = push * period
-    wanted = 0.5 * speed + change / 6.0 if cycles == 1 else 0.7 * speed + 0.3 * change
-    return (wanted - bend) / path_speed
+    return (speed - first_change(speed, step) - (a * x + b * y + c * z)) / path_speed
 
 
 def jerk_along(servo_limits: ServoLimits, direction: Vector3) -> float:

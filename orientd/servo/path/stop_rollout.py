@@ -13,39 +13,29 @@ difference of *P* at two places; its slope by the rate is the velocity at the se
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from copy import copy
 from enum import Enum
-from math import inf
-from typing import NamedTuple
 
 from orientd.driver import ZERO, Vector3
-from orientd.floats import difference, norm, plus
+from orientd.floats import difference, plus
 from orientd.servo.guard import Guard
 from orientd.servo.path.acceleration_step import AccelerationStep, find_kink
 from orientd.servo.path.cubic import Cubic, between, cubic
-from orientd.servo.path.feasible_rates import (
-    Ahead,
-    Past,
-    brought_to_rest,
-    jerk_along,
-    nearest,
-    released,
-)
+from orientd.servo.path.feasible_rates import Ahead, Past, nearest, released
 from orientd.servo.path.path_follower import PathFollower
 from orientd.servo.path.time_scaling import TimeScaling
-from orientd.servo.path.turn_back import TurnBackPoint, dot
 from orientd.stream import ServoLimits
 
 Piece = tuple[Cubic, Cubic | None, AccelerationStep | None]
 """How the path turns and travels between two records, and where its acceleration has a step."""
 
+SHARE = 0.998
+"""Part of the limits that a quick stop uses; the rest is for what its model leaves out."""
+
 _REST = Ahead(ZERO, ZERO, ZERO, ZERO)
 _STILL = 1e-9
-_THERE = 0.05  # records: what is nearer to a turn is past it
 _ATTEMPTS = 6
 _NEAR = 2e-3  # records from a rate to the next guess; what is left of them is its square
-_RECORDS_A_STEP = 4  # records that can be looked at while a cycle is rolled out
 
 
 class RolloutOutcome(Enum):
@@ -57,48 +47,15 @@ class RolloutOutcome(Enum):
     FAILED = "failed"
 
 
-class StopPlan(NamedTuple):
-    """A way to stop.
-
-    Attributes:
-        share: part of the limits that is used.
-        release: part of the jerk's share that the release is begun with.
-        rate: to which the device brakes first, and which it keeps until the path has been through
-            its slowest point; ``None`` to stop wherever that is possible.
-        until: cycles before the next place where the path turns back, until which the device
-            makes for it as slowly as possible, to stop behind it; ``None`` not to.
-        stops_across: whether the stop begins with the cycle that leads past that place, or with
-            the next.
-        cycles: in which the device still moves, for a stop of hardly any; ``None`` for one of any
-            length.
-        distance: records before which the slowest point is not looked for, or behind which no
-            place where the path turns back is.
-    """
-
-    share: float
-    release: float
-    rate: float | None = None
-    until: float | None = None
-    stops_across: bool = False
-    cycles: int | None = None
-    distance: float = 0.0
-
-    @property
-    def passes(self) -> bool:
-        """Whether it passes a place before it stops."""
-        return self.rate is not None or self.until is not None
-
-
 class StopRollout:
-    """A stop from where the device is, some cycles of the certified law first.
+    """A stop from where the device is: the certified law first, then the least rate of each cycle.
 
     Attributes:
         rates: of the cycles rolled out so far.
-        lead: how many of them the certified law, a steady rate, or another stop takes.
-        plan: how to stop.
+        lead: how many of them the certified law takes.
+        taken: how many of them the servo has carried out meanwhile.
         outcome: of the rollout so far.
         past: how the device moves after it.
-        gone: records that it has come along.
     """
 
     def __init__(
@@ -108,9 +65,7 @@ class StopRollout:
         guard: Guard,
         *,
         lead: int,
-        plan: StopPlan,
-        is_coasting: bool = False,
-        along: Sequence[float] = (),
+        release: float,
     ) -> None:
         """Begin at the present cycle, before it has moved anything.
 
@@ -118,18 +73,15 @@ class StopRollout:
             scaling: as it is.
             follower: where the path is.
             guard: what was written.
-            lead: cycles before the plan begins.
-            plan: how to stop.
-            is_coasting: whether the rate is kept until then.
-            along: rates of those cycles, where no certified law decides on them.
+            lead: cycles of the certified law before the quick stop begins.
+            release: part of the jerk with which the terminal deceleration begins.
         """
         self.rates: list[float] = []
         self.lead = lead
-        self.plan = plan
+        self.taken = 0
         self.outcome = RolloutOutcome.UNFINISHED
+        self._release = release * SHARE
         self._scaling = copy(scaling)
-        self._is_coasting = is_coasting
-        self._along = along
         self._follower = follower
         self._revision = follower.revision
         self._passed, self._here = 0, follower.index
@@ -137,13 +89,13 @@ class StopRollout:
         self.past = Past(guard.omega, guard.alpha, guard.velocity, scaling.rate)
         self._rate, self._change = scaling.rate, scaling.acceleration * scaling.period
         self._pieces: dict[int, Piece] = {}
-        self.gone = 0.0
-        self._is_past = not plan.passes
-        self._path_speed = inf
-        self._turn: TurnBackPoint | None = None
+
+    def has_left(self, rate: float) -> bool:
+        """Whether the certified law has come to another *rate* than it had in the rollout."""
+        return self.taken > 0 and self.rates[self.taken - 1 : self.taken] != [rate]
 
     def go_on(self, servo_limits: ServoLimits, steps: int, *, may_end: bool) -> int:
-        """Rehearse at most so many cycles more and return how many.
+        """Roll out at most *steps* cycles more and return how many.
 
         It is called in the cycle that the rollout begins in and in each one after that.
 
@@ -161,46 +113,14 @@ class StopRollout:
         for step in range(steps):
             if self.outcome is not RolloutOutcome.UNFINISHED:
                 return step
-            if self._is_looking:
-                self._look()
-            else:
-                self._step(servo_limits, end, may_end=may_end)
+            self._step(servo_limits, end, may_end=may_end)
         return steps
 
-    @property
-    def is_without_turn(self) -> bool:
-        """Whether it was looked in vain for a place where the path turns back."""
-        return self.outcome is RolloutOutcome.FAILED and self._turn is not None and self._is_looking
-
-    @property
-    def _is_looking(self) -> bool:
-        """Whether the place where the path turns back is yet to be found."""
-        if self.plan.until is None or len(self.rates) < self.lead:
-            return False
-        return self._turn is None or not self._turn.is_found
-
-    def _look(self) -> None:
-        """Look at some records more for the place where the path turns back."""
-        turn = self._turn
-        for _ in range(_RECORDS_A_STEP):
-            place = self._index if turn is None else int(turn.place)
-            piece = self._load(place) if place <= self.plan.distance else None
-            if piece is None:
-                self.outcome = RolloutOutcome.FAILED
-                return
-            if turn is None:
-                speed = max(norm(self.past.omega), _STILL)
-                x, y, z = self.past.omega
-                self._turn = turn = TurnBackPoint((x / speed, y / speed, z / speed), place)
-                turn.come(between(piece[0], 0.0, piece[0], self._fraction, ZERO)[0])
-            turn.look(piece[0])
-            if turn.is_found:
-                self._is_past = self._index + self._fraction >= turn.place - _THERE
-                return
-
     def _step(self, servo_limits: ServoLimits, end: float, *, may_end: bool) -> None:
-        is_led = len(self.rates) >= self.lead
-        rate = min(max(self._rate + self._change, 0.0), 1.0) if is_led else self._led()
+        is_free = len(self.rates) >= self.lead
+        rate = min(max(self._rate + self._change, 0.0), 1.0)
+        if not is_free:
+            rate = self._scaling.advance()
         if self._index + self._fraction + rate >= end:
             self.rates.append(rate)
             self.outcome = RolloutOutcome.END if may_end else RolloutOutcome.FAILED
@@ -227,11 +147,11 @@ class StopRollout:
             velocity = push = ZERO
             if travel or there[1]:
                 velocity, push = between(travel or none, before, there[1] or none, u, drift)
-            if not is_led:
+            if not is_free:
                 break
             ahead = Ahead(slope, plus(omega, slope, -rate), push, plus(velocity, push, -rate))
-            wanted = self._wanted(ahead, servo_limits)
-            found = nearest(self.past, ahead, servo_limits, h, self.plan.share, wanted)
+            wanted = released(self.past, ahead, servo_limits, h, self._release)
+            found = nearest(self.past, ahead, servo_limits, h, SHARE, wanted)
             if found is None:
                 self.outcome = RolloutOutcome.FAILED
                 return
@@ -243,18 +163,10 @@ class StopRollout:
         else:
             self.outcome = RolloutOutcome.FAILED
             return
-        if rate <= _STILL and is_led:
+        if rate <= _STILL and is_free:
             rate = 0.0
             is_there = self._follower.peek_ahead(self._index + 1 - self._passed) is not None
             self.outcome = RolloutOutcome.REST if is_there else RolloutOutcome.FAILED
-        self.gone += rate
-        if self._turn is not None:
-            self._turn.come(omega)
-            self._is_past = self._index + before + rate >= self._turn.place - _THERE
-        elif is_led and not self._is_past:
-            speed = norm(slope)
-            is_far = self.gone >= self.plan.distance
-            self._is_past, self._path_speed = is_far and speed > self._path_speed, speed
         u, v, w = self.past.omega
         x, y, z = omega
         self.past = Past(omega, ((x - u) / h, (y - v) / h, (z - w) / h), velocity, rate)
@@ -269,34 +181,6 @@ class StopRollout:
         if self._fraction >= 1.0:
             self._pieces.pop(self._index, None)
             self._index, self._fraction = self._index + 1, self._fraction - 1.0
-
-    def _led(self) -> float:
-        """Return the rate of a cycle before the plan begins."""
-        if self._along:
-            return self._along[len(self.rates)]
-        return self._rate if self._is_coasting else self._scaling.advance()
-
-    def _wanted(self, ahead: Ahead, servo_limits: ServoLimits) -> float:
-        """Return the rate that this cycle of the plan would have if every rate were allowed."""
-        plan, turn, h = self.plan, self._turn, self._scaling.period
-        if plan.cycles is not None:
-            left = plan.cycles - (len(self.rates) - self.lead)
-            return brought_to_rest(self.past, ahead, h, left)
-        share = plan.release * plan.share
-        path_speed = 0.0 if turn is None else dot(ahead.omega, turn.axis)
-        if self._is_past or (plan.stops_across and path_speed <= 0.0):
-            return released(self.past, ahead, servo_limits, h, share)
-        if plan.rate is not None:
-            return min(plan.rate, self._rate)
-        if turn is None or plan.until is None or path_speed <= 0.0:
-            return self._rate
-        step = share * jerk_along(servo_limits, turn.axis) * h * h
-        speed = turn.slowest(dot(self.past.omega, turn.axis), step, plan.until)
-        if speed is None:
-            return self._rate
-        if speed == 0.0:
-            return released(self.past, ahead, servo_limits, h, share)
-        return min((speed - dot(ahead.bend, turn.axis)) / path_speed, self._rate)
 
     def _load(self, index: int) -> Piece | None:
         """Return what lies between a record and the next, or ``None`` beyond the last."""

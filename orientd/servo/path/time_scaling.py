@@ -4,12 +4,14 @@ The rate sigma is 1 as planned, 0 at rest.  It changes with bounded acceleration
 :math:`|\dot\sigma| \le 2x` and :math:`|\ddot\sigma| \le 4x^2` for the motion's brake rate *x*, so
 that a stop from full speed takes :math:`1/x` seconds with a triangular :math:`\dot\sigma`.  The
 planner has made sure that every change of this kind keeps the motion's limits at every point of the
-path (``planner/brake.py``).
+path (``planner/certify/brake.py``).
 """
 
 from __future__ import annotations
 
-from math import ceil, floor, sqrt
+from math import ceil, copysign
+
+from orientd.servo.double_s import first_change
 
 
 class TimeScaling:
@@ -96,13 +98,8 @@ class TimeScaling:
         difference = self.target - self.rate
         if difference == 0.0 and self.acceleration == 0.0:
             return self.rate
-        # The fastest change from which the rate can still come down in time: changing the rate by
-        # c, c-d, c-2d, ... in the cycles to come covers (f+1)(c - d f/2), f = floor(c/d).
-        step = self._step * self.period
-        left = abs(difference) / step
-        sign = 1.0 if difference > 0.0 else -1.0
-        whole = floor(0.5 * (sqrt(1.0 + 8.0 * left) - 1.0))
-        wanted = sign * (left / (whole + 1) + 0.5 * whole) * self._step
+        # The fastest change from which the rate can still come down in time.
+        wanted = copysign(first_change(abs(difference) / self.period, self._step), difference)
         highest = min(self.acceleration + self._step, self._largest_acceleration)
         lowest = max(self.acceleration - self._step, -self._largest_acceleration)
         self.acceleration = min(max(wanted, lowest), highest)

@@ -18,6 +18,7 @@ from math import sqrt
 
 from orientd.driver import ZERO, Vector3
 from orientd.floats import norm, plus
+from orientd.servo.double_s import first_change
 from orientd.servo.tracking.law_bounds import Bounds, run_out
 
 _STILL = 1e-12
@@ -30,13 +31,8 @@ def push(change: float, limits: Bounds) -> float:
     Falling by ``jerk * h`` a cycle from the returned value, the acceleration is zero when the
     velocity has changed by *change*.
     """
-    step = limits.jerk * limits.period
-    total = change / limits.period
-    if total <= step:
-        return min(total, limits.acceleration)
-    # m full cycles of ramp follow: total = (m + 1) value - step m (m + 1) / 2.
-    m = int(0.5 * (sqrt(1.0 + 8.0 * total / step) - 1.0))
-    return min(total / (m + 1) + 0.5 * step * m, limits.acceleration)
+    wanted = first_change(change / limits.period, limits.jerk * limits.period)
+    return min(wanted, limits.acceleration)
 
 
 def reach(alpha: Vector3, wanted: Vector3, limits: Bounds) -> Vector3:

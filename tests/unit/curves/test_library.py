@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from orientd.curves import METHODS
+from orientd.curves import METHODS, ParameterError
 from orientd.rotation import Quaternion, angle, conjugate, rotate
 
 GOLDEN = sorted((Path(__file__).parents[2] / "data" / "golden").glob("*.json"))
@@ -137,6 +137,19 @@ def test_an_order_that_is_none_is_refused():
         Quaternion.from_array([1, 0, 0, 0], order="xwyz")
     with pytest.raises(ValueError, match="shape"):
         Quaternion.from_array([1, 0, 0], order="wxyz")
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_family_declares_the_parameters_that_its_constructor_takes(name):
+    assert METHODS[name].takes == tuple(signature(METHODS[name]).parameters)
+
+
+def test_an_error_says_which_parameter_is_wrong():
+    with pytest.raises(ParameterError, match="rule must be one of") as caught:
+        made("squad", rule="parable")
+    assert caught.value.parameter == "rule"
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert (again.parameter, str(again)) == ("rule", str(caught.value))
 
 
 def test_a_misspelt_parameter_is_refused():

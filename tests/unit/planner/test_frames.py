@@ -134,8 +134,8 @@ def test_reports_are_what_was_asked_for():
     motion = plan_offline(request, limits=LARGEST)
     frame = report_frame(request)
     times = np.linspace(0.0, motion.end_time, 4001)
-    seen = frame.seen(motion.sample(times))
-    at_end = frame.seen(motion.sample(np.array([motion.end_time])))
+    seen = motion.sample(times).seen_in(frame)
+    at_end = motion.sample(np.array([motion.end_time])).seen_in(frame)
     assert angle(at_end.q[0], turned) < 1e-9
     assert at_end.position[0] == pytest.approx([0.1, 0.25, 0.3], abs=1e-9)
     assert at_end.omega_body[0] == pytest.approx([0.0, 0.1, 0.0], abs=1e-6)

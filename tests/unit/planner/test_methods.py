@@ -82,6 +82,15 @@ def test_an_option_of_the_least_effort_that_is_none_is_named():
     assert refusal("minimum_effort", options={"inertia": [1, 2]})[0] == "options.inertia"
 
 
+def test_a_defect_of_a_method_is_not_taken_for_keyframes_that_cannot_be_joined(monkeypatch):
+    def fails(*args, **given):
+        raise TypeError("a defect")
+
+    monkeypatch.setattr(METHODS["squad"], "__init__", fails)
+    with pytest.raises(TypeError, match="a defect"):
+        made("squad")
+
+
 @pytest.mark.parametrize("name", [n for n in TABLE if not TABLE[n].has_velocities])
 def test_every_method_that_cannot_refuses_velocities_and_says_who_can(name):
     field, problem = refusal(name, end_velocity=(0, 0, 0.1))

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import CumulativeCurve, cumulative_basis
+from orientd.curves.contract import takes_common_names
 from orientd.curves.keyframes import check_aligned, check_interval, increments
 
 
@@ -34,7 +35,9 @@ class KksBezier(CumulativeCurve):
     name = "kks_bezier"
     summary = "one smooth segment drawn by control orientations"
     source = "Kim, Kim and Shin 1995, eq. (10)"
+    takes = ("control", "t0", "t1", "align")
 
+    @takes_common_names
     def __init__(
         self, *, control: ArrayLike, t0: float = 0.0, t1: float = 1.0, align: bool = True
     ) -> None:

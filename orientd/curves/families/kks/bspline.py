@@ -10,6 +10,7 @@ from orientd.curves.construct import (
     inner_multiplicity,
     resolve_knots,
 )
+from orientd.curves.contract import takes_common_names
 from orientd.curves.keyframes import check_aligned, check_integer, increments
 
 
@@ -43,7 +44,9 @@ class KksBspline(CumulativeCurve):
     summary = "C2 blending with local control; does not meet its control orientations"
     source = "Kim, Kim and Shin 1995, sec. 5.3"
     local = True
+    takes = ("control", "order", "knots", "align")
 
+    @takes_common_names
     def __init__(
         self,
         *,

@@ -13,6 +13,7 @@ from orientd.curves.construct import (
     in_body_frame,
     turned,
 )
+from orientd.curves.contract import takes_common_names
 from orientd.curves.keyframes import check_choice, check_interval
 from orientd.rotation import between, exp_half, log_half, multiply, rotate
 
@@ -60,7 +61,20 @@ class KksHermite(CumulativeCurve):
     source = "Kim, Kim and Shin 1995, sec. 5.2"
     interpolates = True
     meets_end_velocities = True
+    takes = (
+        "q0",
+        "q1",
+        "omega0",
+        "omega1",
+        "t0",
+        "t1",
+        "frame",
+        "revolutions",
+        "product",
+        "align",
+    )
 
+    @takes_common_names
     def __init__(
         self,
         *,

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import RULES, CumulativeCurve, cumulative_basis, half_velocities
+from orientd.curves.contract import takes_common_names
 from orientd.curves.keyframes import check_aligned, check_choice, check_vector, resolve_times
 from orientd.rotation import Floats, between, exp_half, log_half, multiply
 
@@ -42,7 +43,9 @@ class KksHermiteSpline(CumulativeCurve):
     interpolates = True
     local = True
     meets_end_velocities = True
+    takes = ("keys", "times", "rule", "omega_start", "omega_end", "align")
 
+    @takes_common_names
     def __init__(
         self,
         *,

@@ -15,7 +15,10 @@ from orientd.curves.construct import (
     squared_acceleration,
     unwound,
 )
+from orientd.curves.contract import takes_common_names
+from orientd.curves.family import END_STATES
 from orientd.curves.keyframes import (
+    ParameterError,
     check_aligned,
     check_end,
     check_integer,
@@ -78,7 +81,9 @@ class KksInterpolating(CumulativeCurve):
     source = "Kim, Kim and Shin 1995, sec. 5.3, made to interpolate"
     interpolates = True
     meets_end_velocities = True
+    takes = ("keys", "times", "order", *END_STATES, "align", "turns")
 
+    @takes_common_names
     def __init__(
         self,
         *,
@@ -101,7 +106,7 @@ class KksInterpolating(CumulativeCurve):
             steps, q = with_turns(increments(q), q, turns)
         k = check_integer(order, "order", minimum=3)
         if k > 6:
-            raise ValueError(f"order must be 3, 4, 5 or 6, got {order!r}")
+            raise ParameterError("order", f"order must be 3, 4, 5 or 6, got {order!r}")
         ends = (
             check_end_state(start, omega_start, alpha_start, "start", k),
             check_end_state(end, omega_end, alpha_end, "end", k),
@@ -110,7 +115,8 @@ class KksInterpolating(CumulativeCurve):
         others = unwound(q, instants, k, ends, solved.increments) if turns is None else []
 
         def parts(spline: Spline) -> dict[str, Any]:
-            basis = cumulative_basis(interpolation_knots(spline.breaks, k), k)
+            first, *inner, last = spline.breaks
+            basis = cumulative_basis(np.array([first] * k + inner + [last] * k), k)
             return {
                 "basis": basis,
                 "controls": spline.base,
@@ -144,15 +150,14 @@ def check_end_state(
     velocity, _ = check_end(condition, side, omega)
     if alpha is not None and (velocity is None or order < 5):
         if velocity is None:
-            raise ValueError(
+            raise ParameterError(
+                f"alpha_{side}",
                 f"alpha_{side} must be None with {side}='natural', got {alpha!r}; "
-                f"use {side}='clamped'"
+                f"use {side}='clamped'",
             )
-        raise ValueError(f"alpha_{side} must be None for order {order}, got {alpha!r}")
+        raise ParameterError(
+            f"alpha_{side}", f"alpha_{side} must be None for order {order}, got {alpha!r}"
+        )
     if velocity is None or order < 5:
         return velocity, None
     return velocity, np.zeros(3) if alpha is None else check_vector(alpha, f"alpha_{side}")
-
-
-def interpolation_knots(breaks: Floats, order: int) -> Floats:
-    return np.concatenate([np.repeat(breaks[0], order), breaks[1:-1], np.repeat(breaks[-1], order)])

@@ -13,6 +13,7 @@ from orientd.curves.construct import (
     in_body_frame,
     turned,
 )
+from orientd.curves.contract import takes_common_names
 from orientd.curves.keyframes import check_choice, check_interval
 from orientd.rotation import between, exp_half, log_half, multiply, rotate
 
@@ -61,7 +62,21 @@ class KksQuinticHermite(CumulativeCurve):
     interpolates = True
     meets_end_velocities = True
     meets_end_accelerations = True
+    takes = (
+        "q0",
+        "q1",
+        "omega0",
+        "omega1",
+        "alpha0",
+        "alpha1",
+        "t0",
+        "t1",
+        "frame",
+        "revolutions",
+        "align",
+    )
 
+    @takes_common_names
     def __init__(
         self,
         *,

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import CumulativeCurve, cumulative_basis
+from orientd.curves.contract import takes_common_names
 from orientd.curves.keyframes import check_aligned, check_interval, check_number, increments
 from orientd.rotation import conjugate, multiply
 
@@ -38,7 +39,9 @@ class KksUniform(CumulativeCurve):
     summary = "C2 blending at one orientation a second, ends met"
     source = "Kim, Kim and Shin 1995, appendix"
     local = True
+    takes = ("control", "t0", "t1", "align")
 
+    @takes_common_names
     def __init__(
         self,
         *,

@@ -1,0 +1,215 @@
+r"""Newton's method, once: damped, along a homotopy, and from many starts at once.
+
+Families bring equations and this module solves them.  *Equations* take a state and return its error
+with a function that works out the Newton step there, so a family may solve dense, banded or in
+blocks, and trial states cost no linear algebra.  A state is whatever *move* can move by a step:
+numbers in a space, orientations turned by their own right increments, or a record of several.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+
+from orientd.rotation import Floats
+
+State = TypeVar("State")
+
+Linearised = tuple[Floats, Callable[[], Floats]]
+"""The error of a state, and a function that returns the Newton step from there."""
+
+SUFFICIENT = 1e-3
+"""Share of the decrease promised by the linearised error that a damped step must bring."""
+
+SMALLEST_SHARE = 1e-5
+"""A damped step shorter than this share of Newton's means that the search is stuck."""
+
+CONTRACTION = 0.5
+"""A step must shrink so fast for the guess to count as near its solution."""
+
+SHARES = np.concatenate([0.5 ** np.arange(12.0), [1e-5, 1e-7, 0.0]])
+"""Shares of a step that a descent tries all at once."""
+
+
+def largest(step: Floats) -> float:
+    """Return the largest component of a step, without its sign."""
+    return float(np.max(np.abs(step), initial=0.0))
+
+
+def add(state: Floats, step: Floats) -> Floats:
+    """Move a state in a space of numbers."""
+    moved: Floats = state + step
+    return moved
+
+
+def newton(
+    equations: Callable[[State], Linearised],
+    guess: State,
+    *,
+    move: Callable[[State, Floats], State] = add,  # type: ignore[assignment]  # of arrays
+    size: Callable[[Floats], float] = largest,
+    tolerance: float = 1e-8,
+    iterations: int = 40,
+    longest: float = 1.0,
+    nearby: float | None = None,
+) -> State | None:
+    """Return the root that Newton's method reaches from a guess, or nothing if it does not settle.
+
+    Args:
+        equations: the error of a state and the step to solve it.
+        guess: where to begin.
+        move: how a state takes a step; addition by default.
+        size: the length of a step.
+        tolerance: a step of this size is the last.  The error that remains is its square.
+        iterations: at most.
+        longest: steps are cut to this size, then halved until they lower the sum of squared errors.
+        nearby: instead of that, take whole steps only, and refuse a guess from which the first is
+            longer than this or a later one longer than half of the one before.  A root found so is
+            the one that belongs to the guess.
+    """
+    limit = np.inf if nearby is None else nearby
+    error, solve = equations(guess)
+    for _ in range(iterations):
+        try:
+            step = solve()
+        except np.linalg.LinAlgError:
+            return None
+        length = size(step)
+        if not length <= limit:
+            return None
+        is_free = nearby is not None or length <= tolerance
+        share = 1.0 if is_free else min(1.0, longest / length)
+        before = float(np.sum(error * error))
+        while True:
+            moved = move(guess, share * step)
+            error, solve = equations(moved)
+            if is_free or np.sum(error * error) <= (1.0 - SUFFICIENT * share) * before:
+                break
+            share *= 0.5
+            if share < SMALLEST_SHARE:
+                return None
+        guess = moved
+        if length <= tolerance:
+            return guess
+        if nearby is not None:
+            limit = max(CONTRACTION * length, tolerance)
+    return None
+
+
+def dense(
+    errors: Callable[[Floats], Floats], jacobian: Callable[[Floats], Floats] | None = None
+) -> Callable[[Floats], Linearised]:
+    """Return equations in a space of numbers, solved with a full matrix.
+
+    Args:
+        errors: as many numbers as the state has, shape ``(n,)``.
+        jacobian: their derivatives, shape ``(n, n)``; central differences without it.
+    """
+
+    def differences(x: Floats) -> Floats:
+        steps = np.cbrt(np.finfo(np.float64).eps) * np.maximum(1.0, np.abs(x))
+        columns = [
+            (errors(x + nudge) - errors(x - nudge)) / (2.0 * nudge[i])
+            for i, nudge in enumerate(np.diag(steps))
+        ]
+        matrix: Floats = np.stack(columns, axis=1)
+        return matrix
+
+    derivatives = differences if jacobian is None else jacobian
+
+    def equations(x: Floats) -> Linearised:
+        error = errors(x)
+
+        def step() -> Floats:
+            return np.asarray(np.linalg.solve(derivatives(x), -error), dtype=np.float64)
+
+        return error, step
+
+    return equations
+
+
+def homotopy(
+    solve: Callable[[float, Floats], Floats | None],
+    start: Floats,
+    rate: Floats,
+    *,
+    smallest: float = 1e-3,
+) -> tuple[Floats, float]:
+    """Follow a solution while a parameter goes from 0 to 1, halving its steps where one fails.
+
+    Args:
+        solve: returns the solution at a parameter near a guess, or nothing if there is none near.
+        start: the solution at 0.
+        rate: how fast it changes with the parameter there, for the first guess; the first step
+            goes all the way.  Later guesses lie on the line through the last two solutions.
+        smallest: step of the parameter below which it gives up.
+
+    Returns:
+        The last solution, and the parameter it belongs to: 1 unless it gave up.
+    """
+    reached, stride = 0.0, 1.0
+    while reached < 1.0 and stride >= smallest:
+        target = min(1.0, reached + stride)
+        found = solve(target, start + (target - reached) * rate)
+        if found is None:
+            stride *= 0.5
+        else:
+            rate = (found - start) / (target - reached)
+            start, reached, stride = found, target, 2.0 * (target - reached)
+    return start, reached
+
+
+def multistart(
+    values: Callable[[Floats], Floats],
+    derivatives: Callable[[Floats], tuple[Floats, Floats]],
+    starts: Floats,
+    *,
+    move: Callable[[Floats, Floats], Floats],
+    count: int = 16,
+    iterations: int = 40,
+) -> tuple[Floats, float]:
+    """Return the lowest minimum that is reached from the best of many starts, and its value.
+
+    The descents go on side by side: every function takes states with a leading axis ``s``.  Each
+    takes Newton steps with the curvature made positive, of the best of a few shares.
+
+    Args:
+        values: what to minimise, ``(s,)``; infinite where a state is not allowed.
+        derivatives: gradient ``(s, d)`` and Hessian ``(s, d, d)`` with respect to steps of *move*.
+        starts: states to begin with, shape ``(n, k)``.
+        move: states and steps ``(s, d)`` to states.
+        count: descents, from the starts with the lowest values.
+        iterations: at most.
+    """
+    worth = values(starts)
+    order = np.argsort(worth, kind="stable")
+    best, least = starts[order[0]], float(worth[order[0]])
+    x = starts[order[:count]][np.isfinite(worth[order[:count]])]
+    for _ in range(iterations if len(x) else 0):
+        gradient, hessian = derivatives(x)
+        curvatures, axes = np.linalg.eigh(hessian)
+        floor = 1e-6 * np.max(np.abs(curvatures), axis=1, keepdims=True) + 1e-12
+        along = np.einsum("sij,si->sj", axes, gradient) / np.maximum(np.abs(curvatures), floor)
+        step = -np.einsum("sij,sj->si", axes, along)
+        length = np.sqrt(np.sum(step * step, axis=1, keepdims=True))
+        step *= np.minimum(1.0, 0.5 / np.where(length > 0.0, length, 1.0))
+        tried = move(np.repeat(x, len(SHARES), axis=0), _all_shares(step))
+        reached = values(tried).reshape(len(x), -1)
+        # The first share that is as good as any, so that a flat minimum is stepped into.
+        lowest = reached.min(axis=1, keepdims=True)
+        chosen = np.argmax(reached <= lowest + 1e-14 * np.abs(lowest), axis=1)
+        x = tried.reshape(len(x), len(SHARES), -1)[np.arange(len(x)), chosen]
+        place = int(np.argmin(lowest))
+        if lowest[place, 0] <= least:
+            best, least = x[place], float(lowest[place, 0])
+        if np.max(length[:, 0] * SHARES[chosen]) < 1e-12:
+            break
+    return best, least
+
+
+def _all_shares(step: Floats) -> Floats:
+    """Return every share of each step, one step after the other."""
+    scaled: Floats = SHARES[:, None] * step[:, None]
+    return scaled.reshape(-1, step.shape[1])
