@@ -23,7 +23,7 @@ static const double LONGEST_FIRST = 1.8;
 static const double LARGEST_FIRST = 1.2, CONTRACTION = 0.6;
 static const double LARGEST_GUESS_ERROR = 0.4, WAY_CONTRACTION = 0.3;
 /* How small a correction has to be before the full scale is reached. */
-static const double ON_THE_WAY = 2e-2;
+static const double ON_THE_WAY = 3e-3;
 /* After a correction so small the next one, its square, is lost in rounding. */
 static const double SETTLED = 1e-8, ROUNDING = 1e-7;
 static const double SMALLEST_LENGTH = 1e-6, SMALLEST_SHARE = 1e-6;
@@ -117,12 +117,11 @@ static bool follow(system_t *system, way_t *way) {
                 ahead = 1.0, length = (1.0 - way->scale) / way->unit;
             memcpy(system->w, way->w, (size_t)n * sizeof *way->w);
             add(system->w, length, way->tangent, n);
-            if (approach(system, way, &ahead, is_last)) {
-                if (!is_last)
-                    break;
-                if (settle(system, LARGEST_GUESS_ERROR))
-                    return true;
-            }
+            bool is_near = approach(system, way, &ahead, is_last);
+            if (is_near && is_last && settle(system, LARGEST_GUESS_ERROR))
+                return true;
+            if (is_near && ahead < 1.0)
+                break;
             length *= 0.5;
             if (length < SMALLEST_LENGTH || way->left <= 0)
                 return false;
