@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Callable, Mapping
-from functools import wraps
+from functools import cached_property, wraps
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -13,20 +12,15 @@ from numpy.typing import ArrayLike
 
 from orientd.curves.family import Family, is_same, kept
 from orientd.curves.roles import own_names
+from orientd.curves.trajectory import Samples, Trajectory
 from orientd.drawing import Drawable
 from orientd.rotation import Floats, to_scipy, unnamed
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-Samples = tuple[Floats, Floats, Floats]
-"""Orientation ``(n, 4)``, body angular velocity ``(n, 3)`` in rad/s, its rate ``(n, 3)``."""
-
 ROUNDING = 8 * float(np.finfo(np.float64).eps)
 """How far outside its domain, relative to the larger end, a curve still takes an instant."""
-
-BLOCK = 8192
-"""Samples worked out at a time; intermediate results of so many stay in the cache."""
 
 
 _AS_THEY_ARE = (float, int, str, bool, type(None))
@@ -39,7 +33,7 @@ class Curve(Family, Drawable):
     """A curve of orientations over an interval of time.
 
     A family subclasses this, computes what it needs in its constructor, whose keyword-only
-    arguments are those that it :attr:`takes`, and samples in :meth:`_sample`.  By
+    arguments are those that it :attr:`takes`, and says :meth:`_orientations`.  By
     :func:`takes_common_names` every family also takes ``keys``, ``times`` (``None`` goes by chord
     length), ``start_velocity`` and ``end_velocity`` (rad/s, in ``velocity_frame``), and ``turns``
     (whole turns in each interval); :mod:`orientd.curves.roles` says what they are to it.
@@ -101,10 +95,7 @@ class Curve(Family, Drawable):
         flat = self._inside(instants.reshape(-1))
         if out is not None:
             check_out(out, flat.size)
-        q, omega_body, alpha_body = self._sample_in_blocks(flat)
-        if out is not None:
-            out[0:4], out[4:7], out[7:10] = q.T, omega_body.T, alpha_body.T
-            q, omega_body, alpha_body = out[0:4].T, out[4:7].T, out[7:10].T
+        q, omega_body, alpha_body = self.trajectory.sample(flat, out)
         if instants.ndim == 1:
             return q, omega_body, alpha_body
         return in_shape(instants.shape, q, omega_body, alpha_body)
@@ -135,17 +126,27 @@ class Curve(Family, Drawable):
         """Return what :meth:`evaluate` does at both ends of the domain."""
         return self.evaluate(np.array(self.domain))
 
-    def _sample_in_blocks(self, times: Floats) -> Samples:
-        """Return the samples, worked out so many at a time that memory stays bounded."""
-        if len(times) <= BLOCK:
-            return self._sample(times)
-        parts = [self._sample(times[k : k + BLOCK]) for k in range(0, len(times), BLOCK)]
-        q, omega_body, alpha_body = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return q, omega_body, alpha_body
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """The table that the curve is sampled from, fitted when it is first needed."""
+        fitted = Trajectory.fit(self._orientations, self._knots, continuity=self.continuity)
+        return fitted.pinned(*self._end_states)
 
-    @abstractmethod
+    @property
+    def _end_states(self) -> tuple[tuple[Floats | None, Floats | None], ...]:
+        """Velocities and accelerations that were asked for at both ends; ``None`` for none."""
+        return (None, None), (None, None)
+
+    def _orientations(self, times: Floats) -> Floats:
+        """Return quaternions of either sign at *times* inside the domain, shape ``(n, 4)``.
+
+        This is what a family has to say; velocities and accelerations follow from it.
+        """
+        return self._sample(times)[0]
+
     def _sample(self, times: Floats) -> Samples:
-        """Return the samples at *times*, shape ``(n,)``, which are inside the domain."""
+        """Return samples of a family that still differentiates by itself."""
+        raise NotImplementedError
 
     def _inside(self, times: Floats) -> Floats:
         """Return *times* with rounding beyond the ends cut off, refusing more than that."""

@@ -11,11 +11,13 @@ __path__.insert(0, str(library().parent))
 
 from orientd.kernels.native import (  # noqa: E402
     LEVEL,
+    between,
     choose_knots,
     farthest_from_path,
     fill_basis,
     find_connector,
     find_profile,
+    fit_trajectory,
     guess_connector,
     interpolate,
     jet_exponential,
@@ -39,6 +41,7 @@ from orientd.kernels.native import (  # noqa: E402
     sample_cubic,
     sample_path,
     sample_product,
+    sample_trajectory,
     setpoint_extremes,
     shorten_connector,
     solve_banded,

@@ -34,6 +34,12 @@ def linearise_effort(
 def put_steps(keyframes: Floats, steps: Floats, /) -> None: ...
 def solve_banded(band: Floats, lower: int, upper: int, right: Floats, /) -> bool: ...
 
+# trajectory.h
+def fit_trajectory(orientations: Floats, pieces: Floats, quality: Floats, /) -> None: ...
+def sample_trajectory(
+    times: Floats, breaks: Floats, pieces: Floats, slack: float, out: Floats, /
+) -> int: ...
+
 # sampling.h
 def sample_cubic(
     times: Floats, breaks: Floats, table: Floats, slack: float, out: Floats, /
@@ -82,6 +88,11 @@ def jet_slerp(
 ) -> None: ...  # fmt: skip
 def jet_geodesic(
     start: Floats, step: Floats, u: Floats, u_first: Floats, u_second: Floats, out: Floats, /
+) -> None: ...
+
+# between.h
+def between(
+    here: Floats, there: Floats, periods: Floats, shares: Floats, out: Floats, /
 ) -> None: ...
 
 # certify.h

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
         Joints,
         MotionFacts,
         RecordedMotion,
-        orientations_between,
+        states_between,
     )
     from orientd.planner.request import (
         DEFAULT_METHOD,

@@ -19,7 +19,7 @@ ACCELERATION_RESERVE = 0.95
 
 _CYCLES_TO_RISE = 2.0  # to the limit of the velocity, at the least
 _SLOWLY = 16.0  # the same where a step of the acceleration is too small to be found
-_LEAST_STEP = 2e-6  # rad in a cycle squared, ten of orientd.servo.path.acceleration_step.LEAST
+_LEAST_STEP = 2e-6  # rad in a cycle squared, ten of orientd.servo.path.segment.LEAST_STEP
 _STEEPEST = 20.0  # times in a cycle that the acceleration may rise to its limit
 
 LONGEST = 86_400.0

@@ -1,8 +1,7 @@
-r"""A motion as its records tell it: all that is needed to feed, leave, measure and continue it.
+"""A motion as its records tell it: all that is needed to feed, leave, measure and continue it.
 
-Whoever planned a motion can work out every record of it; everybody else has the records.  Around
-the record :math:`q_k` the path is :math:`q_k \exp(r)`.  Between two records *r* is a cubic that
-has the angular velocities of both at its ends.
+Whoever planned a motion can work out every record of it; everybody else has the records.  Between
+two records the path is that of the servo (:mod:`orientd.servo.path.segment`).
 """
 
 from __future__ import annotations
@@ -13,16 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from orientd.kernels import between
 from orientd.planner.limits import Limits
 from orientd.planner.request import State, Vector3
-from orientd.rotation import (
-    Floats,
-    conjugate,
-    exp,
-    log,
-    multiply,
-    right_jacobian_inverse,
-)
+from orientd.rotation import Floats
 from orientd.stream import NO_SHARES, PATH_FLOATS, JointShares
 
 HISTORY = 3
@@ -200,26 +193,29 @@ class RecordedMotion:
         index = where.astype(np.int64) - first
         u = where - first - index
         q: Floats = rows[index, :4]
-        between = np.flatnonzero(u > 0.0)
-        if len(between):
-            here, there = rows[index[between]], rows[index[between] + 1]
-            q[between] = orientations_between(here, there, self.facts.period, u[between][:, None])
+        inner = np.flatnonzero(u > 0.0)
+        here, there = rows[index[inner], :10], rows[index[inner] + 1, :10]
+        q[inner] = states_between(here, there, self.facts.period, u[inner])[:, :4]
         return q
 
 
-def orientations_between(here: Floats, there: Floats, period: Floats | float, u: Floats) -> Floats:
-    """Return orientations a share of the way from some records to those after them.
+def states_between(here: Floats, there: Floats, period: Floats | float, shares: Floats) -> Floats:
+    """Return the states that the servo takes between some records and those after them.
 
     Args:
-        here: records: orientation, angular velocity in the body's frame, and what may follow.
+        here: records: orientation and angular velocity, and angular acceleration, position and
+            velocity, and acceleration as far as they are known, shape ``(n, 7)``, ``(n, 10)``,
+            ``(n, 16)`` or ``(n, 19)``.  Without the angular acceleration, steps of it are not seen.
         there: those after them.
-        period: from each to the next, s.
-        u: the shares, shape ``(n, 1)``.
+        period: from each to the next, s, one for all or shape ``(n,)``.
+        shares: in [0, 1], shape ``(n,)``.
     """
-    way = log(multiply(conjugate(here[:, :4]), there[:, :4]))
-    leave = period * here[:, 4:7]
-    arrive = np.einsum("nij,nj->ni", right_jacobian_inverse(way), there[:, 4:7])
-    arrive *= period
-    r = u * u * (3 - 2 * u) * way + u * (1 - u) * ((1 - u) * leave - u * arrive)
-    joined: Floats = multiply(here[:, :4], exp(r))
-    return joined
+    found = np.empty(here.shape)
+    between(
+        np.ascontiguousarray(here),
+        np.ascontiguousarray(there),
+        np.broadcast_to(np.asarray(period, dtype=np.float64), len(here)).copy(),
+        np.ascontiguousarray(shares),
+        found,
+    )
+    return found

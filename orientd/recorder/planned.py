@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orientd import rotation
-from orientd.planner import orientations_between
+from orientd.planner import states_between
 from orientd.plots import Strands
 from orientd.recorder.cycle_table import Table
 from orientd.recorder.reader import Recording
@@ -76,9 +76,9 @@ def _path(event: pb.Event, times: Floats) -> Floats:
     rows = np.array([[q.w, q.x, q.y, q.z, omega.x, omega.y, omega.z] for q, omega in told])
     times = np.clip(times, knots[0], knots[-1])
     span = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
-    length = (knots[span + 1] - knots[span])[:, None]
-    u = (times - knots[span])[:, None] / length
-    return orientations_between(rows[span], rows[span + 1], length, u)
+    length = knots[span + 1] - knots[span]
+    u = (times - knots[span]) / length
+    return states_between(rows[span], rows[span + 1], length, u)[:, :4]
 
 
 def strands(recording: Recording, device: str) -> Strands:

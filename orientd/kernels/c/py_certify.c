@@ -1,6 +1,7 @@
 /* Certifying as Python calls it. */
 #include <math.h>
 
+#include "between.h"
 #include "binding.h"
 #include "certify.h"
 
@@ -40,6 +41,17 @@ KERNEL(least_rate) {
     int failed;
     RUN(failed = least_rate(a[0].m, a[1].m, a[2].v, a[3].d, a[4].d, law_of(a + 5), &found));
     return answer(failed, found.rate, found.place);
+}
+
+/* here, there, periods, shares, out */
+KERNEL(between) {
+    TAKE("mmvvM");
+    index_t n = a[0].m.n, m = a[0].m.m;
+    CHECK(m == 7 || m == 10 || m == 16 || m == 19);
+    CHECK(a[1].m.n == n && a[4].m.n == n && a[1].m.m == m && a[4].m.m == m);
+    CHECK(a[2].v.n == n && a[3].v.n == n);
+    RUN(between(a[0].m, a[1].m, a[2].v, a[3].v, a[4].m));
+    Py_RETURN_NONE;
 }
 
 /* q, past, with_axes, period, start, rough, with_rate, most, the law, squares, places */
@@ -129,7 +141,7 @@ KERNEL(look_at) {
 }
 
 PyMethodDef certify_methods[] = {
-    ENTRY(least_rate), ENTRY(setpoint_extremes), ENTRY(sample_path), ENTRY(farthest_from_path),
+    ENTRY(between), ENTRY(least_rate), ENTRY(setpoint_extremes), ENTRY(sample_path), ENTRY(farthest_from_path),
     ENTRY(path_extremes), ENTRY(put_instants), ENTRY(put_factors), ENTRY(put_spots),
     ENTRY(look_at), LAST_ENTRY,
 };

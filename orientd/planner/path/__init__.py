@@ -22,6 +22,6 @@ if TYPE_CHECKING:
     )
     from orientd.planner.path.retimed_position import repositioned
     from orientd.planner.path.row_path import RowPath
-    from orientd.planner.path.table_path import SAME_ANGLE, TablePath, between
+    from orientd.planner.path.table_path import SAME_ANGLE, TablePath
 
 __getattr__ = lazily(__name__)

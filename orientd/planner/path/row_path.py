@@ -1,8 +1,7 @@
-r"""A path that is known by the rows of its records only, as a motion from a file has it.
+"""A path that is known by the rows of its records only, as a motion from a file has it.
 
-At a record it is what the row says, to the last bit.  Around the record :math:`q_k` the path is
-:math:`q_k \exp(r)`; between two records *r* and the position are cubics with the velocities of both
-at their ends.
+At a record it is what the row says, to the last bit.  Between two records it is the path that the
+servo takes (:mod:`orientd.servo.path.segment`).
 """
 
 from __future__ import annotations
@@ -12,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.planner.path.path import PathSamples
-from orientd.planner.path.table_path import between, on_grid
-from orientd.planner.recorded import HISTORY, STATE_FLOATS
+from orientd.planner.path.table_path import on_grid
+from orientd.planner.recorded import HISTORY, STATE_FLOATS, states_between
 from orientd.planner.request import State
 from orientd.rotation import Floats
 
@@ -63,17 +62,10 @@ class RowPath:
         _, index, share = on_grid(times, h, len(table))
         found: Floats = table[index, :STATE_FLOATS]
         inner = np.flatnonzero(share > 0.0)
-        if len(inner):
-            u = share[inner][:, None]
-            here, there = table[index[inner]], table[index[inner] + 1]
-            found[inner, :10] = np.concatenate(between(h, here[:, :10], there[:, :10], u), axis=1)
-            way = there[:, 10:13] - here[:, 10:13]
-            leave, arrive = h * here[:, 13:16], h * there[:, 13:16]
-            bend = u * (1 - u) * ((1 - u) * leave - u * arrive)
-            found[inner, 10:13] = here[:, 10:13] + u * u * (3 - 2 * u) * way + bend
-            rate = (1 - u) * (1 - 3 * u) * leave + u * (3 * u - 2) * arrive
-            found[inner, 13:16] = (6 * u * (1 - u) * way + rate) / h
-            found[inner, 16:19] = (1 - u) * here[:, 16:19] + u * there[:, 16:19]
+        here, there = table[index[inner]], table[index[inner] + 1]
+        found[inner] = states_between(
+            here[:, :STATE_FLOATS], there[:, :STATE_FLOATS], h, share[inner]
+        )
         beyond = (times < 0.0) | (times >= (len(table) - 1) * h)
         found[beyond, 4:10] = found[beyond, 13:] = 0.0
         return found

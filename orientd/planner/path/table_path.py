@@ -3,7 +3,7 @@ r"""A path that is known at its records only, as a driver may have shaped it.
 Around the record :math:`q_k` the path is :math:`q_k \exp(r)`.  At :math:`r = 0` the derivatives of
 the rotation vector are angular velocity and acceleration in body components, so both come from
 central differences of the logarithms of the neighbours, of fourth order in the period.  Between two
-records *r* is a cubic with these velocities at both ends.
+records it is the path that the servo takes (:mod:`orientd.servo.path.segment`).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from orientd.curves import Indices
 from orientd.planner.path.path import Path, PathSamples
 from orientd.planner.path.position import PositionPath
-from orientd.planner.recorded import HISTORY
+from orientd.planner.recorded import HISTORY, states_between
 from orientd.planner.request import State
 from orientd.rotation import (
     Floats,
@@ -25,8 +25,6 @@ from orientd.rotation import (
     exp,
     log,
     multiply,
-    right_jacobian,
-    right_jacobian_inverse,
 )
 
 SAME_ANGLE = 1e-9
@@ -138,14 +136,10 @@ class TablePath:
         where, index, u = on_grid(times, self.period, len(self.q))
         q, omega, alpha = self.q[index], self.omega[index], self.alpha[index]
         inner = np.flatnonzero(u > 0.0)
-        if len(inner):
-            here, there = (
-                np.concatenate([part[at] for part in (self.q, self.omega, self.alpha)], axis=1)
-                for at in (index[inner], index[inner] + 1)
-            )
-            q[inner], omega[inner], alpha[inner] = between(
-                self.period, here, there, u[inner][:, None]
-            )
+        rows = np.concatenate([self.q, self.omega, self.alpha], axis=1)
+        here, there = rows[index[inner]], rows[index[inner] + 1]
+        states = states_between(here, there, self.period, u[inner])
+        q[inner], omega[inner], alpha[inner] = np.split(states, [4, 7], axis=1)
         position, velocity = self._position(where)
         return PathSamples(q, omega, alpha, position, velocity)
 
@@ -188,21 +182,3 @@ def on_grid(times: Floats, period: float, count: int) -> tuple[Floats, Indices, 
     where = np.where(np.abs(where - nearest) < _ON_RECORD, nearest, where)
     index = where.astype(np.int64)
     return where, index, where - index
-
-
-def between(h: float, here: Floats, there: Floats, u: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return orientation, velocity and acceleration a share of the way to the next record.
-
-    Args:
-        h: from one record to the next, s.
-        here: orientation, angular velocity and its rate at records, shape ``(n, 10)``.
-        there: those of the records after them.
-        u: the shares, shape ``(n, 1)``.
-    """
-    q, (leave, alpha) = here[:, :4], (h * here[:, 4:7], here[:, 7:10])
-    way = log(multiply(conjugate(q), there[:, :4]))
-    arrive = h * np.einsum("nij,nj->ni", right_jacobian_inverse(way), there[:, 4:7])
-    r = u * u * (3 - 2 * u) * way + u * (1 - u) * ((1 - u) * leave - u * arrive)
-    rate = 6 * u * (1 - u) * way + (1 - u) * (1 - 3 * u) * leave + u * (3 * u - 2) * arrive
-    omega = np.einsum("nij,nj->ni", right_jacobian(r), rate) / h
-    return multiply(q, exp(r)), omega, (1 - u) * alpha + u * there[:, 7:10]

@@ -1,26 +1,228 @@
-r"""One segment of the path: the cubic Hermite quaternion curve between two path records.
+r"""The path between two records: the one law that the servo runs and the certificate examines.
 
-Kim, Kim and Shin (1995), section 5.2, with the velocities of the two records at its ends:
+With the rotation vector *r* from the first record, and *u* in [0, 1] the share of the period *h*,
 
 .. math::
-    q(u) = q_a \exp(w_1 \beta_1(u)) \exp(w_2 \beta_2(u)) \exp(w_3 \beta_3(u)), \quad
-    \beta_1 = 1-(1-u)^3,\ \beta_2 = 3u^2-2u^3,\ \beta_3 = u^3
+    q(u) = q_a \exp(r(u)), \qquad r(u) = c_1 u + c_2 u^2 + c_3 u^3 + \tfrac12 d \max(u - f, 0)^2,
 
-with the half-angle increments :math:`w_1 = h\Omega_a/6`, :math:`w_3 = h\Omega_b/6` and
-:math:`w_2 = \log(\exp(-w_1) q_a^{-1} q_b \exp(-w_3))`.  Here all rotation vectors are whole angles,
-twice the paper's.  At ``u = 0`` the record itself is returned, untouched by rounding.
+where :math:`r(1) = \log(q_a^{-1} q_b)`, and the angular velocities of both records make
+:math:`r'(0) = h\omega_a` and :math:`r'(1) = J_r(r(1))^{-1} h\omega_b`.  So orientation and angular
+velocity are those of the records, and a smooth path is met to the fourth order of the period.  At
+``u = 0`` the record itself is returned, untouched by rounding.
 
-Between two records a smooth curve is met to the fourth order of the period.  Where the curve's
-acceleration has a step inside (methods of continuity 1, at their knots) the accelerations of the
-two records tell where, and the cubic is bent there (:mod:`orientd.servo.path.acceleration_step`).
+The step *d* is zero on a smooth path.  A path of continuity 1 has steps of its acceleration at its
+knots, which lie anywhere between two cycles.  Let the acceleration have a step *d* at the share *f*
+of the period, and otherwise change evenly, by *e* over the period.  With :math:`w = 1 - f` and all
+rates per period, what the two records say of orientation, velocity and acceleration is
+
+.. math::
+    \alpha_b - \alpha_a &= d + e, \\
+    \omega_b - \omega_a - \alpha_a &= d w + e / 2, \\
+    2 (\theta - \omega_a) - \alpha_a &= d w^2 + e / 3,
+
+from which *d* and *w* follow.
+
+The file ``kernels/c/between.h`` has the same law with the same order of operations.
 """
 
 from __future__ import annotations
 
-from orientd.driver import Vector3
-from orientd.floats import conjugate, exp, log, multiply, normalize, rotate_back
-from orientd.servo.path.acceleration_step import find_kink
+from math import copysign, cos, inf, sin, sqrt
+from typing import NamedTuple
+
+from orientd.driver import ZERO, Quaternion, Vector3
+from orientd.floats import difference, multiply
 from orientd.servo.path.path_point import PathPoint
+
+LEAST_STEP = 2e-7
+"""Least step of the acceleration that is looked for, rad in a period squared."""
+
+_SEAM = 0.0625  # rad^2, below which a series replaces the quotient that cancels
+
+
+class Law(NamedTuple):
+    """A vector between two records as a function of the share *u* of the period.
+
+    Attributes:
+        first: coefficient of *u*.
+        second: of the square of *u*.
+        third: of its third power.
+        step: of the second derivative, at *place*.
+        place: share of the period at which that is.
+    """
+
+    first: Vector3
+    second: Vector3
+    third: Vector3
+    step: Vector3 = ZERO
+    place: float = 1.0
+
+    def value(self, u: float) -> Vector3:
+        """Return the vector at *u*, which is zero at 0."""
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz), (dx, dy, dz), place = self
+        over = u - place
+        if over <= 0.0:
+            return (
+                u * (ax + u * (bx + u * cx)),
+                u * (ay + u * (by + u * cy)),
+                u * (az + u * (bz + u * cz)),
+            )
+        bend = 0.5 * over * over
+        return (
+            u * (ax + u * (bx + u * cx)) + bend * dx,
+            u * (ay + u * (by + u * cy)) + bend * dy,
+            u * (az + u * (bz + u * cz)) + bend * dz,
+        )
+
+    def rate(self, u: float) -> Vector3:
+        """Return the derivative of the vector by *u*."""
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz), (dx, dy, dz), place = self
+        over, two, three = u - place, 2.0 * u, 3.0 * u * u
+        if over <= 0.0:
+            return (
+                ax + two * bx + three * cx,
+                ay + two * by + three * cy,
+                az + two * bz + three * cz,
+            )
+        return (
+            ax + two * bx + three * cx + over * dx,
+            ay + two * by + three * cy + over * dy,
+            az + two * bz + three * cz + over * dz,
+        )
+
+    def scaled(self, factor: float) -> Law:
+        """Return the law of the vector times a factor."""
+        (a, b, c), (d, e, f), (g, h, i), (x, y, z), place = self
+        return Law(
+            (factor * a, factor * b, factor * c),
+            (factor * d, factor * e, factor * f),
+            (factor * g, factor * h, factor * i),
+            (factor * x, factor * y, factor * z),
+            place,
+        )
+
+
+def hermite(way: Vector3, leave: Vector3, arrive: Vector3) -> Law:
+    """Return the cubic that comes to *way* with the derivatives *leave* at 0 and *arrive* at 1."""
+    (ax, ay, az), (bx, by, bz), (x, y, z) = leave, arrive, way
+    return Law(
+        leave,
+        (3.0 * x - 2.0 * ax - bx, 3.0 * y - 2.0 * ay - by, 3.0 * z - 2.0 * az - bz),
+        (ax + bx - 2.0 * x, ay + by - 2.0 * y, az + bz - 2.0 * z),
+    )
+
+
+def law_between(start: PathPoint, end: PathPoint, period: float) -> Law:
+    """Return the rotation vector from one record towards the next, rad.
+
+    Args:
+        start: the earlier record's point.
+        end: the later record's point.
+        period: path time between them, s.
+    """
+    x, y, z = turn = difference(start.q, end.q)
+    a, b, c = start.omega_body
+    vx, vy, vz = leave = (period * a, period * b, period * c)
+    a, b, c = end.omega_body
+    wx, wy, wz = (period * a, period * b, period * c)
+    # J_r(r)^-1 w: the series to twice the tenth order, which is for turns below half a turn.
+    square = x * x + y * y + z * z
+    factor = 1.0 / 12.0 + square * (
+        1.0 / 720.0
+        + square * (1.0 / 30240.0 + square * (1.0 / 1209600.0 + square * (1.0 / 47900160.0)))
+    )
+    e, f, g = (y * wz - z * wy, z * wx - x * wz, x * wy - y * wx)
+    arrive = (
+        wx + 0.5 * e + factor * (y * g - z * f),
+        wy + 0.5 * f + factor * (z * e - x * g),
+        wz + 0.5 * g + factor * (x * f - y * e),
+    )
+    cubic = hermite(turn, leave, arrive)
+
+    # The equations less the part of an even change: s = d (w - 1/2) and t = d (w^2 - 1/3).
+    area = period * period
+    a, b, c = start.alpha_body
+    e, f, g = end.alpha_body
+    a, b, c = area * a, area * b, area * c
+    e, f, g = rise = (area * e - a, area * f - b, area * g - c)
+    s = sx, sy, sz = (wx - vx - a - 0.5 * e, wy - vy - b - 0.5 * f, wz - vz - c - 0.5 * g)
+    # The velocities do not commute: what they turn by together lacks a twelfth of their product.
+    third, sixth = 1.0 / 3.0, 1.0 / 6.0
+    t = tx, ty, tz = (
+        2.0 * (x - vx) - a - third * e - sixth * (vy * wz - vz * wy),
+        2.0 * (y - vy) - b - third * f - sixth * (vz * wx - vx * wz),
+        2.0 * (z - vz) - c - third * g - sixth * (vx * wy - vy * wx),
+    )
+    ss, tt = sx * sx + sy * sy + sz * sz, tx * tx + ty * ty + tz * tz
+    if not max(ss, tt) >= LEAST_STEP * LEAST_STEP:
+        return cubic
+    return _bent(cubic, s, t, rise, ss, sx * tx + sy * ty + sz * tz, tt)
+
+
+def _bent(
+    cubic: Law, s: Vector3, t: Vector3, rise: Vector3, ss: float, st: float, tt: float
+) -> Law:
+    """Return a cubic with the step of the acceleration that explains its records, if one does."""
+    over, under = (st, ss) if ss > tt else (tt, st)
+    # The roots of under w^2 - over w + over / 2 - under / 3, in the form that does not cancel.
+    root = sqrt((over - under) * (over - under) + under * under * (1.0 / 3.0))
+    total = 0.5 * (over + copysign(root, over))
+    places = (total / under if under else inf, (0.5 * over - 1.0 / 3.0 * under) / total)
+    # Two places explain the same records; the change between the steps tells which is meant.
+    found: tuple[float, float, Vector3] | None = None
+    for w in places:
+        if 0.0 <= w <= 1.0:
+            m, n = w - 0.5, w * w - 1.0 / 3.0
+            scale = 1.0 / (m * m + n * n)
+            m, n = m * scale, n * scale
+            step = x, y, z = (m * s[0] + n * t[0], m * s[1] + n * t[1], m * s[2] + n * t[2])
+            x, y, z = rise[0] - x, rise[1] - y, rise[2] - z
+            gap = x * x + y * y + z * z
+            if found is None or gap < found[0]:
+                found = gap, w, step
+    if found is None:
+        return cubic
+    _, w, step = found
+    x, y, z = step
+    # The cubic gives way, so that value and slope at the end stay as they are.
+    b, c = w * (1.0 - 1.5 * w), w * (w - 1.0)
+    (bx, by, bz), (cx, cy, cz) = cubic.second, cubic.third
+    second = (bx + b * x, by + b * y, bz + b * z)
+    return Law(cubic.first, second, (cx + c * x, cy + c * y, cz + c * z), step, 1.0 - w)
+
+
+def turned(q: Quaternion, law: Law, u: float, period: float) -> tuple[Quaternion, Vector3]:
+    """Return the orientation a share *u* of the way along a law, and the angular velocity there.
+
+    Args:
+        q: the orientation of the record.
+        law: from that record on, rad.
+        u: in [0, 1].
+        period: s.
+    """
+    x, y, z = law.value(u)
+    vx, vy, vz = law.rate(u)
+    square = x * x + y * y + z * z
+    angle = sqrt(square)
+    half = 0.5 * angle
+    c = cos(half)
+    s = sin(half) / angle if angle > 0.0 else 0.5
+    # J_r(r) v = v - a r x v + b r x (r x v)
+    a = 2.0 * s * s
+    if square < _SEAM:
+        b = 1.0 / 6.0 + square * (
+            -1.0 / 120.0
+            + square * (1.0 / 5040.0 + square * (-1.0 / 362880.0 + square * (1.0 / 39916800.0)))
+        )
+    else:
+        b = (1.0 - 2.0 * s * c) / square
+    e, f, g = (y * vz - z * vy, z * vx - x * vz, x * vy - y * vx)
+    omega = (
+        (vx - a * e + b * (y * g - z * f)) / period,
+        (vy - a * f + b * (z * e - x * g)) / period,
+        (vz - a * g + b * (x * f - y * e)) / period,
+    )
+    return multiply(q, (c, s * x, s * y, s * z)), omega
 
 
 class Segment:
@@ -32,66 +234,37 @@ class Segment:
         period: path time between them, s.
     """
 
-    __slots__ = ("_end", "_first", "_kink", "_last", "_middle", "_period", "start")
+    __slots__ = ("_end", "_period", "_travel", "_turn", "start")
 
     def __init__(self, start: PathPoint, end: PathPoint, period: float) -> None:
         self.start = start
         self._end = end
         self._period = period
-        third = period / 3.0
-        x, y, z = start.omega_body
-        self._first = (x * third, y * third, z * third)
-        x, y, z = end.omega_body
-        self._last = (x * third, y * third, z * third)
-        turn = multiply(conjugate(start.q), end.q)
-        turn = multiply(conjugate(exp(self._first)), multiply(turn, conjugate(exp(self._last))))
-        self._middle = log(turn)
-        self._kink = find_kink(start, end, period)
+        self._turn = law_between(start, end, period)
+        self._travel: Law | None = None
+        p, q = start.position, end.position
+        if p != q or not start.velocity == end.velocity == ZERO:
+            x, y, z = start.velocity
+            u, v, w = end.velocity
+            self._travel = hermite(
+                (q[0] - p[0], q[1] - p[1], q[2] - p[2]),
+                (period * x, period * y, period * z),
+                (period * u, period * v, period * w),
+            )
 
     def at(self, u: float) -> PathPoint:
         """Return the point at the fraction *u* of the segment, in [0, 1)."""
+        start = self.start
         if u == 0.0:
-            return self.start
-        v = 1.0 - u
-        first, middle, last, h = self._first, self._middle, self._last, self._period
-        b1, b2, b3 = 1.0 - v * v * v, u * u * (3.0 - 2.0 * u), u * u * u
-        d1, d2, d3 = 3.0 * v * v / h, 6.0 * u * v / h, 3.0 * u * u / h
-        e2 = exp((middle[0] * b2, middle[1] * b2, middle[2] * b2))
-        e3 = exp((last[0] * b3, last[1] * b3, last[2] * b3))
-        e23 = multiply(e2, e3)
-        e1 = exp((first[0] * b1, first[1] * b1, first[2] * b1))
-        q = normalize(multiply(self.start.q, multiply(e1, e23)))
-        r1, r2 = rotate_back(e23, first), rotate_back(e3, middle)
-        omega = (
-            r1[0] * d1 + r2[0] * d2 + last[0] * d3,
-            r1[1] * d1 + r2[1] * d2 + last[1] * d3,
-            r1[2] * d1 + r2[2] * d2 + last[2] * d3,
-        )
-        if self._kink is not None:
-            x, y, z = self._kink.step
-            bend, slope = self._kink.bend(u)
-            turn, rate = bend * h * h, slope * h
-            q = normalize(multiply(q, exp((turn * x, turn * y, turn * z))))
-            omega = (omega[0] + rate * x, omega[1] + rate * y, omega[2] + rate * z)
-        a, b = self.start.alpha_body, self._end.alpha_body
+            return start
+        v, h = 1.0 - u, self._period
+        q, omega = turned(start.q, self._turn, u, h)
+        a, b = start.alpha_body, self._end.alpha_body
         alpha = (a[0] * v + b[0] * u, a[1] * v + b[1] * u, a[2] * v + b[2] * u)
-        return PathPoint(q, omega, alpha, *self._position(u, v))
-
-    def _position(self, u: float, v: float) -> tuple[Vector3, Vector3]:
-        """Return the cubic Hermite position and velocity at *u* = 1 - *v*."""
-        h = self._period
-        p, q = self.start.position, self._end.position
-        if p == q and self.start.velocity == self._end.velocity == (0.0, 0.0, 0.0):
-            return p, self.start.velocity
-        hp, hv, hq, hw = (
-            v * v * (1.0 + 2.0 * u),
-            u * v * v * h,
-            u * u * (3.0 - 2.0 * u),
-            -u * u * v * h,
-        )
-        dp, dv, dw = -6.0 * u * v / h, v * (1.0 - 3.0 * u), u * (3.0 * u - 2.0)
-        position, velocity = [], []
-        for a, b, s, e in zip(p, q, self.start.velocity, self._end.velocity, strict=True):
-            position.append(a * hp + s * hv + b * hq + e * hw)
-            velocity.append((a - b) * dp + s * dv + e * dw)
-        return (position[0], position[1], position[2]), (velocity[0], velocity[1], velocity[2])
+        position, velocity = start.position, start.velocity
+        if self._travel is not None:
+            p, (x, y, z) = position, self._travel.value(u)
+            position = (p[0] + x, p[1] + y, p[2] + z)
+            x, y, z = self._travel.rate(u)
+            velocity = (x / h, y / h, z / h)
+        return PathPoint(q, omega, alpha, position, velocity)

@@ -1,34 +1,44 @@
-r"""The rollout of a quick stop: the rates of all its cycles, before the first of them is taken.
+"""The rollout of a quick stop: the rates of all its cycles, before the first of them is taken.
 
-Every cycle is played through as the guard will see it.  Between two records the servo turns by a
-cubic with the records' velocities :math:`\omega_a, \omega_b` at its ends and their mean velocity
-:math:`m` over the whole, so that the angle from the first of them, in units of the period, is
-
-.. math::
-    P(u) = \omega_a u + (3m - 2\omega_a - \omega_b) u^2 + (\omega_a + \omega_b - 2m) u^3
-
-(what does not commute is of the third order in the period).  A difference of the guard's is the
-difference of *P* at two places; its slope by the rate is the velocity at the second.
+Every cycle is played through as the guard will see it.  Between two records the servo turns by the
+law of :mod:`orientd.servo.path.segment`.  A difference of the guard's is the difference of its
+angle at two places (what does not commute is of the third order in the period); its slope by the
+rate is the velocity at the second.
 """
 
 from __future__ import annotations
 
 from copy import copy
 from enum import Enum
+from typing import NamedTuple
 
 from orientd.driver import ZERO, Vector3
-from orientd.floats import difference, plus
+from orientd.floats import plus
 from orientd.servo.guard import Guard
-from orientd.servo.path.acceleration_step import AccelerationStep, find_kink
-from orientd.servo.path.cubic import Cubic, between, cubic
 from orientd.servo.path.feasible_rates import Ahead, Past, nearest, released
 from orientd.servo.path.path_follower import PathFollower
+from orientd.servo.path.segment import Law, hermite, law_between
 from orientd.servo.path.time_scaling import TimeScaling
 from orientd.stream import ServoLimits
 
-Piece = tuple[Cubic, Cubic | None, AccelerationStep | None]
-"""How the path turns and travels between two records, and where its acceleration has a step."""
 
+class Piece(NamedTuple):
+    """The path between two records, in units of the period.
+
+    Attributes:
+        turn: how it turns, rad/s.
+        way: by what in all.
+        travel: how it travels, m/s; ``None`` where it does not.
+        drift: by what in all.
+    """
+
+    turn: Law
+    way: Vector3
+    travel: Law | None
+    drift: Vector3
+
+
+_NO_LAW = Law(ZERO, ZERO, ZERO)
 SHARE = 0.998
 """Part of the limits that a quick stop uses; the rest is for what its model leaves out."""
 
@@ -130,9 +140,9 @@ class StopRollout:
         if start is None:
             self.outcome = RolloutOutcome.FAILED
             return
-        turn, travel, _ = start
-        none = (ZERO, ZERO, ZERO, ZERO)
         before = self._fraction
+        came = start.turn.value(before)
+        travelled = start.travel.value(before) if start.travel else ZERO
         for _ in range(_ATTEMPTS):
             u, there, gone, drift = before + rate, start, ZERO, ZERO
             if u >= 1.0:
@@ -140,13 +150,14 @@ class StopRollout:
                 if following is None:
                     self.outcome = RolloutOutcome.FAILED
                     return
-                u, there, gone, drift = u - 1.0, following, turn[3], travel[3] if travel else ZERO
-            omega, slope = between(turn, before, there[0], u, gone)
-            if start[2] or there[2]:
-                omega, slope = _kinked(omega, slope, start[2], before, there[2], u, h)
+                u, there, gone, drift = u - 1.0, following, start.way, start.drift
+            omega = plus(plus(there.turn.value(u), gone, 1.0), came, -1.0)
+            slope = there.turn.rate(u)
             velocity = push = ZERO
-            if travel or there[1]:
-                velocity, push = between(travel or none, before, there[1] or none, u, drift)
+            if start.travel or there.travel:
+                travel = there.travel or _NO_LAW
+                velocity = plus(plus(travel.value(u), drift, 1.0), travelled, -1.0)
+                push = travel.rate(u)
             if not is_free:
                 break
             ahead = Ahead(slope, plus(omega, slope, -rate), push, plus(velocity, push, -rate))
@@ -192,33 +203,10 @@ class StopRollout:
         if start is None or end is None:
             return None
         h = self._scaling.period
-        x, y, z = difference(start.q, end.q)
-        turn = cubic(start.omega_body, end.omega_body, (x / h, y / h, z / h))
-        travel = None
+        turn, travel, drift = law_between(start, end, h).scaled(1.0 / h), None, ZERO
         if start.position != end.position:
-            x, y, z = start.position
-            u, v, w = end.position
-            mean = ((u - x) / h, (v - y) / h, (w - z) / h)
-            travel = cubic(start.velocity, end.velocity, mean)
-        piece = turn, travel, find_kink(start, end, h)
-        pieces[index] = piece
+            x, y, z = plus(end.position, start.position, -1.0)
+            drift = (x / h, y / h, z / h)
+            travel = hermite(drift, start.velocity, end.velocity)
+        piece = pieces[index] = Piece(turn, turn.value(1.0), travel, drift)
         return piece
-
-
-def _kinked(
-    omega: Vector3,
-    slope: Vector3,
-    start: AccelerationStep | None,
-    s: float,
-    end: AccelerationStep | None,
-    u: float,
-    period: float,
-) -> tuple[Vector3, Vector3]:
-    """Return what the cubics say, with the bends of steps of the acceleration on the way."""
-    if start is not None:
-        omega = plus(omega, start.step, -period * start.bend(s)[0])
-    if end is not None:
-        bend, lean = end.bend(u)
-        omega = plus(omega, end.step, period * bend)
-        slope = plus(slope, end.step, period * lean)
-    return omega, slope

@@ -1,15 +1,12 @@
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from orientd import floats
-from orientd.servo.path.acceleration_step import find_kink
+from orientd.planner import states_between
 from orientd.servo.path.path_point import PathPoint
-from orientd.servo.path.segment import Segment
+from orientd.servo.path.segment import Segment, law_between
 
-GOLDEN = Path(__file__).parents[2] / "data" / "golden"
+PERIOD = 0.002
 
 
 def point(q, omega, alpha=(0.0, 0.0, 0.0), position=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0)):
@@ -18,35 +15,64 @@ def point(q, omega, alpha=(0.0, 0.0, 0.0), position=(0.0, 0.0, 0.0), velocity=(0
     )
 
 
-@pytest.fixture
-def without_kinks(monkeypatch):
-    """Segments that know only orientations and velocities."""
-    monkeypatch.setattr("orientd.servo.path.segment.find_kink", lambda *records: None)
+def turning_points(random, size):
+    """Return two points of records between which the rates change as they like."""
+    q = floats.exp(tuple(random.normal(size=3)))
+    turn = tuple(size * x for x in random.normal(size=3))
+    rates = [tuple(size / PERIOD * (turn + 0.2 * random.normal(size=3))) for _ in range(2)]
+    pushes = [tuple(0.1 * size / PERIOD**2 * random.normal(size=3)) for _ in range(2)]
+    places = [tuple(0.1 * random.normal(size=3)) for _ in range(4)]
+    start = point(q, rates[0], pushes[0], places[0], places[1])
+    end = point(floats.multiply(q, floats.exp(turn)), rates[1], pushes[1], places[2], places[3])
+    return start, end
 
 
-@pytest.mark.usefixtures("without_kinks")
-def test_a_segment_is_the_hermite_curve_of_kim_kim_and_shin():
-    case = json.loads((GOLDEN / "kks_hermite_body.json").read_text())
-    params = case["params"]
-    q0, q1 = (np.array(params[k]) / np.linalg.norm(params[k]) for k in ("q0", "q1"))
-    period = params["t1"] - params["t0"]
-    segment = Segment(point(q0, params["omega0"]), point(q1, params["omega1"]), period)
-    for t, q, omega in zip(case["t"][:-1], case["q"], case["omega"], strict=False):
-        found = segment.at((t - params["t0"]) / period)
-        assert floats.norm(floats.difference(tuple(q), found.q)) < 1e-14
-        np.testing.assert_allclose(found.omega_body, omega, atol=1e-12)
+@pytest.mark.parametrize("size", [1e-4, 0.01, 0.1])
+def test_the_servo_and_the_planner_have_one_law(size):
+    random = np.random.default_rng(1)
+    pairs = [turning_points(random, size) for _ in range(500)]
+    here, there = (
+        np.array([np.concatenate(pair[k]) for pair in pairs], dtype=np.float64) for k in (0, 1)
+    )
+    shares = random.uniform(size=len(pairs))
+    # Of a rate as of the angle or the length that it comes from.
+    scale = np.maximum(1.0, np.abs(there).max(axis=0))
+    scale[4:7] = np.maximum(scale[4:7], 1.0 / PERIOD)
+    scale[13:] = np.maximum(scale[13:], 1.0 / PERIOD)
+    steps = 0
+    for pair, share, state in zip(
+        pairs, shares, states_between(here, there, PERIOD, shares), strict=True
+    ):
+        found = np.concatenate(Segment(*pair, PERIOD).at(float(share)))
+        assert np.max(np.abs(found[:4] - state[:4])) <= 1e-15
+        assert np.max(np.abs(found - state) / scale) <= 2e-15
+        steps += law_between(*pair, PERIOD).step != (0.0, 0.0, 0.0)
+    assert steps > 50
 
 
-@pytest.mark.usefixtures("without_kinks")
-def test_the_velocity_is_the_derivative_of_the_orientation():
+@pytest.mark.parametrize("size", [1e-4, 0.01, 0.1])
+def test_a_segment_begins_and_ends_at_its_records(size):
+    random = np.random.default_rng(3)
+    for _ in range(50):
+        start, end = turning_points(random, size)
+        segment = Segment(start, end, PERIOD)
+        for u, record in ((1e-300, start), (1.0, end)):
+            found = segment.at(u)
+            assert floats.norm(floats.difference(record.q, found.q)) < 1e-14
+            for name in ("omega_body", "alpha_body", "position", "velocity"):
+                wanted = getattr(record, name)
+                assert getattr(found, name) == pytest.approx(wanted, rel=1e-11, abs=1e-11 / PERIOD)
+
+
+@pytest.mark.parametrize("size", [0.001, 0.05, 0.4])
+def test_the_velocity_is_the_derivative_of_the_orientation(size):
     random = np.random.default_rng(2)
-    a = floats.exp((0.1, 0.2, -0.3))
-    b = floats.multiply(a, floats.exp((0.004, -0.002, 0.001)))
-    segment = Segment(point(a, random.normal(size=3)), point(b, random.normal(size=3)), 0.002)
-    u, step = 0.37, 1e-4
-    turned = floats.difference(segment.at(u - step).q, segment.at(u + step).q)
-    velocity = np.array(turned) / (2 * step * 0.002)
-    np.testing.assert_allclose(segment.at(u).omega_body, velocity, rtol=1e-6)
+    for _ in range(20):
+        segment = Segment(*turning_points(random, size), PERIOD)
+        u, step = float(random.uniform(0.1, 0.9)), 1e-5
+        turned = floats.difference(segment.at(u - step).q, segment.at(u + step).q)
+        velocity = np.array(turned) / (2 * step * PERIOD)
+        np.testing.assert_allclose(segment.at(u).omega_body, velocity, atol=1e-4 * size / PERIOD)
 
 
 def test_a_record_is_returned_untouched():
@@ -60,9 +86,6 @@ def test_position_follows_a_cubic_with_its_velocities():
     middle = Segment(start, end, 0.002).at(0.5)
     assert middle.position == pytest.approx((0.0005, 1.0, 1.9995))
     assert middle.velocity == pytest.approx((0.5, 0.0, -0.5))
-
-
-PERIOD = 0.002
 
 
 def turn_with_a_step(place, before, behind, jerk=0.0):
@@ -94,4 +117,4 @@ def test_a_step_of_the_acceleration_is_met_where_it_is(place, jerk):
 @pytest.mark.parametrize("jerk", [200.0, 8500.0])
 def test_a_path_that_changes_evenly_has_no_kink(jerk):
     at = turn_with_a_step(1.0, 4.0, 4.0, jerk)
-    assert find_kink(at(0.0), at(1.0), PERIOD) is None
+    assert law_between(at(0.0), at(1.0), PERIOD).step == (0.0, 0.0, 0.0)

@@ -1,0 +1,312 @@
+r"""Trajectories: the one table that every curve of orientations compiles to.
+
+On piece *k*, over :math:`[t_k, t_{k+1}]` with *u* from -1 to 1 along it,
+
+.. math:: q(t) = q_k \exp(r_k(u)), \qquad r_k(u) = \sum_{j=0}^{9} c_{kj} u^j
+
+where :math:`r_k` is a rotation vector in rad.  The coefficients follow from the orientations at the
+ten Lobatto nodes of the piece, and from nothing else.  Body angular velocity, acceleration and jerk
+follow from the right Jacobian of the exponential (Sola et al., 2018, eq. 143), so no curve brings
+derivatives of its own.  ``orientd/kernels/c/trajectory.h`` has the formulas.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orientd.kernels import fit_trajectory, sample_trajectory
+from orientd.rotation import Floats, right_jacobian_inverse
+
+Samples = tuple[Floats, Floats, Floats]
+"""Orientation ``(n, 4)``, body angular velocity ``(n, 3)`` in rad/s, its rate ``(n, 3)``."""
+
+DEGREE = 9
+"""Of the rotation vector on a piece."""
+
+PIECE = 4 + 3 * (DEGREE + 1)
+"""Numbers of a piece: its base quaternion, then the three components of each coefficient."""
+
+FINE = 1e-14
+"""Rad, how far a fit may be from the curve between the nodes: a few roundings."""
+
+_LARGEST = 1.0  # rad, |r| at the nodes of a piece; the series of the kernels hold up to 1.1
+_MOST_HALVINGS = 40
+_COARSE = 1e-12  # rad, an error that is never taken for rounding
+_GAIN = 8.0  # by which halving a piece lessens its error at least; else what is left is rounding
+_BLOCK = 4096  # pieces that are fitted at a time, so that memory stays bounded
+
+# The nodes of a piece, and two instants between them at which the fit is looked at.
+_U = np.sort(-np.cos(np.pi * np.array([*range(10), 1.5, 6.5]) / 9.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Orientations over an interval of time, as pieces of degree nine; not to be changed.
+
+    Attributes:
+        breaks: where the pieces begin and end, s, increasing, shape ``(n + 1,)``.
+        pieces: base quaternion ``(w, x, y, z)`` and coefficients of each, shape ``(n, 34)``.
+        knots: the instants at which a derivative may have a step, both ends included, s.
+        continuity: how many derivatives are continuous at the knots: 0, 1 or 2.
+    """
+
+    breaks: Floats
+    pieces: Floats
+    knots: Floats
+    continuity: int = 2
+
+    @classmethod
+    def fit(
+        cls,
+        orientations: Callable[[Floats], Floats],
+        knots: ArrayLike,
+        *,
+        continuity: int = 2,
+        tolerance: float = FINE,
+        pieces: int = 1,
+    ) -> Trajectory:
+        """Return the trajectory of a function of time.
+
+        Args:
+            orientations: takes increasing instants, s, shape ``(n,)``, and returns unit quaternions
+                of either sign, shape ``(n, 4)``; smooth between neighbouring *knots*.
+            knots: where a derivative may have a step, both ends included, s, increasing.
+            continuity: how many derivatives are continuous at the knots.
+            tolerance: rad, how far the trajectory may be from the function.
+            pieces: into how many equal pieces to cut each interval at first; each is halved until
+                the fit is good, or until halving does not help, which leaves rounding only.
+
+        Raises:
+            ValueError: the function has a jump.
+        """
+        ends = np.array(knots, dtype=np.float64)
+        inner = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(pieces) / pieces
+        begins = inner.ravel()
+        finals = np.append(begins[1:], ends[-1])
+        found: list[tuple[Floats, Floats]] = []
+        before = np.full(len(begins), np.inf)
+        for _ in range(_MOST_HALVINGS):
+            table, quality = _fitted(orientations, begins, finals)
+            size, error = quality.T
+            is_helped = (error * _GAIN <= before) | (error > _COARSE)
+            is_poor = (size > _LARGEST) | ((error > tolerance) & is_helped)
+            found.append((begins[~is_poor], table[~is_poor]))
+            if not is_poor.any():
+                break
+            begin, final = begins[is_poor], finals[is_poor]
+            middle = 0.5 * (begin + final)
+            begins = np.stack([begin, middle], axis=1).ravel()
+            finals = np.stack([middle, final], axis=1).ravel()
+            # The error of a piece that is too large to be looked at says nothing of its halves.
+            before = np.repeat(np.where(size > _LARGEST, np.inf, error)[is_poor], 2)
+        else:
+            raise ValueError(f"orientations jump near {float(begins[0])!r} s: no piece fits there")
+        starts, rows = (np.concatenate(part) for part in zip(*found, strict=True))
+        order = np.argsort(starts, kind="stable")
+        return cls(
+            np.append(starts[order], ends[-1]), _signed(rows[order]), ends, min(continuity, 2)
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence[Trajectory], continuity: int = 2) -> Trajectory:
+        """Return trajectories laid end to end, each where it is in time.
+
+        Args:
+            parts: each begins where, and when, the one before ends; the sign of the first goes on.
+            continuity: how many derivatives are continuous from one to the next.
+        """
+        if len(parts) == 1:
+            return parts[0]
+        first = parts[0]
+        return cls(
+            np.concatenate([first.breaks, *(part.breaks[1:] for part in parts[1:])]),
+            _signed(np.concatenate([part.pieces for part in parts])),
+            np.concatenate([first.knots, *(part.knots[1:] for part in parts[1:])]),
+            min(continuity, *(part.continuity for part in parts)),
+        )
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """The first and the last instant, s."""
+        return float(self.breaks[0]), float(self.breaks[-1])
+
+    @property
+    def duration(self) -> float:
+        """From the first instant to the last, s."""
+        return float(self.breaks[-1] - self.breaks[0])
+
+    def sample(self, times: Floats, out: Floats | None = None) -> Samples:
+        """Return orientation, body angular velocity and body angular acceleration.
+
+        Args:
+            times: s, shape ``(n,)``, in any order, increasing ones are quickest; those beyond an
+                end are taken to be at it.
+            out: a C-contiguous array of shape ``(10, n)`` to fill; without it, a new one.
+
+        Returns:
+            Views of *out*: quaternions ``(n, 4)``, rad/s ``(n, 3)`` and rad/s^2 ``(n, 3)``.
+
+        Raises:
+            ValueError: an instant is not a number.
+        """
+        rows = self.rows(times, np.empty((10, len(times))) if out is None else out)
+        return rows[:4].T, rows[4:7].T, rows[7:10].T
+
+    def orientations(self, times: Floats) -> Floats:
+        """Return quaternions at *times*, taken as :meth:`sample` does, shape ``(n, 4)``."""
+        return self.rows(times, np.empty((4, len(times)))).T
+
+    def jerk(self, times: Floats) -> Floats:
+        """Return the rate of the acceleration at *times*, body components, rad/s^3, ``(n, 3)``."""
+        return self.rows(times, np.empty((13, len(times))))[10:].T
+
+    def rows(self, times: Floats, out: Floats) -> Floats:
+        """Fill and return *out*: 4, 10 or 13 rows of samples at *times*.
+
+        Raises:
+            ValueError: an instant is not a number.
+        """
+        instants = np.ascontiguousarray(times, dtype=np.float64)
+        if sample_trajectory(instants, self.breaks, self.pieces, math.inf, out) >= 0:
+            raise ValueError("times must be numbers, got nan")
+        return out
+
+    @cached_property
+    def _at_ends(self) -> Samples:
+        return self.sample(self.breaks[[0, -1]])
+
+    def ends(self) -> Samples:
+        """Return what :meth:`sample` does at both ends."""
+        return self._at_ends
+
+    def shifted(self, delay: float) -> Trajectory:
+        """Return the same trajectory *delay* seconds later."""
+        return replace(self, breaks=self.breaks + delay, knots=self.knots + delay)
+
+    def slowed(self, duration: float) -> Trajectory:
+        """Return the same orientations from the same instant on, in *duration* seconds."""
+        start, factor = self.breaks[0], duration / self.duration
+        breaks, knots = (start + factor * (one - start) for one in (self.breaks, self.knots))
+        breaks[-1] = knots[-1] = start + duration
+        return replace(self, breaks=breaks, knots=knots)
+
+    def reversed(self) -> Trajectory:
+        """Return the same orientations backwards in the same interval."""
+        first, last = self.domain
+        pieces = self.pieces[::-1].copy()
+        pieces[:, 4:].reshape(-1, DEGREE + 1, 3)[:, 1::2] *= -1.0
+        breaks, knots = (first + (last - one[::-1]) for one in (self.breaks, self.knots))
+        return replace(self, breaks=breaks, knots=knots, pieces=pieces)
+
+    def restricted(self, begin: float, end: float) -> Trajectory:
+        """Return the part from *begin* to *end*, s, where it is in time.
+
+        Raises:
+            ValueError: these are not increasing instants of the domain.
+        """
+        first, last = self.domain
+        if not first <= begin < end <= last:
+            raise ValueError(f"must be a part of {first!r} s to {last!r} s, got {begin!r}, {end!r}")
+        low = int(np.searchsorted(self.breaks, begin, side="right")) - 1
+        high = int(np.searchsorted(self.breaks, end, side="left"))
+        breaks, pieces = self.breaks[low : high + 1].copy(), self.pieces[low:high].copy()
+        for index, instants in {0: (begin, breaks[1]), len(pieces) - 1: (breaks[-2], end)}.items():
+            part = max(instants[0], begin), min(instants[1], end)
+            pieces[index] = _cut(pieces[index], breaks[index], breaks[index + 1], *part)
+        breaks[0], breaks[-1] = begin, end
+        inside = (self.knots > begin) & (self.knots < end)
+        knots = np.concatenate([[begin], self.knots[inside], [end]])
+        return replace(self, breaks=breaks, knots=knots, pieces=pieces)
+
+    def turned_over(self) -> Trajectory:
+        """Return the same orientations by the other quaternions."""
+        pieces = self.pieces.copy()
+        pieces[:, :4] *= -1.0
+        return replace(self, pieces=pieces)
+
+    def pinned(
+        self,
+        start: tuple[Floats | None, Floats | None] = (None, None),
+        end: tuple[Floats | None, Floats | None] = (None, None),
+    ) -> Trajectory:
+        """Return the trajectory with the velocities and accelerations at its ends as given.
+
+        What the fit is off by, some roundings, is put right in the first and the last piece.
+
+        Args:
+            start: body angular velocity, rad/s, and acceleration, rad/s^2, at the beginning;
+                ``None`` leaves what is there.
+            end: the same at the end.
+        """
+        pieces = self.pieces.copy()
+        found = replace(self, pieces=pieces)
+        for index, wanted in ((0, start), (-1, end)):
+            for order, value in enumerate(wanted, start=1):
+                if value is not None:
+                    pieces[index, 4:] += _correction(found, index, order, value)
+        return found
+
+
+def _fitted(
+    orientations: Callable[[Floats], Floats], begins: Floats, ends: Floats
+) -> tuple[Floats, Floats]:
+    """Return a piece for each interval, ``(n, 34)``, its size and its error, rad, ``(n, 2)``."""
+    pieces, quality = np.empty((len(begins), PIECE)), np.empty((len(begins), 2))
+    for first in range(0, len(begins), _BLOCK):
+        block = slice(first, first + _BLOCK)
+        begin, end = begins[block, None], ends[block, None]
+        instants = begin + 0.5 * (end - begin) * (1.0 + _U)
+        instants[:, -1] = ends[block]
+        q = np.ascontiguousarray(orientations(instants.ravel())).reshape(len(begin), len(_U), 4)
+        fit_trajectory(q, pieces[block], quality[block])
+    return pieces, quality
+
+
+def _signed(pieces: Floats) -> Floats:
+    """Return pieces with the signs of their base quaternions made continuous."""
+    bases = pieces[:, :4]
+    # Two bases are at most 2 rad apart, so their quaternions at most 1.
+    signs = np.where(np.einsum("ij,ij->i", bases[:-1], bases[1:]) < 0.0, -1.0, 1.0)
+    if (signs < 0.0).any():
+        bases[1:] *= np.cumprod(signs)[:, None]
+    return pieces
+
+
+def _cut(piece: Floats, start: float, end: float, begin: float, final: float) -> Floats:
+    """Return the part of a piece over [*start*, *end*] that is over [*begin*, *final*]."""
+    # u = shift + scale v, where v goes from -1 to 1 along the part.
+    scale = (final - begin) / (end - start)
+    shift = (begin + final - start - end) / (end - start)
+    c = piece[4:].reshape(DEGREE + 1, 3)
+    powers = np.arange(DEGREE + 1)
+    binomials = np.array([[math.comb(i, j) for i in powers] for j in powers], dtype=np.float64)
+    shifts = shift ** np.maximum(powers[None] - powers[:, None], 0)
+    return np.concatenate(
+        [piece[:4], (scale ** powers[:, None] * (binomials * shifts @ c)).ravel()]
+    )
+
+
+def _correction(trajectory: Trajectory, index: int, order: int, wanted: Floats) -> Floats:
+    """Return what to add to an end piece's coefficients for a derivative to be as wanted.
+
+    Args:
+        trajectory: as it is now.
+        index: 0 for the first piece, -1 for the last.
+        order: 1 for the velocity, 2 for the acceleration, which goes after it.
+        wanted: body components.
+    """
+    side = -1.0 if index == 0 else 1.0
+    now = trajectory.sample(trajectory.breaks[[index]])[order][0]
+    r = side ** np.arange(DEGREE + 1) @ trajectory.pieces[index, 4:].reshape(DEGREE + 1, 3)
+    rate = 2.0 / float(np.diff(trajectory.breaks)[index])
+    change = right_jacobian_inverse(r) @ (wanted - now) / rate**order
+    # Nothing but this derivative, and what is above it, changes at either end.
+    ahead, fading = np.poly1d([1.0, -side]), np.poly1d([0.5 * side, 0.5]) ** 4
+    shape = (ahead**order / math.factorial(order) * fading).coeffs[::-1]
+    return np.outer(np.append(shape, np.zeros(DEGREE + 1 - len(shape))), change).ravel()

@@ -1,0 +1,45 @@
+/* A trajectory of orientations: a table of pieces, and what is done with it.
+ *
+ * On piece k, over [breaks_k, breaks_k+1] with u from -1 to 1 along it,
+ *
+ *     q(t) = q_k exp(r_k(u)),     r_k = c_0 + c_1 u + ... + c_9 u^9
+ *
+ * where r is a rotation vector in rad.  Body angular velocity, acceleration and jerk follow from r
+ * and its derivatives by the right Jacobian of the exponential (Sola et al., 2018, eq. 143).
+ */
+#ifndef ORIENTD_TRAJECTORY_H
+#define ORIENTD_TRAJECTORY_H
+
+#include "arrays.h"
+
+enum {
+    DEGREE = 9,
+    NODES = DEGREE + 1,          /* orientations that a piece is fitted to */
+    INSTANTS = NODES + 2,        /* and two between them, at which the fit is looked at */
+    PIECE = 4 + 3 * NODES,       /* numbers of a piece: base quaternion, then c_0 ... c_9 */
+};
+
+/* Fit pieces to orientations at the Lobatto nodes -cos(pi i / 9) of each.
+ *
+ * The first and the last node are the ends of a piece, so pieces that share one agree there.  Two
+ * orientations more, at -cos(pi (i + 1/2) / 9) for i = 1 and 6, tell how good the fit is.
+ *
+ * orientations: quaternions of either sign in the order of their instants, shape (n, 12, 4).
+ * pieces: receives the table, shape (n, PIECE); each piece has the sign of its first orientation.
+ * quality: receives the largest |r| at the nodes of each piece, and the largest error at the two
+ *     instants between them, both in rad, shape (n, 2). */
+void fit_trajectory(tensor_t orientations, matrix_t pieces, matrix_t quality);
+
+/* Write orientation, angular velocity, acceleration and jerk at instants in any order.
+ *
+ * times: instants, s, shape (n,).
+ * breaks: ends of the pieces, shape (m + 1,).
+ * pieces: shape (m, PIECE).
+ * slack: how far outside the domain an instant may be, s; such an instant is moved to the end.
+ * out: receives quaternions, then velocities, accelerations and jerks as far as there are rows for
+ *     them, shape (4, 10 or 13, n).
+ *
+ * Return the place of the first instant that is outside the domain, or -1 if none is. */
+index_t sample_trajectory(row_t times, row_t breaks, matrix_t pieces, double slack, matrix_t out);
+
+#endif
