@@ -8,7 +8,7 @@ BIN = $(VENV)/bin
 ROUNDS ?= 50
 SEED ?= 1
 
-.PHONY: demo test runs calculates check docs follow bench peers soak events chaos storm standard proto lock clean
+.PHONY: demo test runs calculates check docs follow bench peers sanitize soak events chaos storm standard proto lock clean
 
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
@@ -70,6 +70,10 @@ peers:
 	for peer in $(PEERS); do \
 	    build/peers/bin/python -m pip install --quiet --disable-pip-version-check $$peer; done; true
 	build/peers/bin/python tests/bench/compare_peers.py
+
+# The kernels with addresses and arithmetic checked, called with spoilt tables; longer: ORIENTD_CASES=20000.
+sanitize: $(VENV)/.dev
+	$(BIN)/python tests/sanitize.py
 
 soak: $(VENV)/.dev
 	$(BIN)/python -m pytest -m slow --timeout=5400 -s

@@ -31,7 +31,7 @@ def stop_phases(
     """Return for how long a stop's acceleration falls, stays and rises, s.
 
     Args:
-        speed: not negative.
+        speed: not negative, or becoming so before the acceleration has run out.
         rate: at which the speed changes at first.
         acceleration: limit.
         jerk: limit.
@@ -46,3 +46,26 @@ def stop_time(speed: float, rate: float, acceleration: float, jerk: float) -> fl
     """Return how long a stop takes, s; see :func:`stop_phases`."""
     fall, hold, rise = stop_phases(speed, rate, acceleration, jerk)
     return fall + hold + rise
+
+
+def stopping_angle(speed: float, rate: float, acceleration: float, jerk: float) -> float:
+    """Return how far a motion about one axis still turns if it stops as soon as it can, rad.
+
+    Args:
+        speed: rad/s, of either sign.
+        rate: its acceleration, rad/s^2.
+        acceleration: limit, rad/s^2.
+        jerk: limit, rad/s^3.
+    """
+    if speed + 0.5 * rate * abs(rate) / jerk < 0.0:
+        return -stopping_angle(-speed, -rate, acceleration, jerk)
+    # As stop_phases() says, in one piece: the tracker asks several times a cycle.
+    square = max(jerk * speed + 0.5 * rate * rate, 0.0)
+    peak = min(sqrt(square), acceleration)
+    t = (rate + peak) / jerk
+    last = 0.5 * peak * peak / jerk
+    angle = t * (speed + t * (0.5 * rate - jerk * t / 6.0)) + last * peak / (3.0 * jerk)
+    if peak == acceleration:
+        speed += 0.5 * (rate * rate - peak * peak) / jerk
+        angle += 0.5 * (speed * speed - last * last) / peak
+    return angle

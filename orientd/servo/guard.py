@@ -13,7 +13,7 @@ from math import ceil, sqrt
 
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import difference, exp, multiply, norm, normalize, plus
-from orientd.servo.tracking import bounds, halt, loosened
+from orientd.servo.motion_law import halt, loosened, with_gains
 from orientd.stream import ServoLimits
 from orientd.tolerances import GUARD_TOLERANCE
 
@@ -129,7 +129,7 @@ class Guard:
         if servo_limits.has_axes:
             yield from self._profiled_stop(servo_limits)
             return
-        limits = bounds(
+        limits = with_gains(
             self.period, servo_limits.velocity, servo_limits.acceleration, servo_limits.jerk
         )
         while not self.is_at_rest:

@@ -146,8 +146,8 @@ class Servo:
             point = self.setpoints.step(deadline_ns, self._clock.now_ns())
         except Exception as error:  # noqa: BLE001 - what others may write must not end the servo
             point = self._lose_path(error)
-        if self.setpoints.hindrance:
-            self.teller.tell_hindrance(self.setpoints.hindrance, self._cycle_count)
+        if self.setpoints.pursuit.hindrance:
+            self.teller.tell_hindrance(self.setpoints.pursuit.hindrance, self._cycle_count)
         is_written = self._is_enabled
         if is_written:
             try:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from orientd.driver import IDENTITY, ZERO, Driver, Quaternion, Vector3
 from orientd.errors import Fault, NotYetError
-from orientd.floats import combine, difference, norm, plus
+from orientd.floats import combine, difference, norm
 from orientd.servo.guard import Guard
 from orientd.servo.path import (
     Past,
@@ -25,7 +25,7 @@ from orientd.servo.path import (
     eased,
 )
 from orientd.servo.state_table import Event, advance
-from orientd.servo.tracking import TargetFollower, TrackPoint, coming
+from orientd.servo.tracking import TargetFollower
 from orientd.servo.watchdog import Stalls
 from orientd.stream import UNKNOWN, ServoLimits, ServoState, SharedMemory
 
@@ -36,9 +36,6 @@ _NO_FAULT = Fault.NONE
 _NO_LIMITS = ServoLimits(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
 _START_TOLERANCE = 1e-9
 _EASINGS = 3
-_SHARES = ((0.3, 0.3), (0.06, 0.06), (0.3, None), (None, 0.3))
-"""How much of the change of speed towards a target, of orientation and position, is tried where the
-axes cannot follow it whole; ``None`` brakes."""
 
 
 class SetpointGenerator:
@@ -53,7 +50,7 @@ class SetpointGenerator:
         time_scaling: how fast the path is run through.
         follower: where on the path the setpoint is.
         is_from_rest: whether motion goes on from rest with this cycle, after a stall.
-        hindrance: why the device's axes cannot follow the targets any nearer; empty while they can.
+        pursuit: the targets that it follows.
     """
 
     def __init__(
@@ -84,10 +81,8 @@ class SetpointGenerator:
         self.follower = PathFollower(memory.path, period, _NO_LIMITS)
         self._guard = Guard(period)
         self._quick_stop = QuickStop(self.time_scaling, self.follower, self._guard)
-        self._pursuit = TargetFollower(memory.targets, period)
+        self.pursuit = TargetFollower(memory.targets, self._guard, driver)
         self._stalls = Stalls(period_ns, stall_ns)
-        self.hindrance = ""
-        self._foresees = type(driver).foresee is not Driver.foresee
         self._driver = driver
         self._on_fault = on_fault
         self._period_ns = period_ns
@@ -133,7 +128,7 @@ class SetpointGenerator:
     @property
     def is_following(self) -> bool:
         """Whether targets are followed, or anything comes to rest that is on no planned path."""
-        return self._pursuit.is_on or self._escape is not None
+        return self.pursuit.is_on or self._escape is not None
 
     def confine(self, q: Quaternion) -> PathPoint:
         """Take note that *q* was sent in place of the last setpoint; return what was sent."""
@@ -155,7 +150,7 @@ class SetpointGenerator:
     def halt(self) -> None:
         """Come to rest as fast as the limits allow, wherever that leaves the path."""
         self.stop(Event.HALT)
-        if self.is_moving and self._escape is None and not self._pursuit.is_on:
+        if self.is_moving and self._escape is None and not self.pursuit.is_on:
             self._begin_escape()
 
     def clear_fault(self) -> None:
@@ -205,16 +200,16 @@ class SetpointGenerator:
         # Where a narrower limit is broken already, what there is of it is taken away.
         speed = max(part.servo_limits.linear_velocity, norm(guard.velocity))
         self._servo_limits = replace(part.servo_limits, linear_velocity=speed)
-        self.motion, self.hindrance = part.number, ""
+        self.motion = part.number
         self._sent, self._is_there = guard.q, False
-        self._pursuit.begin(guard.q, guard.omega, guard.alpha, part.servo_limits)
+        self.pursuit.begin(part.servo_limits)
         self.state = following
 
     def stop(self, event: Event) -> None:
         """Begin to come to rest, on the path or away from the target."""
         following = advance(self.state, event)
-        self.time_scaling.target, self.hindrance = 0.0, ""
-        self._pursuit.tracker.cease()
+        self.time_scaling.target = 0.0
+        self.pursuit.cease()
         self.state = following
 
     def brake(self, fault: Fault, text: str) -> None:
@@ -233,7 +228,7 @@ class SetpointGenerator:
             return False
         self.fault, self.fault_text = fault, text
         self._escape = None
-        self._pursuit.end()
+        self.pursuit.end()
         self.time_scaling.halt()
         self.state = advance(self.state, Event.FAIL)
         self._on_fault(fault, text)
@@ -245,7 +240,7 @@ class SetpointGenerator:
         """Return the next setpoint of a motion or of a stop."""
         if self._escape is not None:
             return self._step_off_path()
-        if self._pursuit.is_on:
+        if self.pursuit.is_on:
             return self._follow(deadline_ns)
         scaling, follower, share = self.time_scaling, self.follower, 1.0
         if self.state is _STREAMING:
@@ -344,24 +339,17 @@ class SetpointGenerator:
         if self.state is _STOPPING:
             self._finish(Event.REST)
         elif problem:
-            self._pursuit.end()
+            self.pursuit.end()
             self.fail(Fault.SERVO_STALLED, problem)
         elif self.state is _TRACKING:
-            self._pursuit.tracker.rest(guard.q)
+            self.pursuit.tracker.rest(guard.q)
 
     def _follow(self, deadline_ns: int) -> PathPoint:
         """Return the next setpoint on the way to a target, or to rest."""
-        pursuit, guard = self._pursuit, self._guard
-        if self.state is _TRACKING:
-            pursuit.aim(deadline_ns)
-        point = pursuit.tracker.step(deadline_ns)
-        position = pursuit.position(guard.position, guard.velocity, self._servo_limits)
-        if position is None:
-            position = guard.braked_position(self._servo_limits)
-        if self._foresees and self.state is _TRACKING:
-            self.hindrance = self._hindrance(point.q, position)
-            if self.hindrance:
-                point, position = self._eased(position)
+        pursuit, guard = self.pursuit, self._guard
+        point, position = pursuit.step(
+            deadline_ns, self._servo_limits, is_stopping=self.state is not _TRACKING
+        )
         problem = guard.admit(point.q, position, self._servo_limits)
         if problem:
             return self.leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
@@ -372,28 +360,6 @@ class SetpointGenerator:
             guard.anchor(self._sent, position)
             return PathPoint(self._sent, ZERO, ZERO, position, ZERO)
         return PathPoint(point.q, point.omega_body, point.alpha_body, position, guard.velocity)
-
-    def _eased(self, position: Vector3) -> tuple[TrackPoint, Vector3]:
-        """Return as much of a step as the axes can follow, which was to lead to *position*."""
-        tracker, guard, h = self._pursuit.tracker, self._guard, self._period_ns * 1e-9
-        braked = guard.braked_position(self._servo_limits)
-        even = plus(guard.position, guard.velocity, h)
-        for turning, moving in _SHARES:
-            point, there = tracker.ease(turning), braked
-            if moving is not None:
-                there = combine(even, 1.0 - moving, position, moving)
-            if not self._hindrance(point.q, there):
-                return point, there
-        return tracker.ease(None), braked
-
-    def _hindrance(self, q: Quaternion, position: Vector3) -> str:
-        """Return why the axes cannot follow a setpoint and a stop from it, or nothing."""
-        servo_limits, guard, period = self._servo_limits, self._guard, self._period_ns * 1e-9
-        velocity = plus(plus(ZERO, position, 1.0 / period), guard.position, -1.0 / period)
-        stop, acceleration = self._pursuit.tracker.stop_ahead(), servo_limits.linear_acceleration
-        return self._driver.foresee(
-            coming(q, position, velocity, stop, acceleration=acceleration, period=period)
-        )
 
     def leave_path(self, fault: Fault, text: str) -> PathPoint:
         """Begin to come to rest without the path."""
@@ -421,7 +387,7 @@ class SetpointGenerator:
     def _finish(self, event: Event) -> None:
         """Go to rest: into holding, or into the fault that made the stop necessary."""
         self.time_scaling.halt()
-        self._pursuit.end()
+        self.pursuit.end()
         if self.fault is not _NO_FAULT:
             self.fail(self.fault, self.fault_text)
         else:

@@ -6,14 +6,10 @@ each limit, a box around it breaks the limit on the diagonal; rotation vectors o
 not the body's angular velocity, so that limits kept in the chart are not kept by the body; and its
 jumps of jerk within a cycle leave open what backward differences make of the last stretch.  Here
 the state *is* the chain of backward differences that the guard checks, a limit is kept because no
-other state is ever chosen (:mod:`orientd.servo.tracking.law`), and ruckig is the peer in the tests:
+other state is ever chosen (:mod:`orientd.servo.motion_law`), and ruckig is the peer in the tests:
 about one axis its duration is the least there is.
 """
 
-from orientd.servo.tracking.approach import approach
-from orientd.servo.tracking.foresight import coming
-from orientd.servo.tracking.knot import Target
-from orientd.servo.tracking.law import halt
-from orientd.servo.tracking.law_bounds import bounds, loosened
 from orientd.servo.tracking.target_follower import TargetFollower
+from orientd.servo.tracking.targets import Target
 from orientd.servo.tracking.tracker import Tracker, TrackPoint

@@ -1,12 +1,20 @@
-"""How to meet a target that may move: close in as much, and stop as much, as the limits allow."""
+"""The position controller: meet a target that may move as soon as the limits allow.
+
+Packets that are lost or late are surprises: the target turns out to be elsewhere than expected.
+While the device follows a moving target closely, an :class:`AccelerationCap` lets a correction take
+no more acceleration, the target's own included, than the target itself has lately taken.  So a bad
+network does not show as a peak of its own; while the target accelerates as much as it ever does,
+the correction waits.
+"""
 
 from __future__ import annotations
 
 from math import cbrt, inf, sqrt
 
 from orientd.driver import Vector3
-from orientd.servo.tracking.law import reach, seek
-from orientd.servo.tracking.law_bounds import Bounds
+from orientd.floats import combine, norm
+from orientd.servo.double_s import stopping_angle
+from orientd.servo.motion_law import TrackingLimits, saturated, velocity_command
 
 NEAR = 0.3
 """Angle left up to which what has followed closely is corrected without hurry, rad."""
@@ -14,8 +22,60 @@ NEAR = 0.3
 SPIRAL = 0.6
 """Part of the closing speed that is given up while all the motion is across the way."""
 
+FORGETTING = 0.02
+"""By which part the target's largest acceleration is forgotten in a second."""
 
-def closing_speed(angle: float, limits: Bounds) -> float:
+LEAST_PART = 0.05
+"""Part of the limit that a correction may always take."""
+
+
+class AccelerationCap:
+    """The largest acceleration of the target, and whether the device follows it closely.
+
+    It does from when what is left of angle and velocity would take no more than the target's own
+    acceleration, until the tracker has to catch up again with all that the limits allow.
+    """
+
+    def __init__(self, period: float) -> None:
+        """Expect a target every *period* seconds."""
+        self._kept = 1.0 - FORGETTING * period
+        self.release()
+
+    def release(self) -> None:
+        """Begin to catch up with another target."""
+        self._largest = 0.0
+        self._is_close = False
+
+    def margin(self, alpha: Vector3, needed: float, limit: float) -> float:
+        """Return how much acceleration is left for a correction; infinity while catching up.
+
+        Args:
+            alpha: angular acceleration of the target, rad/s^2.
+            needed: what making up for angle and velocity takes, each by itself, rad/s^2; infinity
+                if nothing has to be restrained.
+            limit: on angular acceleration, rad/s^2.
+        """
+        size = norm(alpha)
+        self._largest = max(size, self._kept * self._largest, LEAST_PART * limit)
+        self._is_close = needed < inf and (self._is_close or needed <= self._largest)
+        return self._largest - size if self._is_close else inf
+
+    def capped(self, wanted: Vector3, *, is_linear: bool) -> Vector3:
+        """Return the acceleration to aim at, no more than the target's while it is close.
+
+        Args:
+            wanted: what the controller asks for, rad/s^2.
+            is_linear: whether it asks for a correction, not for catching up.
+        """
+        self._is_close = self._is_close and is_linear
+        size = norm(wanted)
+        if not self._is_close or size <= self._largest:
+            return wanted
+        s = self._largest / size
+        return (s * wanted[0], s * wanted[1], s * wanted[2])
+
+
+def closing_speed(angle: float, limits: TrackingLimits) -> float:
     """Return the speed from which, unaccelerated, rest is reached within *angle*."""
     a, j = limits.acceleration, limits.jerk
     ramp = a * a / j
@@ -24,40 +84,14 @@ def closing_speed(angle: float, limits: Bounds) -> float:
     return sqrt(0.25 * ramp * ramp + 2.0 * a * angle) - 0.5 * ramp
 
 
-def stopping_angle(speed: float, rate: float, limits: Bounds) -> float:
-    """Return how far a motion about one axis still turns if it stops as soon as it can.
-
-    Args:
-        speed: rad/s, of the integrator in continuous time.
-        rate: its acceleration, rad/s^2.
-        limits: bounds.
-    """
-    a, j = limits.acceleration, limits.jerk
-    if speed + 0.5 * rate * abs(rate) / j < 0.0:
-        return -stopping_angle(-speed, -rate, limits)
-    # The acceleration falls to -peak, stays there for a while if that is the limit, and rises.
-    square = j * speed + 0.5 * rate * rate
-    if square <= a * a:
-        peak = sqrt(max(square, 0.0))
-        t = (rate + peak) / j
-        angle = t * (speed + t * (0.5 * rate - j * t / 6.0))
-    else:
-        peak = a
-        t = (rate + a) / j
-        angle = t * (speed + t * (0.5 * rate - j * t / 6.0))
-        last, speed = 0.5 * a * a / j, speed + 0.5 * (rate * rate - a * a) / j
-        angle += 0.5 * (speed * speed - last * last) / a
-    return angle + peak * peak * peak / (6.0 * j * j)
-
-
-def steer(
+def position_command(
     e: Vector3,
     omega: Vector3,
     alpha: Vector3,
     omega_target: Vector3,
     alpha_target: Vector3,
-    limits: Bounds,
-    room: float = inf,
+    limits: TrackingLimits,
+    margin: float = inf,
 ) -> tuple[Vector3, bool]:
     """Return the acceleration to aim at, to meet a moving target soonest and stay with it.
 
@@ -71,8 +105,8 @@ def steer(
         alpha: angular acceleration, rad/s^2.
         omega_target: the target's angular velocity, rad/s.
         alpha_target: its angular acceleration, rad/s^2.
-        limits: bounds.
-        room: acceleration left for corrections of what follows the target closely, rad/s^2;
+        limits: the limits and gains.
+        margin: acceleration left for corrections of what follows the target closely, rad/s^2;
             infinity for what has to catch up with it.
 
     Returns:
@@ -91,12 +125,14 @@ def steer(
     fx, fy, fz = e[0] + s * nx + r * bx, e[1] + s * ny + r * by, e[2] + s * nz + r * bz
     left = sqrt(fx * fx + fy * fy + fz * fz)
     if left < 1e-150:
-        return seek(omega_target, omega, alpha, alpha_target, limits, limits.settle), True
+        return velocity_command(
+            omega_target, omega, alpha, alpha_target, limits, limits.settle
+        ), True
     fx, fy, fz = fx / left, fy / left, fz / left
     s, calm = closing_speed(left, limits), limits.calm * limits.calm
     is_linear = limits.approach * left <= s and nx * nx + ny * ny + nz * nz <= max(s * s, calm)
-    if is_linear or (room < inf and left < NEAR):
-        k1, k2, k3 = limits.share, limits.settle, min(limits.approach * left, sqrt(room * left))
+    if is_linear or (margin < inf and left < NEAR):
+        k1, k2, k3 = limits.share, limits.settle, min(limits.approach * left, sqrt(margin * left))
         gx, gy, gz = k2 * (k3 * fx - nx) - bx, k2 * (k3 * fy - ny) - by, k2 * (k3 * fz - nz) - bz
         return (alpha[0] + k1 * gx, alpha[1] + k1 * gy, alpha[2] + k1 * gz), True
     s = min(limits.approach * left, s)
@@ -107,21 +143,27 @@ def steer(
     speed = sqrt(gx * gx + gy * gy + gz * gz)
     s = limits.velocity / speed if speed > limits.velocity else 1.0
     goal = (s * gx, s * gy, s * gz)
-    go = reach(alpha, seek(goal, omega, alpha, alpha_target, limits, limits.settle), limits)
+    go = saturated(
+        alpha, velocity_command(goal, omega, alpha, alpha_target, limits, limits.settle), limits
+    )
 
-    speed = fx * nx + fy * ny + fz * nz
+    speed = along
     angle = fx * e[0] + fy * e[1] + fz * e[2]
     known = fx * alpha_target[0] + fy * alpha_target[1] + fz * alpha_target[2]
 
+    most, jerk = limits.acceleration, limits.jerk
+
     def excess(wanted: Vector3) -> float:
         rate = fx * wanted[0] + fy * wanted[1] + fz * wanted[2] - known
-        stop = stopping_angle(speed + 0.5 * h * rate, rate, limits)
+        stop = stopping_angle(speed + 0.5 * h * rate, rate, most, jerk)
         return stop - angle + h * h * rate / 6.0
 
     over = excess(go)
     if over <= 0.0:
         return go, False
-    halt = reach(alpha, seek(omega_target, omega, alpha, alpha_target, limits, 1.0 / h), limits)
+    halt = saturated(
+        alpha, velocity_command(omega_target, omega, alpha, alpha_target, limits, 1.0 / h), limits
+    )
     under = excess(halt)
     if under >= 0.0:
         return halt, False
@@ -129,18 +171,10 @@ def steer(
     wanted = halt
     for _ in range(5):
         share = low + (high - low) * under / (under - over)
-        wanted = _between(halt, go, share)
+        wanted = combine(halt, 1.0 - share, go, share)
         found = excess(wanted)
         if found > 0.0:
             high, over = share, found
         else:
             low, under = share, found
-    return _between(halt, go, low), False
-
-
-def _between(a: Vector3, b: Vector3, share: float) -> Vector3:
-    return (
-        a[0] + share * (b[0] - a[0]),
-        a[1] + share * (b[1] - a[1]),
-        a[2] + share * (b[2] - a[2]),
-    )
+    return combine(halt, 1.0 - low, go, low), False

@@ -1,15 +1,24 @@
-"""The pursuit of targets: from the ring they arrive in to the setpoint of the cycle."""
+"""The pursuit of targets: from the ring they arrive in to the setpoint of the cycle.
+
+A position follows its target by a law of its own.  The velocity of the next step is the target's
+and as much more as still leaves the way to come to rest relative to it.  No limit is ever exceeded,
+as no other velocity is ever chosen: a change that is larger than the acceleration allows is cut.
+
+A driver may look ahead (:meth:`~orientd.driver.Driver.foresee`): if the device's axes cannot follow
+a step and a stop from it, a part of the step is tried, and braking in the end.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import dist
+from math import dist, sqrt
 
-from orientd.driver import ZERO, Quaternion, Vector3
-from orientd.floats import norm
-from orientd.servo.tracking.approach import approach, stopping_distance
-from orientd.servo.tracking.knot import Knot, Target
-from orientd.servo.tracking.tracker import Tracker
+from orientd.driver import ZERO, Driver, Quaternion, Vector3
+from orientd.floats import combine, norm, plus
+from orientd.servo.guard import Guard
+from orientd.servo.tracking.stop_ahead import coming
+from orientd.servo.tracking.targets import Target
+from orientd.servo.tracking.tracker import Tracker, TrackPoint
 from orientd.stream import RecordRing, ServoLimits
 
 TARGETS_PER_CYCLE = 8
@@ -18,80 +27,132 @@ TARGETS_PER_CYCLE = 8
 LEFT_OUT_WORD = 1
 """Word of the ring of targets: how many have been left out."""
 
+CLOSING = 10.0
+"""Closing speed per distance left in the last stretch, 1/s."""
+
+SETTLE = 60.0
+"""Acceleration per error of the velocity, 1/s: what arrives in steps is not passed on in one."""
+
+BRAKING = 0.7
+"""Part of the acceleration that the way to rest is reckoned with; the rest is for what the target
+does meanwhile."""
+
+SHARES = ((0.3, 0.3), (0.06, 0.06), (0.3, None), (None, 0.3))
+"""How much of the change of speed towards a target, of orientation and position, is tried if the
+axes cannot follow it whole; ``None`` brakes."""
+
 
 class TargetFollower:
     """Targets of one ring, followed.
 
     Attributes:
         is_on: whether targets are followed, or their following is coming to rest.
+        hindrance: why the device's axes cannot follow the targets any nearer; empty while they can.
         tracker: on the way to the target of the moment.
     """
 
-    def __init__(self, ring: RecordRing, period: float) -> None:
-        """Follow nothing yet; cycles are *period* seconds apart."""
-        self.is_on = False
-        self._ring = ring
-        self._period = period
-        self.tracker = Tracker(period)
-        self._next = ring.head
-        self._left_out = 0
-        self._landing: Knot | None = None
-
-    def begin(
-        self, q: Quaternion, omega: Vector3, alpha: Vector3, servo_limits: ServoLimits
-    ) -> None:
-        """Begin from what was last commanded; targets of before do not count.
+    def __init__(self, ring: RecordRing, guard: Guard, driver: Driver) -> None:
+        """Follow nothing yet.
 
         Args:
-            q: orientation last commanded.
-            omega: angular velocity of the step to it, rad/s.
-            alpha: change from the step before over the period, rad/s^2.
-            servo_limits: limits.
+            ring: targets as they arrive.
+            guard: what was written.
+            driver: may look at what is coming.
         """
-        self.tracker.begin(q, omega, alpha, servo_limits)
+        self.is_on = False
+        self.hindrance = ""
+        self.tracker = Tracker(guard.period)
+        self._ring = ring
+        self._guard = guard
+        self._driver = driver
+        self._foresees = type(driver).foresee is not Driver.foresee
+        self._next = ring.head
+        self._left_out = 0
+        self._landing: Target | None = None
+
+    def begin(self, servo_limits: ServoLimits) -> None:
+        """Begin from what was last written; targets of before do not count."""
+        guard = self._guard
+        self.tracker.begin(guard.q, guard.omega, guard.alpha, servo_limits)
         self._next = self._ring.head
-        self.is_on = True
+        self.is_on, self.hindrance = True, ""
+
+    def cease(self) -> None:
+        """Forget every target, and come to rest."""
+        self.tracker.cease()
+        self.hindrance = ""
 
     def end(self) -> None:
         """Follow no more."""
-        self.is_on = False
+        self.is_on, self.hindrance = False, ""
 
-    def position(
-        self, position: Vector3, velocity: Vector3, servo_limits: ServoLimits
-    ) -> Vector3 | None:
-        """Return the next position, m; ``None`` if it is to come to rest, wherever that is.
+    def step(
+        self, now_ns: int, servo_limits: ServoLimits, *, is_stopping: bool
+    ) -> tuple[TrackPoint, Vector3]:
+        """Return what the cycle due at *now_ns* commands, and its position, m.
 
         Args:
-            position: last commanded, m.
-            velocity: of the step to it, m/s.
+            now_ns: monotonic clock.
             servo_limits: limits.
+            is_stopping: whether it comes to rest, whatever targets arrive.
         """
+        guard = self._guard
+        if not is_stopping:
+            self._take_targets(now_ns)
+        point = self.tracker.step(now_ns)
+        position = self._position(servo_limits) or guard.braked_position(servo_limits)
+        if is_stopping or not self._foresees:
+            return point, position
+        self.hindrance = self._look_ahead(point.q, position, servo_limits)
+        if not self.hindrance:
+            return point, position
+        even, wanted = plus(guard.position, guard.velocity, guard.period), position
+        braked = guard.braked_position(servo_limits)
+        for turning, moving in SHARES:
+            point, position = self.tracker.ease(turning), braked
+            if moving is not None:
+                position = combine(even, 1.0 - moving, wanted, moving)
+            if not self._look_ahead(point.q, position, servo_limits):
+                return point, position
+        return self.tracker.ease(None), braked
+
+    def _look_ahead(self, q: Quaternion, position: Vector3, servo_limits: ServoLimits) -> str:
+        """Return why the axes cannot follow a setpoint and a stop from it, or nothing."""
+        guard = self._guard
+        _, velocity = guard.rates(q, position)
+        return self._driver.foresee(
+            coming(
+                q,
+                position,
+                velocity,
+                self.tracker.stop_ahead(),
+                acceleration=servo_limits.linear_acceleration,
+                period=guard.period,
+            )
+        )
+
+    def _position(self, servo_limits: ServoLimits) -> Vector3 | None:
+        """Return the next position, m; ``None`` if it is to come to rest, wherever that is."""
         place = self.tracker.place
         if place is None:
             return None
-        (a, b, c), goal_velocity = place
-        x, y, z = position
+        guard, h = self._guard, self._guard.period
+        goal, goal_velocity = place
         if self.tracker.end is not None:
-            knot, left = self.tracker.end
-            if knot is not self._landing and knot.told_position is not None:
-                stop = stopping_distance(norm(velocity), servo_limits.linear_acceleration)
-                stop += 2.0 * self._period * norm(velocity)
-                if dist(position, knot.told_position) <= stop >= 0.5 * left * norm(velocity):
-                    self._landing = knot
-            if knot is self._landing and knot.told_position is not None:
-                (a, b, c), goal_velocity = knot.told_position, ZERO
-        h = self._period
-        u, v, w = approach(
-            (a - x, b - y, c - z),
-            velocity,
-            goal_velocity,
-            fastest=servo_limits.linear_velocity,
-            acceleration=servo_limits.linear_acceleration,
-            period=h,
+            target, left = self.tracker.end
+            if target.position is not None:
+                speed = norm(guard.velocity)
+                stop = stopping_distance(speed, servo_limits.linear_acceleration) + 2.0 * h * speed
+                if dist(guard.position, target.position) <= stop >= 0.5 * left * speed:
+                    self._landing = target
+                if self._landing is target:
+                    goal, goal_velocity = target.position, ZERO
+        velocity = approach(
+            plus(goal, guard.position, -1.0), guard.velocity, goal_velocity, servo_limits, h
         )
-        return (x + h * u, y + h * v, z + h * w)
+        return plus(guard.position, velocity, h)
 
-    def aim(self, now_ns: int) -> None:
+    def _take_targets(self, now_ns: int) -> None:
         """Take the targets that have arrived."""
         ring = self._ring
         head = ring.head
@@ -111,6 +172,47 @@ class TargetFollower:
                     continue
             self._left_out += 1
             ring.words[LEFT_OUT_WORD] = self._left_out
+
+
+def approach(
+    way: Vector3,
+    velocity: Vector3,
+    goal_velocity: Vector3,
+    servo_limits: ServoLimits,
+    period: float,
+) -> Vector3:
+    """Return the velocity of the next step towards a target, m/s.
+
+    Args:
+        way: from the position to the target's, m.
+        velocity: of the last step, m/s; inside the limits.
+        goal_velocity: the target's, m/s.
+        servo_limits: limits.
+        period: of a cycle, s.
+    """
+    left, fastest = norm(way), servo_limits.linear_velocity
+    brake = BRAKING * servo_limits.linear_acceleration
+    # Linear near the target, along the parabola of constant deceleration farther away.
+    linear = brake / (CLOSING * CLOSING)
+    speed = CLOSING * left if left < linear else sqrt(brake * (2.0 * left - linear))
+    goal = plus(goal_velocity, way, speed / left if left > 0.0 else 0.0)
+    size = norm(goal)
+    change = combine(goal, fastest / size if size > fastest else 1.0, velocity, -1.0)
+    s = min(SETTLE * period, 1.0)
+    size, most = s * norm(change), servo_limits.linear_acceleration * period
+    return plus(velocity, change, s * most / size if size > most else s)
+
+
+def stopping_distance(speed: float, acceleration: float) -> float:
+    """Return from how far away :func:`approach` brakes to a target at rest, m.
+
+    Args:
+        speed: m/s.
+        acceleration: limit, m/s^2.
+    """
+    brake = BRAKING * acceleration
+    linear = brake / (CLOSING * CLOSING)
+    return speed / CLOSING if speed < CLOSING * linear else 0.5 * (speed * speed / brake + linear)
 
 
 def _given(vector: Sequence[float]) -> Vector3 | None:

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-from math import inf, pi, sqrt
+from math import inf, pi
 from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.floats import combine, difference, exp, multiply, norm, normalize, plus
-from orientd.servo.tracking.foresight import Stop
-from orientd.servo.tracking.knot import JUMP, Knot, ReferenceState, Target
-from orientd.servo.tracking.law import advance, halt, reach
-from orientd.servo.tracking.law_bounds import Bounds, bounds_of, divided, loosened, softened, times
+from orientd.servo.double_s import stopping_angle
+from orientd.servo.motion_law import (
+    TrackingLimits,
+    advance,
+    divided,
+    halt,
+    limits_of,
+    loosened,
+    saturated,
+    softened,
+    times,
+)
 from orientd.servo.tracking.reference import Reference
-from orientd.servo.tracking.restraint import Restraint
-from orientd.servo.tracking.steering import steer, stopping_angle
+from orientd.servo.tracking.steering import AccelerationCap, position_command
+from orientd.servo.tracking.stop_ahead import AxisStop
+from orientd.servo.tracking.targets import JUMP, FilteredTarget, ReferenceState, Target
 from orientd.stream import ServoLimits
 
 _SEAM = 0.2
@@ -63,7 +72,7 @@ class Tracker:
         self._period = period
         self._period_ns = round(period * 1e9)
         self._reference = Reference(period)
-        self._restraint = Restraint(period)
+        self._cap = AccelerationCap(period)
         self.begin(IDENTITY, ZERO, ZERO, ServoLimits(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0))
 
     def begin(
@@ -81,26 +90,24 @@ class Tracker:
             alpha_body: change from the step before over the period, rad/s^2.
             servo_limits: what to keep.  What moves faster than that is slowed down first.
         """
-        self._limits, self._units = bounds_of(servo_limits, self._period)
+        self._limits, self._units = limits_of(servo_limits, self._period)
         # The law's state is in its own units.
         self._q = q
-        self._omega, self._alpha = (
-            divided(omega_body, self._units),
-            divided(alpha_body, self._units),
-        )
+        self._omega = divided(omega_body, self._units)
+        self._alpha = divided(alpha_body, self._units)
         self._reference.clear()
-        self._restraint.release()
+        self._cap.release()
         self._before, self._wish = (self._q, self._omega, self._alpha), self._alpha
         self._way = ZERO
         self._forget()
         self.is_at_rest = omega_body == ZERO == alpha_body
         self._soften(0.0)
-        self._bounds = loosened(self._limits, self._omega, self._alpha)
+        self._loose = loosened(self._limits, self._omega, self._alpha)
 
     def rest(self, q: Quaternion) -> None:
         """Go on from rest at *q*, with the target of before."""
         self._q, self._omega, self._alpha = q, ZERO, ZERO
-        self._bounds = self._limits
+        self._loose = self._limits
 
     def take(self, target: Target, now_ns: int) -> str:
         """Take a target that arrived; return an empty string, or why it was refused."""
@@ -113,15 +120,15 @@ class Tracker:
 
     def _forget(self) -> None:
         self.place: tuple[Vector3, Vector3] | None = None
-        self.end: tuple[Knot, float] | None = None
-        self._last: Knot | None = None
-        self._home: Knot | None = None
+        self.end: tuple[Target, float] | None = None
+        self._last: FilteredTarget | None = None
+        self._home: Target | None = None
         self._has_met = False
 
     def step(self, now_ns: int) -> TrackPoint:
         """Return the setpoint of the cycle that is due at *now_ns*."""
-        if self._bounds is not self._limits:
-            self._bounds = loosened(self._limits, self._omega, self._alpha)
+        if self._loose is not self._limits:
+            self._loose = loosened(self._limits, self._omega, self._alpha)
         # State and target of the same instant, that of the last setpoint.
         found = self._found(now_ns - self._period_ns)
         if found is None:
@@ -130,10 +137,10 @@ class Tracker:
                 self.is_at_rest = not self._reference.awaits
                 self._before, self._wish = (self._q, ZERO, ZERO), ZERO
                 return TrackPoint(self._q, ZERO, ZERO)
-            omega, self._wish = halt(self._omega, self._alpha, self._bounds)
+            omega, self._wish = halt(self._omega, self._alpha, self._loose)
             return self._move(omega, self._wish)
         self.is_at_rest = False
-        alpha = advance(self._omega, self._alpha, self._wanted(found), self._bounds)
+        alpha = advance(self._omega, self._alpha, self._wanted(found), self._loose)
         self._wish = alpha
         return self._move(plus(self._omega, alpha, self._period), alpha)
 
@@ -141,33 +148,37 @@ class Tracker:
         """Take the last step back; go a *share* of the way from an even step to it, or brake."""
         self._q, self._omega, self._alpha = self._before
         if share is None:
-            return self._move(*halt(self._omega, self._alpha, self._bounds))
-        even = reach(self._alpha, ZERO, self._bounds)
+            return self._move(*halt(self._omega, self._alpha, self._loose))
+        even = saturated(self._alpha, ZERO, self._loose)
         alpha = combine(even, 1.0 - share, self._wish, share)
         return self._move(plus(self._omega, alpha, self._period), alpha)
 
-    def stop_ahead(self) -> tuple[Quaternion, Stop | None]:
+    def stop_ahead(self) -> tuple[Quaternion, AxisStop | None]:
         """Return where the first cycle of a stop leads, and the rest of it from there, if any."""
         limits, h = self._limits, self._period
-        omega, alpha = halt(self._omega, self._alpha, self._bounds)
-        x, y, z = times(omega, self._units)
-        q = multiply(self._q, exp((h * x, h * y, h * z)))
+        omega, alpha = halt(self._omega, self._alpha, self._loose)
+        q = multiply(self._q, exp(plus(ZERO, times(omega, self._units), h)))
         # About where it would turn once the acceleration has run out.
         ahead = plus(omega, alpha, 0.5 * (norm(alpha) / limits.jerk + h))
         size = norm(ahead)
         if size < _ARRIVED:
             return q, None
         axis = plus(ZERO, ahead, 1.0 / size)
-        speed, rate = (sum(a * b for a, b in zip(v, axis, strict=True)) for v in (omega, alpha))
-        return q, Stop(times(axis, self._units), speed + 0.5 * h * rate, rate, limits)
+        speed, rate = _dot(omega, axis), _dot(alpha, axis)
+        return q, AxisStop(
+            times(axis, self._units),
+            speed + 0.5 * h * rate,
+            rate,
+            limits.acceleration,
+            limits.jerk,
+        )
 
     def _move(self, omega: Vector3, alpha: Vector3) -> TrackPoint:
         """Turn for a period; all in the law's units."""
         self._before = self._q, self._omega, self._alpha
         self._omega, self._alpha = omega, alpha
-        h, omega = self._period, times(omega, self._units)
-        x, y, z = omega
-        self._q = normalize(multiply(self._q, exp((x * h, y * h, z * h))))
+        omega = times(omega, self._units)
+        self._q = normalize(multiply(self._q, exp(plus(ZERO, omega, self._period))))
         return TrackPoint(self._q, omega, times(alpha, self._units))
 
     def _found(self, now_ns: int) -> ReferenceState | None:
@@ -186,16 +197,16 @@ class Tracker:
             self._note(last, found)
         return found
 
-    def _note(self, last: Knot, found: ReferenceState) -> None:
+    def _note(self, last: FilteredTarget, found: ReferenceState) -> None:
         """Note whether the device has met what it follows, and where it is to end."""
         if last is not self._last:
             self._last = last
-            if last.begins and norm(difference(self._q, last.told)) > JUMP:
+            if last.begins and norm(difference(self._q, last.target.q)) > JUMP:
                 self._has_met = False
         if not self._has_met:
             self._has_met = norm(difference(self._q, found.q)) < _MET
         is_order = last.estimate is not None or last.omega == ZERO
-        self._home = last if self._has_met and is_order else None
+        self._home = last.target if self._has_met and is_order else None
 
     def _expired(self) -> ReferenceState | None:
         """Return the target that has expired as long as there is a way left to it."""
@@ -203,51 +214,46 @@ class Tracker:
         self.place = None
         if home is None:
             return None
-        if home.told_position is not None:
-            self.place = (home.told_position, ZERO)
-        if norm(self._omega) < _ARRIVED and norm(difference(self._q, home.told)) < _ARRIVED:
+        if home.position is not None:
+            self.place = (home.position, ZERO)
+        if norm(self._omega) < _ARRIVED and norm(difference(self._q, home.q)) < _ARRIVED:
             return None
-        return ReferenceState(home.told, ZERO, ZERO)
+        return ReferenceState(home.q, ZERO, ZERO)
 
-    def _must_brake(self, end: Knot, left: float) -> bool:
+    def _must_brake(self, end: Target, left: float) -> bool:
         """Whether a stop that begins later would pass the last target, *left* s before its time."""
         speed = norm(self._omega)
         if speed < _ARRIVED:
             return False
-        way = divided(difference(self._q, end.told), self._units)
-        along, rate = (
-            sum(a * b for a, b in zip(v, self._omega, strict=True)) / speed
-            for v in (way, self._alpha)
-        )
+        way = divided(difference(self._q, end.q), self._units)
+        along, rate = _dot(way, self._omega) / speed, _dot(self._alpha, self._omega) / speed
         # What is sent next turns on for two cycles more.
-        stop = stopping_angle(speed, rate, self._limits) + 2.0 * self._period * speed
+        stop = stopping_angle(speed, rate, self._limits.acceleration, self._limits.jerk)
+        stop += 2.0 * self._period * speed
         return speed * left <= 2.0 * stop and along <= stop
 
     def _wanted(self, found: ReferenceState) -> Vector3:
         """Return the acceleration to aim at, to follow the target, in the law's units."""
-        q, omega, alpha, (i, j, k) = found
-        units, restraint = self._units, self._restraint
+        units, cap = self._units, self._cap
         # The velocity of a step is that of its middle.
-        half, (u, v, w), (x, y, z) = 0.5 * self._period, omega, alpha
-        middle = divided((u - half * x, v - half * y, w - half * z), units)
-        turn, alpha = divided(self._turn(q), units), divided(alpha, units)
-        if omega == ZERO:
-            restraint.release()
-            return steer(turn, self._omega, self._alpha, middle, alpha, self._limits)[0]
-        limits = self._softened()
-        (a, b, c), (d, e, f) = self._omega, middle
-        needed = inf
+        middle = divided(plus(found.omega, found.alpha, -0.5 * self._period), units)
+        turn, alpha = divided(self._turn(found.q), units), divided(found.alpha, units)
+        if found.omega == ZERO:
+            cap.release()
+            return position_command(turn, self._omega, self._alpha, middle, alpha, self._limits)[0]
+        limits, needed = self._softened(), inf
         if self._reference.is_disturbed:
-            needed = limits.settle * max(limits.approach * norm(turn), norm((a - d, b - e, c - f)))
-        room = restraint.room(alpha, needed, limits.acceleration)
-        x, y, z = alpha
-        i, j, k = divided((i, j, k), units)
-        alpha = (x + i, y + j, z + k)
-        wanted, is_linear = steer(turn, self._omega, self._alpha, middle, alpha, limits, room)
-        return restraint.held(wanted, is_linear=is_linear)
+            relative = norm(plus(self._omega, middle, -1.0))
+            needed = limits.settle * max(limits.approach * norm(turn), relative)
+        margin = cap.margin(alpha, needed, limits.acceleration)
+        alpha = plus(alpha, divided(found.lead, units), 1.0)
+        wanted, is_linear = position_command(
+            turn, self._omega, self._alpha, middle, alpha, limits, margin
+        )
+        return cap.capped(wanted, is_linear=is_linear)
 
-    def _softened(self) -> Bounds:
-        """Return the bounds for a target that moves, as late as it is heard of."""
+    def _softened(self) -> TrackingLimits:
+        """Return the limits and gains for a target that moves, as late as it is heard of."""
         delay = self._reference.delay
         if abs(delay - self._soft_for) > _DELAY_STEP:
             self._soften(delay)
@@ -258,12 +264,13 @@ class Tracker:
 
     def _turn(self, q: Quaternion) -> Vector3:
         """Return the way to *q*: the shorter one, unless the longer one is as good and begun."""
-        x, y, z = turn = difference(self._q, q)
-        angle = sqrt(x * x + y * y + z * z)
-        if angle > pi - _SEAM:
-            u, v, w = self._way
-            if x * u + y * v + z * w < 0.0:
-                s = 1.0 - 2.0 * pi / angle
-                turn = (s * x, s * y, s * z)
+        turn = difference(self._q, q)
+        angle = norm(turn)
+        if angle > pi - _SEAM and _dot(turn, self._way) < 0.0:
+            turn = plus(ZERO, turn, 1.0 - 2.0 * pi / angle)
         self._way = turn
         return turn
+
+
+def _dot(a: Vector3, b: Vector3) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -105,8 +105,8 @@ class ArmRig:
         self.clock.advance(PERIOD_NS)
         self.memory.beat(self.clock.now_ns())
         self.servo.cycle(self.clock.now_ns(), 0)
-        if self.servo.setpoints.hindrance:
-            self.hindrances.add(self.servo.setpoints.hindrance)
+        if self.servo.setpoints.pursuit.hindrance:
+            self.hindrances.add(self.servo.setpoints.pursuit.hindrance)
 
     def notices(self):
         """Return what the servo has said of the device."""

@@ -73,7 +73,7 @@ def test_a_tool_that_is_held_goes_on_when_the_target_comes_back():
     q, position = bent(rig, 0.3)
     rig.follow(lambda _: q, seconds=3.0, position=lambda _: position)
     assert norm(difference(rig.setpoints[-1].q, q)) < 1e-4
-    assert not rig.servo.setpoints.hindrance
+    assert not rig.servo.setpoints.pursuit.hindrance
     rig.check()
 
 

@@ -3,8 +3,8 @@
 from orientd.driver import ZERO
 from orientd.floats import difference, exp, multiply, norm, normalize
 from orientd.servo.guard import Guard
-from orientd.servo.tracking import Target, Tracker, halt, loosened
-from orientd.servo.tracking.law_bounds import bounds_of, divided, times
+from orientd.servo.motion_law import divided, halt, limits_of, loosened, times
+from orientd.servo.tracking import Target, Tracker
 from orientd.stream import ServoLimits
 
 NS = 1_000_000_000
@@ -17,7 +17,7 @@ def servo_limits(velocity, acceleration, jerk):
 
 def quickest_stop(q, omega, alpha, limits, period):
     """Yield setpoints that come to rest as soon as the limits allow, wherever that is."""
-    keep, units = bounds_of(limits, period)
+    keep, units = limits_of(limits, period)
     omega, alpha = divided(omega, units), divided(alpha, units)
     while omega != ZERO or alpha != ZERO:
         omega, alpha = halt(omega, alpha, loosened(keep, omega, alpha))

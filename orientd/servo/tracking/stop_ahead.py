@@ -1,57 +1,55 @@
-"""What comes after a setpoint if the device comes to rest from there, for a driver to look at.
+"""The poses from a setpoint to rest, for a driver to look at.
 
-A setpoint of targets that are followed is sent only if a stop from it is one that the device's axes
-can follow.  Where it is not, the stop that was looked at a cycle before is what comes next, so
-there is always a way to rest inside the limits of the axes.
+The servo sends a setpoint of targets that it follows only if the device's axes can follow a stop
+from it.  If they cannot, the stop that was looked at a cycle before comes next, so there is always
+a way to rest inside the limits of the axes.
 """
 
 from __future__ import annotations
 
-from math import ceil, sqrt
+from math import ceil
 
 from orientd.driver import ZERO, ComingPose, Quaternion, Vector3
 from orientd.floats import exp, multiply, norm, plus
-from orientd.servo.tracking.law_bounds import Bounds
+from orientd.servo.double_s import stop_phases
 
 MOST = 12
 """At how many instants of a stop the axes are looked at, at most: in every cycle of a short one."""
 
-Piece = tuple[float, float]
-"""How long, s, and with which jerk, rad/s^3."""
 
+class AxisStop:
+    """A stop about one axis: its acceleration falls to a peak, stays there, and rises to zero.
 
-class Stop:
-    """A stop about one axis: its acceleration falls to a peak, stays there, and rises to zero."""
+    Attributes:
+        seconds: how long it takes.
+    """
 
-    def __init__(self, axis: Vector3, speed: float, rate: float, limits: Bounds) -> None:
-        """Begin at a *speed* about *axis*, rad/s, that changes at *rate*, rad/s^2."""
+    def __init__(
+        self, axis: Vector3, speed: float, rate: float, acceleration: float, jerk: float
+    ) -> None:
+        """Begin at a *speed* about *axis* that changes at *rate*; rad/s and rad/s^2."""
         self._axis, self._speed, self._rate = axis, speed, rate
-        a, j = limits.acceleration, limits.jerk
-        square = j * speed + 0.5 * rate * rate
-        peak = min(sqrt(max(square, 0.0)), a)
-        hold = max((square - peak * peak) / (peak * j), 0.0) if peak > 0.0 else 0.0
-        fall = max((rate + peak) / j, 0.0)
-        self._pieces: tuple[Piece, ...] = ((fall, -j), (hold, 0.0), (peak / j, j))
-        self.seconds = fall + hold + peak / j
+        phases = stop_phases(speed, rate, acceleration, jerk)
+        self._phases = tuple(zip(phases, (-jerk, 0.0, jerk), strict=True))
+        self.seconds = sum(phases)
 
     def turn(self, since: float) -> Vector3:
         """Return the rotation vector turned *since* the begin, s."""
         angle, speed, rate = 0.0, self._speed, self._rate
-        for seconds, jerk in self._pieces:
+        for seconds, jerk in self._phases:
             t = min(since, seconds)
             angle += t * (speed + t * (0.5 * rate + t * jerk / 6.0))
             speed += t * (rate + 0.5 * t * jerk)
             rate += t * jerk
             since -= t
-        x, y, z = self._axis
-        return (angle * x, angle * y, angle * z)
+        return plus(ZERO, self._axis, angle)
 
 
 def coming(
     q: Quaternion,
     position: Vector3,
     velocity: Vector3,
-    stop: tuple[Quaternion, Stop | None],
+    stop: tuple[Quaternion, AxisStop | None],
     *,
     acceleration: float,
     period: float,

@@ -1,0 +1,289 @@
+"""Targets as they are filtered, and the motion between and beyond them.
+
+A target that comes with its velocity is averaged with what the one before it predicts.  One without
+velocity takes it from those before: a Kalman filter of place, velocity and acceleration, driven by
+white jerk, for orientations and for positions.  The three axes share one covariance, as all of them
+are measured alike.  Samples may come at any spacing, so that lost ones need nothing special, and a
+target of constant rate is met exactly from the second sample on.
+
+The filter learns how noisy the samples are.  Surprises that follow one another in the same
+direction say that the target moves otherwise than was expected, surprises to and fro that it was
+followed too closely; they have no direction if the filter is right (Mehra 1970).  The noisier, the
+longer it averages.
+
+A target farther from what was expected than the filter can explain begins a motion of its own, at
+rest.  So does one with velocity that is farther than :data:`JUMP` from its prediction, and so does
+one that stands still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import exp as exp_of
+from math import sqrt
+from typing import Generic, NamedTuple, TypeVar
+
+from orientd.driver import ZERO, Quaternion, Vector3
+from orientd.floats import combine, difference, exp, multiply, norm, normalize, plus
+
+JUMP = 0.1
+"""From which surprise on a target is a new order rather than a correction, rad."""
+
+TRUST = 0.05
+"""For so long velocities are believed more than orientations, s: this averages the noise."""
+
+BENT = 0.05
+"""For so long the last acceleration is believed beyond the newest target, s."""
+
+STILL = 1e-4
+"""What is estimated to turn more slowly stands still, rad/s."""
+
+JERK = 1.0
+"""Power spectral density of the targets' jerk, (rad/s^3)^2/Hz, or (m/s^3)^2/Hz: with the least
+noise the filter follows what is slower than some 40 rad/s."""
+
+LEAST_NOISE = 1e-4
+"""Standard deviation of a sample about each axis that is believed at least, rad or m."""
+
+MOST_NOISE = 0.03
+"""The most that is believed, rad or m: that of 50 ms of jitter where nobody stamps, at 2 rad/s."""
+
+FIRST_NOISE = 3e-4
+"""What is believed before there was any surprise, rad or m."""
+
+LEARNING = 0.3
+"""By how much the logarithm of the variance changes with one surprise."""
+
+NO_SURPRISE = 1e-6
+"""Length of a surprise that tells of nothing, rad or m."""
+
+GATE = 5.0
+"""From how many standard deviations on a surprise is a new order rather than noise or motion."""
+
+AGILITY = 20.0
+"""Acceleration that is believed of a target between two samples, rad/s^2 or m/s^2."""
+
+LONGEST = 0.25
+"""Samples farther apart than that tell of no velocity, s."""
+
+ANY_VELOCITY = 2.0
+"""Standard deviation of the velocity of what nothing is known of, rad/s or m/s."""
+
+ANY_ACCELERATION = 10.0
+"""The same of its acceleration, rad/s^2 or m/s^2."""
+
+Place = TypeVar("Place", Quaternion, Vector3)
+
+
+class Space(NamedTuple, Generic[Place]):
+    """Where samples lie.
+
+    Attributes:
+        moved: returns a place moved by a vector, in its own frame.
+        way: returns the vector from a place to another.
+    """
+
+    moved: Callable[[Place, Vector3], Place]
+    way: Callable[[Place, Place], Vector3]
+
+
+class Estimate(NamedTuple, Generic[Place]):
+    """What is believed of the target at the time of a sample.
+
+    Attributes:
+        place: orientation ``(w, x, y, z)``, or position, m.
+        velocity: in the orientation's own frame, rad/s, or m/s.
+        acceleration: rad/s^2, or m/s^2.
+        covariance: of place, velocity and acceleration along any axis: the upper triangle by rows.
+        noise: variance of a sample.
+        surprise: how far the sample was from what was expected.
+        begins: whether the sample was not expected at all: a motion begins there, at rest.
+    """
+
+    place: Place
+    velocity: Vector3
+    acceleration: Vector3
+    covariance: tuple[float, float, float, float, float, float]
+    noise: float
+    surprise: Vector3
+    begins: bool
+
+
+def _turned(q: Quaternion, step: Vector3) -> Quaternion:
+    return normalize(multiply(q, exp(step)))
+
+
+ORIENTATIONS = Space[Quaternion](_turned, difference)
+POSITIONS = Space[Vector3](lambda p, step: plus(p, step, 1.0), lambda p, q: plus(q, p, -1.0))
+
+
+def begun(place: Place, noise: float = FIRST_NOISE * FIRST_NOISE) -> Estimate[Place]:
+    """Return what is believed of a target of which there is one sample, *place*."""
+    v, a = ANY_VELOCITY * ANY_VELOCITY, ANY_ACCELERATION * ANY_ACCELERATION
+    return Estimate(place, ZERO, ZERO, (noise, 0.0, 0.0, v, 0.0, a), noise, ZERO, True)
+
+
+def updated(
+    before: Estimate[Place], told: Place, seconds: float, space: Space[Place]
+) -> Estimate[Place]:
+    """Return what is believed once *told* has come, *seconds* after the sample before."""
+    if seconds > LONGEST:
+        return begun(told, before.noise)
+    t = seconds
+    half = 0.5 * t * t
+    velocity, acceleration = before.velocity, before.acceleration
+    expected = space.moved(before.place, combine(velocity, t, acceleration, half))
+    # F P F^T + Q for F = [[1, t, t^2/2], [0, 1, t], [0, 0, 1]]; Bar-Shalom, Li and Kirubarajan,
+    # Estimation with Applications to Tracking and Navigation (2001), 6.2.3.
+    p, pv, pa, v, va, w = before.covariance
+    s = JERK * t
+    p += t * (2.0 * pv + t * (pa + v + t * (va + 0.25 * t * w))) + s * t**4 / 20.0
+    pv += t * (pa + v + t * (1.5 * va + 0.5 * t * w)) + s * t**3 / 8.0
+    pa += t * (va + 0.5 * t * w) + s * t * t / 6.0
+    v += t * (2.0 * va + t * w) + s * t * t / 3.0
+    va += t * w + 0.5 * s * t
+    w += s
+    surprise = space.way(expected, told)
+    total = p + before.noise
+    size = norm(surprise)
+    if size > GATE * sqrt(3.0 * total) + AGILITY * half:
+        return begun(told, before.noise)
+    agreement = sum(x * y for x, y in zip(surprise, before.surprise, strict=True))
+    cosine = agreement / (size * norm(before.surprise) + NO_SURPRISE * NO_SURPRISE)
+    noise = before.noise * exp_of(-LEARNING * cosine)
+    noise = min(max(noise, LEAST_NOISE * LEAST_NOISE), MOST_NOISE * MOST_NOISE)
+    # The gains: how much of the surprise each of the three takes.
+    g, h, k = p / total, pv / total, pa / total
+    return Estimate(
+        space.moved(expected, plus(ZERO, surprise, g)),
+        plus(plus(velocity, acceleration, t), surprise, h),
+        plus(acceleration, surprise, k),
+        (p - g * p, pv - g * pv, pa - g * pa, v - h * pv, va - h * pa, w - k * pa),
+        noise,
+        surprise,
+        False,
+    )
+
+
+class Target(NamedTuple):
+    """Where the device should be at an instant, and how it should turn there.
+
+    Attributes:
+        q: orientation ``(w, x, y, z)``; its sign does not matter.
+        omega_body: angular velocity in the target's own frame, rad/s; zero to be at rest there,
+            ``None`` if only those before it tell.
+        time_ns: when it is valid, monotonic clock.
+        expires_ns: from when on it says nothing any more.
+        position: where it is, m; ``None`` for a position at rest wherever that is.
+    """
+
+    q: Quaternion
+    omega_body: Vector3 | None
+    time_ns: int
+    expires_ns: int
+    position: Vector3 | None = None
+
+
+class FilteredTarget(NamedTuple):
+    """A target and what the filter makes of it.
+
+    Attributes:
+        target: as it came, its quaternion normalised.
+        q: orientation ``(w, x, y, z)``.
+        omega: angular velocity in its own frame, rad/s.
+        alpha: angular acceleration up to there, rad/s^2.
+        begins: whether it begins something, and is not joined to those before.
+        estimate: what is known of orientation and velocity if it came without one.
+        position: what is known of that, if it came with one.
+    """
+
+    target: Target
+    q: Quaternion
+    omega: Vector3
+    alpha: Vector3
+    begins: bool
+    estimate: Estimate[Quaternion] | None
+    position: Estimate[Vector3] | None
+
+
+class ReferenceState(NamedTuple):
+    """The reference at an instant.
+
+    Attributes:
+        q: orientation ``(w, x, y, z)``.
+        omega: angular velocity in the reference's own frame, rad/s.
+        alpha: angular acceleration, rad/s^2.
+        lead: how much more that is by now, as it has changed lately, rad/s^2: fed forward.
+    """
+
+    q: Quaternion
+    omega: Vector3
+    alpha: Vector3
+    lead: Vector3 = ZERO
+
+
+def filtered(before: FilteredTarget | None, target: Target) -> FilteredTarget:
+    """Return a target as it is believed after the one *before* it.
+
+    Args:
+        before: the last target, filtered; ``None`` for the first.
+        target: normalised.
+    """
+    seconds = 0.0 if before is None else (target.time_ns - before.target.time_ns) * 1e-9
+    position: Estimate[Vector3] | None = None
+    if target.position is not None:
+        if before is None or before.position is None:
+            position = begun(target.position)
+        else:
+            position = updated(before.position, target.position, seconds, POSITIONS)
+    if target.omega_body is None:
+        if before is None or before.estimate is None:
+            found = begun(target.q)
+        else:
+            found = updated(before.estimate, target.q, seconds, ORIENTATIONS)
+        omega = found.velocity if norm(found.velocity) > STILL else ZERO
+        begins = before is None or ZERO in (omega, before.omega) or found.begins
+        alpha = ZERO if begins else found.acceleration
+        return FilteredTarget(target, found.place, omega, alpha, begins, found, position)
+    omega = target.omega_body
+    if before is not None and omega != ZERO != before.omega:
+        there = multiply(before.q, exp(combine(before.omega, 0.5 * seconds, omega, 0.5 * seconds)))
+        surprise = difference(there, target.q)
+        if norm(surprise) <= JUMP:
+            alpha = combine(omega, 1.0 / seconds, before.omega, -1.0 / seconds)
+            share = seconds / (seconds + TRUST)
+            q = normalize(multiply(there, exp(plus(ZERO, surprise, share))))
+            return FilteredTarget(target, q, omega, alpha, False, None, position)
+    return FilteredTarget(target, target.q, omega, ZERO, True, None, position)
+
+
+def continued(here: FilteredTarget, since: float) -> ReferenceState:
+    """Return the motion *since* the last target, s."""
+    bent = min(since, BENT)
+    turn = combine(here.omega, since, here.alpha, bent * (since - 0.5 * bent))
+    return ReferenceState(
+        multiply(here.q, exp(turn)),
+        plus(here.omega, here.alpha, bent),
+        here.alpha if bent < BENT else ZERO,
+    )
+
+
+def joined(here: FilteredTarget, there: FilteredTarget, since: float) -> ReferenceState:
+    """Return the motion between two targets, *since* the first, s."""
+    span = (there.target.time_ns - here.target.time_ns) * 1e-9
+    u, omega = since / span, here.omega
+    alpha = combine(there.omega, 1.0 / span, omega, -1.0 / span)
+    # Velocity runs straight from one to the other; what the orientations say beyond, along a ramp.
+    end = multiply(here.q, exp(combine(omega, span, alpha, 0.5 * span * span)))
+    gap = difference(end, there.q)
+    q = multiply(here.q, exp(combine(omega, since, alpha, 0.5 * since * since)))
+    q = multiply(q, exp(plus(ZERO, gap, u * u * (3.0 - 2.0 * u))))
+    omega = plus(plus(omega, alpha, since), gap, 6.0 * u * (1.0 - u) / span)
+    return ReferenceState(q, omega, alpha)
+
+
+def place_of(found: Estimate[Vector3], since: float) -> tuple[Vector3, Vector3]:
+    """Return position and velocity *since* a target, m and m/s."""
+    bent = min(since, BENT)
+    way = combine(found.velocity, since, found.acceleration, bent * (since - 0.5 * bent))
+    return plus(found.place, way, 1.0), plus(found.velocity, found.acceleration, bent)
