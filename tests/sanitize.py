@@ -1,7 +1,7 @@
 """Build the kernels with the address and undefined-behaviour sanitizers, and try them hard.
 
 ``make sanitize`` copies the sources to build/sanitized, builds them there, and runs the fuzzer and
-the tests of curves, planner and kernels against that build.  Where the compiler has no sanitizers it
+the tests of curves, planner and kernels against that build.  Without sanitizers in the compiler it
 says so and does nothing.
 """
 

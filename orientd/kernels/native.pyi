@@ -54,21 +54,14 @@ def try_joins(
     first: Floats, last: Floats, durations: Floats, around: Floats, limits: Floats, w: Floats,
     kept: Indices, /,
 ) -> None: ...  # fmt: skip
-def ramps_of_stop(
-    state: Floats, limits: Floats, period: float, ends: Floats, w: Floats, durations: Floats, /
-) -> int: ...
-def find_connector(
-    start: Floats, end: Floats, limits: Floats, period: float, least: float, most_turn: float,
-    q: Floats, w: Floats, times: Floats, /,
-) -> bool: ...  # fmt: skip
-def guess_connector(
-    start: Floats, end: Floats, limits: Floats, period: float, least: float, rates: float,
-    duration: float, q: Floats, w: Floats, times: Floats, /,
-) -> None: ...  # fmt: skip
-def shorten_connector(
-    start: Floats, end: Floats, limits: Floats, period: float, least: float, most_turn: float,
-    longest: float, ease: float, q: Floats, w: Floats, times: Floats, joins: Floats,
-    increments: Floats, breaks: Floats, /,
+def connect(
+    start: Floats, end: Floats, limits: Floats, own: Floats, period: float, least: float,
+    longest: float, most_turn: float, ease: float, as_found: bool, falls_first: bool, q: Floats,
+    w: Floats, breaks: Floats, /,
+) -> int: ...  # fmt: skip
+def leave(
+    state: Floats, limits: Floats, period: float, longest: float, may_ramp: bool, q: Floats,
+    w: Floats, breaks: Floats, /,
 ) -> int: ...  # fmt: skip
 def sample_product(
     times: Floats, breaks: Floats, base: Floats, axes: Floats, lengths: Floats,

@@ -1,9 +1,9 @@
 """Call every kernel with tables that no caller of ours makes, and see that it comes back.
 
-``python fuzz.py CASES SEED [KERNEL ...]`` records the calls of some plans and curves, then repeats each with its
-numbers and shapes spoilt.  Whatever a kernel answers is right, as long as it answers: within
-LONGEST seconds, without reading or writing where it has nothing to do, which the sanitizers of
-``make sanitize`` watch.  The call at hand is in the file that ``ORIENTD_FUZZ_LOG`` names.
+``python fuzz.py CASES SEED [KERNEL ...]`` records the calls of some plans and curves, then repeats
+each with its numbers and shapes spoilt.  Any answer is right, as long as the kernel answers: within
+LONGEST seconds, without reading or writing outside its arrays, which the sanitizers of
+``make sanitize`` watch.  The file that ``ORIENTD_FUZZ_LOG`` names holds the call at hand.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def work() -> None:
     make_calls()
 
 
-def spoilt(value: Any, chance: random.Random) -> Any:  # noqa: ANN401
+def spoilt(value: Any, chance: random.Random) -> Any:
     """Return an argument with something wrong with it, or as it is."""
     if isinstance(value, np.ndarray):
         return spoilt_array(value, chance)
