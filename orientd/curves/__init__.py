@@ -57,7 +57,6 @@ __getattr__ = lazily(
             "Indices",
             "cumulative_basis",
         ),
-        "orientd.curves.construct.continuation": ("corrections_at_most",),
         "orientd.curves.construct.cumulative": ("CumulativeCurve",),
         "orientd.curves.construct.knots": ("resolve_knots",),
         "orientd.curves.contract": (
