@@ -36,6 +36,13 @@ def solve_banded(band: Floats, lower: int, upper: int, right: Floats, /) -> bool
 
 # trajectory.h
 def fit_trajectory(orientations: Floats, pieces: Floats, quality: Floats, /) -> None: ...
+def join_trajectory(
+    q: Floats, w: Floats, breaks: Floats, ends: Floats, pieces: Floats, /
+) -> int: ...
+def retime_trajectory(
+    breaks: Floats, pieces: Floats, times: Floats, places: Floats, values: Floats, slopes: Floats,
+    leaves: Floats, ends: Floats, out: Floats, /,
+) -> int: ...  # fmt: skip
 def sample_trajectory(
     times: Floats, breaks: Floats, pieces: Floats, slack: float, out: Floats, /
 ) -> int: ...
@@ -46,10 +53,6 @@ def sample_cubic(
 ) -> int: ...
 
 # connectors.h
-def put_joins(
-    q: Floats, w: Floats, breaks: Floats, base: Floats, axes: Floats, lengths: Floats,
-    values: Floats, rates: Floats, curvatures: Floats, at_ends: Floats, /,
-) -> None: ...  # fmt: skip
 def try_joins(
     first: Floats, last: Floats, durations: Floats, around: Floats, limits: Floats, w: Floats,
     kept: Indices, /,
@@ -120,87 +123,8 @@ def setpoint_extremes(
     places: Indices,
     /,
 ) -> tuple[float, int]: ...
-def sample_path(path: Floats, times: Floats, out: Floats, /) -> None: ...
-def farthest_from_path(path: Floats, times: Floats, keys: Floats, /) -> float: ...
-def path_extremes(
-    path: Floats,
-    records: int,
-    period: float,
-    before: Floats,
-    with_axes: bool,
-    rough: Floats,
-    most: Floats,
-    nodes: Floats,
-    worst: Floats,
-    most_change: float,
-    fastest: float,
-    margin: float,
-    squares: Floats,
-    places: Indices,
-    /,
-) -> tuple[float, int]: ...
-def put_instants(
-    breaks: Floats, duration: float, pieces: int, shares: Floats, instants: Floats, /
-) -> int: ...
-def put_factors(
-    instants: Floats,
-    omega: Floats,
-    alpha: Floats,
-    period: float,
-    limits: Floats,
-    step: float,
-    factors: Floats,
-    /,
-) -> None: ...
-def put_spots(
-    instants: Floats, factors: Floats, hot: float, ends: Floats, spots: Floats, /
-) -> int: ...
-def look_at(
-    ranges: Indices,
-    curve: Floats,
-    rate: float,
-    duration: float,
-    period: float,
-    is_held_before: bool,
-    is_held_after: bool,
-    limits: Floats,
-    tolerance: float,
-    bends: float,
-    twists: float,
-    is_smooth: bool,
-    /,
-) -> float: ...
 
 # clock.h, knot_times.h, profile.h
-def choose_knots(
-    keys: Floats,
-    lengths: Floats,
-    limits: Floats,
-    total: float,
-    pieces: int,
-    descents: int,
-    times: Floats,
-    coefficients: Floats,
-    shares: Floats,
-    /,
-) -> bool: ...
-def find_profile(
-    widths: Floats,
-    first: Floats,
-    second: Floats,
-    move_first: Floats,
-    move_second: Floats,
-    limits: Floats,
-    move_limits: Floats,
-    aims: Floats,
-    has_start: bool,
-    has_end: bool,
-    begin: float,
-    gap: float,
-    coefficients: Floats,
-    shares: Floats,
-    /,
-) -> bool: ...
 def leave_rest(places: Floats, leaves: Floats, total: float, out: Floats, /) -> None: ...
 def put_node_times(places: Floats, values: Floats, slopes: Floats, times: Floats, /) -> None: ...
 def sample_clock(
@@ -213,3 +137,53 @@ def sample_clock(
     out: Floats,
     /,
 ) -> None: ...
+def choose_knots(
+    keys: Floats,
+    lengths: Floats,
+    limits: Floats,
+    total: float,
+    descents: int,
+    times: Floats,
+    profile: Floats,
+    /,
+) -> bool: ...
+def time_even(
+    breaks: Floats,
+    pieces: Floats,
+    knots: Floats,
+    move_breaks: Floats,
+    moves: Floats,
+    limits: Floats,
+    move_limits: Floats,
+    period: float,
+    is_held_before: bool,
+    is_held_after: bool,
+    tolerance: float,
+    more_acceleration: float,
+    more_jerk: float,
+    step: float,
+    has_one_shape: bool,
+    is_everywhere: bool,
+    first: int,
+    least: int,
+    most: int,
+    /,
+) -> tuple[int, float, float]: ...
+def time_quickest(
+    breaks: Floats,
+    pieces: Floats,
+    knots: Floats,
+    edges: Floats,
+    is_at_rest: bool,
+    move_breaks: Floats,
+    moves: Floats,
+    limits: Floats,
+    move_limits: Floats,
+    room: float,
+    period: float,
+    total: float,
+    known: Floats,
+    excess: float,
+    slower: float,
+    /,
+) -> tuple[bytes, bytes] | bool: ...

@@ -19,9 +19,9 @@ from orientd.planner.timing.by_parts import (
 from orientd.planner.timing.candidate_path import KeyframePath, PathRequest
 from orientd.planner.timing.even_timing import evenly_paced
 from orientd.planner.timing.knot_times import with_chosen_times
-from orientd.planner.timing.profile import Profile
 from orientd.planner.timing.quickest_timing import (
     FirstProfile,
+    Profile,
     QuickPath,
     aimed_at,
     lasting,
