@@ -39,6 +39,7 @@ _LARGEST = 1.0  # rad, |r| at the nodes of a piece; the series of the kernels ho
 _MOST_HALVINGS = 40
 _COARSE = 1e-12  # rad, an error that is never taken for rounding
 _GAIN = 8.0  # by which halving a piece lessens its error at least; else what is left is rounding
+_BLUR = 4.0 * float(np.finfo(np.float64).eps)
 _BLOCK = 4096  # pieces that are fitted at a time, so that memory stays bounded
 
 # The nodes of a piece, and two instants between them at which the fit is looked at.
@@ -95,7 +96,10 @@ class Trajectory:
             table, quality = _fitted(orientations, begins, finals)
             size, error = quality.T
             is_helped = (error * _GAIN <= before) | (error > _COARSE)
-            is_poor = (size > _LARGEST) | ((error > tolerance) & is_helped)
+            # An instant is rounded, and the orientation there is off by the turn in between.
+            latest = np.maximum(np.abs(begins), np.abs(finals))
+            blurred = _BLUR * size * latest / (finals - begins)
+            is_poor = (size > _LARGEST) | ((error > np.maximum(tolerance, blurred)) & is_helped)
             found.append((begins[~is_poor], table[~is_poor]))
             if not is_poor.any():
                 break
