@@ -39,4 +39,60 @@ if TYPE_CHECKING:
     )
     from orientd.curves.warped import Retimed, TimeMap, places_of
 
-__getattr__ = lazily(__name__)
+__getattr__ = lazily(
+    __name__,
+    {
+        "orientd.curves.axis_turn": ("AxisTurn",),
+        "orientd.curves.comparison.candidates": (
+            "Candidate",
+            "compare",
+            "ranked",
+        ),
+        "orientd.curves.comparison.measure": (
+            "MET",
+            "Figures",
+            "measure",
+        ),
+        "orientd.curves.construct.basis": (
+            "CumulativeBasis",
+            "Indices",
+            "cumulative_basis",
+        ),
+        "orientd.curves.construct.continuation": ("corrections_at_most",),
+        "orientd.curves.construct.cumulative": ("CumulativeCurve",),
+        "orientd.curves.construct.knots": ("resolve_knots",),
+        "orientd.curves.contract": (
+            "Curve",
+            "Samples",
+        ),
+        "orientd.curves.families.c2_cumulative": ("C2Cumulative",),
+        "orientd.curves.families.kks.bspline": ("KksBspline",),
+        "orientd.curves.families.kks.hermite": ("KksHermite",),
+        "orientd.curves.families.kks.interpolating": ("KksInterpolating",),
+        "orientd.curves.family": ("is_same",),
+        "orientd.curves.fitting.spline_fit": (
+            "Fit",
+            "fit_orientations",
+        ),
+        "orientd.curves.keyframes": (
+            "ParameterError",
+            "check_keys",
+            "resolve_times",
+        ),
+        "orientd.curves.methods": ("METHODS",),
+        "orientd.curves.roles": (
+            "CurveTask",
+            "UnevenError",
+            "is_pair",
+            "make_curve",
+            "options_of",
+            "parameters",
+            "turns_name",
+        ),
+        "orientd.curves.warped": (
+            "Retimed",
+            "TimeMap",
+            "places_of",
+        ),
+    },
+)

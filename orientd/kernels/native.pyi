@@ -122,21 +122,14 @@ def try_joins(
     first: Floats, last: Floats, durations: Floats, around: Floats, limits: Floats, w: Floats,
     kept: Indices, /,
 ) -> None: ...  # fmt: skip
-def ramps_of_stop(
-    state: Floats, limits: Floats, period: float, ends: Floats, w: Floats, durations: Floats, /
-) -> int: ...
-def find_connector(
-    start: Floats, end: Floats, limits: Floats, period: float, least: float, most_turn: float,
-    q: Floats, w: Floats, times: Floats, /,
-) -> bool: ...  # fmt: skip
-def guess_connector(
-    start: Floats, end: Floats, limits: Floats, period: float, least: float, rates: float,
-    duration: float, q: Floats, w: Floats, times: Floats, /,
-) -> None: ...  # fmt: skip
-def shorten_connector(
-    start: Floats, end: Floats, limits: Floats, period: float, least: float, most_turn: float,
-    longest: float, ease: float, q: Floats, w: Floats, times: Floats, joins: Floats,
-    increments: Floats, breaks: Floats, /,
+def connect(
+    start: Floats, end: Floats, limits: Floats, own: Floats, period: float, least: float,
+    longest: float, most_turn: float, ease: float, as_found: bool, falls_first: bool, q: Floats,
+    w: Floats, breaks: Floats, /,
+) -> int: ...  # fmt: skip
+def leave(
+    state: Floats, limits: Floats, period: float, longest: float, may_ramp: bool, q: Floats,
+    w: Floats, breaks: Floats, /,
 ) -> int: ...  # fmt: skip
 def sample_product(
     times: Floats, breaks: Floats, base: Floats, axes: Floats, lengths: Floats,
@@ -203,68 +196,8 @@ def path_extremes(
     places: Indices,
     /,
 ) -> tuple[float, int]: ...
-def put_instants(
-    breaks: Floats, duration: float, pieces: int, shares: Floats, instants: Floats, /
-) -> int: ...
-def put_factors(
-    instants: Floats,
-    omega: Floats,
-    alpha: Floats,
-    period: float,
-    limits: Floats,
-    step: float,
-    factors: Floats,
-    /,
-) -> None: ...
-def put_spots(
-    instants: Floats, factors: Floats, hot: float, ends: Floats, spots: Floats, /
-) -> int: ...
-def look_at(
-    ranges: Indices,
-    curve: Floats,
-    rate: float,
-    duration: float,
-    period: float,
-    is_held_before: bool,
-    is_held_after: bool,
-    limits: Floats,
-    tolerance: float,
-    bends: float,
-    twists: float,
-    is_smooth: bool,
-    /,
-) -> float: ...
 
 # clock.h, knot_times.h, profile.h
-def choose_knots(
-    keys: Floats,
-    lengths: Floats,
-    limits: Floats,
-    total: float,
-    pieces: int,
-    descents: int,
-    times: Floats,
-    coefficients: Floats,
-    shares: Floats,
-    /,
-) -> bool: ...
-def find_profile(
-    widths: Floats,
-    first: Floats,
-    second: Floats,
-    move_first: Floats,
-    move_second: Floats,
-    limits: Floats,
-    move_limits: Floats,
-    aims: Floats,
-    has_start: bool,
-    has_end: bool,
-    begin: float,
-    gap: float,
-    coefficients: Floats,
-    shares: Floats,
-    /,
-) -> bool: ...
 def leave_rest(places: Floats, leaves: Floats, total: float, out: Floats, /) -> None: ...
 def put_node_times(places: Floats, values: Floats, slopes: Floats, times: Floats, /) -> None: ...
 def sample_clock(
@@ -277,3 +210,53 @@ def sample_clock(
     out: Floats,
     /,
 ) -> None: ...
+def choose_knots(
+    keys: Floats,
+    lengths: Floats,
+    limits: Floats,
+    total: float,
+    descents: int,
+    times: Floats,
+    profile: Floats,
+    /,
+) -> bool: ...
+def time_even(
+    breaks: Floats,
+    pieces: Floats,
+    knots: Floats,
+    move_breaks: Floats,
+    moves: Floats,
+    limits: Floats,
+    move_limits: Floats,
+    period: float,
+    is_held_before: bool,
+    is_held_after: bool,
+    tolerance: float,
+    more_acceleration: float,
+    more_jerk: float,
+    step: float,
+    has_one_shape: bool,
+    is_everywhere: bool,
+    first: int,
+    least: int,
+    most: int,
+    /,
+) -> tuple[int, float, float]: ...
+def time_quickest(
+    breaks: Floats,
+    pieces: Floats,
+    knots: Floats,
+    edges: Floats,
+    is_at_rest: bool,
+    move_breaks: Floats,
+    moves: Floats,
+    limits: Floats,
+    move_limits: Floats,
+    room: float,
+    period: float,
+    total: float,
+    known: Floats,
+    excess: float,
+    slower: float,
+    /,
+) -> tuple[bytes, bytes] | bool: ...

@@ -9,16 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
 
-from orientd.errors import PlanError
 from orientd.planner import refusal
-from orientd.planner.candidate import CandidateMotion, leads_out
-from orientd.planner.connect import WITHOUT_RESERVE, Caution, join, turn_to_stop
+from orientd.planner.connect import USUAL, WITHOUT_RESERVE, Connection, join, turn_to_stop
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PathCurve, PathSegment, PositionPath
@@ -94,21 +91,21 @@ class Connectors:
             to rest at; empty where the motion begins at rest.
         tail: from rest to the last keyframe; empty where there is none.
         rests: the first and the last keyframe to rest at.
-        caution: with which they were found.
     """
 
     head: tuple[PathSegment, ...]
     tail: tuple[PathSegment, ...]
     rests: tuple[int, int]
-    caution: Caution
 
     @classmethod
-    def of(cls, job: PlanJob, caution: Caution, rests: tuple[int, int] | None = None) -> Connectors:
-        """Return the connectors that are found with *caution*.
+    def of(
+        cls, job: PlanJob, connection: Connection = USUAL, rests: tuple[int, int] | None = None
+    ) -> Connectors:
+        """Return the connectors that are found.
 
         Args:
             job: what to plan.
-            caution: with which to connect.
+            connection: how to connect.
             rests: the first and the last keyframe to rest at, if not beside the ends that move.
 
         Raises:
@@ -117,12 +114,12 @@ class Connectors:
         keys, (begin, end) = job.request.keys, end_states(job)
         first, last = rests = rests or resting_keyframes(job)
         if first > last:
-            return cls(job.connected(begin, end, caution).segments, (), rests, caution)
+            return cls(job.connected(begin, end, connection).segments, (), rests)
         here, there = (State.at_rest(keys[at], job.halt.last) for at in (first, last))
         starts, ends = job.ends.moves
-        head = job.connected(begin, here, caution).segments if starts else ()
-        tail = job.connected(there, end, caution).segments if ends else ()
-        return cls(head, tail, rests, caution)
+        head = job.connected(begin, here, connection).segments if starts else ()
+        tail = job.connected(there, end, connection).segments if ends else ()
+        return cls(head, tail, rests)
 
     @property
     def has_no_rest(self) -> bool:
@@ -145,41 +142,24 @@ def quickest_connectors(job: PlanJob) -> Connectors:
     Raises:
         PlanError: none were found.
     """
-    usual = Connectors.of(job, Caution.NONE)
+    usual = Connectors.of(job)
     first, last = resting_keyframes(job)
     begin, _ = end_states(job)
     if first > last or not first or not arrives(begin, job.request.keys[first], job.limits):
         return usual
-    return _sorted([usual, *_found(job, WITHOUT_RESERVE)])[0]
+    others = [Connectors.of(job, one) for one in WITHOUT_RESERVE]
+    quickest = min(others, key=lambda one: sum(one.durations))
+    return quickest if sum(quickest.durations) < WORTH * sum(usual.durations) else usual
 
 
 def with_a_rest(job: PlanJob) -> list[Connectors]:
-    """Return the connectors of two keyframes that both move by way of a rest at one of them."""
-    found: list[Connectors] = []
-    for at in (0, 1):
-        with suppress(PlanError):
-            found.append(Connectors.of(job, Caution.NONE, (at, at)))
-    return _sorted(found)
+    """Return the connectors of two keyframes that both move by way of a rest at one of them.
 
-
-def more_careful(job: PlanJob) -> list[Connectors]:
-    """Return the connectors that are found with each caution, in the order to try them."""
-    return _sorted(_found(job, tuple(Caution)))
-
-
-def _found(job: PlanJob, cautions: Sequence[Caution]) -> list[Connectors]:
-    found: list[Connectors] = []
-    for caution in cautions:
-        with suppress(PlanError):
-            found.append(Connectors.of(job, caution))
-    return found
-
-
-def _sorted(found: list[Connectors]) -> list[Connectors]:
-    """Return connectors, the quickest first; what has no reserve has to be much quicker."""
-    return sorted(
-        found, key=lambda one: sum(one.durations) / (WORTH if one.caution.is_at_limits else 1.0)
-    )
+    Raises:
+        PlanError: one was not found.
+    """
+    found = [Connectors.of(job, rests=(at, at)) for at in (0, 1)]
+    return sorted(found, key=lambda one: sum(one.durations))
 
 
 def least_with_connectors(job: PlanJob, connectors: Connectors) -> float:
@@ -190,8 +170,8 @@ def least_with_connectors(job: PlanJob, connectors: Connectors) -> float:
     return stops + sum(connectors.durations)
 
 
-def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> CandidateMotion:
-    """Return the motion with connectors at its moving ends.
+def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> KeyframePath:
+    """Return the path from the first keyframe to the last with connectors at its moving ends.
 
     Args:
         job: what to plan.
@@ -200,12 +180,11 @@ def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> C
 
     Raises:
         TotalError: it takes longer than the duration that the request asks for.
-        PlanError: there is no lead-in or no lead-out.
     """
     first, last = connectors.rests
     head, tail = connectors.head, connectors.tail
     if first > last:
-        return _with_leads(job, [head], np.array([0.0, head[-1].end]))
+        return _path(job, [head], np.array([0.0, head[-1].end]))
     before, after = connectors.durations
     least = 0.0 if between is None else between.duration
     duration = least
@@ -230,7 +209,7 @@ def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> C
     begin, end = np.zeros(int(bool(head))), np.full(int(bool(tail)), before + duration + after)
     is_pair = len(job.request.keys) == 2 and bool(head and tail)
     times = [begin, end] if is_pair else [begin, before + passed, end]
-    return _with_leads(job, [head, inner, tail], np.concatenate(times))
+    return _path(job, [head, inner, tail], np.concatenate(times))
 
 
 def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
@@ -244,12 +223,12 @@ def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
         PlanError: none was found.
     """
     begin, end = end_states(job)
-    slow, fast, found = _SLOWEST, 1.0, None
+    slow, fast = _SLOWEST, 1.0
     paths: list[KeyframePath] = []
     for _ in range(_BISECTIONS):
         pace = math.sqrt(slow * fast) if paths else fast
         at_pace = replace(job, limits=job.limits.slowed(pace))
-        found = at_pace.connected(begin, end, Caution.NONE).segments
+        found = at_pace.connected(begin, end).segments
         duration = found[-1].end
         if not paths:
             refusal.check_total(total, duration)
@@ -257,10 +236,7 @@ def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
             slow = pace
             continue
         fast = pace
-        held = PositionPath.held(job.halt.last)
-        curve = PathCurve(Path.joined(found, held).segments)
-        segment = PathSegment(curve, 0.0, duration)
-        paths.append(KeyframePath(segment, held, np.array([0.0, duration])))
+        paths.append(_path(job, [found], np.array([0.0, duration])))
         if duration > _ABOUT * total:
             break
     return sorted(paths, key=lambda path: -path.duration)
@@ -285,23 +261,13 @@ def end_states(job: PlanJob) -> tuple[State, State]:
     return State(keys[0], first, first_rate, at), State(keys[-1], last, zero, at)
 
 
-def _with_leads(
-    job: PlanJob, parts: Sequence[Sequence[PathSegment]], times: Floats
-) -> CandidateMotion:
-    """Return parts, each from time 0 on, laid end to end with the leads before and after them."""
-    begin, end = end_states(job)
+def _path(job: PlanJob, parts: Sequence[Sequence[PathSegment]], times: Floats) -> KeyframePath:
+    """Return the path of parts, each from time 0 on, laid end to end."""
     segments: list[PathSegment] = []
-    positions, start_time = PositionPath.held(job.start.position), 0.0
-    if job.request.approach:
-        lead = job.lead_to(begin)
-        segments += lead.segments
-        positions, start_time = lead.positions, lead.cycles * job.period
-    since = start_time
+    since = 0.0
     for part in parts:
         segments += [segment.shifted(since) for segment in part]
         since = segments[-1].end if segments else since
-    times = start_time + times
-    end_time = float(times[-1])
-    segments += leads_out(end, end_time, job.limits, job.period)
-    path = Path.joined(segments, positions, job.start.q)
-    return CandidateMotion(path, start_time, end_time, times, None)
+    held = PositionPath.held(job.halt.last)
+    curve = PathCurve(Path.joined(segments, held).segments)
+    return KeyframePath(PathSegment(curve, 0.0, since), held, times)

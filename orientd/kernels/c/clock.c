@@ -5,6 +5,7 @@
 
 /* c t^2 below which the series are exact to the last digit or two. */
 #define SMALL 0.05
+enum { NEWTON_STEPS = 40 };
 
 /* x, its rate and its change after a time on an element. */
 typedef struct { double x, rate, change; } pace_t;
@@ -43,9 +44,17 @@ void put_node_times(row_t places, row_t values, row_t slopes, row_t times) {
     }
 }
 
+double leaving_gap(double length) { return length < 0.0 ? -0.5 * length : 0.2 * length; }
+
 /* s and its first two derivatives by x where it leaves rest. */
 static void leave(double x, double length, double to[3]) {
-    double u = fmax(x / length, 0.0), root = sqrt(u);
+    double size = fabs(length), u = fmax(x / size, 0.0), root = sqrt(u);
+    if (length < 0.0) {
+        to[0] = size * u * u * u * (1.0 - 0.5 * u);
+        to[1] = u * u * (3.0 - 2.0 * u);
+        to[2] = 6.0 * u * (1.0 - u) / size;
+        return;
+    }
     to[0] = length * u * root * (1.0 - 0.2 * u);
     to[1] = root * (1.5 - 0.5 * u);
     /* At rest it is infinite; what it is multiplied by falls to zero faster. */
@@ -53,14 +62,39 @@ static void leave(double x, double length, double to[3]) {
 }
 
 static void parameter(double x, const double *leaves, double total, double to[3]) {
-    double end = total - 0.2 * (leaves[0] + leaves[1]);
-    if (x < leaves[0])
+    double first = leaving_gap(leaves[0]), end = total - first - leaving_gap(leaves[1]);
+    if (x < fabs(leaves[0]))
         leave(x, leaves[0], to);
-    else if (total - x < leaves[1]) {
+    else if (total - x < fabs(leaves[1])) {
         leave(total - x, leaves[1], to);
         to[0] = end - to[0], to[2] = -to[2];
     } else
-        to[0] = x - 0.2 * leaves[0], to[1] = 1.0, to[2] = 0.0;
+        to[0] = x - first, to[1] = 1.0, to[2] = 0.0;
+}
+
+/* How far x has come where the parameter has gone some way of a length from rest. */
+static double left_rest(double way, double length) {
+    double goal = way / fabs(length), u = length < 0.0 ? cbrt(goal) : cbrt(goal * goal);
+    for (int i = 0; i < NEWTON_STEPS && u > 0.0; i++) {
+        double root = sqrt(u);
+        double step = length < 0.0
+                    ? (u * u * u * (1.0 - 0.5 * u) - goal) / (u * u * (3.0 - 2.0 * u))
+                    : (u * root * (1.0 - 0.2 * u) - goal) / (root * (1.5 - 0.5 * u));
+        u -= step;
+        if (fabs(step) <= 1e-16 * u)
+            break;
+    }
+    return fabs(length) * u;
+}
+
+double coordinate_of(double value, const double leaves[2], double total) {
+    double first = leaving_gap(leaves[0]), last = leaving_gap(leaves[1]);
+    double ahead = total - first - last - value;
+    if (value <= 0.0 || ahead <= 0.0)
+        return value <= 0.0 ? 0.0 : total;
+    if (value + first < fabs(leaves[0]))
+        return left_rest(value, leaves[0]);
+    return ahead + last < fabs(leaves[1]) ? total - left_rest(ahead, leaves[1]) : value + first;
 }
 
 void leave_rest(row_t places, row_t leaves, double total, matrix_t out) {

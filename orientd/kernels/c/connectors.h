@@ -193,15 +193,22 @@ typedef struct {
 ramps_t ramps_from(const motion_t *state, vec_t way, matrix_t limits, const bounds_t *bounds,
                    double period, bool in_cycles);
 
-/* Write the ramps that a stop may begin with, of whole periods, and return how many there are.
+/* leave.c */
+
+/* Write the joins of the shortest way found from a state to rest, wherever that is, and return how
+ * many there are: one, or a ramp and one; 0 if there is none.
  *
  * state: shape (10,).
- * limits: with their reserve, shape (3, 4).
- * ends: receives the states that they lead to, shape (RAMPS, 10).
- * w: receives their increments, shape (RAMPS, 5, 3).
- * durations: receives these, s; the first one takes no time; shape (RAMPS,). */
-index_t ramps_of_stop(row_t state, matrix_t limits, double period, matrix_t ends, tensor_t w,
-                      row_t durations);
+ * limits: of velocity, acceleration and jerk with their reserve, norm and components, shape (3, 4).
+ * period: every join takes a whole number of periods, s.
+ * longest: what takes longer is not looked for, s.
+ * may_ramp: whether a ramp may come first.
+ * q: receives the orientations that they begin at, shape (2, 4).
+ * w: receives their increments, shape (2, 5, 3).
+ * breaks: receives when they begin, and when the last one ends, s, shape (3,); if there are none, the
+ *     second number is about how long one would take. */
+index_t leave(row_t state, matrix_t limits, double period, double longest, bool may_ramp,
+              matrix_t q, tensor_t w, row_t breaks);
 
 /* connector_search.c */
 

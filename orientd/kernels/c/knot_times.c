@@ -8,6 +8,7 @@
 #include "knot_times.h"
 #include "profile_search.h"
 #include "sampling.h"
+#include "timing.h"
 
 #define GAP 0.03         /* share of the duration that the barrier may cost: alike for all tried */
 #define AGAIN 0.03       /* to begin with from the profile of another path */
@@ -252,7 +253,7 @@ static bool put_plain_duration(const knots_t *asked, double *found) {
     return is_there;
 }
 
-int choose_knots(knots_t asked, row_t times, row_t coefficients, matrix_t shares) {
+int choose_knots(knots_t asked, row_t times, matrix_t profile) {
     trial_t t;
     double *own, plain = INFINITY;
     if (asked.descents && !put_plain_duration(&asked, &plain))
@@ -288,9 +289,10 @@ int choose_knots(knots_t asked, row_t times, row_t coefficients, matrix_t shares
         share_out(&t, best_shares);
         is_better = put_geometry(&t) == FOUND;
         spread(&t.search, c);
-        put_shares(&t.path, t.search.value, t.search.slope, shares);
+        put_shares(&t.path, t.search.value, t.search.slope,
+                   (matrix_t){row_of(profile, SHARES), 3, profile.m});
         memcpy(times.v, t.times.v, (size_t)times.n * sizeof(double));
-        memcpy(coefficients.v, c, (size_t)size * sizeof *c);
+        memcpy(row_of(profile, COEFFICIENTS), c, (size_t)size * sizeof *c);
     }
     free_trial(&t, own);
     return is_better ? FOUND : NOT_FOUND;

@@ -98,50 +98,8 @@ KERNEL(path_extremes) {
     return answer(failed, found.rate, found.place);
 }
 
-KERNEL(put_instants) {
-    TAKE("vdivV");
-    CHECK(a[2].i >= 1 && a[2].i <= INT32_MAX);
-    CHECK(a[4].v.n >= a[3].v.n * (a[0].v.n + a[2].i + 1));
-    index_t found;
-    RUN(found = put_instants(a[0].v, a[1].d, a[2].i, a[3].v, a[4].v));
-    return PyLong_FromLongLong(found);
-}
-
-KERNEL(put_factors) {
-    TAKE("vmmdmdV");
-    index_t n = a[0].v.n;
-    CHECK(a[1].m.n == 3 && a[2].m.n == 3 && a[1].m.m == n && a[2].m.m == n && a[6].v.n == n);
-    CHECK(is_table(a[4].m, 3));
-    RUN(put_factors(a[0].v, a[1].m, a[2].m, a[3].d, a[4].m, a[5].d, a[6].v));
-    Py_RETURN_NONE;
-}
-
-KERNEL(put_spots) {
-    TAKE("vvdmM");
-    CHECK(a[1].v.n == a[0].v.n && a[3].m.m == 2 && (a[3].m.n == 0 || a[3].m.n == 2));
-    CHECK(a[4].m.m == 2 && a[4].m.n >= a[0].v.n + 2);
-    index_t found;
-    RUN(found = put_spots(a[0].v, a[1].v, a[2].d, a[3].m, a[4].m));
-    return PyLong_FromLongLong(found);
-}
-
-/* ranges, curve, rate, duration, period, held before and after, limits, tolerance, bends, twists,
- * is_smooth */
-KERNEL(look_at) {
-    TAKE("xvdddppmdddp");
-    CHECK(a[0].x.n % 2 == 0 && is_table(a[7].m, 3));
-    CHECK(a[4].d > 0.0 && a[3].d >= 0.0 && a[3].d / a[4].d <= MOST_RECORDS);
-    for (index_t i = 0; i < a[0].x.n; i++)
-        CHECK(a[0].x.v[i] >= 0 && (double)a[0].x.v[i] <= MOST_RECORDS);
-    look_t motion = {a[1].v, a[2].d, a[3].d, a[4].d, {a[5].p, a[6].p}};
-    double more[2] = {a[9].d, a[10].d}, factor = 0.0;
-    int failed;
-    RUN(failed = look_at(a[0].x, motion, a[7].m, a[8].d, more, a[11].p, &factor));
-    return answer(failed, factor, -1);
-}
-
 PyMethodDef certify_methods[] = {
     ENTRY(between), ENTRY(least_rate), ENTRY(setpoint_extremes), ENTRY(sample_path), ENTRY(farthest_from_path),
-    ENTRY(path_extremes), ENTRY(put_instants), ENTRY(put_factors), ENTRY(put_spots),
-    ENTRY(look_at), LAST_ENTRY,
+    ENTRY(path_extremes),
+    LAST_ENTRY,
 };

@@ -16,8 +16,7 @@ from orientd.planner.limits import Limits
 from orientd.planner.path import Path, PathCurve, PathSegment, PositionPath, repositioned
 from orientd.planner.timing.axis_turn import SHARE
 from orientd.planner.timing.candidate_path import KeyframePath
-from orientd.planner.timing.profile import Profile
-from orientd.planner.timing.quickest_timing import FirstProfile, quickest
+from orientd.planner.timing.quickest_timing import FirstProfile, Profile, quickest
 from orientd.rotation import Floats, angle
 
 _STEP = 1e-6  # of the largest velocity and acceleration, between both sides of a knot

@@ -11,7 +11,6 @@ from orientd.curves import METHODS
 from orientd.errors import PlanError
 from orientd.planner import Keyframe, MotionRequest, State, plan
 from orientd.planner.timing.by_parts import RestingPart, corners
-from orientd.planner.timing.profile import Elements, Profile
 from orientd.rotation import angle
 
 CORNERED = ("piecewise_slerp", "squad", "circular_blending", "shoemake_bezier", "nielson_shieh")
@@ -161,18 +160,3 @@ def test_positions_go_along_to_rest_with_it(method):
     push = np.diff(velocity, axis=0) / PERIOD
     assert np.linalg.norm(velocity, axis=1).max() <= 1.000001 * LIMITS["arm"].linear_velocity
     assert np.linalg.norm(push, axis=1).max() <= 1.000001 * LIMITS["arm"].linear_acceleration
-
-
-def test_a_profile_that_dips_below_zero_between_its_nodes_is_lifted():
-    elements = Elements(np.linspace(0.0, 1.0, 6), np.ones((3, 5)))
-    coefficients = np.array([1.0, 1.0, 0.6, -0.55, 0.6, 1.0, 1.0])
-    profile = Profile(elements, coefficients, np.ones((3, 5)), np.zeros(2))
-    values, slopes = profile.nodes()
-    assert values.min() > 0.0
-    assert profile.dips.tolist() == [False, False, True, False, False]
-    inside = np.linspace(0.0, 0.2, 101)
-    bend = (slopes[3] - slopes[2]) / 0.2
-    assert (values[2] + slopes[2] * inside + 0.5 * bend * inside**2).min() < 0.0
-    finer, lifted = profile.lifted()
-    assert len(finer.places) == 9
-    assert not Profile(finer, lifted, np.ones((3, 8)), np.zeros(2)).dips.any()

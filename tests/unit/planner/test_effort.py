@@ -11,7 +11,7 @@ from orientd.curves.construct.interpolation import KeyframeEquations
 from orientd.errors import PlanError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.timing import candidate_path as path_request
-from orientd.planner.timing import survey
+from orientd.planner.timing import even_timing
 from orientd.planner.timing.candidate_path import PathRequest
 from orientd.planner.timing.timing import LONGER, shortest
 from orientd.rotation import exp, multiply, normalize
@@ -47,7 +47,7 @@ def effort(monkeypatch):
     """Count curves, corrections of those that are hard to find, and records that are looked at."""
     spent = {"curves": 0, "corrections": 0, "records": 0}
     keyframe_path, correction = PathRequest.keyframe_path, KeyframeEquations.correction
-    look_at, measure = survey.look_at, path_request.measure
+    time_even, measure = even_timing.time_even, path_request.measure
 
     def counted_core(*arguments):
         spent["curves"] += 1
@@ -57,9 +57,11 @@ def effort(monkeypatch):
         spent["corrections"] += 1
         return correction(*arguments)
 
-    def counted_look_at(ranges, *arguments):
-        spent["records"] += int((ranges[1::2] - ranges[::2] + 1).sum())
-        return look_at(ranges, *arguments)
+    def counted_time_even(*arguments):
+        # One look at no more than all records.
+        *_, least, most = arguments
+        spent["records"] += least if least == most else 0
+        return time_even(*arguments)
 
     def counted_measure(setpoints, count, *arguments, **options):
         spent["records"] += count
@@ -67,7 +69,7 @@ def effort(monkeypatch):
 
     monkeypatch.setattr(PathRequest, "keyframe_path", counted_core)
     monkeypatch.setattr(KeyframeEquations, "correction", counted_correction)
-    monkeypatch.setattr(survey, "look_at", counted_look_at)
+    monkeypatch.setattr(even_timing, "time_even", counted_time_even)
     monkeypatch.setattr(path_request, "measure", counted_measure)
     return spent
 

@@ -19,7 +19,7 @@ from orientd.planner import (
     plan,
     planning,
 )
-from orientd.planner.timing.survey import Survey
+from orientd.planner.timing import even_timing
 from orientd.rotation import exp, multiply
 
 THREE = ((1.0, 0.0, 0.0, 0.0), (0.8, 0.6, 0.0, 0.0), (0.6, 0.0, 0.8, 0.0))
@@ -63,8 +63,14 @@ def test_a_quickest_motion_gives_up_some_speed_to_be_stopped():
     ],
 )
 def test_limits_that_would_take_days_are_refused_before_any_attempt(monkeypatch, limits, duration):
-    for attempt in (Survey, "look"), (planning, "quickest"):
-        monkeypatch.setattr(*attempt, lambda *_, **__: pytest.fail("an attempt"))
+    time_even = even_timing.time_even
+
+    def looked_at(*given):
+        *_, least, most = given
+        return time_even(*given) if least > most else pytest.fail("an attempt")
+
+    monkeypatch.setattr(even_timing, "time_even", looked_at)
+    monkeypatch.setattr(planning, "quickest", lambda *_, **__: pytest.fail("an attempt"))
     with pytest.raises(PlanError, match="at most 86400 s is planned"):
         planned(duration=duration, limits=Limits.partial(**limits))
 

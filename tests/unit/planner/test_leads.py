@@ -26,7 +26,8 @@ def state(seed, speed, size, *, parallel=False):
 
 def lead(seed, speed, size, limits=ARM, **fields):
     q, omega, alpha = state(seed, speed, size, **fields)
-    return q, omega, alpha, lead_out(q, omega, alpha, limits=limits, period=PERIOD)
+    start = State(q, omega, alpha, np.zeros(3))
+    return q, omega, alpha, lead_out(start, limits=limits, period=PERIOD)
 
 
 CASES = [(2.4, 0.0), (1.0, 10.0), (0.5, 16.9), (0.0, 12.0), (1e-3, 5.0), (1e-6, 1.0), (1.0, 1e-5)]
@@ -169,7 +170,6 @@ def test_leads_that_would_take_days_are_refused(jerk):
     with pytest.raises(PlanError, match="at most 86400 s is planned"):
         approach_cycles(here, there, nowhere, nowhere, limits=slow, period=PERIOD)
     with pytest.raises(PlanError, match="at most 86400 s is planned"):
-        lead_out(here, omega, nowhere, limits=slow, period=PERIOD)
+        lead_out(State(here, omega, nowhere, nowhere), limits=slow, period=PERIOD)
     start, end = State(here, omega, nowhere, nowhere), State.at_rest(there)
-    with pytest.raises(PlanError, match=r"at most 86400 s is planned|no way found"):
-        connector(start, end, limits=slow, period=PERIOD)
+    assert connector(start, end, limits=slow, period=PERIOD) is None

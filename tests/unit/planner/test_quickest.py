@@ -12,7 +12,6 @@ from orientd.curves import METHODS
 from orientd.errors import RequestError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify import before, measure_path
-from orientd.planner.connect import Caution
 from orientd.planner.path.path import Path, PathSegment
 from orientd.planner.path.position import PositionPath
 from orientd.planner.plan_job import PlanJob
@@ -144,8 +143,8 @@ def test_what_is_drawn_between_the_records_hardly_ever_needs_a_second_timing(jer
         random = np.random.default_rng(seed)
         request = MotionRequest([Keyframe(q) for q in rotations(random, 12, 0.4)])
         job = PlanJob.of(request, State.at_rest(request.keys[0]), limits, PERIOD)
-        _, shape, profile = job.shape(is_quick=True)
-        quick = quickest(shape, limits, PERIOD, guess=profile)
+        shape = job.shape(is_quick=True)
+        quick = quickest(shape.path, limits, PERIOD, guess=shape.profile)
         whole = Path.joined([quick.segment], quick.positions)
         peaks = measure_path(
             whole,
@@ -161,24 +160,6 @@ def test_what_is_drawn_between_the_records_hardly_ever_needs_a_second_timing(jer
     assert beyond <= 1
     # Nor need the pace be lower for what the records have as the path leaves rest.
     assert np.median(slower) < 1.0005
-
-
-def test_another_lead_in_leads_to_the_path_as_it_was_timed():
-    random, found = np.random.default_rng(2), []
-    asked = random_request(random, LIMITS["arm"], approach=True)
-    job = PlanJob.of(asked, anywhere(random), LIMITS["arm"], PERIOD)
-    keyframe_path = core_of(1)
-
-    def find(path, limits, period, *, share):
-        found.append(quickest(path, limits, period, share=share))
-        return found[-1]
-
-    first = job.timed(keyframe_path, 0.99, find)
-    cautious = job.with_caution(Caution.SOME)
-    assert cautious.timed(keyframe_path, 0.99, find) is first
-    assert cautious.timed(keyframe_path, 0.98, find).duration > first.duration
-    assert len(found) == 2
-    assert cautious.shape(is_quick=True) is job.shape(is_quick=True)
 
 
 def test_a_path_at_the_quickest_pace_is_sampled_as_its_curve_is():
