@@ -37,7 +37,8 @@ if TYPE_CHECKING:
         parameters,
         turns_name,
     )
-    from orientd.curves.warped import Retimed, TimeMap, places_of
+    from orientd.curves.trajectory import PIECE, Trajectory
+    from orientd.curves.warped import TimeMap, places_of
 
 __getattr__ = lazily(
     __name__,
@@ -89,8 +90,8 @@ __getattr__ = lazily(
             "parameters",
             "turns_name",
         ),
+        "orientd.curves.trajectory": ("PIECE", "Trajectory"),
         "orientd.curves.warped": (
-            "Retimed",
             "TimeMap",
             "places_of",
         ),

@@ -104,6 +104,13 @@ def solve_banded(band: Floats, lower: int, upper: int, right: Floats, /) -> bool
 
 # trajectory.h
 def fit_trajectory(orientations: Floats, pieces: Floats, quality: Floats, /) -> None: ...
+def join_trajectory(
+    q: Floats, w: Floats, breaks: Floats, ends: Floats, pieces: Floats, /
+) -> int: ...
+def retime_trajectory(
+    breaks: Floats, pieces: Floats, times: Floats, places: Floats, values: Floats, slopes: Floats,
+    leaves: Floats, ends: Floats, out: Floats, /,
+) -> int: ...  # fmt: skip
 def sample_trajectory(
     times: Floats, breaks: Floats, pieces: Floats, slack: float, out: Floats, /
 ) -> int: ...
@@ -114,10 +121,6 @@ def sample_cubic(
 ) -> int: ...
 
 # connectors.h
-def put_joins(
-    q: Floats, w: Floats, breaks: Floats, base: Floats, axes: Floats, lengths: Floats,
-    values: Floats, rates: Floats, curvatures: Floats, at_ends: Floats, /,
-) -> None: ...  # fmt: skip
 def try_joins(
     first: Floats, last: Floats, durations: Floats, around: Floats, limits: Floats, w: Floats,
     kept: Indices, /,
@@ -167,25 +170,6 @@ def setpoint_extremes(
     start: float,
     rough: Floats,
     with_rate: bool,
-    most: Floats,
-    nodes: Floats,
-    worst: Floats,
-    most_change: float,
-    fastest: float,
-    margin: float,
-    squares: Floats,
-    places: Indices,
-    /,
-) -> tuple[float, int]: ...
-def sample_path(path: Floats, times: Floats, out: Floats, /) -> None: ...
-def farthest_from_path(path: Floats, times: Floats, keys: Floats, /) -> float: ...
-def path_extremes(
-    path: Floats,
-    records: int,
-    period: float,
-    before: Floats,
-    with_axes: bool,
-    rough: Floats,
     most: Floats,
     nodes: Floats,
     worst: Floats,

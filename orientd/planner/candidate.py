@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orientd.curves import Trajectory
 from orientd.errors import PlanError
 from orientd.planner import refusal
 from orientd.planner.certify import Rough
 from orientd.planner.connect import LeadIn, join_in, lead_out
 from orientd.planner.limits import Limits, is_still
-from orientd.planner.path import Path, PathSegment
+from orientd.planner.path import Path, end_states
 from orientd.planner.request import State
 from orientd.planner.timing import KeyframePath
 from orientd.rotation import Floats
@@ -61,15 +62,15 @@ def with_leads(
         StartError: there is no lead-in, and the keyframe path begins elsewhere.
         PlanError: no lead keeps the limits.
     """
-    first, last = keyframe_path.segment.ends()
-    segments: list[PathSegment] = []
-    positions, begin, segment = keyframe_path.positions, 0.0, keyframe_path.segment
+    first, last = end_states(keyframe_path.trajectory)
+    parts: list[Trajectory] = []
+    positions, begin, core = keyframe_path.positions, 0.0, keyframe_path.trajectory
     rough = _rough(keyframe_path, 0.0)
     if lead is not None:
         begin = lead.cycles * period
-        segments += lead.segments
+        parts += lead.parts
         positions = positions.delayed(begin).after(lead.positions)
-        segment = segment.shifted(begin)
+        core = core.shifted(begin)
         rough = _rough(keyframe_path, begin)
     elif start.is_at_rest or keyframe_path.has_acceleration_of(start, limits):
         state = State(first.q, first.omega_body, first.alpha_body, *positions.state(0.0))
@@ -77,12 +78,11 @@ def with_leads(
     else:
         # The keyframe path knows nothing of the acceleration the device has.
         joint = join_in(keyframe_path, start, limits=limits, period=period)
-        segments.append(joint)
-        segment = segment.without(joint.end)
+        parts.append(joint)
+        core = core.restricted(joint.duration, core.duration)
     end = begin + keyframe_path.duration
-    segments.append(segment)
-    segments += leads_out(last, end, limits, period)
-    path = Path.joined(segments, positions, start.q)
+    parts += [core, *leads_out(last, end, limits, period)]
+    path = Path.joined(parts, positions, start.q)
     return CandidateMotion(path, begin, end, keyframe_path.times + begin, rough, keyframe_path)
 
 
@@ -102,12 +102,12 @@ def to_single(
         PlanError: the end velocity is one that the limits do not permit.
     """
     end = lead.cycles * period
-    segments = [*lead.segments, *leads_out(target, end, limits, period)]
-    path = Path.joined(segments, lead.positions, start.q)
+    parts = [*lead.parts, *leads_out(target, end, limits, period)]
+    path = Path.joined(parts, lead.positions, start.q)
     return CandidateMotion(path, end, end, np.array([end]), None)
 
 
-def leads_out(last: State, end: float, limits: Limits, period: float) -> list[PathSegment]:
+def leads_out(last: State, end: float, limits: Limits, period: float) -> list[Trajectory]:
     """Return what leads to rest from a state at a path time; nothing if it is at rest.
 
     Raises:
@@ -116,16 +116,15 @@ def leads_out(last: State, end: float, limits: Limits, period: float) -> list[Pa
     if is_still(last.omega_body, last.alpha_body, limits):
         return []
     try:
-        curve = lead_out(last, limits=limits, period=period)
+        lead = lead_out(last, limits=limits, period=period)
     except PlanError as error:
         raise PlanError(f"no lead-out from the last keyframe: {error}") from error
-    return [PathSegment(curve, end, end + curve.domain[1])]
+    return [lead.shifted(end)]
 
 
 def _rough(keyframe_path: KeyframePath, begin: float) -> Rough | None:
     """Return where a keyframe path's derivatives have steps: first inner knot to last."""
-    curve = keyframe_path.segment.curve
-    if keyframe_path.continuity >= 2 or len(curve.knots) < 3:
+    knots = keyframe_path.trajectory.knots
+    if keyframe_path.continuity >= 2 or len(knots) < 3:
         return None
-    inner = (curve.knots[[1, -2]] - curve.domain[0]) / keyframe_path.segment.rate
-    return Rough(begin + float(inner[0]), begin + float(inner[1]), keyframe_path.continuity)
+    return Rough(begin + float(knots[1]), begin + float(knots[-2]), keyframe_path.continuity)

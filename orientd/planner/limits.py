@@ -32,7 +32,10 @@ PERIODS = (1e-5, 1.0)
 """Of the period of a device, the shortest and the longest, s."""
 
 STILL = 1e-9
-"""Angular velocity, rad/s, and share of the acceleration limit that count as rest."""
+"""Angular velocity, rad/s, that counts as rest."""
+
+STEADY = 1e-6
+"""Angular acceleration, rad/s^2, and share of its limit, that count as none."""
 
 UNITS = {
     "velocity": "rad/s",
@@ -356,4 +359,4 @@ def _scaled(limits: Limits, factor: float) -> Limits:
 def is_still(omega: Floats, alpha: Floats, limits: Limits) -> bool:
     """Return whether a motion in this state needs no lead."""
     speed, size = math.hypot(*omega.tolist()), math.hypot(*alpha.tolist())
-    return speed <= STILL and size <= STILL * limits.acceleration
+    return speed <= STILL and size <= STEADY * limits.acceleration

@@ -26,7 +26,7 @@ from orientd.planner.keyframes import half_turn_notes
 from orientd.planner.limits import LONGEST, Limits, is_still
 from orientd.planner.methods import Ends, check_method
 from orientd.planner.motion import Motion
-from orientd.planner.path import PositionPath
+from orientd.planner.path import PositionPath, end_states
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.timing import (
     FirstProfile,
@@ -254,7 +254,7 @@ class PlanJob:
         Raises:
             PlanError: no lead-out keeps the limits.
         """
-        leads_out(path.segment.ends()[1], path.duration, self.limits, self.period)
+        leads_out(end_states(path.trajectory)[1], path.duration, self.limits, self.period)
         return path
 
     def leads_to(self, path: KeyframePath) -> KeyframePath:
@@ -338,8 +338,8 @@ class PlanJob:
 
 
 def _first_state(path: KeyframePath) -> State:
-    first, _ = path.segment.ends()
-    return State(first.q, first.omega_body, first.alpha_body, path.positions.first)
+    first, _ = end_states(path.trajectory)
+    return replace(first, position=path.positions.first)
 
 
 def certified(

@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orientd.curves import AxisTurn
 from orientd.errors import LimitError, PlanError, RequestError, StartError
 from orientd.planner import refusal, resting
 from orientd.planner.candidate import CandidateMotion, to_single
@@ -267,11 +266,12 @@ def _turn(job: PlanJob, target: State, name: str) -> Motion:
             return job.certified(to_single(target, lead, job.start, job.limits, job.period), name)
         total = job.request.total
         if total is not None:
-            refusal.check_total(total, turn.end)
-            turn = turn.slowed(max(total, turn.end))
+            refusal.check_total(total, turn.duration)
+            turn = turn.slowed(max(total, turn.duration))
         # It need not take a whole number of periods: nothing comes after it.
         path = Path.joined([turn], PositionPath.held(target.position), job.start.q)
-        candidate = CandidateMotion(path, turn.end, turn.end, np.array([turn.end]), None)
+        end = turn.duration
+        candidate = CandidateMotion(path, end, end, np.array([end]), None)
         try:
             return job.certified(candidate, name)
         except LimitError as error:
@@ -501,7 +501,7 @@ def _rests(job: PlanJob, shape: Shape) -> int | None:
     """
     if not shape.path_request.has_one_shape:
         return None
-    count = len(corners(shape.path.segment.curve))
+    count = len(corners(shape.path.trajectory))
     is_free = job.request.total is None or shape.path.is_from_rest_to_rest
     return None if not count and is_free else count
 
@@ -585,7 +585,7 @@ def _timed(
             if not (is_of_timing and share > LEAST_SHARE):
                 raise
             # It falls as the share does about one axis, by about half as much along a curve.
-            share /= over if isinstance(quick.segment.curve, AxisTurn) else over**2
+            share /= over if quick.is_turn else over**2
             continue
         rate, last = motion.certificate.brake_rate, stop_time
         stop_time = 1.0 / rate if rate else math.inf

@@ -14,11 +14,12 @@ from typing import cast
 
 import numpy as np
 
+from orientd.curves import Trajectory
 from orientd.planner import refusal
 from orientd.planner.connect import USUAL, WITHOUT_RESERVE, Connection, join, turn_to_stop
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
-from orientd.planner.path import Path, PathCurve, PathSegment, PositionPath
+from orientd.planner.path import Path, PositionPath
 from orientd.planner.plan_job import PlanJob
 from orientd.planner.request import DEFAULT_METHOD, Keyframe, MotionRequest, State
 from orientd.planner.timing import SAME, KeyframePath, least_with_stops
@@ -93,8 +94,8 @@ class Connectors:
         rests: the first and the last keyframe to rest at.
     """
 
-    head: tuple[PathSegment, ...]
-    tail: tuple[PathSegment, ...]
+    head: tuple[Trajectory, ...]
+    tail: tuple[Trajectory, ...]
     rests: tuple[int, int]
 
     @classmethod
@@ -114,11 +115,11 @@ class Connectors:
         keys, (begin, end) = job.request.keys, end_states(job)
         first, last = rests = rests or resting_keyframes(job)
         if first > last:
-            return cls(job.connected(begin, end, connection).segments, (), rests)
+            return cls(job.connected(begin, end, connection).parts, (), rests)
         here, there = (State.at_rest(keys[at], job.halt.last) for at in (first, last))
         starts, ends = job.ends.moves
-        head = job.connected(begin, here, connection).segments if starts else ()
-        tail = job.connected(there, end, connection).segments if ends else ()
+        head = job.connected(begin, here, connection).parts if starts else ()
+        tail = job.connected(there, end, connection).parts if ends else ()
         return cls(head, tail, rests)
 
     @property
@@ -129,7 +130,7 @@ class Connectors:
     @property
     def durations(self) -> tuple[float, float]:
         """How long both take, s."""
-        head, tail = (part[-1].end if part else 0.0 for part in (self.head, self.tail))
+        head, tail = (part[-1].domain[1] if part else 0.0 for part in (self.head, self.tail))
         return head, tail
 
 
@@ -184,7 +185,7 @@ def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> K
     first, last = connectors.rests
     head, tail = connectors.head, connectors.tail
     if first > last:
-        return _path(job, [head], np.array([0.0, head[-1].end]))
+        return _path(job, [head], np.array([0.0, head[-1].domain[1]]))
     before, after = connectors.durations
     least = 0.0 if between is None else between.duration
     duration = least
@@ -194,18 +195,14 @@ def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> K
     elif tail:
         # A velocity begins at a record.
         duration = math.ceil(least / job.period - _WHOLE) * job.period
-    inner: Sequence[PathSegment] = ()
+    inner: Sequence[Trajectory] = ()
     passed = np.full(last - first + 1, 0.0 if tail else duration)
     if between is not None:
         factor = duration / least
         passed = factor * between.keyframe_times
-        inner = [
-            one.slowed(factor * (one.end - one.begin)).shifted(factor * one.begin)
-            for one in cast("Path", between.path).segments
-        ]
+        inner = [cast("Path", between.path).trajectory.slowed(duration)]
     elif duration > _WHOLE * job.period:
-        still = join(job.request.keys[first], _NO_TURN, duration)
-        inner = (PathSegment(still, 0.0, duration),)
+        inner = [join(job.request.keys[first], _NO_TURN, duration)]
     begin, end = np.zeros(int(bool(head))), np.full(int(bool(tail)), before + duration + after)
     is_pair = len(job.request.keys) == 2 and bool(head and tail)
     times = [begin, end] if is_pair else [begin, before + passed, end]
@@ -228,8 +225,8 @@ def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
     for _ in range(_BISECTIONS):
         pace = math.sqrt(slow * fast) if paths else fast
         at_pace = replace(job, limits=job.limits.slowed(pace))
-        found = at_pace.connected(begin, end).segments
-        duration = found[-1].end
+        found = at_pace.connected(begin, end).parts
+        duration = found[-1].domain[1]
         if not paths:
             refusal.check_total(total, duration)
         if duration > total:
@@ -261,13 +258,11 @@ def end_states(job: PlanJob) -> tuple[State, State]:
     return State(keys[0], first, first_rate, at), State(keys[-1], last, zero, at)
 
 
-def _path(job: PlanJob, parts: Sequence[Sequence[PathSegment]], times: Floats) -> KeyframePath:
+def _path(job: PlanJob, parts: Sequence[Sequence[Trajectory]], times: Floats) -> KeyframePath:
     """Return the path of parts, each from time 0 on, laid end to end."""
-    segments: list[PathSegment] = []
+    laid: list[Trajectory] = []
     since = 0.0
     for part in parts:
-        segments += [segment.shifted(since) for segment in part]
-        since = segments[-1].end if segments else since
-    held = PositionPath.held(job.halt.last)
-    curve = PathCurve(Path.joined(segments, held).segments)
-    return KeyframePath(PathSegment(curve, 0.0, since), held, times)
+        laid += [one.shifted(since) for one in part]
+        since = laid[-1].domain[1] if laid else since
+    return KeyframePath(Trajectory.joined(laid), PositionPath.held(job.halt.last), times)

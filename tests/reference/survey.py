@@ -22,7 +22,7 @@ def coarse_factor(keyframe_path: KeyframePath, limits: Limits, period: float) ->
     It keeps its position, and its acceleration is continuous.
     """
     instants = _instants(keyframe_path)
-    _, omega, alpha = keyframe_path.segment.sample(instants)
+    _, omega, alpha = keyframe_path.trajectory.sample(instants)
     steps = np.maximum(np.diff(instants), period)
     twists = np.zeros(len(instants))
     twists[1:] = _shares(np.diff(alpha, axis=0), limits, "jerk") / steps
@@ -57,8 +57,7 @@ def factor_of_records(keyframe_path: KeyframePath, limits: Limits, period: float
 
 
 def _instants(keyframe_path: KeyframePath) -> Floats:
-    curve = keyframe_path.segment.curve
-    breaks = (curve.knots - curve.domain[0]) / keyframe_path.segment.rate
+    breaks = keyframe_path.trajectory.knots
     breaks = breaks[(breaks >= 0.0) & (breaks <= keyframe_path.duration)]
     if len(breaks) < PIECES:
         breaks = np.union1d(breaks, np.linspace(0.0, keyframe_path.duration, PIECES + 1))

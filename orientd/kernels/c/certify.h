@@ -1,5 +1,5 @@
 /* Certify motions: hold what a device sees of setpoints against its limits, setpoints that come as
- * rows or from a path.  What the kernels of this group offer. */
+ * rows or from a trajectory.  What the kernels of this group offer. */
 #ifndef ORIENTD_CERTIFY_H
 #define ORIENTD_CERTIFY_H
 
@@ -7,9 +7,6 @@
 
 /* Setpoints before the first that a third difference reaches back to. */
 enum { HISTORY = 3 };
-
-/* The numbers of the row that a path is sampled from are not a path. */
-enum { NO_PATH = -3 };
 
 /* The largest backward differences: squares, in units of rad a period, and where they are.  Rows
  * are velocity, acceleration and jerk, then those on the records alone; columns the norm and the three
@@ -66,29 +63,5 @@ int least_rate(matrix_t velocity, matrix_t acceleration, row_t jerk, double most
 int setpoint_extremes(matrix_t q, index_t past, double start, measure_t how, extremes_t found,
                       slowest_t *slowest);
 
-/* path.c */
-
-/* Write orientations, and velocities and accelerations where there is room for them.
- *
- * path: the row of numbers of orientd.planner.path.plain_path.
- * times: increasing path times, s, shape (n,).
- * out: receives samples, shape (4, n) or (10, n). */
-int sample_path(row_t path, row_t times, matrix_t out);
-
-/* Write the largest angle between orientations and a path, rad.
- *
- * times: increasing path times, s, shape (n,).
- * keys: orientations that the path should have then, shape (n, 4). */
-int farthest_from_path(row_t path, row_t times, matrix_t keys, double *angle);
-
-/* Write the largest backward differences of a path that is held after its last record, and the
- * least brake rate.
- *
- * records: how many there are.
- * before: the records before the first, shape (3, 10), whose velocities and accelerations are not
- *     numbers if they are not known; or (0, 10) if nothing is.
- * found: as in setpoint_extremes; places count from the first of all setpoints. */
-int path_extremes(row_t path, index_t records, matrix_t before, measure_t how, extremes_t found,
-                  slowest_t *slowest);
 
 #endif

@@ -5,11 +5,10 @@
 
 /* c t^2 below which the series are exact to the last digit or two. */
 #define SMALL 0.05
+#define AT_REST 1e-13
 enum { NEWTON_STEPS = 40 };
 
-/* x, its rate and its change after a time on an element. */
-typedef struct { double x, rate, change; } pace_t;
-
+/* Return x, its rate and its change after a time on an element. */
 static pace_t after(double rate, double change, double c, double t) {
     double z = c * t * t, s, k;  /* sinh(w t) / w and (cosh(w t) - 1) / w^2, where c = w^2 */
     if (fabs(z) < SMALL) {
@@ -133,7 +132,7 @@ void sample_clock(row_t times, row_t places, row_t values, row_t slopes, row_t l
         e = element_of(t, times, e);
         double c = 0.5 * (slopes.v[e + 1] - slopes.v[e]) / (places.v[e + 1] - places.v[e]);
         pace_t pace = after(sqrt(values.v[e]), 0.5 * slopes.v[e], c, t - times.v[e]);
-        double x = fmin(places.v[e] + pace.x, places.v[e + 1]);
+        double x = fmin(places.v[e] + pace.s, places.v[e + 1]);
         if (t == final)
             x = total;
         parameter(x, leaves.v, total, s);
@@ -141,4 +140,66 @@ void sample_clock(row_t times, row_t places, row_t values, row_t slopes, row_t l
         row_of(out, 1)[i] = s[1] * pace.rate;
         row_of(out, 2)[i] = s[2] * pace.rate * pace.rate + s[1] * pace.change;
     }
+}
+
+/* The parameter by time where it leaves rest. */
+static pace_t left(pace_t x, double place, double length) {
+    double s[3];
+    /* At rest itself, but for rounding, where the second derivative by x is infinite. */
+    leave(place < AT_REST * length ? 0.0 : place, length, s);
+    return (pace_t){s[0], s[1] * x.rate, s[2] * x.rate * x.rate + s[1] * x.change};
+}
+
+double put_paces(const clocked_t *clock, index_t e, double begin, double end,
+                 const double *points, int count, pace_t *paces) {
+    const double *x = clock->places.v, *y = clock->values.v, *slope = clock->slopes.v;
+    const double *leaves = clock->leaves.v;
+    double c = 0.5 * (slope[e + 1] - slope[e]) / (x[e + 1] - x[e]), total = x[clock->places.n - 1];
+    double middle = 0.5 * (begin + end), half = 0.5 * (end - begin);
+    double since = middle - clock->times.v[e], until = clock->times.v[e + 1] - middle;
+    pace_t here = after(sqrt(y[e]), 0.5 * slope[e], c, since);
+    if (x[e] + here.s < leaves[0]) {
+        double base = left(here, x[e] + here.s, leaves[0]).s;
+        for (int i = 0; i < count; i++) {
+            pace_t pace = after(sqrt(y[e]), 0.5 * slope[e], c, since + half * points[i]);
+            paces[i] = left(pace, x[e] + pace.s, leaves[0]);
+            paces[i].s -= base;
+        }
+        return base;
+    }
+    /* Backwards from the end, so that what is left there has all its digits. */
+    double ahead = total - x[e + 1], back = -0.5 * slope[e + 1];
+    double last = ahead + after(sqrt(y[e + 1]), back, c, until).s;
+    if (last < leaves[1]) {
+        double base = left(here, last, leaves[1]).s;
+        for (int i = 0; i < count; i++) {
+            pace_t pace = after(sqrt(y[e + 1]), back, c, until - half * points[i]);
+            pace = left(pace, ahead + pace.s, leaves[1]);
+            paces[i] = (pace_t){base - pace.s, pace.rate, -pace.change};
+        }
+        return total - 0.2 * (leaves[0] + leaves[1]) - base;
+    }
+    for (int i = 0; i < count; i++)
+        paces[i] = after(here.rate, here.change, c, half * points[i]);
+    return x[e] + here.s - 0.2 * leaves[0];
+}
+
+double time_of(const clocked_t *clock, double value) {
+    const double *x = clock->places.v, *y = clock->values.v, *slope = clock->slopes.v;
+    const double *leaves = clock->leaves.v;
+    index_t last = clock->places.n - 1, low = 0, high = last;
+    double place = coordinate_of(value, leaves, x[last]);
+    if (place <= 0.0 || place >= x[last])
+        return clock->times.v[place <= 0.0 ? 0 : last];
+    while (high - low > 1) {
+        index_t middle = (low + high) / 2;
+        if (x[middle] <= place)
+            low = middle;
+        else
+            high = middle;
+    }
+    /* The part of an element up to there, as an element of its own. */
+    double bend = (slope[high] - slope[low]) / (x[high] - x[low]), ahead = place - x[low];
+    double square = y[low] + ahead * (slope[low] + 0.5 * ahead * bend);
+    return clock->times.v[low] + element_time(ahead, y[low], fmax(square, 0.0), 0.5 * bend);
 }

@@ -47,4 +47,23 @@ double coordinate_of(double parameter, const double leaves[2], double total);
 void sample_clock(row_t times, row_t places, row_t values, row_t slopes, row_t leaves,
                   row_t instants, matrix_t out);
 
+/* A clock: its nodes, and the lengths over which it leaves rest. */
+typedef struct { row_t times, places, values, slopes, leaves; } clocked_t;
+
+/* A parameter and its first two derivatives by time. */
+typedef struct { double s, rate, change; } pace_t;
+
+/* Write the parameter at points of a part of an element, less what it is half way.
+ *
+ * begin, end: of the part.
+ * points: from -1 at the beginning to 1 at the end, shape (count,).
+ * paces: receives them.
+ *
+ * Return the parameter half way. */
+double put_paces(const clocked_t *clock, index_t element, double begin, double end,
+                 const double *points, int count, pace_t *paces);
+
+/* Return when the parameter has some value. */
+double time_of(const clocked_t *clock, double value);
+
 #endif

@@ -8,8 +8,7 @@
  *
  * with half-angle increments w_i and u from 0 to 1 over its duration.
  *
- * A curve of several joins end to end is one cumulative product like others: sample_product of
- * sampling.h serves what put_joins has written.
+ * join_trajectory of trajectory.h makes a trajectory of several joins end to end.
  */
 #ifndef ORIENTD_CONNECTORS_H
 #define ORIENTD_CONNECTORS_H
@@ -117,21 +116,6 @@ quat_t put_outer_increments(const motion_t *first, const motion_t *last, double 
 /* Write all increments of a join, the shorter way round. */
 void put_increments(const motion_t *first, const motion_t *last, double duration,
                     vec_t w[FACTORS]);
-
-/* Write what joins end to end are sampled from.
- *
- * q: orientations that they begin at, shape (n, 4).
- * w: their increments, shape (n, 5, 3).
- * breaks: when they begin, and when the last one ends, s, shape (n + 1,).
- * base: receives the orientations, shape (4, n).
- * axes: receives the unit axes of the increments, shape (5, 3, n).
- * lengths: receives their half angles, shape (5, n).
- * values, rates, curvatures: receive the Bernstein coefficients of the basis functions and of
- *     their derivatives by time, shapes (n, 5, 6), (n, 5, 5) and (n, 5, 4).
- * at_ends: receives samples at both ends, shape (10, 2). */
-void put_joins(matrix_t q, tensor_t w, row_t breaks, matrix_t base, tensor_t axes,
-               matrix_t lengths, tensor_t values, tensor_t rates, tensor_t curvatures,
-               matrix_t at_ends);
 
 /* join_bounds.c */
 

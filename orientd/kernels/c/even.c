@@ -244,7 +244,7 @@ static double look(const even_t *asked, survey_t *survey, index_t cycles, scratc
 }
 
 static void search(const even_t *asked, survey_t *survey, index_t cycles, index_t low, index_t high,
-                   pace_t *found, scratch_t *scratch) {
+                   even_pace_t *found, scratch_t *scratch) {
     index_t beyond = high;
     for (int attempt = 0; attempt < MOST_ATTEMPTS; attempt++) {
         found->factor = look(asked, survey, cycles, scratch);
@@ -268,13 +268,13 @@ static void search(const even_t *asked, survey_t *survey, index_t cycles, index_
 }
 
 int time_even(const even_t *asked, index_t first, index_t least_cycles, index_t most_cycles,
-              pace_t *found) {
+              even_pace_t *found) {
     double duration = asked->knots.v[asked->knots.n - 1];
     index_t room = LOOKS * (asked->knots.n + asked->move_breaks.n + FEWEST_PIECES + 1);
     survey_t survey = {.instants = malloc((size_t)(2 * room) * sizeof(double))};
     scratch_t *scratch = malloc(sizeof *scratch);
     bool is_there = survey.instants != NULL && scratch != NULL;
-    *found = (pace_t){0, INFINITY, INFINITY};
+    *found = (even_pace_t){0, INFINITY, INFINITY};
     if (is_there) {
         survey.factors = survey.instants + room;
         survey.n = place_looks(asked, survey.instants);

@@ -42,7 +42,7 @@ typedef struct {
  * cycles: the fewest that keep the limits, to 0.1 %; 0 where none are found.
  * factor: by which the motion of the cycles that were looked at last should take longer.
  * coarse: the same of the duration that the trajectory has, from the instants alone. */
-typedef struct { index_t cycles; double factor, coarse; } pace_t;
+typedef struct { index_t cycles; double factor, coarse; } even_pace_t;
 
 /* More cycles are not looked for. */
 #define MOST_CYCLES 10000000000
@@ -51,6 +51,6 @@ typedef struct { index_t cycles; double factor, coarse; } pace_t;
  * the instants say.  Where both numbers are the same, just look.
  *
  * Return 0 or OUT_OF_MEMORY. */
-int time_even(const even_t *asked, index_t first, index_t least, index_t most, pace_t *found);
+int time_even(const even_t *asked, index_t first, index_t least, index_t most, even_pace_t *found);
 
 #endif

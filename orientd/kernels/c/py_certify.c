@@ -4,18 +4,13 @@
 #include "between.h"
 #include "binding.h"
 #include "certify.h"
+#include "trajectory.h"
 
 /* Records a motion can have at most; more are no motion. */
 #define MOST_RECORDS 1e15
 
-static PyObject *answer(int failed, double number, index_t place) {
-    if (failed == OUT_OF_MEMORY)
-        return PyErr_NoMemory();
-    if (failed) {
-        PyErr_SetString(PyExc_ValueError, "the numbers are not those of a path");
-        return NULL;
-    }
-    return place < 0 ? PyFloat_FromDouble(number) : Py_BuildValue("dL", number, (long long)place);
+static PyObject *answer(int failed, slowest_t found) {
+    return failed ? PyErr_NoMemory() : Py_BuildValue("dL", found.rate, (long long)found.place);
 }
 
 /* The five arguments that the brake rate follows from. */
@@ -40,7 +35,7 @@ KERNEL(least_rate) {
     slowest_t found = {0.0, 0};
     int failed;
     RUN(failed = least_rate(a[0].m, a[1].m, a[2].v, a[3].d, a[4].d, law_of(a + 5), &found));
-    return answer(failed, found.rate, found.place);
+    return answer(failed, found);
 }
 
 /* here, there, periods, shares, out */
@@ -63,43 +58,9 @@ KERNEL(setpoint_extremes) {
     slowest_t found;
     int failed;
     RUN(failed = setpoint_extremes(a[0].m, a[1].i, a[4].d, how, room_of(a + 13), &found));
-    return answer(failed, found.rate, found.place);
-}
-
-KERNEL(sample_path) {
-    TAKE("vvM");
-    CHECK((a[2].m.n == 4 || a[2].m.n == 10) && a[2].m.m == a[1].v.n);
-    int failed;
-    RUN(failed = sample_path(a[0].v, a[1].v, a[2].m));
-    if (failed)
-        return answer(failed, 0.0, 0);
-    Py_RETURN_NONE;
-}
-
-KERNEL(farthest_from_path) {
-    TAKE("vvm");
-    CHECK(a[2].m.n == a[1].v.n && a[2].m.m == 4);
-    double angle;
-    int failed;
-    RUN(failed = farthest_from_path(a[0].v, a[1].v, a[2].m, &angle));
-    return answer(failed, angle, -1);
-}
-
-/* path, records, period, before, with_axes, rough, most, the law, squares, places */
-KERNEL(path_extremes) {
-    TAKE("vidmpvmmvdddMX");
-    CHECK(a[1].i >= 1 && (double)a[1].i <= MOST_RECORDS && a[5].v.n == 4);
-    CHECK(a[3].m.m == 10 && (a[3].m.n == 0 || a[3].m.n == HISTORY));
-    CHECK(is_table(a[6].m, 2) && is_law(a + 7) && is_room(a + 12));
-    measure_t how = {a[4].p, true, a[2].d, a[5].v.v, a[6].m.v, law_of(a + 7)};
-    slowest_t found = {0.0, 0};
-    int failed;
-    RUN(failed = path_extremes(a[0].v, a[1].i, a[3].m, how, room_of(a + 12), &found));
-    return answer(failed, found.rate, found.place);
+    return answer(failed, found);
 }
 
 PyMethodDef certify_methods[] = {
-    ENTRY(between), ENTRY(least_rate), ENTRY(setpoint_extremes), ENTRY(sample_path), ENTRY(farthest_from_path),
-    ENTRY(path_extremes),
-    LAST_ENTRY,
+    ENTRY(between), ENTRY(least_rate), ENTRY(setpoint_extremes), LAST_ENTRY,
 };

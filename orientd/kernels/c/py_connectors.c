@@ -8,18 +8,6 @@ static bool is_tensor(tensor_t a, index_t n, index_t m, index_t k) {
     return a.n == n && a.m == m && a.k == k;
 }
 
-KERNEL(put_joins) {
-    TAKE("mtvMTMTTTM");
-    index_t n = a[0].m.n;
-    CHECK(n > 0 && a[0].m.m == 4 && is_tensor(a[1].t, n, FACTORS, 3) && a[2].v.n == n + 1);
-    CHECK(is_matrix(a[3].m, 4, n) && is_tensor(a[4].t, FACTORS, 3, n));
-    CHECK(is_matrix(a[5].m, FACTORS, n) && is_tensor(a[6].t, n, FACTORS, 6));
-    CHECK(is_tensor(a[7].t, n, FACTORS, 5) && is_tensor(a[8].t, n, FACTORS, 4));
-    CHECK(is_matrix(a[9].m, STATE, 2));
-    RUN(put_joins(a[0].m, a[1].t, a[2].v, a[3].m, a[4].t, a[5].m, a[6].t, a[7].t, a[8].t, a[9].m));
-    Py_RETURN_NONE;
-}
-
 KERNEL(try_joins) {
     TAKE("mmvvmTX");
     index_t n = a[2].v.n;
@@ -50,7 +38,6 @@ KERNEL(leave) {
 }
 
 PyMethodDef connectors_methods[] = {
-    ENTRY(put_joins),
     ENTRY(try_joins),
     ENTRY(connect),
     ENTRY(leave),

@@ -62,7 +62,7 @@ KERNEL(time_even) {
     even_t asked = {a[0].v, a[1].m, a[2].v, a[3].v, a[4].m, a[5].m, a[6].v, a[7].d,
                     {a[8].p, a[9].p}, a[10].d, {a[11].d, a[12].d}, a[13].d, a[14].p, a[15].p};
     index_t first = a[16].i, fewest = a[17].i, highest = a[18].i;
-    pace_t found;
+    even_pace_t found;
     int failed;
     RUN(failed = time_even(&asked, first, fewest, highest, &found));
     if (failed)

@@ -13,10 +13,10 @@ import math
 import numpy as np
 
 from orientd import kernels
+from orientd.curves import Trajectory
 from orientd.planner.certify import limit_table
-from orientd.planner.connect.quintic_connector import FACTORS, QuinticConnectors, state_row
+from orientd.planner.connect.quintic_connector import FACTORS, joins, state_row
 from orientd.planner.limits import LONGEST, Limits
-from orientd.planner.path import PathSegment
 from orientd.planner.request import State
 from orientd.rotation import angle
 
@@ -38,8 +38,8 @@ def connector(
     ease: float = 1.0,
     as_found: bool = False,
     falls_first: bool = False,
-) -> PathSegment | None:
-    """Return a segment from path time 0 that leads from one state to another, if one is found.
+) -> Trajectory | None:
+    """Return a trajectory from path time 0 that leads from one state to another, if one is found.
 
     The velocity, and the acceleration, may be as high as they are at the ends, and otherwise keep
     *limits* with their reserve.  It makes no whole turn that is not needed: it turns at most by the
@@ -77,10 +77,7 @@ def connector(
         w,
         breaks,
     )
-    if not count:
-        return None
-    curve = QuinticConnectors(q[:count], w[:count], breaks[: count + 1])
-    return PathSegment(curve, 0.0, float(breaks[count]))
+    return joins(q[:count], w[:count], breaks[: count + 1]) if count else None
 
 
 def turn_to_stop(state: State, limits: Limits) -> float:

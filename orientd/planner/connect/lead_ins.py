@@ -11,13 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orientd.curves import Trajectory
 from orientd.errors import PlanError
 from orientd.planner.connect.connector import CONNECTOR_RESERVE, connector
 from orientd.planner.connect.leads import approach, approach_cycles, lead_out
 from orientd.planner.connect.position_stop import position_lead
 from orientd.planner.connect.quintic_connector import join
 from orientd.planner.limits import Limits, is_still
-from orientd.planner.path import PathSegment, PositionPath
+from orientd.planner.path import PositionPath
 from orientd.planner.request import State
 from orientd.rotation import Floats
 
@@ -31,12 +32,12 @@ class LeadIn:
     """What comes before the first keyframe.
 
     Attributes:
-        segments: from path time 0 on.
+        parts: end to end, from path time 0 on.
         cycles: how many periods they take.
         positions: what the position does meanwhile.
     """
 
-    segments: tuple[PathSegment, ...]
+    parts: tuple[Trajectory, ...]
     cycles: int
     positions: PositionPath
 
@@ -123,9 +124,9 @@ def lead_in(
     within = connection.limits(limits)
     positions = position_lead(start, first.position, limits=within, period=period)
     least = 0.0 if positions.is_held else float(positions.breaks[-1])
-    segment = None
+    found = None
     if not connection.rests:
-        segment = connector(
+        found = connector(
             start,
             first,
             limits=within,
@@ -136,14 +137,14 @@ def lead_in(
             as_found=is_even or connection.as_found,
             falls_first=connection.falls_first,
         )
-    if segment is None:
+    if found is None:
         stopped = connection.limits(own)
         return _by_way_of_rest(start, first, positions, limits=within, own=stopped, period=period)
     if not positions.is_held:
         positions = position_lead(
-            start, first.position, limits=within, period=period, least=segment.end
+            start, first.position, limits=within, period=period, least=found.duration
         )
-    return LeadIn((segment,), round(segment.end / period), positions)
+    return LeadIn((found,), round(found.duration / period), positions)
 
 
 def from_rest(
@@ -176,7 +177,7 @@ def from_rest(
         except PlanError as error:
             raise PlanError(f"no run-up to the first keyframe: {error}") from error
         rest = run_up.ends()[0][1]
-        run_up_cycles = round(run_up.domain[1] / period)
+        run_up_cycles = round(run_up.duration / period)
     cycles = approach_cycles(
         start.q,
         rest,
@@ -188,24 +189,21 @@ def from_rest(
     )
     cycles = max(cycles, least - run_up_cycles)
     arrival = cycles * period
-    segments = []
+    parts = []
     if cycles:
-        segments.append(
-            _waiting(approach(start.q, rest, limits, is_even=is_even), start.q, arrival)
-        )
+        parts.append(_waiting(approach(start.q, rest, limits, is_even=is_even), start.q, arrival))
     cycles += run_up_cycles
     if run_up is not None:
-        segments.append(PathSegment(run_up, arrival, cycles * period, rate=-1.0))
+        parts.append(run_up.reversed().shifted(arrival))
     # The position arrives with the approach and waits while the orientation takes its run-up.
     positions = PositionPath.held(first.position).after_move_from(start.position, 0.0, arrival)
-    return LeadIn(tuple(segments), cycles, positions)
+    return LeadIn(tuple(parts), cycles, positions)
 
 
-def _waiting(turn: PathSegment | None, q: Floats, arrival: float) -> PathSegment:
+def _waiting(turn: Trajectory | None, q: Floats, arrival: float) -> Trajectory:
     """Return a turn that takes longer, or none at all, while the position moves."""
     if turn is None:
-        still = np.zeros((5, 3))
-        return PathSegment(join(q, still, arrival), 0.0, arrival)
+        return join(q, np.zeros((5, 3)), arrival)
     return turn.slowed(arrival)
 
 
@@ -223,10 +221,9 @@ def _by_way_of_rest(
         stop = lead_out(start, limits=limits, period=period, may_ramp=True)
     except PlanError:
         stop = lead_out(start, limits=own, period=period, may_ramp=True)
-    halt = stop.domain[1]
+    halt = stop.duration
     rest = State.at_rest(stop.ends()[0][1], first.position)
     least = 0 if positions.is_held else round((float(positions.breaks[-1]) - halt) / period)
     onward = from_rest(rest, first, limits=limits, period=period, least=least)
-    segments = [PathSegment(stop, 0.0, halt)]
-    segments += [segment.shifted(halt) for segment in onward.segments]
-    return LeadIn(tuple(segments), round(halt / period) + onward.cycles, positions)
+    parts = [stop, *(part.shifted(halt) for part in onward.parts)]
+    return LeadIn(tuple(parts), round(halt / period) + onward.cycles, positions)

@@ -13,12 +13,12 @@ import math
 import numpy as np
 
 from orientd import kernels
-from orientd.curves import AxisTurn, Curve
+from orientd.curves import AxisTurn, Trajectory
 from orientd.errors import PlanError
 from orientd.planner.certify import limit_table
-from orientd.planner.connect.quintic_connector import FACTORS, QuinticConnectors, join, state_row
+from orientd.planner.connect.quintic_connector import FACTORS, join, joins, state_row
 from orientd.planner.limits import LONGEST, Limits
-from orientd.planner.path import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY, PathSegment
+from orientd.planner.path import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY
 from orientd.planner.request import State
 from orientd.planner.timing import CAREFUL_JERK_SHARE, SHARE, phases_of_turn
 from orientd.rotation import Floats, align, angle, between, log_half, nearer_sign
@@ -27,10 +27,8 @@ _SAME = 1e-12  # rad and m
 _SLACK = 1e-9  # of a period
 
 
-def lead_out(
-    start: State, *, limits: Limits, period: float, may_ramp: bool = False
-) -> QuinticConnectors:
-    """Return the curve from a state to rest, over ``[0, T]``.
+def lead_out(start: State, *, limits: Limits, period: float, may_ramp: bool = False) -> Trajectory:
+    """Return the trajectory from a state to rest, over ``[0, T]``.
 
     Args:
         start: the state.
@@ -46,7 +44,7 @@ def lead_out(
     table = limit_table(limits.with_reserve())
     count = kernels.leave(state_row(start), table, period, LONGEST, may_ramp, q, w, breaks)
     if count:
-        return QuinticConnectors(q[:count], w[:count], breaks[: count + 1])
+        return joins(q[:count], w[:count], breaks[: count + 1])
     check_lead("a lead", float(breaks[1]))
     raise PlanError(
         f"between rest and {np.linalg.norm(start.omega_body):.4g} rad/s with "
@@ -76,7 +74,7 @@ def approach_cycles(
     turn, move = approach(q0, q1, limits, is_even=is_even), float(np.linalg.norm(p1 - p0))
     most = limits.with_reserve().linear_acceleration
     duration = max(
-        0.0 if turn is None else turn.end,
+        0.0 if turn is None else turn.duration,
         UNIT_VELOCITY * move / limits.linear_velocity if move > _SAME else 0.0,
         math.sqrt(UNIT_ACCELERATION * move / most) if move > _SAME else 0.0,
     )
@@ -93,7 +91,7 @@ def approach(
     share: float = SHARE,
     jerk_share: float = CAREFUL_JERK_SHARE,
     is_part: bool = True,
-) -> PathSegment | None:
+) -> Trajectory | None:
     """Return the quickest turn from rest at *q0* to rest at *q1*, the short way round.
 
     It begins at path time 0; there is none where both are the same.
@@ -121,8 +119,7 @@ def approach(
             axis, turn, limits, share=share, jerk_share=jerk_share, is_part=is_part
         )
         check_lead("an approach", float(phases.sum()))
-        curve: Curve = AxisTurn(q0, axis, turn, phases)
-        return PathSegment(curve, 0.0, curve.domain[1])
+        return AxisTurn(q0, axis, turn, phases).trajectory
     velocity, acceleration, jerk = limits.with_reserve().along(axis.tolist())
     duration = max(
         UNIT_VELOCITY * turn / velocity,
@@ -132,7 +129,7 @@ def approach(
     check_lead("an approach", duration)
     w = np.zeros((FACTORS, 3))
     w[2] = log_half(between(*align([q0, q1])))
-    return PathSegment(join(q0, w, duration), 0.0, duration)
+    return join(q0, w, duration)
 
 
 def _axis_between(q0: list[float], q1: list[float]) -> tuple[Floats, bool]:

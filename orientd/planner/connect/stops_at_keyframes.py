@@ -6,11 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from orientd.curves import Trajectory
 from orientd.errors import PlanError
 from orientd.planner.connect.leads import approach
 from orientd.planner.limits import Limits
 from orientd.planner.methods import Ends
-from orientd.planner.path import Path, PathCurve, PathSegment, PositionPath
+from orientd.planner.path import PositionPath
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
 from orientd.planner.timing import KeyframePath, least_with_stops
 from orientd.rotation import Floats
@@ -29,7 +30,7 @@ def stops_take(keys: Floats, limits: Limits) -> float:
         PlanError: one of them takes longer than is planned.
     """
     turns = [approach(here, there, limits) for here, there in pairwise(keys)]
-    return sum(turn.end for turn in turns if turn is not None)
+    return sum(turn.duration for turn in turns if turn is not None)
 
 
 def turns_with_stops(
@@ -59,7 +60,7 @@ def turns_with_stops(
         return None
     if least_with_stops(request.keys, limits) >= shorter_than:
         return None
-    segments: list[PathSegment] = []
+    parts: list[Trajectory] = []
     times = [0.0]
     for here, there in pairwise(request.keys):
         try:
@@ -67,10 +68,9 @@ def turns_with_stops(
         except PlanError:
             return None
         if turn is not None:
-            segments.append(turn.shifted(times[-1]))
-        times.append(segments[-1].end if segments else 0.0)
-    if not segments:
+            parts.append(turn.shifted(times[-1]))
+        times.append(parts[-1].domain[1] if parts else 0.0)
+    if not parts:
         return None
     held = PositionPath.held(start.position)
-    curve = PathCurve(Path.joined(segments, held).segments)
-    return KeyframePath(PathSegment(curve, 0.0, times[-1]), held, np.array(times))
+    return KeyframePath(Trajectory.joined(parts), held, np.array(times))

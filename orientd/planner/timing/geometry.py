@@ -27,16 +27,11 @@ class Geometry:
     @classmethod
     def of(cls, path: KeyframePath) -> Geometry:
         """Return the geometry of a keyframe path."""
-        curve, rate = path.segment.curve, path.segment.rate
-        trajectory = curve.trajectory
-        first = trajectory.breaks[0]
-        breaks, knots = ((times - first) / rate for times in (trajectory.breaks, curve.knots))
-        breaks[-1] = knots[-1] = path.duration
-        positions = path.positions
+        trajectory, positions = path.trajectory, path.positions
         moves = _STILL
         if not positions.is_held:
             moves = positions.breaks, positions.coefficients.reshape(-1, 18)
-        return cls((breaks, trajectory.pieces, knots), moves)
+        return cls((trajectory.breaks, trajectory.pieces, trajectory.knots), moves)
 
     @property
     def ends(self) -> Floats:

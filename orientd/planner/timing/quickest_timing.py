@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orientd.curves import Retimed, TimeMap
+from orientd.curves import TimeMap
 from orientd.errors import PlanError
 from orientd.kernels import time_quickest
 from orientd.planner import refusal
 from orientd.planner.certify import before, limit_table, measure_path
 from orientd.planner.limits import Limits
-from orientd.planner.path import Path, PathSegment, repositioned
+from orientd.planner.path import Path, repositioned
 from orientd.planner.request import State
 from orientd.planner.timing.axis_turn import SHARE, VELOCITY_SHARE, turned_at_once
 from orientd.planner.timing.candidate_path import KeyframePath
@@ -272,7 +272,7 @@ def _looked_at(
         last = math.floor(path.duration / period + _WHOLE) if moves[1] else None
         peaks = path.peaks(period, limits, last=last)
     else:
-        whole = Path.joined([path.segment], path.positions)
+        whole = Path.joined([path.trajectory], path.positions)
         peaks = measure_path(
             whole,
             math.ceil(path.duration / period - _WHOLE) + 1,
@@ -298,12 +298,12 @@ def _looked_at(
 
 def _retimed(keyframe_path: KeyframePath, profile: Profile, duration: float) -> KeyframePath:
     """Return the keyframe path at the speed of a profile, which takes *duration* seconds."""
-    segment = keyframe_path.segment
     clock = profile.clock()
-    warp = replace(clock, first=segment.curve.domain[0], scale=segment.rate)
-    return QuickPath(
-        PathSegment(Retimed(segment.curve, warp), 0.0, duration),
-        repositioned(keyframe_path.positions, clock),
+    quick = QuickPath(
+        clock.retimed(keyframe_path.trajectory),
+        repositioned(keyframe_path.positions, clock, clock.times),
         clock.times_of(keyframe_path.times),
         profile=profile,
     )
+    # But for rounding it takes that long already.
+    return quick if quick.duration == duration else quick.slowed(duration)

@@ -59,7 +59,7 @@ def test_an_acceleration_that_has_to_falls_in_whole_cycles_below_the_limit():
     state = rising_state(0.9989)
     goal = State.at_rest(exp(np.array([0.6, 0.3, 1.5])))
     segment = connector(state, goal, limits=SLOW, period=PERIOD, falls_first=True)
-    falls = segment.curve.knots[1:3]
+    falls = segment.knots[1:3]
     assert [round(1000 * fall) for fall in falls] == [82, 84]
     times = np.linspace(0.0, falls[1], 100)
     _, omega, alpha = segment.sample(times)
@@ -77,4 +77,4 @@ def test_an_acceleration_that_may_go_on_does():
         connector(state, goal, limits=SLOW, period=PERIOD, falls_first=falls_first)
         for falls_first in (False, True)
     )
-    assert went_on.end < fell.end
+    assert went_on.duration < fell.duration

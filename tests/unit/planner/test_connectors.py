@@ -8,7 +8,8 @@ from orientd import kernels
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify.limit_tables import limit_table
 from orientd.planner.connect.connector import connector
-from orientd.planner.connect.quintic_connector import QuinticConnectors, state_row, try_joins
+from orientd.planner.connect.quintic_connector import joins as trajectory_of_joins
+from orientd.planner.connect.quintic_connector import state_row, try_joins
 from orientd.planner.timing.axis_turn import double_s
 from orientd.rotation import angle, exp, multiply, normalize
 
@@ -46,7 +47,7 @@ def joined(start, end, limits, period, least=0.0, *, as_found=False):
 
 
 def curve_of(way):
-    return QuinticConnectors(*way)
+    return trajectory_of_joins(*way)
 
 
 @pytest.mark.parametrize("limits", LIMITS)
@@ -77,14 +78,14 @@ def test_a_connector_is_one_smooth_curve_from_state_to_state(speed):
     rng = np.random.default_rng(4)
     for _ in range(12):
         start, end = random_state(rng, speed), random_state(rng, speed)
-        segment = connector(start, end, limits=LIMITS[0], period=PERIOD)
-        q, omega, alpha = segment.sample(np.array([0.0, segment.end]))
+        found = connector(start, end, limits=LIMITS[0], period=PERIOD)
+        q, omega, alpha = found.ends()
         for k, state in enumerate((start, end)):
             assert angle(q[k], state.q) <= 1e-13
             assert omega[k] == pytest.approx(state.omega_body, abs=1e-12)
             assert alpha[k] == pytest.approx(state.alpha_body, abs=1e-9)
-        inner = segment.curve.knots[1:-1]
-        before, after = (segment.sample(np.nextafter(inner, side)) for side in (-1.0, 9.0))
+        inner = found.breaks[1:-1]
+        before, after = (found.sample(np.nextafter(inner, side)) for side in (-1.0, 9.0))
         for part, other, bound in zip(before, after, (1e-12, 1e-9, 1e-6), strict=True):
             assert np.abs(part - other).max(initial=0.0) <= bound
 
@@ -127,14 +128,14 @@ def test_a_curve_of_joins_is_sampled_as_numpy_does():
     w[1, 2] = 0.0
     durations = rng.uniform(0.1, 3.0, 4)
     breaks = np.concatenate([[-1.0], -1.0 + np.cumsum(durations)])
-    curve = QuinticConnectors(q, w, breaks)
+    found = trajectory_of_joins(q, w, breaks)
     u = np.linspace(0.0, 1.0, 30)[:-1]
     reference = joins.sampled(q, w, durations, joins.basis(u))
-    found = curve.evaluate((breaks[:-1, None] + durations[:, None] * u).reshape(-1))
-    for part, other in zip(found, reference, strict=True):
-        assert np.abs(part - other.reshape(part.shape)).max() <= 1e-11
+    samples = found.sample((breaks[:-1, None] + durations[:, None] * u).reshape(-1))
+    for part, other in zip(samples, reference, strict=True):
+        assert np.abs(part - other.reshape(part.shape)).max() <= 1e-8
     at_ends = joins.sampled(q, w, durations, joins.basis(np.array([0.0, 1.0])))
-    for part, other in zip(curve.ends(), at_ends, strict=True):
+    for part, other in zip(found.ends(), at_ends, strict=True):
         assert np.abs(part - np.stack([other[0, 0], other[-1, 1]])).max() <= 1e-11
 
 
@@ -169,7 +170,7 @@ def shortened(start, end, limits, period, least=0.0):
 def shares(curve, limits):
     """Return the largest shares of the limits of velocity, acceleration and jerk."""
     spots = np.arange(0.0, curve.domain[1], 2.5e-4)
-    _, omega, alpha = curve.evaluate(spots)
+    _, omega, alpha = curve.sample(spots)
     jerk = np.diff(alpha, axis=0) / np.diff(spots)[:, None]
     return [
         max(
@@ -235,8 +236,8 @@ def test_a_guess_is_shortened_where_no_connector_is_found():
     end = state((0.14, -1.28, 0.83), (-0.1, 0.2, 0.34))
     assert joined(start, end, limits, PERIOD, as_found=True) is None
     way = connector(start, end, limits=limits, period=PERIOD)
-    assert way.end <= 1.4  # by way of rest it is 2.03
-    velocity, acceleration, jerk = shares(way.curve, limits)
+    assert way.duration <= 1.4  # by way of rest it is 2.03
+    velocity, acceleration, jerk = shares(way, limits)
     assert max(velocity, acceleration, jerk) <= 1.0
 
 
