@@ -41,6 +41,7 @@ _MOST_HALVINGS = 40
 _GAIN = 8.0  # by which halving a piece lessens its error at least
 _STALLED = (1, 1e-12), (3, 1e-8)  # halvings without that gain after which an error, rad, stays
 _MOST_PIECES, _MOST_HALVES = 100_000, 64  # in all, and of each interval between knots
+_BLUR = 4.0 * float(np.finfo(np.float64).eps)
 _BLOCK = 4096  # pieces that are fitted at a time, so that memory stays bounded
 
 # The nodes of a piece, and two instants between them at which the fit is looked at.
@@ -99,7 +100,10 @@ class Trajectory:
             size, error = quality.T
             stalled = np.where(error * _GAIN <= before, 0.0, stalled + 1.0)
             is_left = [(stalled >= halvings) & (error <= most) for halvings, most in _STALLED]
-            is_good = (error <= tolerance) | is_left[0] | is_left[1]
+            # An instant is rounded, and the orientation there is off by the turn in between.
+            latest = np.maximum(np.abs(begins), np.abs(finals))
+            blurred = _BLUR * size * latest / (finals - begins)
+            is_good = (error <= np.maximum(tolerance, blurred)) | is_left[0] | is_left[1]
             is_poor = (size > _LARGEST) | ~is_good
             found.append((begins[~is_poor], table[~is_poor]))
             if not is_poor.any():

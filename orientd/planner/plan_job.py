@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from orientd.curves import METHODS, corrections_at_most
+from orientd.curves import METHODS
 from orientd.errors import LimitError, PlanError
 from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, leads_out, with_leads
@@ -42,7 +42,6 @@ from orientd.tolerances import GUARD_TOLERANCE
 
 _HOPELESS = 1e3  # times as long as a motion may take, with each keyframe
 _END_SLACK = 1e-9  # of a period
-_MOST_CORRECTIONS = 300  # of a curve that is one of many to try
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,6 +145,12 @@ class PlanJob:
         )  # fmt: skip
 
     @property
+    def has_one_shape(self) -> bool:
+        """Whether another duration is the same curve at another rate."""
+        is_taken_over = self.start.is_position_moving and not self.request.approach
+        return not (is_taken_over or any(self.ends.moves))
+
+    @property
     def is_led_by_connector(self) -> bool:
         """Whether the lead-in goes from a motion, or to one."""
         is_moving = self.request.is_single or self.ends.moves[0] or not self.start.is_at_rest
@@ -194,8 +199,7 @@ class PlanJob:
 
     def moving(self, path_request: PathRequest, duration: float) -> KeyframePath:
         """Return one of many keyframe paths to try, each of which may be hard to find."""
-        with corrections_at_most(_MOST_CORRECTIONS):
-            return path_request.keyframe_path(duration)
+        return path_request.keyframe_path(duration)
 
     def lead_to(self, first: State, connection: Connection = USUAL) -> LeadIn:
         """Return the lead-in to a state at the first keyframe.
