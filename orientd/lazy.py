@@ -1,33 +1,23 @@
-"""Fronts of packages, which load what they name when it is first asked for (PEP 562).
-
-A front says once what others may use: by the imports that a type checker reads.
-"""
+"""Fronts of packages that load what they offer when it is first asked for (PEP 562)."""
 
 from __future__ import annotations
 
-import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
-_IMPORT = re.compile(r"^    from (orientd\S*) import (?:\(([^)]*)\)|(.*))$", re.MULTILINE)
 
-
-def lazily(package: str) -> Callable[[str], Any]:
+def lazily(package: str, offered: Mapping[str, Sequence[str]]) -> Callable[[str], Any]:
     """Return the ``__getattr__`` of a front.
 
     Args:
-        package: its name; below ``if TYPE_CHECKING:`` it imports what it offers.
+        package: its name.
+        offered: modules with the names that the front offers of each.  A type checker reads the
+            same from imports below ``if TYPE_CHECKING:``; ``tests/structure.py`` compares them.
     """
     front = sys.modules[package]
-    source = front.__loader__.get_source(package)  # type: ignore[union-attr]
-    home_of = {
-        name.strip(): home
-        for home, several, one in _IMPORT.findall(source)
-        for name in (several or one).split(",")
-        if name.strip()
-    }
+    home_of = {name: home for home, names in offered.items() for name in names}
     front.__all__ = sorted(home_of)  # type: ignore[attr-defined]
 
     def find(name: str) -> Any:  # noqa: ANN401 - whatever the name stands for

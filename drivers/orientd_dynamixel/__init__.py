@@ -6,11 +6,4 @@ The driver runs in the servo process and uses no NumPy; :mod:`orientd_dynamixel.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from orientd.lazy import lazily
-
-if TYPE_CHECKING:
-    from orientd_dynamixel.driver import DynamixelDriver
-
-__getattr__ = lazily(__name__)
+from orientd_dynamixel.driver import DynamixelDriver

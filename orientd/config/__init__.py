@@ -15,22 +15,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from orientd.lazy import lazily
-
-if TYPE_CHECKING:
-    from orientd.config.devices import FIRST_PHASE, SPIN_US, DeviceSettings, LimitSettings
-    from orientd.config.fleet import TLS, UNIX, FleetSettings
-    from orientd.config.operation import AccessSettings, MetricsSettings, Role, TcpSettings
-    from orientd.config.settings import (
-        Settings,
-        default_settings,
-        find,
-        load,
-        parse,
-        read_table,
-    )
-    from orientd.config.table import Table
-
-__getattr__ = lazily(__name__)
+from orientd.config.devices import FIRST_PHASE, SPIN_US, DeviceSettings, LimitSettings
+from orientd.config.fleet import TLS, UNIX, FleetSettings
+from orientd.config.operation import AccessSettings, MetricsSettings, Role, TcpSettings
+from orientd.config.settings import (
+    Settings,
+    default_settings,
+    find,
+    load,
+    parse,
+    read_table,
+)
+from orientd.config.table import Table

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from orientd.curves.comparison.candidates import Candidate, compare, ranked
     from orientd.curves.comparison.measure import MET, Figures, measure
     from orientd.curves.construct.basis import CumulativeBasis, Indices, cumulative_basis
-    from orientd.curves.construct.continuation import corrections_at_most
     from orientd.curves.construct.cumulative import CumulativeCurve
     from orientd.curves.construct.knots import resolve_knots
     from orientd.curves.contract import Curve, Samples
@@ -37,6 +36,62 @@ if TYPE_CHECKING:
         parameters,
         turns_name,
     )
-    from orientd.curves.warped import Retimed, TimeMap, places_of
+    from orientd.curves.trajectory import PIECE, Trajectory
+    from orientd.curves.warped import TimeMap, places_of
 
-__getattr__ = lazily(__name__)
+__getattr__ = lazily(
+    __name__,
+    {
+        "orientd.curves.axis_turn": ("AxisTurn",),
+        "orientd.curves.comparison.candidates": (
+            "Candidate",
+            "compare",
+            "ranked",
+        ),
+        "orientd.curves.comparison.measure": (
+            "MET",
+            "Figures",
+            "measure",
+        ),
+        "orientd.curves.construct.basis": (
+            "CumulativeBasis",
+            "Indices",
+            "cumulative_basis",
+        ),
+        "orientd.curves.construct.cumulative": ("CumulativeCurve",),
+        "orientd.curves.construct.knots": ("resolve_knots",),
+        "orientd.curves.contract": (
+            "Curve",
+            "Samples",
+        ),
+        "orientd.curves.families.c2_cumulative": ("C2Cumulative",),
+        "orientd.curves.families.kks.bspline": ("KksBspline",),
+        "orientd.curves.families.kks.hermite": ("KksHermite",),
+        "orientd.curves.families.kks.interpolating": ("KksInterpolating",),
+        "orientd.curves.family": ("is_same",),
+        "orientd.curves.fitting.spline_fit": (
+            "Fit",
+            "fit_orientations",
+        ),
+        "orientd.curves.keyframes": (
+            "ParameterError",
+            "check_keys",
+            "resolve_times",
+        ),
+        "orientd.curves.methods": ("METHODS",),
+        "orientd.curves.roles": (
+            "CurveTask",
+            "UnevenError",
+            "is_pair",
+            "make_curve",
+            "options_of",
+            "parameters",
+            "turns_name",
+        ),
+        "orientd.curves.trajectory": ("PIECE", "Trajectory"),
+        "orientd.curves.warped": (
+            "TimeMap",
+            "places_of",
+        ),
+    },
+)

@@ -14,4 +14,21 @@ if TYPE_CHECKING:
     from orientd.daemon.planners.reporting import known_methods, plan_of, samples_of
     from orientd.daemon.server import run
 
-__getattr__ = lazily(__name__)
+__getattr__ = lazily(
+    __name__,
+    {
+        "orientd.daemon.access.audit_chain": ("verify_audit",),
+        "orientd.daemon.access.authentication": ("audit_path",),
+        "orientd.daemon.calls.latency_identification": ("measure_latency",),
+        "orientd.daemon.observe.structured_log": (
+            "LogFormat",
+            "set_up_log",
+        ),
+        "orientd.daemon.planners.reporting": (
+            "known_methods",
+            "plan_of",
+            "samples_of",
+        ),
+        "orientd.daemon.server": ("run",),
+    },
+)

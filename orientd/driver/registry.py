@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.metadata import EntryPoint, entry_points
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from orientd.clock import MonotonicClock
 from orientd.driver.contract import Driver
 from orientd.errors import ConfigError
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 GROUP = "orientd.drivers"
 
@@ -59,6 +61,8 @@ def make_driver(device: str, name: str, options: Mapping[str, Any], period_ns: i
 
 
 def _find(name: str) -> EntryPoint:
+    from importlib.metadata import entry_points  # slow to load, and no servo has need of it
+
     entries = entry_points(group=GROUP)
     for entry in entries:
         if entry.name == name:

@@ -18,4 +18,38 @@ if TYPE_CHECKING:
     from orientd.fleet.session import open_session
     from orientd.fleet.together import Together, move_together
 
-__getattr__ = lazily(__name__)
+__getattr__ = lazily(
+    __name__,
+    {
+        "orientd.fleet.access": (
+            "nested",
+            "router_configuration",
+            "zenoh_configuration",
+        ),
+        "orientd.fleet.channel": ("FleetChannel",),
+        "orientd.fleet.client": (
+            "Fleet",
+            "FleetMember",
+            "Heard",
+            "Stopped",
+            "connect_fleet",
+        ),
+        "orientd.fleet.clocks": ("ClockOffset",),
+        "orientd.fleet.frames": (
+            "LENGTHS",
+            "Header",
+            "write_frame",
+        ),
+        "orientd.fleet.overview": ("Overview",),
+        "orientd.fleet.plan_file": (
+            "FleetMotion",
+            "read_plan",
+        ),
+        "orientd.fleet.recording": ("FleetRecording",),
+        "orientd.fleet.session": ("open_session",),
+        "orientd.fleet.together": (
+            "Together",
+            "move_together",
+        ),
+    },
+)

@@ -48,4 +48,68 @@ if TYPE_CHECKING:
     from orientd.planner.storage import plan_as_recorded, replay_request
     from orientd.planner.task import distinct, task_of
 
-__getattr__ = lazily(__name__)
+__getattr__ = lazily(
+    __name__,
+    {
+        "orientd.planner.axis_path": ("reshaped",),
+        "orientd.planner.blending": ("blend",),
+        "orientd.planner.certify.certificate": (
+            "Certificate",
+            "Peak",
+        ),
+        "orientd.planner.device_planner": ("DevicePlanner",),
+        "orientd.planner.keyframes.placing": (
+            "in_device_coordinates",
+            "report_frame",
+        ),
+        "orientd.planner.limits": (
+            "ANGULAR",
+            "AXES",
+            "DEFAULT_LIMITS",
+            "NO_AXES",
+            "UNITS",
+            "Limits",
+            "Rate",
+        ),
+        "orientd.planner.many": (
+            "in_parallel",
+            "need_backend",
+            "plan_many",
+        ),
+        "orientd.planner.methods": (
+            "check_method",
+            "curve_of",
+        ),
+        "orientd.planner.motion": ("Motion",),
+        "orientd.planner.path.path": ("PathSamples",),
+        "orientd.planner.path.position": ("position_path",),
+        "orientd.planner.planning": ("plan",),
+        "orientd.planner.presets": ("PRESETS",),
+        "orientd.planner.recorded": (
+            "HISTORY",
+            "Joints",
+            "MotionFacts",
+            "RecordedMotion",
+            "states_between",
+        ),
+        "orientd.planner.request": (
+            "DEFAULT_METHOD",
+            "Frame",
+            "Keyframe",
+            "MotionRequest",
+            "Pose",
+            "Quaternion",
+            "State",
+            "Vector3",
+            "named_frames",
+        ),
+        "orientd.planner.storage": (
+            "plan_as_recorded",
+            "replay_request",
+        ),
+        "orientd.planner.task": (
+            "distinct",
+            "task_of",
+        ),
+    },
+)

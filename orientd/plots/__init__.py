@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from orientd.lazy import lazily
-
-if TYPE_CHECKING:
-    from orientd.plots.charts import Traces
-    from orientd.plots.gallery import draw_family, draw_gallery
-    from orientd.plots.motion import draw_alone, draw_sent, draw_traces, png_of
-    from orientd.plots.paper import check_format, is_available
-    from orientd.plots.papers.figures import FIGURES, draw_figure
-    from orientd.plots.parts import draw_bodies_alone, draw_rates_alone, draw_triads_alone
-    from orientd.plots.punctuality import Timing
-    from orientd.plots.recording import Strands, draw_orientations, draw_recording
-    from orientd.plots.sampling import traces_of
-    from orientd.plots.sheet import draw_sheet
-
-__getattr__ = lazily(__name__)
+from orientd.plots.charts import Traces
+from orientd.plots.gallery import draw_family, draw_gallery
+from orientd.plots.motion import draw_alone, draw_sent, draw_traces, png_of
+from orientd.plots.paper import check_format, is_available
+from orientd.plots.papers.figures import FIGURES, draw_figure
+from orientd.plots.parts import draw_bodies_alone, draw_rates_alone, draw_triads_alone
+from orientd.plots.punctuality import Timing
+from orientd.plots.recording import Strands, draw_orientations, draw_recording
+from orientd.plots.sampling import traces_of
+from orientd.plots.sheet import draw_sheet

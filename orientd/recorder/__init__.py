@@ -19,4 +19,31 @@ if TYPE_CHECKING:
     from orientd.recorder.tables import export
     from orientd.recorder.writer import RecordingError, RecordingWriter
 
-__getattr__ = lazily(__name__)
+__getattr__ = lazily(
+    __name__,
+    {
+        "orientd.recorder.cycle_table": (
+            "Table",
+            "from_records",
+        ),
+        "orientd.recorder.orientations": (
+            "Orientations",
+            "read_orientations",
+        ),
+        "orientd.recorder.planned": ("strands",),
+        "orientd.recorder.reader": (
+            "NotOursError",
+            "load_recording",
+        ),
+        "orientd.recorder.session": (
+            "DaemonRecorder",
+            "LiveRecording",
+            "RecordingSession",
+        ),
+        "orientd.recorder.tables": ("export",),
+        "orientd.recorder.writer": (
+            "RecordingError",
+            "RecordingWriter",
+        ),
+    },
+)

@@ -57,4 +57,98 @@ if TYPE_CHECKING:
     from orientd.rpc.wire.status import DETAILS_KEY, to_status
     from orientd.rpc.wire.track import report_to_message, target_from_message
 
-__getattr__ = lazily(__name__)
+__getattr__ = lazily(
+    __name__,
+    {
+        "orientd.rpc.address": (
+            "default_socket",
+            "found_socket",
+            "target",
+        ),
+        "orientd.rpc.channel": (
+            "Way",
+            "certificate_files",
+            "server_options",
+        ),
+        "orientd.rpc.client": (
+            "Robot",
+            "connect",
+            "connect_by",
+        ),
+        "orientd.rpc.connection": (
+            "Connection",
+            "StartAt",
+        ),
+        "orientd.rpc.descriptions": (
+            "MethodDescription",
+            "Outline",
+            "PartReport",
+        ),
+        "orientd.rpc.move_handle": ("MoveHandle",),
+        "orientd.rpc.observer": (
+            "Configuration",
+            "Observer",
+        ),
+        "orientd.rpc.reports": (
+            "STALE",
+            "CellReport",
+            "DaemonReport",
+            "DeviceReport",
+            "Durations",
+            "LeaseReport",
+            "MoveTiming",
+            "OnTarget",
+            "Outcome",
+            "Plan",
+            "Progress",
+            "Samples",
+            "Statistics",
+            "Summary",
+            "TrackReport",
+            "titled",
+        ),
+        "orientd.rpc.stop_call": (
+            "ask_to_stop",
+            "stop_socket",
+        ),
+        "orientd.rpc.tracking": (
+            "TARGET_KEYS",
+            "target_message",
+        ),
+        "orientd.rpc.trust": ("check_folder",),
+        "orientd.rpc.urgent": (
+            "begin_call",
+            "read_answer",
+            "text_fields",
+        ),
+        "orientd.rpc.wire.limits": ("limits_to_wish",),
+        "orientd.rpc.wire.motion": (
+            "from_request",
+            "to_request",
+        ),
+        "orientd.rpc.wire.move": (
+            "plan_to_message",
+            "progress_to_message",
+            "summary_to_message",
+            "timing_to_message",
+        ),
+        "orientd.rpc.wire.state": (
+            "cycle_to_message",
+            "daemon_to_message",
+            "device_from_message",
+            "device_to_message",
+            "limits_to_message",
+            "method_to_message",
+            "outline_to_messages",
+            "tracking_error",
+        ),
+        "orientd.rpc.wire.status": (
+            "DETAILS_KEY",
+            "to_status",
+        ),
+        "orientd.rpc.wire.track": (
+            "report_to_message",
+            "target_from_message",
+        ),
+    },
+)

@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from orientd.lazy import lazily
-
-if TYPE_CHECKING:
-    from orientd.schema.fields import KEYFRAME, MOTION, Field, FieldKind, attribute_lines
-    from orientd.schema.frames import read_frames, written_frames
-    from orientd.schema.json_schema import motion_schema
-    from orientd.schema.orientations import (
-        FORMS,
-        Written,
-        form_notes,
-        implied,
-        quaternions,
-        the_only,
-    )
-
-__getattr__ = lazily(__name__)
+from orientd.schema.fields import KEYFRAME, MOTION, Field, FieldKind, attribute_lines
+from orientd.schema.frames import read_frames, written_frames
+from orientd.schema.json_schema import motion_schema
+from orientd.schema.orientations import (
+    FORMS,
+    Written,
+    form_notes,
+    implied,
+    quaternions,
+    the_only,
+)

@@ -2,16 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from orientd.lazy import lazily
-
-if TYPE_CHECKING:
-    from orientd.servo.path.path_follower import FINAL_WORD, TAIL_WORD
-    from orientd.servo.process import ProcessSettings
-    from orientd.servo.realtime import set_scheduling
-    from orientd.servo.servo import Servo
-    from orientd.servo.tracking.target_follower import LEFT_OUT_WORD
-    from orientd.servo.watchdog import WatchdogTimeouts
-
-__getattr__ = lazily(__name__)
+from orientd.servo.path.path_follower import FINAL_WORD, TAIL_WORD
+from orientd.servo.process import ProcessSettings
+from orientd.servo.realtime import set_scheduling
+from orientd.servo.servo import Servo
+from orientd.servo.tracking.target_follower import LEFT_OUT_WORD
+from orientd.servo.watchdog import WatchdogTimeouts

@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from orientd.lazy import lazily
-
-if TYPE_CHECKING:
-    from orientd.daemon.access.authentication import Admission, inner_socket
-    from orientd.daemon.access.claim import claimed
-    from orientd.daemon.access.gate import StartupGate
-    from orientd.daemon.access.identity import CALLER, ClientCertificate, Identity, RolePolicy
-    from orientd.daemon.access.peer import Process, peer_process
-
-__getattr__ = lazily(__name__)
+from orientd.daemon.access.authentication import Admission, inner_socket
+from orientd.daemon.access.claim import claimed
+from orientd.daemon.access.gate import StartupGate
+from orientd.daemon.access.identity import CALLER, ClientCertificate, Identity, RolePolicy
+from orientd.daemon.access.peer import Process, peer_process

@@ -11,4 +11,11 @@ if TYPE_CHECKING:
     from orientd.daemon.calls.telemetry import Telemetry
     from orientd.daemon.calls.unread import left_unread
 
-__getattr__ = lazily(__name__)
+__getattr__ = lazily(
+    __name__,
+    {
+        "orientd.daemon.calls.service": ("ControlService",),
+        "orientd.daemon.calls.telemetry": ("Telemetry",),
+        "orientd.daemon.calls.unread": ("left_unread",),
+    },
+)

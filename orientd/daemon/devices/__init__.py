@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from orientd.lazy import lazily
-
-if TYPE_CHECKING:
-    from orientd.daemon.devices.cycle_memory import CycleMemory
-    from orientd.daemon.devices.device_report import STOPPED, DeviceEvent, DeviceSnapshot, EventKind
-    from orientd.daemon.devices.servo_link import ServoLink, report_directory, servo_limits_of
-    from orientd.daemon.devices.servo_supervisor import ServoSupervisor
-
-__getattr__ = lazily(__name__)
+from orientd.daemon.devices.cycle_memory import CycleMemory
+from orientd.daemon.devices.device_report import STOPPED, DeviceEvent, DeviceSnapshot, EventKind
+from orientd.daemon.devices.servo_link import ServoLink, report_directory, servo_limits_of
+from orientd.daemon.devices.servo_supervisor import ServoSupervisor

@@ -2,11 +2,4 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from orientd.lazy import lazily
-
-if TYPE_CHECKING:
-    from orientd.daemon.fleet.link import FleetLink
-
-__getattr__ = lazily(__name__)
+from orientd.daemon.fleet.link import FleetLink

@@ -2,12 +2,5 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from orientd.lazy import lazily
-
-if TYPE_CHECKING:
-    from orientd.daemon.leases.lease import Lease, LeaseTable
-    from orientd.daemon.leases.lease_manager import LeaseManager
-
-__getattr__ = lazily(__name__)
+from orientd.daemon.leases.lease import Lease, LeaseTable
+from orientd.daemon.leases.lease_manager import LeaseManager

@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from orientd.lazy import lazily
-
-if TYPE_CHECKING:
-    from orientd.daemon.motions.active_motions import ActiveMotion, ActiveMotions
-    from orientd.daemon.motions.motions import Motions
-    from orientd.daemon.motions.options import AT_ONCE, ArrivalCondition, MoveOptions, Prepared
-    from orientd.daemon.motions.plan_store import PlanStore
-
-__getattr__ = lazily(__name__)
+from orientd.daemon.motions.active_motions import ActiveMotion, ActiveMotions
+from orientd.daemon.motions.motions import Motions
+from orientd.daemon.motions.options import AT_ONCE, ArrivalCondition, MoveOptions, Prepared
+from orientd.daemon.motions.plan_store import PlanStore

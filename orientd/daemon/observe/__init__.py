@@ -11,4 +11,11 @@ if TYPE_CHECKING:
     from orientd.daemon.observe.journal import Journal
     from orientd.daemon.observe.structured_log import about
 
-__getattr__ = lazily(__name__)
+__getattr__ = lazily(
+    __name__,
+    {
+        "orientd.daemon.observe.flight_recorder": ("FlightRecorder",),
+        "orientd.daemon.observe.journal": ("Journal",),
+        "orientd.daemon.observe.structured_log": ("about",),
+    },
+)

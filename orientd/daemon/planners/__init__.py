@@ -18,4 +18,23 @@ if TYPE_CHECKING:
     from orientd.daemon.planners.planned_motion import PlannedMotion
     from orientd.daemon.planners.pool import Planners, default_processes
 
-__getattr__ = lazily(__name__)
+__getattr__ = lazily(
+    __name__,
+    {
+        "orientd.daemon.planners.jobs": (
+            "Continuation",
+            "PlanInput",
+            "PlannerDevice",
+        ),
+        "orientd.daemon.planners.lanes": (
+            "PlanCall",
+            "Rank",
+        ),
+        "orientd.daemon.planners.large": ("LargeRequests",),
+        "orientd.daemon.planners.planned_motion": ("PlannedMotion",),
+        "orientd.daemon.planners.pool": (
+            "Planners",
+            "default_processes",
+        ),
+    },
+)

@@ -91,7 +91,7 @@ static void draw(const block_t *block, const segments_t *segments, double u,
 
 /* Write the Bernstein coefficients of the first differences over a period. */
 static void put_hulls(sight_t *sight, index_t windows) {
-    for (index_t k = 0; k < NODES; k++) {
+    for (index_t k = 0; k < PHASE_NODES; k++) {
         lanes_t *restrict to = sight->hulls + k;
         INDEPENDENT
         for (index_t i = 0; i < windows; i++) {
@@ -181,7 +181,7 @@ INLINE void put_bounds(const sight_t *sight, index_t begin, index_t order, int c
         reach_t reach = reach_of(segments, i, order, column);
         double crude = reach_at(reach, order, 1.0), hull = 0.0, rest = 0.0, bent = 0.0;
         double found = 0.0, speed = 0.0;
-        for (index_t k = 0; k < NODES; k++)
+        for (index_t k = 0; k < PHASE_NODES; k++)
             hull = most_of(hull, size_of(coefficient(sight, k, i, order), column));
         for (index_t k = 0; k < order; k++)
             rest = most_of(rest, segments->rest[i + k]);
@@ -284,10 +284,12 @@ void take_differences(const block_t *block, double period, index_t past, bool wi
     }
     for (index_t order = 1; order <= 3; order++)
         for (int column = 0; column < (with_axes ? 4 : 1); column++) {
-            index_t first = (3 - order) * past;
+            index_t first = (3 - order) * past, slot = 4 * (order - 1) + column;
+            if (!is_proof)
+                sight->known[order - 1][column] = sqrt(found.squares[slot]);
             note_found(sight, first, order, column, shift, found);
             if (is_proof)
                 note_bounds(block, sight, first, order, column, shift, found);
-            note(sight->known[order - 1][column], found.squares + 4 * (order - 1) + column);
+            note(sight->known[order - 1][column], found.squares + slot);
         }
 }

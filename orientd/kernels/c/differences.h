@@ -19,7 +19,7 @@ enum { BLOCK = 256, KEPT = HISTORY + 2 };
 
 /* Phases at which a difference is taken, the record itself being the first: with the record after
  * it they are the nodes of a polynomial of the fourth degree. */
-enum { PHASES = 4, NODES = PHASES + 1 };
+enum { PHASES = 4, PHASE_NODES = PHASES + 1 };
 
 /* Square of the tangent of half an angle, below which the series of the next function is exact to
  * the last digit. */
@@ -52,14 +52,14 @@ INLINE double cut_of(double known) { return known * (1.0 + SLACK) + ROUNDING; }
 
 /* Phases of the nodes. */
 INLINE double node_of(index_t n) {
-    static const double nodes[NODES] = {0.0, 0.1464466094067262, 0.5, 0.8535533905932737, 1.0};
+    static const double nodes[PHASE_NODES] = {0.0, 0.1464466094067262, 0.5, 0.8535533905932737, 1.0};
     return nodes[n];
 }
 
 /* What the value at a node counts in the Bernstein coefficient of a polynomial of the fourth
  * degree. */
 INLINE double bernstein(index_t coefficient, index_t node) {
-    static const double weights[NODES][NODES] = {
+    static const double weights[PHASE_NODES][PHASE_NODES] = {
         {1.0, 0.0, 0.0, 0.0, 0.0},
         {-1.75, 3.414213562373095, -1.0, 0.585786437626905, -0.25},
         {7.0 / 6, -8.0 / 3, 4.0, -8.0 / 3, 7.0 / 6},
@@ -116,7 +116,7 @@ typedef struct {
 typedef struct {
     lane_t q[PHASES][4];
     lanes_t rates[PHASES][3];
-    lanes_t hulls[NODES];
+    lanes_t hulls[PHASE_NODES];
     double known[3][4];
     segments_t segments;
     index_t counts[3], windows[3], first, unproven;
@@ -134,7 +134,7 @@ void keep_last(block_t *block);
  * past: as in setpoint_extremes.
  * shift: what to add to a place in the block.
  * is_proof: whether bounds are wanted.
- * sight: zeros before the first block. */
+ * sight: zeros before the first block, where bounds are wanted. */
 void take_differences(const block_t *block, double period, index_t past, bool with_axes,
                       bool is_proof, index_t shift, sight_t *sight, extremes_t found);
 

@@ -71,15 +71,15 @@ static vec_t value_at(const difference_t *d, double phase, double rate, vec_t *s
 
 /* Return a bound over phases at the rate 1 within which no acceleration has a step. */
 static double hull_of(const difference_t *d, double from, double to, double *known) {
-    vec_t values[NODES], slope;
+    vec_t values[PHASE_NODES], slope;
     double largest = 0.0, width = to - from;
-    for (index_t n = 0; n < NODES; n++) {
+    for (index_t n = 0; n < PHASE_NODES; n++) {
         values[n] = value_at(d, from + width * node_of(n), 1.0, &slope);
         *known = most_of(*known, size_of(values[n], d->column));
     }
-    for (index_t k = 0; k < NODES; k++) {
+    for (index_t k = 0; k < PHASE_NODES; k++) {
         vec_t sum = vec(0, 0, 0);
-        for (index_t n = 0; n < NODES; n++)
+        for (index_t n = 0; n < PHASE_NODES; n++)
             sum = plus(sum, times(bernstein(k, n), values[n]));
         largest = most_of(largest, size_of(sum, d->column));
     }

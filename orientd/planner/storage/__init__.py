@@ -2,12 +2,5 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from orientd.lazy import lazily
-
-if TYPE_CHECKING:
-    from orientd.planner.storage.replay import plan_as_recorded, replay_request
-    from orientd.planner.storage.saved import load_motion
-
-__getattr__ = lazily(__name__)
+from orientd.planner.storage.replay import plan_as_recorded, replay_request
+from orientd.planner.storage.saved import load_motion

@@ -2,43 +2,35 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from orientd.lazy import lazily
-
-if TYPE_CHECKING:
-    from orientd.planner.timing.axis_turn import (
-        CAREFUL_JERK_SHARE,
-        LEAST_SHARE,
-        LONGEST_STOP,
-        SHARE,
-        longest_stop,
-        phases_of_turn,
-    )
-    from orientd.planner.timing.by_parts import (
-        corners,
-        least_with_rests,
-        least_with_stops,
-        quickest_by_parts,
-    )
-    from orientd.planner.timing.candidate_path import KeyframePath, PathRequest
-    from orientd.planner.timing.even_timing import evenly_paced
-    from orientd.planner.timing.knot_times import with_chosen_times
-    from orientd.planner.timing.profile import Profile
-    from orientd.planner.timing.quickest_timing import (
-        FirstProfile,
-        QuickPath,
-        aimed_at,
-        lasting,
-        quickest,
-    )
-    from orientd.planner.timing.timing import (
-        SAME,
-        Indices,
-        chord_knots,
-        move_lengths,
-        radians_per_metre,
-        turn_lengths,
-    )
-
-__getattr__ = lazily(__name__)
+from orientd.planner.timing.axis_turn import (
+    CAREFUL_JERK_SHARE,
+    LEAST_SHARE,
+    LONGEST_STOP,
+    SHARE,
+    longest_stop,
+    phases_of_turn,
+)
+from orientd.planner.timing.by_parts import (
+    corners,
+    least_with_stops,
+    quickest_by_parts,
+)
+from orientd.planner.timing.candidate_path import KeyframePath, PathRequest
+from orientd.planner.timing.even_timing import evenly_paced
+from orientd.planner.timing.knot_times import with_chosen_times
+from orientd.planner.timing.quickest_timing import (
+    FirstProfile,
+    Profile,
+    QuickPath,
+    aimed_at,
+    lasting,
+    quickest,
+)
+from orientd.planner.timing.timing import (
+    SAME,
+    Indices,
+    chord_knots,
+    move_lengths,
+    radians_per_metre,
+    turn_lengths,
+)

@@ -2,12 +2,5 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from orientd.lazy import lazily
-
-if TYPE_CHECKING:
-    from orientd.plots.papers.scenes import plate
-    from orientd.plots.papers.sweep import SweptPoses, draw_bodies
-
-__getattr__ = lazily(__name__)
+from orientd.plots.papers.scenes import plate
+from orientd.plots.papers.sweep import SweptPoses, draw_bodies

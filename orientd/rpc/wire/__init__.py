@@ -28,4 +28,37 @@ if TYPE_CHECKING:
     from orientd.rpc.wire.status import UnreachableError, from_call
     from orientd.rpc.wire.track import report_from_message, target_to_message
 
-__getattr__ = lazily(__name__)
+__getattr__ = lazily(
+    __name__,
+    {
+        "orientd.rpc.wire.large": (
+            "cut_motion",
+            "in_pieces",
+        ),
+        "orientd.rpc.wire.limits": ("limits_message",),
+        "orientd.rpc.wire.motion": ("from_request",),
+        "orientd.rpc.wire.move": (
+            "plan_from_message",
+            "progress_from_message",
+            "samples_from_messages",
+            "summary_from_message",
+            "timing_from_message",
+        ),
+        "orientd.rpc.wire.state": (
+            "configured_from_message",
+            "cycle_from_message",
+            "daemon_from_message",
+            "device_from_message",
+            "method_from_message",
+            "outline_from_messages",
+        ),
+        "orientd.rpc.wire.status": (
+            "UnreachableError",
+            "from_call",
+        ),
+        "orientd.rpc.wire.track": (
+            "report_from_message",
+            "target_to_message",
+        ),
+    },
+)

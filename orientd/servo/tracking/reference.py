@@ -25,7 +25,7 @@ from math import dist
 
 from orientd.driver import ZERO, Vector3
 from orientd.floats import combine, difference, exp, multiply, norm, normalize, plus
-from orientd.servo.tracking.arrivals import RECOVERY, Arrivals
+from orientd.servo.tracking.arrivals import Arrivals
 from orientd.servo.tracking.targets import (
     FilteredTarget,
     ReferenceState,
@@ -73,14 +73,15 @@ SETTLING = 0.008
 SPARE = 1.3
 """How long ago the motion is read, in times of how stale targets have been."""
 
+RECOVERY = 0.01
+"""How fast the delay shrinks again, seconds per second."""
+
 
 class Reference:
     """The motion that the targets describe.
 
     Attributes:
         last: the newest target whose time has come, if any lives.
-        is_disturbed: whether targets come later than their own spacing explains: some are lost,
-            or late.
     """
 
     def __init__(self, period: float) -> None:
@@ -93,6 +94,11 @@ class Reference:
         """How long ago the motion is read, s."""
         return self._delay_ns * 1e-9
 
+    @property
+    def is_disturbed(self) -> bool:
+        """Whether some targets were lost or late lately."""
+        return self._arrivals.are_uneven
+
     def clear(self) -> None:
         """Forget every target."""
         # Those from this number on have come since the last time, or follow one that has.
@@ -101,7 +107,8 @@ class Reference:
         self._arrivals = Arrivals(self._period_ns)
         self._delay_ns = 0.0
         self._mean_alpha = ZERO
-        self._is_concluded = self.is_disturbed = False
+        self._newest_ns: int | None = None
+        self._is_concluded = False
         self.last: FilteredTarget | None = None
 
     def take(self, target: Target, now_ns: int) -> str:
@@ -113,7 +120,7 @@ class Reference:
         problem = _problem_of(target, now_ns)
         if problem:
             return problem
-        targets, time_ns, newest_ns = self._targets, target.time_ns, self._arrivals.newest_ns
+        targets, time_ns, newest_ns = self._targets, target.time_ns, self._newest_ns
         target = target._replace(q=normalize(target.q))
         place = len(targets)
         if newest_ns is not None and time_ns <= newest_ns:
@@ -127,7 +134,9 @@ class Reference:
         elif place >= CAPACITY:
             return f"{CAPACITY} targets wait already"
         self._is_concluded = False
-        self._arrivals.note(time_ns, now_ns)
+        self._arrivals.note(self._newest_ns, now_ns)
+        if self._newest_ns is None or time_ns > self._newest_ns:
+            self._newest_ns = time_ns
         targets.insert(place, FilteredTarget(target, target.q, ZERO, ZERO, True, None, None))
         self._unfiltered = min(self._unfiltered, place)
         return ""
@@ -146,7 +155,7 @@ class Reference:
                 return place
         while len(targets) > place:
             targets.pop()
-        self._arrivals.renew(time_ns)
+        self._newest_ns = time_ns
         return place
 
     def _place(self, time_ns: int, now_ns: int) -> int:
@@ -235,7 +244,6 @@ class Reference:
         stale_ns = now_ns - newest.target.time_ns
         if newest.estimate is not None and stale_ns >= 0 and self._arrivals.have_ceased(now_ns):
             return self._at_rest(newest)
-        self.is_disturbed = self._arrivals.are_disturbed(stale_ns)
         delay_ns = self._delay_by(stale_ns)
         while (
             len(targets) > 1

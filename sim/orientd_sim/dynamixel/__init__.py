@@ -2,16 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from orientd.lazy import lazily
-
-if TYPE_CHECKING:
-    from orientd_sim.dynamixel.bus import Bus
-    from orientd_sim.dynamixel.command import run
-    from orientd_sim.dynamixel.line import FaultKind, Faults, ReplyFault, SerialLine
-    from orientd_sim.dynamixel.pty import PtyServer
-    from orientd_sim.dynamixel.servo import EmulatedServo, Lie
-    from orientd_sim.dynamixel.table import MODELS, XL330_M288, XM430_W350, ServoModel
-
-__getattr__ = lazily(__name__)
+from orientd_sim.dynamixel.bus import Bus
+from orientd_sim.dynamixel.command import run
+from orientd_sim.dynamixel.line import FaultKind, Faults, ReplyFault, SerialLine
+from orientd_sim.dynamixel.pty import PtyServer
+from orientd_sim.dynamixel.servo import EmulatedServo, Lie
+from orientd_sim.dynamixel.table import MODELS, XL330_M288, XM430_W350, ServoModel

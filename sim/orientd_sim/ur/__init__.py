@@ -2,13 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from orientd.lazy import lazily
-
-if TYPE_CHECKING:
-    from orientd_sim.ur.arm import MODELS, Behaviour, version_of
-    from orientd_sim.ur.controller import Controller
-    from orientd_sim.ur.server import serve
-
-__getattr__ = lazily(__name__)
+from orientd_sim.ur.arm import MODELS, Behaviour, version_of
+from orientd_sim.ur.controller import Controller
+from orientd_sim.ur.server import serve
