@@ -20,6 +20,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.errors import PlanError
 from orientd.kernels import fit_trajectory, sample_trajectory
 from orientd.rotation import Floats, right_jacobian_inverse
 
@@ -39,6 +40,7 @@ _LARGEST = 1.0  # rad, |r| at the nodes of a piece; the series of the kernels ho
 _MOST_HALVINGS = 40
 _GAIN = 8.0  # by which halving a piece lessens its error at least
 _STALLED = (1, 1e-12), (3, 1e-8)  # halvings without that gain after which an error, rad, stays
+_MOST_PIECES, _MOST_HALVES = 100_000, 64  # in all, and of each interval between knots
 _BLUR = 4.0 * float(np.finfo(np.float64).eps)
 _BLOCK = 4096  # pieces that are fitted at a time, so that memory stays bounded
 
@@ -85,6 +87,7 @@ class Trajectory:
 
         Raises:
             ValueError: the function has a jump.
+            PlanError: it takes more pieces than are tried.
         """
         ends = np.array(knots, dtype=np.float64)
         inner = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(pieces) / pieces
@@ -108,6 +111,11 @@ class Trajectory:
             begin, final = begins[is_poor], finals[is_poor]
             middle = 0.5 * (begin + final)
             begins = np.stack([begin, middle], axis=1).ravel()
+            if len(begins) > max(_MOST_PIECES, _MOST_HALVES * len(ends)):
+                raise PlanError(
+                    f"the orientations near {float(begins[0])!r} s turn too often: they take "
+                    f"{len(begins)} pieces and more, more pieces than are tried"
+                )
             finals = np.stack([middle, final], axis=1).ravel()
             # The error of a piece that is too large to be looked at says nothing of its halves.
             before = np.repeat(np.where(size > _LARGEST, np.inf, error)[is_poor], 2)
