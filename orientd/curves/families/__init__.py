@@ -1,5 +1,3 @@
 """The families of curves that the papers describe, a module for each."""
 
-from orientd.curves.families.c2_cumulative import C2Cumulative
-from orientd.curves.families.kks.bspline import KksBspline
 from orientd.curves.families.rotation_vector_spline import RotationVectorSpline
