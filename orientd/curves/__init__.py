@@ -38,7 +38,7 @@ if TYPE_CHECKING:
         turns_name,
     )
     from orientd.curves.trajectory import PIECE, Trajectory
-    from orientd.curves.warped import TimeMap, places_of
+    from orientd.curves.warped import TimeMap
 
 __getattr__ = lazily(
     __name__,
@@ -91,9 +91,6 @@ __getattr__ = lazily(
             "turns_name",
         ),
         "orientd.curves.trajectory": ("PIECE", "Trajectory"),
-        "orientd.curves.warped": (
-            "TimeMap",
-            "places_of",
-        ),
+        "orientd.curves.warped": ("TimeMap",),
     },
 )
