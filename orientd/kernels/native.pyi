@@ -10,65 +10,12 @@ LEVEL: str
 SOURCES: str
 
 # interpolation.h
-def euclidean_increments(
-    steps: Floats,
-    begun: Floats,
-    heads: Floats,
-    tails: Floats,
-    start_ratio: float,
-    end_ratio: float,
-    unknown: Floats,
-    /,
-) -> bool: ...
-def find_increments(
-    steps: Floats,
-    begun: Floats,
-    heads: Floats,
-    tails: Floats,
-    start_ratio: float,
-    end_ratio: float,
-    unknown: Floats,
-    first: int,
-    /,
-) -> int: ...
-def interpolate_c2(
-    keyframes: Floats,
-    times: Floats,
-    given: Floats,
-    start_known: int,
-    end_known: int,
-    breaks: Floats,
-    table: Floats,
-    solved: Floats,
-    /,
-) -> int: ...
-def keyframe_errors(
-    steps: Floats,
-    begun: Floats,
-    heads: Floats,
-    tails: Floats,
-    start_ratio: float,
-    end_ratio: float,
-    scale: float,
-    unknown: Floats,
-    rows: Indices,
-    errors: Floats,
-    /,
-) -> None: ...
-def keyframe_step(
-    steps: Floats,
-    begun: Floats,
-    heads: Floats,
-    tails: Floats,
-    start_ratio: float,
-    end_ratio: float,
-    scale: float,
-    unknown: Floats,
-    rows: Indices,
-    errors: Floats,
-    correction: Floats,
-    /,
-) -> None: ...
+def interpolate(
+    keys: Floats, steps: Floats, times: Floats, order: int, given: Floats,
+    start_known: int, end_known: int, is_near: bool,
+    breaks: Floats, base: Floats, increments: Floats, values: Floats, /,
+) -> bool: ...  # fmt: skip
+def put_table(breaks: Floats, base: Floats, increments: Floats, table: Floats, /) -> None: ...
 def linearise_effort(
     increments: Floats,
     window: Indices,
@@ -84,22 +31,7 @@ def linearise_effort(
     missed: Floats,
     /,
 ) -> float: ...
-def put_equations(
-    times: Floats,
-    given: Floats,
-    start_known: int,
-    end_known: int,
-    breaks: Floats,
-    begun: Floats,
-    known: Floats,
-    ratios: Floats,
-    /,
-) -> None: ...
-def are_unit(keyframes: Floats, tolerance: float, /) -> bool: ...
 def put_steps(keyframes: Floats, steps: Floats, /) -> None: ...
-def put_table(
-    keyframes: Floats, with_start: bool, breaks: Floats, solved: Floats, table: Floats, /
-) -> bool: ...
 def solve_banded(band: Floats, lower: int, upper: int, right: Floats, /) -> bool: ...
 
 # trajectory.h

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from orientd.curves import METHODS, corrections_at_most
+from orientd.curves import METHODS
 from orientd.errors import LimitError, PlanError
 from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, leads_out, with_leads
@@ -42,7 +42,6 @@ from orientd.tolerances import GUARD_TOLERANCE
 
 _HOPELESS = 1e3  # times as long as a motion may take, with each keyframe
 _END_SLACK = 1e-9  # of a period
-_MOST_CORRECTIONS = 300  # of a curve that is one of many to try
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,8 +193,7 @@ class PlanJob:
 
     def moving(self, path_request: PathRequest, duration: float) -> KeyframePath:
         """Return one of many keyframe paths to try, each of which may be hard to find."""
-        with corrections_at_most(_MOST_CORRECTIONS):
-            return path_request.keyframe_path(duration)
+        return path_request.keyframe_path(duration)
 
     def lead_to(self, first: State, connection: Connection = USUAL) -> LeadIn:
         """Return the lead-in to a state at the first keyframe.
