@@ -75,17 +75,6 @@ def fill_basis(
     values: Floats, rates: Floats, curvatures: Floats, /,
 ) -> None: ...  # fmt: skip
 
-# jets.h
-def jet_exponential(value: Floats, first: Floats, second: Floats, out: Floats, /) -> None: ...
-def jet_logarithm(value: Floats, first: Floats, second: Floats, out: Floats, /) -> None: ...
-def jet_slerp(
-    p: Floats, p_first: Floats, p_second: Floats, q: Floats, q_first: Floats, q_second: Floats,
-    u: Floats, u_first: Floats, u_second: Floats, out: Floats, /,
-) -> None: ...  # fmt: skip
-def jet_geodesic(
-    start: Floats, step: Floats, u: Floats, u_first: Floats, u_second: Floats, out: Floats, /
-) -> None: ...
-
 # between.h
 def between(
     here: Floats, there: Floats, periods: Floats, shares: Floats, out: Floats, /

@@ -14,11 +14,12 @@ from contextlib import suppress
 import numpy as np
 
 from orientd.curves.construct import Path
-from orientd.curves.families import C2Cumulative, RotationVectorSpline
+from orientd.curves.families import C2Cumulative
 from orientd.curves.optimal.effort_equations import EffortEquations
 from orientd.curves.optimal.effort_search import least_effort
 from orientd.curves.optimal.min_acceleration import winding_path
 from orientd.curves.optimal.relaxation import spline_path, spline_through
+from orientd.curves.rotation_vector import RotationVectorSpline
 from orientd.errors import PlanError
 from orientd.rotation import Floats, between, exp_half, log_half, multiply
 

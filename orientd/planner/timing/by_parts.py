@@ -59,13 +59,6 @@ def least_with_stops(keys: Floats, limits: Limits) -> float:
     return float(np.sum(turns / peaks + rises))
 
 
-def least_with_rests(keyframe_path: KeyframePath, limits: Limits) -> float:
-    """Return what a path takes at the least that rests at its corners, s."""
-    trajectory = keyframe_path.trajectory
-    edges = np.concatenate([[0.0], corners(trajectory), [keyframe_path.duration]])
-    return least_with_stops(trajectory.orientations(edges), limits)
-
-
 def quickest_by_parts(
     keyframe_path: KeyframePath,
     limits: Limits,
