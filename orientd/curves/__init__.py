@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from orientd.curves.comparison.candidates import Candidate, compare, ranked
     from orientd.curves.comparison.measure import MET, Figures, measure
     from orientd.curves.construct.basis import CumulativeBasis, Indices, cumulative_basis
-    from orientd.curves.construct.continuation import corrections_at_most
     from orientd.curves.construct.cumulative import CumulativeCurve
     from orientd.curves.construct.knots import resolve_knots
     from orientd.curves.contract import Curve, Samples
@@ -37,7 +36,8 @@ if TYPE_CHECKING:
         parameters,
         turns_name,
     )
-    from orientd.curves.warped import Retimed, TimeMap, places_of
+    from orientd.curves.trajectory import PIECE, Trajectory
+    from orientd.curves.warped import TimeMap, places_of
 
 __getattr__ = lazily(
     __name__,
@@ -58,7 +58,6 @@ __getattr__ = lazily(
             "Indices",
             "cumulative_basis",
         ),
-        "orientd.curves.construct.continuation": ("corrections_at_most",),
         "orientd.curves.construct.cumulative": ("CumulativeCurve",),
         "orientd.curves.construct.knots": ("resolve_knots",),
         "orientd.curves.contract": (
@@ -89,8 +88,8 @@ __getattr__ = lazily(
             "parameters",
             "turns_name",
         ),
+        "orientd.curves.trajectory": ("PIECE", "Trajectory"),
         "orientd.curves.warped": (
-            "Retimed",
             "TimeMap",
             "places_of",
         ),

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.kernels import are_unit, put_steps
+from orientd.kernels import put_steps
 from orientd.rotation import ROUNDING, Floats, align
 from orientd.tolerances import NORM_TOLERANCE
 
@@ -47,14 +47,14 @@ def _numbers(value: object, name: str, expected: str) -> Floats:
 
 
 def _unit(array: Floats, name: str) -> Floats:
-    if are_unit(array.reshape(-1, 4), ROUNDING):
+    norm = np.sqrt(np.einsum("...i,...i->...", array, array))
+    error = np.abs(norm - 1.0)
+    if (error <= ROUNDING).all():
         return array
     if not np.isfinite(array).all():
         raise ParameterError(
             name, f"{name} must be finite, got {_worst(array, ~np.isfinite(array))}"
         )
-    norm = np.sqrt(np.einsum("...i,...i->...", array, array))
-    error = np.abs(norm - 1.0)
     is_off = error > NORM_TOLERANCE
     if is_off.any():
         place = int(np.argmax(is_off))

@@ -29,8 +29,11 @@ SMALLEST_SHARE = 1e-5
 CONTRACTION = 0.5
 """A step must shrink so fast for the guess to count as near its solution."""
 
-SHARES = np.concatenate([0.5 ** np.arange(12.0), [1e-5, 1e-7, 0.0]])
+SHARES = np.append(0.25 ** np.arange(13.0), 0.0)
 """Shares of a step that a descent tries all at once."""
+
+SETTLED = 1e-9
+"""A step of a descent of this length is the last."""
 
 
 def largest(step: Floats) -> float:
@@ -108,7 +111,7 @@ def dense(
         jacobian: their derivatives, shape ``(n, n)``; central differences without it.
     """
 
-    def differences(x: Floats) -> Floats:
+    def by_differences(x: Floats) -> Floats:
         steps = np.cbrt(np.finfo(np.float64).eps) * np.maximum(1.0, np.abs(x))
         columns = [
             (errors(x + nudge) - errors(x - nudge)) / (2.0 * nudge[i])
@@ -117,7 +120,7 @@ def dense(
         matrix: Floats = np.stack(columns, axis=1)
         return matrix
 
-    derivatives = differences if jacobian is None else jacobian
+    derivatives = by_differences if jacobian is None else jacobian
 
     def equations(x: Floats) -> Linearised:
         error = errors(x)
@@ -204,9 +207,43 @@ def multistart(
         place = int(np.argmin(lowest))
         if lowest[place, 0] <= least:
             best, least = x[place], float(lowest[place, 0])
-        if np.max(length[:, 0] * SHARES[chosen]) < 1e-12:
+        if np.max(length[:, 0] * SHARES[chosen]) < SETTLED:
             break
     return best, least
+
+
+def differences(
+    values: Callable[[Floats], Floats],
+    move: Callable[[Floats, Floats], Floats],
+    dimensions: int,
+    nudge: float = 1e-4,
+) -> Callable[[Floats], tuple[Floats, Floats]]:
+    """Return gradient and Hessian for a multistart, by differences of fourth and second order.
+
+    Args:
+        values: as of :func:`multistart`.
+        move: as of :func:`multistart`.
+        dimensions: of a step, *d*.
+        nudge: size of the steps between which differences are taken.
+    """
+    axes = np.eye(dimensions)
+    row, column = np.triu_indices(dimensions, 1)
+    pairs = axes[row] + axes[column]
+    steps = np.concatenate([0.0 * axes[:1], axes, -axes, 2.0 * axes, -2.0 * axes, pairs, -pairs])
+    places = np.cumsum([1, *[dimensions] * 4, len(row)])
+
+    def derivatives(x: Floats) -> tuple[Floats, Floats]:
+        around = np.repeat(x, len(steps), axis=0)
+        reached = values(move(around, np.tile(nudge * steps, (len(x), 1)))).reshape(len(x), -1)
+        here, up, down, far_up, far_down, both_up, both_down = np.split(reached, places, axis=1)
+        gradient = (8.0 * (up - down) - (far_up - far_down)) / (12.0 * nudge)
+        bend = (up + down - 2.0 * here) / nudge**2
+        hessian = bend[:, None] * axes
+        mixed = (both_up + both_down - 2.0 * here) / nudge**2 - bend[:, row] - bend[:, column]
+        hessian[:, row, column] = hessian[:, column, row] = 0.5 * mixed
+        return gradient, hessian
+
+    return derivatives
 
 
 def _all_shares(step: Floats) -> Floats:

@@ -20,6 +20,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.errors import PlanError
 from orientd.kernels import fit_trajectory, sample_trajectory
 from orientd.rotation import Floats, right_jacobian_inverse
 
@@ -37,8 +38,10 @@ FINE = 1e-14
 
 _LARGEST = 1.0  # rad, |r| at the nodes of a piece; the series of the kernels hold up to 1.1
 _MOST_HALVINGS = 40
-_COARSE = 1e-12  # rad, an error that is never taken for rounding
-_GAIN = 8.0  # by which halving a piece lessens its error at least; else what is left is rounding
+_GAIN = 8.0  # by which halving a piece lessens its error at least
+_STALLED = (1, 1e-12), (3, 1e-8)  # halvings without that gain after which an error, rad, stays
+_MOST_PIECES, _MOST_HALVES = 100_000, 64  # in all, and of each interval between knots
+_BLUR = 4.0 * float(np.finfo(np.float64).eps)
 _BLOCK = 4096  # pieces that are fitted at a time, so that memory stays bounded
 
 # The nodes of a piece, and two instants between them at which the fit is looked at.
@@ -84,27 +87,39 @@ class Trajectory:
 
         Raises:
             ValueError: the function has a jump.
+            PlanError: it takes more pieces than are tried.
         """
         ends = np.array(knots, dtype=np.float64)
         inner = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(pieces) / pieces
         begins = inner.ravel()
         finals = np.append(begins[1:], ends[-1])
         found: list[tuple[Floats, Floats]] = []
-        before = np.full(len(begins), np.inf)
+        before, stalled = np.full(len(begins), np.inf), np.zeros(len(begins))
         for _ in range(_MOST_HALVINGS):
             table, quality = _fitted(orientations, begins, finals)
             size, error = quality.T
-            is_helped = (error * _GAIN <= before) | (error > _COARSE)
-            is_poor = (size > _LARGEST) | ((error > tolerance) & is_helped)
+            stalled = np.where(error * _GAIN <= before, 0.0, stalled + 1.0)
+            is_left = [(stalled >= halvings) & (error <= most) for halvings, most in _STALLED]
+            # An instant is rounded, and the orientation there is off by the turn in between.
+            latest = np.maximum(np.abs(begins), np.abs(finals))
+            blurred = _BLUR * size * latest / (finals - begins)
+            is_good = (error <= np.maximum(tolerance, blurred)) | is_left[0] | is_left[1]
+            is_poor = (size > _LARGEST) | ~is_good
             found.append((begins[~is_poor], table[~is_poor]))
             if not is_poor.any():
                 break
             begin, final = begins[is_poor], finals[is_poor]
             middle = 0.5 * (begin + final)
             begins = np.stack([begin, middle], axis=1).ravel()
+            if len(begins) > max(_MOST_PIECES, _MOST_HALVES * len(ends)):
+                raise PlanError(
+                    f"the orientations near {float(begins[0])!r} s turn too often: they take "
+                    f"{len(begins)} pieces and more, more pieces than are tried"
+                )
             finals = np.stack([middle, final], axis=1).ravel()
             # The error of a piece that is too large to be looked at says nothing of its halves.
             before = np.repeat(np.where(size > _LARGEST, np.inf, error)[is_poor], 2)
+            stalled = np.repeat(stalled[is_poor], 2)
         else:
             raise ValueError(f"orientations jump near {float(begins[0])!r} s: no piece fits there")
         starts, rows = (np.concatenate(part) for part in zip(*found, strict=True))

@@ -1,6 +1,6 @@
-r"""A curve on an uneven clock: the same orientations, at a rate that changes along it.
+r"""A trajectory on an uneven clock: the same orientations, at a rate that changes along it.
 
-The curve's own parameter *s* is a function of time in two steps.  The outer one, :math:`x(t)`, has
+The trajectory's own time *s* is a function of time in two steps.  The outer one, :math:`x(t)`, has
 a squared rate :math:`y = \dot x^2` that is a quadratic spline in *x*; the inner one,
 :math:`s(x)`, is fixed and lets a device leave rest.  Both are in ``orientd/kernels/c/clock.h``.
 """
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from orientd import kernels
-from orientd.curves.contract import Curve, Samples
+from orientd.curves.trajectory import PIECE, Trajectory
 from orientd.rotation import Floats
 
 _NEWTON_STEPS = 40
@@ -27,8 +27,6 @@ class TimeMap:
         values: squared rates there, shape ``(n,)``.
         slopes: of the squared rates by *x*, shape ``(n,)``.
         leaves: how far *x* goes while the parameter leaves rest, at both ends; 0 where it does not.
-        first: parameter at time 0.
-        scale: of the parameter.
         times: when the nodes are passed, from 0 on, s, shape ``(n,)``.
     """
 
@@ -36,8 +34,6 @@ class TimeMap:
     values: Floats
     slopes: Floats
     leaves: Floats
-    first: float = 0.0
-    scale: float = 1.0
     times: Floats = field(init=False)
 
     def __post_init__(self) -> None:
@@ -51,15 +47,27 @@ class TimeMap:
         instants = np.ascontiguousarray(times)
         nodes = self.times, self.places, self.values, self.slopes
         kernels.sample_clock(*nodes, self.leaves, instants, out)
-        if self.scale != 1.0:
-            out *= self.scale
-        if self.first:
-            out[0] += self.first
         return out[0], out[1], out[2]
+
+    def retimed(self, trajectory: Trajectory) -> Trajectory:
+        """Return a trajectory run through as the parameter says, its time since it begins.
+
+        Where the parameter leaves rest the orientations are at rest, too.
+        """
+        nodes = self.times, self.places, self.values, self.slopes, self.leaves
+        room, count = 2 * (len(self.times) + len(trajectory.breaks)), 0
+        while not count:
+            breaks, pieces = np.empty(room + 1), np.empty((room, PIECE))
+            count = kernels.retime_trajectory(
+                trajectory.breaks, trajectory.pieces, *nodes, breaks, pieces
+            )
+            room *= 4
+        knots = self.times_of(trajectory.knots - trajectory.domain[0])
+        return Trajectory(breaks[: count + 1], pieces[:count], knots, trajectory.continuity)
 
     def times_of(self, parameters: Floats) -> Floats:
         """Return when the parameter has given values."""
-        x = places_of((parameters - self.first) / self.scale, self.leaves, float(self.places[-1]))
+        x = places_of(parameters, self.leaves, float(self.places[-1]))
         here = np.clip(np.searchsorted(self.places, x, side="right") - 1, 0, len(self.places) - 2)
         # The part of an element up to there, as an element of its own.
         ahead = np.clip(x - self.places[here], 0.0, np.diff(self.places)[here])
@@ -100,28 +108,3 @@ def places_of(parameters: Floats, leaves: Floats, total: float) -> Floats:
         places[near] = length * u if ahead is parameters else total - length * u
     places[parameters <= 0.0] = 0.0
     return places
-
-
-class Retimed(Curve):
-    """Run through *curve* as *warp* says.
-
-    Args:
-        curve: any curve.
-        warp: gives its parameter; covers its whole domain.
-    """
-
-    def __init__(self, curve: Curve, warp: TimeMap) -> None:
-        self.curve = curve
-        self.warp = warp
-        knots = warp.times_of(curve.knots)
-        super().__init__(knots=knots, continuity=curve.continuity)
-
-    def _sample(self, times: Floats) -> Samples:
-        s, rate, change = self.warp(times)
-        first, last = self.curve.domain
-        q, omega, alpha = self.curve.evaluate(np.clip(s, first, last))
-        return (
-            q,
-            omega * rate[:, None],
-            alpha * rate[:, None] ** 2 + omega * change[:, None],
-        )

@@ -10,65 +10,12 @@ LEVEL: str
 SOURCES: str
 
 # interpolation.h
-def euclidean_increments(
-    steps: Floats,
-    begun: Floats,
-    heads: Floats,
-    tails: Floats,
-    start_ratio: float,
-    end_ratio: float,
-    unknown: Floats,
-    /,
-) -> bool: ...
-def find_increments(
-    steps: Floats,
-    begun: Floats,
-    heads: Floats,
-    tails: Floats,
-    start_ratio: float,
-    end_ratio: float,
-    unknown: Floats,
-    first: int,
-    /,
-) -> int: ...
-def interpolate_c2(
-    keyframes: Floats,
-    times: Floats,
-    given: Floats,
-    start_known: int,
-    end_known: int,
-    breaks: Floats,
-    table: Floats,
-    solved: Floats,
-    /,
-) -> int: ...
-def keyframe_errors(
-    steps: Floats,
-    begun: Floats,
-    heads: Floats,
-    tails: Floats,
-    start_ratio: float,
-    end_ratio: float,
-    scale: float,
-    unknown: Floats,
-    rows: Indices,
-    errors: Floats,
-    /,
-) -> None: ...
-def keyframe_step(
-    steps: Floats,
-    begun: Floats,
-    heads: Floats,
-    tails: Floats,
-    start_ratio: float,
-    end_ratio: float,
-    scale: float,
-    unknown: Floats,
-    rows: Indices,
-    errors: Floats,
-    correction: Floats,
-    /,
-) -> None: ...
+def interpolate(
+    keys: Floats, steps: Floats, times: Floats, order: int, given: Floats,
+    start_known: int, end_known: int, is_near: bool,
+    breaks: Floats, base: Floats, increments: Floats, values: Floats, /,
+) -> bool: ...  # fmt: skip
+def put_table(breaks: Floats, base: Floats, increments: Floats, table: Floats, /) -> None: ...
 def linearise_effort(
     increments: Floats,
     window: Indices,
@@ -84,26 +31,18 @@ def linearise_effort(
     missed: Floats,
     /,
 ) -> float: ...
-def put_equations(
-    times: Floats,
-    given: Floats,
-    start_known: int,
-    end_known: int,
-    breaks: Floats,
-    begun: Floats,
-    known: Floats,
-    ratios: Floats,
-    /,
-) -> None: ...
-def are_unit(keyframes: Floats, tolerance: float, /) -> bool: ...
 def put_steps(keyframes: Floats, steps: Floats, /) -> None: ...
-def put_table(
-    keyframes: Floats, with_start: bool, breaks: Floats, solved: Floats, table: Floats, /
-) -> bool: ...
 def solve_banded(band: Floats, lower: int, upper: int, right: Floats, /) -> bool: ...
 
 # trajectory.h
 def fit_trajectory(orientations: Floats, pieces: Floats, quality: Floats, /) -> None: ...
+def join_trajectory(
+    q: Floats, w: Floats, breaks: Floats, ends: Floats, pieces: Floats, /
+) -> int: ...
+def retime_trajectory(
+    breaks: Floats, pieces: Floats, times: Floats, places: Floats, values: Floats, slopes: Floats,
+    leaves: Floats, ends: Floats, out: Floats, /,
+) -> int: ...  # fmt: skip
 def sample_trajectory(
     times: Floats, breaks: Floats, pieces: Floats, slack: float, out: Floats, /
 ) -> int: ...
@@ -114,29 +53,18 @@ def sample_cubic(
 ) -> int: ...
 
 # connectors.h
-def put_joins(
-    q: Floats, w: Floats, breaks: Floats, base: Floats, axes: Floats, lengths: Floats,
-    values: Floats, rates: Floats, curvatures: Floats, at_ends: Floats, /,
-) -> None: ...  # fmt: skip
 def try_joins(
     first: Floats, last: Floats, durations: Floats, around: Floats, limits: Floats, w: Floats,
     kept: Indices, /,
 ) -> None: ...  # fmt: skip
-def ramps_of_stop(
-    state: Floats, limits: Floats, period: float, ends: Floats, w: Floats, durations: Floats, /
-) -> int: ...
-def find_connector(
-    start: Floats, end: Floats, limits: Floats, period: float, least: float, most_turn: float,
-    q: Floats, w: Floats, times: Floats, /,
-) -> bool: ...  # fmt: skip
-def guess_connector(
-    start: Floats, end: Floats, limits: Floats, period: float, least: float, rates: float,
-    duration: float, q: Floats, w: Floats, times: Floats, /,
-) -> None: ...  # fmt: skip
-def shorten_connector(
-    start: Floats, end: Floats, limits: Floats, period: float, least: float, most_turn: float,
-    longest: float, ease: float, q: Floats, w: Floats, times: Floats, joins: Floats,
-    increments: Floats, breaks: Floats, /,
+def connect(
+    start: Floats, end: Floats, limits: Floats, own: Floats, period: float, least: float,
+    longest: float, most_turn: float, ease: float, as_found: bool, falls_first: bool, q: Floats,
+    w: Floats, breaks: Floats, /,
+) -> int: ...  # fmt: skip
+def leave(
+    state: Floats, limits: Floats, period: float, longest: float, may_ramp: bool, q: Floats,
+    w: Floats, breaks: Floats, /,
 ) -> int: ...  # fmt: skip
 def sample_product(
     times: Floats, breaks: Floats, base: Floats, axes: Floats, lengths: Floats,
@@ -146,17 +74,6 @@ def fill_basis(
     spans: Indices, knots: Floats, order: int,
     values: Floats, rates: Floats, curvatures: Floats, /,
 ) -> None: ...  # fmt: skip
-
-# jets.h
-def jet_exponential(value: Floats, first: Floats, second: Floats, out: Floats, /) -> None: ...
-def jet_logarithm(value: Floats, first: Floats, second: Floats, out: Floats, /) -> None: ...
-def jet_slerp(
-    p: Floats, p_first: Floats, p_second: Floats, q: Floats, q_first: Floats, q_second: Floats,
-    u: Floats, u_first: Floats, u_second: Floats, out: Floats, /,
-) -> None: ...  # fmt: skip
-def jet_geodesic(
-    start: Floats, step: Floats, u: Floats, u_first: Floats, u_second: Floats, out: Floats, /
-) -> None: ...
 
 # between.h
 def between(
@@ -195,87 +112,8 @@ def setpoint_extremes(
     places: Indices,
     /,
 ) -> tuple[float, int]: ...
-def sample_path(path: Floats, times: Floats, out: Floats, /) -> None: ...
-def farthest_from_path(path: Floats, times: Floats, keys: Floats, /) -> float: ...
-def path_extremes(
-    path: Floats,
-    records: int,
-    period: float,
-    before: Floats,
-    with_axes: bool,
-    rough: Floats,
-    most: Floats,
-    nodes: Floats,
-    worst: Floats,
-    most_change: float,
-    fastest: float,
-    margin: float,
-    squares: Floats,
-    places: Indices,
-    /,
-) -> tuple[float, int]: ...
-def put_instants(
-    breaks: Floats, duration: float, pieces: int, shares: Floats, instants: Floats, /
-) -> int: ...
-def put_factors(
-    instants: Floats,
-    omega: Floats,
-    alpha: Floats,
-    period: float,
-    limits: Floats,
-    step: float,
-    factors: Floats,
-    /,
-) -> None: ...
-def put_spots(
-    instants: Floats, factors: Floats, hot: float, ends: Floats, spots: Floats, /
-) -> int: ...
-def look_at(
-    ranges: Indices,
-    curve: Floats,
-    rate: float,
-    duration: float,
-    period: float,
-    is_held_before: bool,
-    is_held_after: bool,
-    limits: Floats,
-    tolerance: float,
-    bends: float,
-    twists: float,
-    is_smooth: bool,
-    /,
-) -> float: ...
 
 # clock.h, knot_times.h, profile.h
-def choose_knots(
-    keys: Floats,
-    lengths: Floats,
-    limits: Floats,
-    total: float,
-    pieces: int,
-    descents: int,
-    times: Floats,
-    coefficients: Floats,
-    shares: Floats,
-    /,
-) -> bool: ...
-def find_profile(
-    widths: Floats,
-    first: Floats,
-    second: Floats,
-    move_first: Floats,
-    move_second: Floats,
-    limits: Floats,
-    move_limits: Floats,
-    aims: Floats,
-    has_start: bool,
-    has_end: bool,
-    begin: float,
-    gap: float,
-    coefficients: Floats,
-    shares: Floats,
-    /,
-) -> bool: ...
 def leave_rest(places: Floats, leaves: Floats, total: float, out: Floats, /) -> None: ...
 def put_node_times(places: Floats, values: Floats, slopes: Floats, times: Floats, /) -> None: ...
 def sample_clock(
@@ -288,3 +126,53 @@ def sample_clock(
     out: Floats,
     /,
 ) -> None: ...
+def choose_knots(
+    keys: Floats,
+    lengths: Floats,
+    limits: Floats,
+    total: float,
+    descents: int,
+    times: Floats,
+    profile: Floats,
+    /,
+) -> bool: ...
+def time_even(
+    breaks: Floats,
+    pieces: Floats,
+    knots: Floats,
+    move_breaks: Floats,
+    moves: Floats,
+    limits: Floats,
+    move_limits: Floats,
+    period: float,
+    is_held_before: bool,
+    is_held_after: bool,
+    tolerance: float,
+    more_acceleration: float,
+    more_jerk: float,
+    step: float,
+    has_one_shape: bool,
+    is_everywhere: bool,
+    first: int,
+    least: int,
+    most: int,
+    /,
+) -> tuple[int, float, float]: ...
+def time_quickest(
+    breaks: Floats,
+    pieces: Floats,
+    knots: Floats,
+    edges: Floats,
+    is_at_rest: bool,
+    move_breaks: Floats,
+    moves: Floats,
+    limits: Floats,
+    move_limits: Floats,
+    room: float,
+    period: float,
+    total: float,
+    known: Floats,
+    excess: float,
+    slower: float,
+    /,
+) -> tuple[bytes, bytes] | bool: ...

@@ -12,7 +12,7 @@ from orientd.errors import StartError
 from orientd.planner import refusal
 from orientd.planner.certify import Rough, before, joint_brake, measure, summed_up
 from orientd.planner.motion import Motion
-from orientd.planner.path import SAME_ANGLE, Path, TablePath
+from orientd.planner.path import SAME_ANGLE, Path, RecordedPath
 from orientd.rotation import Floats, angle, check_unit
 from orientd.stream import NO_SHARES
 from orientd.tolerances import GUARD_TOLERANCE
@@ -55,13 +55,11 @@ def reshaped(
             f"the device's axes begin {begun:.3g} rad from where the motion takes over in motion"
         )
     earlier = np.asarray(joints_before, dtype=np.float64) if len(joints_before) else None
-    path = TablePath.of(q, path_times, motion.path, period, joints, earlier)
+    path = RecordedPath.of(q, path_times, motion.path, period, joints, earlier)
 
     def setpoints(first: int, size: int) -> tuple[Floats, Floats]:
-        times = period * np.arange(first, first + size, dtype=np.float64)
-        samples = path.sample(times)
-        rows = np.concatenate([samples.q, samples.omega_body, samples.alpha_body], axis=1)
-        return rows, samples.position
+        rows = path.rows(first, size)
+        return rows[:, :10], rows[:, 10:13]
 
     def moved(times: Floats) -> Floats:
         """Return when the path as shaped gets to *times* of the path as planned."""
@@ -122,7 +120,7 @@ def reshaped(
             notes=(*motion.certificate.notes, *shape.notes),
         ),
         rough=rough,
-        first_joints=path.joints_at(0),
-        last_joints=path.joints_at(len(path_times) - 1),
+        first_joints=tuple(joints[0].tolist()),
+        last_joints=tuple(joints[-1].tolist()),
         joint_shares=shares,
     )

@@ -12,13 +12,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from orientd.curves import Trajectory
 from orientd.errors import PlanError
 from orientd.planner.candidate import CandidateMotion
 from orientd.planner.certify import limit_table
 from orientd.planner.connect import join, try_joins
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
-from orientd.planner.path import Path, PathCurve, PathSegment, PositionPath, quintic
+from orientd.planner.path import Path, PositionPath, quintic
 from orientd.planner.plan_job import certified
 from orientd.planner.planning import plan
 from orientd.planner.recorded import HISTORY, RecordedMotion
@@ -191,21 +192,20 @@ def _best(
     best: tuple[int, Motion, float] | None = None
     tries = 0
     for one in order.tolist():
-        curve = join(here[one, :4], w[one], float(durations[one]))
+        blended = join(here[one, :4], w[one], float(durations[one]))
         instants = np.linspace(0.0, float(durations[one]), _POINTS)
-        distances = angle(curve.evaluate(instants)[0], corner)
+        distances = angle(blended.orientations(instants), corner)
         nearest = int(np.argmin(distances))
         if distances[nearest] > tolerance:
             continue
         if tries == _TRIES:
             break
         tries += 1
-        segment = PathSegment(curve, 0.0, float(durations[one]))
         start = first.state_at(int(leave[one]))
         time = period * int(joined[one])
         try:
             candidate, passed = _draft(
-                segment,
+                blended,
                 start,
                 second,
                 path,
@@ -268,7 +268,7 @@ def _cuts(first: RecordedMotion, second: Motion, corner: Floats, earliest: int) 
 
 
 def _draft(
-    segment: PathSegment,
+    blended: Trajectory,
     start: State,
     second: Motion,
     path: Path,
@@ -280,7 +280,7 @@ def _draft(
     """Return the path of a blend and what it leads into, and when it is nearest to the corner.
 
     Args:
-        segment: the blend.
+        blended: the blend, from path time 0 on.
         start: where it begins.
         second: the motion it leads into.
         path: of that.
@@ -288,35 +288,33 @@ def _draft(
         nearest: path time at which the blend is nearest to the corner, s.
         is_timed_anew: as for :func:`_best`.
     """
-    shift = segment.end - time
+    shift = blended.duration - time
     there = path.positions.state(time)
     here = start.position, start.velocity, start.acceleration
-    piece = quintic(here, there, segment.end)
+    piece = quintic(here, there, blended.duration)
     positions = path.positions.since(time).delayed(shift)
     if start.is_position_moving or np.any(there[0] != start.position):
-        breaks = np.array([0.0, segment.end])
+        breaks = np.array([0.0, blended.duration])
         positions = positions.after(PositionPath(breaks, piece[None], start.position, there[0]))
     times = second.keyframe_times + shift
     times = np.where(second.keyframe_times < time, nearest, times)
-    later = [one.shifted(shift) for one in path.since(time)]
     if not is_timed_anew:
         begin, rough = max(float(times[0]), 0.0), second.rough
         if rough is not None:
             rough = replace(rough, begin=rough.begin + shift, end=rough.end + shift)
-        whole_path = Path.joined([segment, *later], positions, start.q)
+        later = path.trajectory.restricted(time, path.duration).shifted(shift)
+        whole_path = Path.joined([blended, later], positions, start.q)
         end = second.end_time + shift
         return CandidateMotion(whole_path, begin, end, times, rough), nearest
     # An end velocity is one at a time of its own: what comes after it stays as it is.
     end = second.end_time if second.request.omega_end is not None else path.duration
-    core = [segment, *(one for one in later if one.begin < end + shift - _SAME)]
-    joined = Path.joined(core, positions, start.q)
-    curve = PathCurve(joined.segments)
-    places = np.append(nearest, times)
-    whole = KeyframePath(PathSegment(curve, 0.0, curve.domain[1]), positions, places)
+    core = Trajectory.joined([blended, path.trajectory.restricted(time, end).shifted(shift)])
+    whole = KeyframePath(core, positions, np.append(nearest, times))
     quick = quickest(whole, second.limits, second.period)
-    after = quick.duration - curve.domain[1]
-    segments = [quick.segment, *(one.shifted(after) for one in later[len(core) - 1 :])]
+    parts = [quick.trajectory]
+    if end < path.duration - _SAME:
+        parts.append(path.trajectory.restricted(end, path.duration).shifted(quick.duration - end))
     passed, times = float(quick.times[0]), quick.times[1:]
-    whole_path = Path.joined(segments, quick.positions, start.q)
+    whole_path = Path.joined(parts, quick.positions, start.q)
     begin = max(float(times[0]), 0.0)
     return CandidateMotion(whole_path, begin, float(times[-1]), times, None), passed

@@ -72,7 +72,7 @@ def plan_to_fit(
         limits: the device's.
         period: the device's cycle, s.
         before: axis angles planned for the cycles before, where it moves, the oldest first; see
-            :meth:`.TablePath.joints_before`.
+            :meth:`.RecordedMotion.joints_before`.
         motion_id: names the motion; by default a new random name.
 
     Raises:

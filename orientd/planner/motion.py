@@ -12,7 +12,7 @@ from orientd.curves import is_same
 from orientd.drawing import Drawable
 from orientd.planner.certify import Certificate, Rough, before
 from orientd.planner.limits import Limits
-from orientd.planner.path import Path, PathSamples, RowPath, TablePath
+from orientd.planner.path import Path, PathSamples, RecordedPath
 from orientd.planner.recorded import (
     HISTORY,
     STATE_FLOATS,
@@ -70,7 +70,7 @@ class Motion(Drawable):
     request: MotionRequest
     limits: Limits
     period: float
-    path: Path | TablePath | RowPath
+    path: Path | RecordedPath
     start_time: float
     end_time: float
     keyframe_times: Floats
@@ -239,20 +239,14 @@ class Motion(Drawable):
                 f"records must be within 0 to {self.record_count}, got {first} to {end}"
             )
         path = self.path
-        if isinstance(path, RowPath):
+        if isinstance(path, RecordedPath):
             return path.rows(first, count)
         times = self.period * np.arange(first, end, dtype=np.float64)
-        joints = path.joints[first:end] if isinstance(path, TablePath) else np.empty((count, 0))
-        rows: Floats = np.zeros((count, STATE_FLOATS + joints.shape[1]))
-        column = 0
-        for part in path.sample_in_order(times):
-            rows[:, column : column + part.shape[1]] = part
-            column += part.shape[1]
-        if not path.positions.is_held:
-            rows[:, column:STATE_FLOATS] = path.push(times)
-        rows[:, STATE_FLOATS:] = joints
+        rows: Floats = np.zeros((count, STATE_FLOATS))
+        np.concatenate(path.sample(times), axis=1, out=rows[:, : STATE_FLOATS - 3])
+        rows[:, STATE_FLOATS - 3 :] = path.positions.push(times)
         if count and end == self.record_count:
-            rows[-1, :STATE_FLOATS] = 0.0
+            rows[-1] = 0.0
             rows[-1, :4], rows[-1, 10:13] = path.last, path.positions.last
         return rows
 

@@ -1,47 +1,40 @@
-"""From a request to a motion: geometry, timing, leads, certificate."""
+"""From a request to a motion: which ways of planning it are tried, in which order.
+
+This is the only place where a refusal leads to another attempt.  :func:`_attempts` lists them, and
+:func:`_quickest` runs them; what was tried is in the certificate's notes or in the refusal.  The
+lead-ins that are tried, one after the other, are :data:`.CONNECTIONS`.
+"""
 
 from __future__ import annotations
 
 import math
 import os
-from contextlib import suppress
-from dataclasses import replace
-from functools import partial
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cache, partial
+from typing import NamedTuple
 
 import numpy as np
 
-from orientd.curves import AxisTurn
 from orientd.errors import LimitError, PlanError, RequestError, StartError
-from orientd.planner import refusal
+from orientd.planner import refusal, resting
 from orientd.planner.candidate import CandidateMotion, to_single
 from orientd.planner.connect import (
+    CONNECTIONS,
     STOPS,
     WITHOUT_RESERVE,
-    Caution,
+    Connection,
+    LeadIn,
+    approach,
     stops_take,
     turns_with_stops,
 )
 from orientd.planner.keyframes import at_rate, in_device_coordinates, with_least_roll, wound
 from orientd.planner.limits import ANGULAR, LONGEST, PERIODS, Limits
 from orientd.planner.motion import Motion
+from orientd.planner.path import Path, PositionPath
 from orientd.planner.plan_job import PlanJob
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
-from orientd.planner.resting import (
-    CONNECTS,
-    WAITS,
-    WORTH,
-    Connectors,
-    arrives,
-    can_rest,
-    connected,
-    job_between,
-    least_with_connectors,
-    more_careful,
-    quickest_connectors,
-    rests_noted,
-    unhurried,
-    with_a_rest,
-)
 from orientd.planner.timing import (
     CAREFUL_JERK_SHARE,
     LEAST_SHARE,
@@ -54,7 +47,6 @@ from orientd.planner.timing import (
     corners,
     evenly_paced,
     lasting,
-    least_with_rests,
     least_with_stops,
     longest_stop,
     quickest,
@@ -130,67 +122,294 @@ def plan(
     turned = at_rate(in_device_coordinates(request, start), start, within)
     request = with_least_roll(wound(turned, start), start)
     job = PlanJob.of(request, start, within, period)
-    if not job.is_led_by_connector:
-        return _told_of_stops(_motion(job, name))
-    first: LimitError | None = None
-    for caution in Caution:
-        try:
-            motion = _motion(job.with_caution(caution), name)
-        except LimitError as error:
-            first = first or error
-        else:
-            return _without_reserve(job, motion) if _arrives(job) else _told_of_stops(motion)
-    raise first or PlanError("no lead-in was tried")
+    return _told_of_stops(_quickest(job, name))
 
 
-def _arrives(job: PlanJob) -> bool:
-    request = job.request
-    return request.is_single and arrives(job.start, request.keys[0], job.limits)
+class _Attempt(NamedTuple):
+    """One way of planning a motion.
 
-
-def _without_reserve(job: PlanJob, motion: Motion) -> Motion:
-    """Return *motion*, or one without the reserve where that is much quicker.
-
-    What brakes with all of the limits and is to stop a little later with less of them overshoots.
+    Attributes:
+        name: in reports of what was tried.
+        plan: returns the motion; ``None`` if it is not quicker than what was found before.
+        is_fallback: whether it is only tried if nothing was found before.
+        is_optional: whether its refusal says nothing about the request.
     """
-    for caution in WITHOUT_RESERVE:
-        with suppress(PlanError):
-            other = _motion(job.with_caution(caution), motion.id)
-            if other.duration < WORTH * motion.duration:
-                return other
-    return motion
+
+    name: str
+    plan: Callable[[], Motion | None]
+    is_fallback: bool = False
+    is_optional: bool = False
 
 
-def _motion(job: PlanJob, name: str) -> Motion:
-    """Return the motion, certified."""
-    if job.request.is_single:
-        return _to_single(job, name)
-    if job.request.times is not None:
-        return job.certified(_as_timed(job), name)
-    if job.is_even:
-        return _at_even_pace(job, name)
-    if any(job.ends.moves) and can_rest(job):
-        return _with_moving_ends(job, name)
-    motion, took, refused = None, math.inf, None
-    try:
-        motion = _quick_or_even(job, name)
-        took = motion.end_time - motion.start_time
-    except (StartError, refusal.TotalError):
-        raise
-    except PlanError as error:
-        if job.is_for_more_caution(error):
-            raise
-        refused = error
-    for share in (SHARE, CAREFUL_JERK_SHARE) if can_rest(job) else ():
+@dataclass(slots=True)
+class _Tried:
+    """What has been tried so far.
+
+    Attributes:
+        best: the quickest motion.
+        refused: refusals by the names of the attempts.
+    """
+
+    best: Motion | None = None
+    refused: dict[str, PlanError] = field(default_factory=dict)
+
+    @property
+    def took(self) -> float:
+        """How long the quickest motion takes, s."""
+        return math.inf if self.best is None else self.best.duration
+
+    @property
+    def last(self) -> PlanError | None:
+        """The last refusal."""
+        return next(reversed(self.refused.values()), None)
+
+
+def _quickest(job: PlanJob, name: str) -> Motion:
+    """Return the quickest motion of the attempts at a job, or refuse it.
+
+    Raises:
+        PlanError: all of them were refused.
+    """
+    tried = _Tried()
+    for attempt in _attempts(job, name, tried):
+        if attempt.is_fallback and tried.best is not None:
+            continue
+        try:
+            motion = attempt.plan()
+        except PlanError as error:
+            if not attempt.is_optional:
+                if isinstance(error, StartError):
+                    raise
+                tried.refused[attempt.name] = error
+        else:
+            if motion is not None and motion.duration < tried.took:
+                tried.best = motion
+    if tried.best is None:
+        raise refusal.of_attempts(tried.refused)
+    return tried.best
+
+
+def _attempts(job: PlanJob, name: str, tried: _Tried) -> Iterator[_Attempt]:
+    """Yield the attempts at a job, in order; which come next may depend on what was tried."""
+    request = job.request
+    if request.is_single:
+        yield from _to_single(job, name, tried)
+    elif request.times is not None:
+        yield _Attempt("the times of the request", partial(_as_timed, job, name))
+    elif job.is_even:
+        yield from _evenly(job, name, tried)
+    elif any(job.ends.moves) and resting.can_rest(job):
+        yield from _with_moving_ends(job, name, tried)
+    else:
+        yield from _along_curve(job, name, tried)
+        yield from _with_stops(job, name, tried)
+
+
+def _to_single(job: PlanJob, name: str, tried: _Tried) -> Iterator[_Attempt]:
+    """Yield the attempts to go to a single keyframe."""
+    request, start, position = job.request, job.start, job.halt.last
+    omega = np.zeros(3) if job.ends.omega_end is None else job.ends.omega_end
+    if request.positions is not None:
+        position = request.positions[0]
+    target = State(request.keys[0], omega, np.zeros(3), position)
+    is_turn = start.is_at_rest and not omega.any() and bool((position == start.position).all())
+    if is_turn and not (job.is_even and request.total is None):
+        yield _Attempt("the quickest turn", partial(_turn, job, target, name))
+        if job.is_even:
+            return
+    elif request.total is not None:
+        raise PlanError("a single keyframe is reached in a duration by turning from rest only")
+
+    def led(to: PlanJob, connections: Sequence[Connection] = CONNECTIONS) -> Motion:
+        def candidate(lead: LeadIn | None) -> CandidateMotion:
+            if lead is None:
+                raise ValueError("a single keyframe needs a lead-in")
+            return to_single(target, lead, start, to.limits, to.period)
+
+        return to.led(target, candidate, name, connections=connections)
+
+    if is_turn and request.total is not None:
+        return
+    if is_turn:
+        yield _Attempt("an even pace", partial(led, job.evenly()), is_fallback=True)
+        return
+    yield _Attempt("a connector", partial(led, job))
+    if tried.best is None or not resting.arrives(start, target.q, job.limits):
+        return
+    # What brakes with all of the limits and is to stop a little later with less of them overshoots.
+    enough = resting.WORTH * tried.took
+    for one in WITHOUT_RESERVE:
+        yield _Attempt(one.name, partial(_shorter, enough, partial(led, job, (one,))))
+        if tried.took < enough:
+            return
+
+
+def _shorter(enough: float, plan_it: Callable[[], Motion]) -> Motion | None:
+    motion = plan_it()
+    return motion if motion.duration < enough else None
+
+
+def _turn(job: PlanJob, target: State, name: str) -> Motion:
+    """Return the turn to a single keyframe, from rest to rest about one axis.
+
+    What is drawn between the records is a little more, where the jerk has a step: then it is timed
+    again with a smaller share of the limit.
+    """
+    share = jerk_share = SHARE
+    for _ in range(_MOST_TIMINGS):
+        turn = approach(
+            job.start.q, target.q, job.limits, is_even=job.is_even, share=share,
+            jerk_share=jerk_share, is_part=False,
+        )  # fmt: skip
+        if turn is None:
+            lead = job.lead_to(target)
+            return job.certified(to_single(target, lead, job.start, job.limits, job.period), name)
+        total = job.request.total
+        if total is not None:
+            refusal.check_total(total, turn.duration)
+            turn = turn.slowed(max(total, turn.duration))
+        # It need not take a whole number of periods: nothing comes after it.
+        path = Path.joined([turn], PositionPath.held(target.position), job.start.q)
+        end = turn.duration
+        candidate = CandidateMotion(path, end, end, np.array([end]), None)
+        try:
+            return job.certified(candidate, name)
+        except LimitError as error:
+            refused, over = error, error.value / error.limit
+            if job.is_even or not 1.0 < over <= _MOST_DRAWN:
+                raise
+            if error.quantity.startswith("angular jerk"):
+                jerk_share /= over
+            else:
+                share /= over
+    raise refused
+
+
+def _evenly(
+    job: PlanJob, name: str, tried: _Tried, *, is_fallback: bool = False
+) -> Iterator[_Attempt]:
+    """Yield the attempts at the curve's own pace, slowed down by one factor."""
+    even, note = job.evenly(), () if tried.last is None else (f"at an even pace: {tried.last}",)
+
+    def plan_it(*, everywhere: bool) -> Motion:
+        return _at_even_pace(even, name, everywhere=everywhere).noted(*note)
+
+    some = _Attempt("an even pace", partial(plan_it, everywhere=False), is_fallback)
+    yield some
+    if job.request.total is None and isinstance(tried.refused.get(some.name), LimitError):
+        # A peak where none was expected: look at every record then.
+        yield some._replace(plan=partial(plan_it, everywhere=True), is_fallback=True)
+
+
+def _along_curve(job: PlanJob, name: str, tried: _Tried) -> Iterator[_Attempt]:
+    """Yield the attempts along the curve, the quickest first."""
+    request, even = job.request, job.evenly()
+    if request.total is not None:
+        # In a time that was asked for the pace is even wherever the curve would have to rest.
+        yield _Attempt("an even pace", partial(_even_without_rests, job, name), is_optional=True)
+        if tried.best is not None:
+            return
+    quick = _Attempt("the quickest timing", partial(_as_quick_as_possible, job, name))
+    yield quick
+    is_beyond = isinstance(tried.refused.get(quick.name), LimitError) and job.has_one_shape
+    if is_beyond and job.shape(is_quick=True).has_chosen_times:
+        other = partial(_as_quick_as_possible, job, name, by_chord=True)
+        yield _Attempt("the quickest timing with times by chord", other, is_fallback=True)
+    if tried.best is not None and request.total is None:
+        if _rests(job) is not None:
+            yield _Attempt(
+                "an even pace", partial(_even_within, even, name, tried.took), is_optional=True
+            )
+    else:
+        if isinstance(tried.last, refusal.TotalError):
+            raise tried.last
+        yield from _evenly(job, name, tried, is_fallback=True)
+
+
+def _with_stops(job: PlanJob, name: str, tried: _Tried) -> Iterator[_Attempt]:
+    """Yield the attempts to stop at every keyframe."""
+    if not resting.can_rest(job):
+        if tried.best is not None:
+            tried.best = _slow_noted(job, tried.best)
+        return
+
+    def stopping(share: float) -> Motion | None:
+        best = tried.best
+        took = math.inf if best is None else best.end_time - best.start_time
         stops = turns_with_stops(job.request, job.ends, job.start, job.limits, took, share)
-        if stops is None or stops.duration >= took:
-            break
-        with suppress(PlanError):
-            motion = job.certified(job.with_leads(stops), name)
-            return motion.noted(STOPS) if len(job.request.keyframes) > 2 else motion
-    if motion is None:
-        raise refused or PlanError("no motion was tried")
-    return motion if can_rest(job) else _slow_noted(job, motion)
+        if stops is None:
+            return None
+        motion = job.motion(stops, name)
+        return motion.noted(STOPS) if len(job.request.keyframes) > 2 else motion
+
+    at_most = _Attempt("a stop at every keyframe", partial(stopping, SHARE))
+    yield at_most
+    if at_most.name in tried.refused:
+        yield at_most._replace(plan=partial(stopping, CAREFUL_JERK_SHARE))
+
+
+def _with_moving_ends(job: PlanJob, name: str, tried: _Tried) -> Iterator[_Attempt]:
+    """Yield the attempts along one curve, and with rests beside the ends that move."""
+    total = job.request.total
+    if total is not None:
+        yield _Attempt("an even pace", partial(_at_even_pace, job.evenly(), name), is_optional=True)
+        if tried.best is not None:
+            return
+    least, most = resting.times_with_rests(job)
+    longest = min(_FAR_LONGER * most, LONGEST)
+    curve = partial(_as_quick_as_possible, job, name, longest=longest)
+    yield _Attempt("the quickest timing", curve)
+    if tried.best is not None:
+        took = tried.best.end_time - tried.best.start_time
+        if total is not None or took <= least:
+            return
+    try:
+        connectors = resting.quickest_connectors(job)
+    except PlanError as error:
+        tried.refused["connectors at the ends"] = error
+        return
+    if tried.took <= least + sum(connectors.durations):
+        return
+    if total is not None and connectors.has_no_rest:
+        yield from _unhurried(job, total, name, tried)
+        return
+    part = resting.job_between(job)
+    between = None if part is None else cache(partial(_quickest, part, name))
+
+    def rested(connection: Connection | None) -> Motion:
+        found = connectors if connection is None else resting.Connectors.of(job, connection)
+        inner = None if between is None else between()
+        notes = () if inner is None else inner.certificate.notes
+        motion = job.motion(resting.connected(job, found, inner), name, merged=notes)
+        return motion.noted(resting.rests_noted(job, found))
+
+    usual = _Attempt("connectors at the ends", partial(rested, None))
+    yield usual
+    if usual.name in tried.refused:
+        for one in CONNECTIONS[1:]:
+            yield _Attempt(f"{one.name} at the ends", partial(rested, one), is_fallback=True)
+
+
+def _unhurried(job: PlanJob, total: float, name: str, tried: _Tried) -> Iterator[_Attempt]:
+    """Yield the attempts between two keyframes that both move, in a duration.
+
+    Raises:
+        PlanError: the quickest takes longer, or there is none, as there may be between two
+            durations that are possible.
+    """
+    for path in resting.unhurried(job, total):
+        timed = partial(_timed, job, path, None, name, has_rests=False, note=resting.CONNECTS)
+        yield _Attempt("a slower connector", timed, is_fallback=True)
+    rests = resting.with_a_rest(job)
+    for connectors in rests:
+
+        def waiting(connectors: resting.Connectors = connectors) -> Motion:
+            path = resting.connected(job, connectors, None)
+            return job.motion(path, name).noted(resting.WAITS)
+
+        yield _Attempt("a rest on its way", waiting, is_fallback=True)
+    if tried.best is None:
+        raise refusal.of_duration(total, [sum(one.durations) for one in rests])
 
 
 def _slow_noted(job: PlanJob, motion: Motion) -> Motion:
@@ -208,187 +427,68 @@ def _slow_noted(job: PlanJob, motion: Motion) -> Motion:
     )
 
 
-def _with_moving_ends(job: PlanJob, name: str) -> Motion:
-    """Return the quicker motion: along one curve, or with rests beside the ends that move."""
-    total = job.request.total
-    if total is not None:
-        with suppress(PlanError):
-            return _at_even_pace(replace(job, is_even=True, leads={}), name)
-    motion, refused, connectors, least = None, None, None, math.inf
-    try:
-        connectors = quickest_connectors(job)
-        least = least_with_connectors(job, connectors)
-    except PlanError as error:
-        refused = error
-    try:
-        longest = min(_FAR_LONGER * least, LONGEST)
-        motion = _as_quick_as_possible(job, name, longest=longest)
-    except StartError:
-        raise
-    except PlanError as error:
-        if job.is_for_more_caution(error):
-            raise
-        refused = error
-    if motion is not None and (motion.duration <= least or total is not None):
-        return motion
-    if connectors is not None:
-        try:
-            resting = _resting(job, connectors, name)
-        except PlanError as error:
-            if motion is None and job.is_for_more_caution(error):
-                raise
-            is_short = isinstance(error, refusal.TotalError)
-            if refused is None or isinstance(refused, refusal.TotalError) or not is_short:
-                refused = error
-        else:
-            if motion is None or resting.duration < motion.duration:
-                return resting
-    if motion is None:
-        raise refused or PlanError("no motion was tried")
-    return motion
-
-
-def _resting(job: PlanJob, connectors: Connectors, name: str) -> Motion:
-    """Return the motion with rests beside the ends that move, and connectors there.
-
-    Raises:
-        PlanError: there is none.
-    """
-    if job.request.total is not None and connectors.has_no_rest:
-        return _unhurried(job, job.request.total, name)
-    part = job_between(job)
-    between = None if part is None else _motion(part, name)
-    notes = () if between is None else between.certificate.notes
-    note = rests_noted(job, connectors)
-    try:
-        motion = job.certified(connected(job, connectors, between), name, merged=notes)
-        return motion.noted(note)
-    except PlanError as error:
-        if job.is_for_more_caution(error):
-            raise
-        first = error
-    for one in more_careful(job):
-        with suppress(PlanError):
-            motion = job.certified(connected(job, one, between), name, merged=notes)
-            return motion.noted(note)
-    raise first
-
-
-def _unhurried(job: PlanJob, total: float, name: str) -> Motion:
-    """Return the motion between two keyframes that both move, in a duration.
-
-    Raises:
-        TotalError: it takes longer.
-        PlanError: there is none, as there may be between two durations that are possible.
-    """
-    for path in unhurried(job, total):
-        with suppress(PlanError):
-            motion = _timed(job, path, None, name, has_rests=False)
-            return motion.noted(CONNECTS)
-    rests = with_a_rest(job)
-    for connectors in rests:
-        with suppress(PlanError):
-            motion = job.certified(connected(job, connectors, None), name)
-            return motion.noted(WAITS)
-    raise refusal.of_duration(total, [sum(one.durations) for one in rests])
-
-
-def _quick_or_even(job: PlanJob, name: str) -> Motion:
-    try:
-        try:
-            return _as_quick_as_possible(job, name)
-        except LimitError as error:
-            if error.is_in_lead_in:
-                raise
-            return _as_quick_as_possible(job, name, by_chord=True)
-    except (StartError, refusal.TotalError):
-        raise
-    except PlanError as error:
-        if job.is_for_more_caution(error):
-            raise
-        even = replace(job, is_even=True, leads={})
-        return _at_even_pace(even, name).noted(f"at an even pace: {error}")
-
-
-def _at_even_pace(job: PlanJob, name: str) -> Motion:
-    """Return the motion at the curve's own pace, slowed down by one factor."""
-    if job.request.total is not None:
-        refusal.check_duration(job.request.total)
-        path_request, *_ = job.shape(is_quick=False)
-        core = job.moving(path_request, job.request.total)
-        return job.certified(job.with_leads(core), name)
-    try:
-        return job.certified(_evenly_paced(job, everywhere=False), name)
-    except LimitError:
-        # A peak where none was expected: look at every record then.
-        return job.certified(_evenly_paced(job, everywhere=True), name)
-
-
-def _to_single(job: PlanJob, name: str) -> Motion:
-    """Return the motion to the only keyframe."""
-    share = jerk_share = SHARE
-    for _ in range(_MOST_TIMINGS):
-        candidate = to_single(
-            job.request,
-            job.start,
-            job.limits,
-            job.own,
-            job.period,
-            job.caution,
-            is_even=job.is_even,
-            share=share,
-            jerk_share=jerk_share,
-        )
-        try:
-            return job.certified(candidate, name)
-        except LimitError as error:
-            over = error.value / error.limit
-            if job.is_even or not job.start.is_at_rest or not 1.0 < over <= _MOST_DRAWN:
-                raise
-            # What is drawn between the records is a little more, where the jerk has a step.
-            if error.quantity.startswith("angular jerk"):
-                jerk_share /= over
-            else:
-                share /= over
-    return _to_single(replace(job, is_even=True), name)
-
-
-def _as_timed(job: PlanJob) -> CandidateMotion:
-    """Return the path with the times of the request."""
+def _as_timed(job: PlanJob, name: str) -> Motion:
+    """Return the motion with the times of the request."""
     if job.request.times is None:
         raise ValueError("request must have times")
     times = job.request.times - job.request.times[0]
     duration = float(times[-1])
     refusal.check_duration(duration)
     refusal.check_intervals(times)
-    keyframe_path = job.path_request(times, np.arange(len(times))).keyframe_path(duration)
+    path = job.path_request(times, np.arange(len(times))).keyframe_path(duration)
     try:
-        return job.with_leads(keyframe_path)
-    except StartError:
+        return job.motion(path, name)
+    except (StartError, LimitError):
         raise
     except PlanError:
         # No lead can mend a path that breaks a limit by itself: then that is what is wrong.
-        place = refusal.Place(job.request, 0.0, duration, keyframe_path.times)
-        refusal.check_limits(keyframe_path.peaks(job.period, job.limits), place)
+        place = refusal.Place(job.request, 0.0, duration, path.times)
+        refusal.check_limits(path.peaks(job.period, job.limits), place)
         raise
 
 
-def _evenly_paced(job: PlanJob, *, everywhere: bool, longest: float = LONGEST) -> CandidateMotion:
+def _at_even_pace(job: PlanJob, name: str, *, everywhere: bool = False) -> Motion:
+    """Return the motion at the curve's own pace, slowed down by one factor.
+
+    Args:
+        job: what to plan.
+        name: of the motion.
+        everywhere: whether to look at every record at every attempt.
+    """
+    if job.request.total is None:
+        return job.motion(_evenly_paced(job, job.leads_to, everywhere=everywhere), name)
+    refusal.check_duration(job.request.total)
+    path_request = job.shape(is_quick=False).path_request
+    return job.motion(job.moving(path_request, job.request.total), name)
+
+
+def _evenly_paced(
+    job: PlanJob,
+    led: Callable[[KeyframePath], KeyframePath],
+    *,
+    everywhere: bool = False,
+    longest: float = LONGEST,
+) -> KeyframePath:
     """Return the path with the shortest times that keep the limits, in whole periods.
 
     Args:
         job: what to plan.
+        led: refuses a path that has no leads.
         everywhere: whether to look at every record at every attempt.
-        longest: that the keyframe path may take, s.
+        longest: that the path may take, s.
+
+    Raises:
+        PlanError: no duration keeps the limits.
     """
-    path_request, shape, _ = job.shape(is_quick=False)
+    shape = job.shape(is_quick=False)
+    path_request = shape.path_request
     found = evenly_paced(
-        shape,
+        shape.path,
         job.limits,
         job.period,
         intervals=len(path_request.kept) - 1,
         other=None if path_request.has_one_shape else partial(job.moving, path_request),
-        led=job.with_leads,
+        led=led,
         everywhere=everywhere,
         longest=longest,
     )
@@ -397,71 +497,69 @@ def _evenly_paced(job: PlanJob, *, everywhere: bool, longest: float = LONGEST) -
     return found
 
 
+def _rests(job: PlanJob) -> int | None:
+    """Return how often the quickest motion rests on its way along a curve, at its corners.
+
+    Returns:
+        ``None`` where it need not, not even at its ends.
+    """
+    if not job.has_one_shape:
+        return None
+    shape = job.shape(is_quick=True)
+    count = len(corners(shape.path.trajectory))
+    is_free = job.request.total is None or shape.path.is_from_rest_to_rest
+    return None if not count and is_free else count
+
+
+def _even_without_rests(job: PlanJob, name: str) -> Motion | None:
+    """Return the motion at an even pace, if the quickest one would have to rest on its way."""
+    if _rests(job) is None:
+        return None
+    return _at_even_pace(job.evenly(), name)
+
+
+def _even_within(job: PlanJob, name: str, longest: float) -> Motion | None:
+    """Return the motion at an even pace, in less than *longest*, s."""
+    motion = job.motion(_evenly_paced(job, job.leads_to, longest=longest), name)
+    return motion.noted(EVEN) if motion.duration < longest else None
+
+
 def _as_quick_as_possible(
-    job: PlanJob, motion_id: str, *, by_chord: bool = False, longest: float = LONGEST
+    job: PlanJob, name: str, *, by_chord: bool = False, longest: float = LONGEST
 ) -> Motion:
     """Return the motion along the keyframe path as quickly as the limits permit.
 
     Args:
         job: what to plan.
-        motion_id: names the motion.
+        name: of the motion.
         by_chord: whether the path is that of an even pace.
         longest: that the usual duration of a curve with a velocity at an end may be, s.
     """
-    path_request, keyframe_path, profile = job.shape(is_quick=not by_chord)
-    if path_request.has_one_shape:
-        rests = len(corners(keyframe_path.segment.curve))
-        if not rests and (job.request.total is None or keyframe_path.is_from_rest_to_rest):
-            return _timed(job, keyframe_path, profile, motion_id)
-        return _resting_or_even(job, keyframe_path, rests, motion_id)
-    refusal.check_smooth(job.request, keyframe_path.continuity)
-    # A velocity at an end is one at some duration: take the curve of the usual one.
-    keyframe_path = (
-        _evenly_paced(job, everywhere=False, longest=longest).keyframe_path or keyframe_path
-    )
-    return _timed(job, keyframe_path, profile, motion_id, has_rests=False)
-
-
-def _resting_or_even(
-    job: PlanJob, keyframe_path: KeyframePath, rests: int, motion_id: str
-) -> Motion:
-    """Return the quicker motion along a path: at rest at its ends and corners, or at an even pace.
-
-    In a time that was asked for, the pace is even wherever that is possible.
-    """
-    even = _even_within(job, motion_id, least_with_rests(keyframe_path, job.limits))
-    if even is not None:
-        return even
-    motion = _timed(job, keyframe_path, None, motion_id)
-    even = _even_within(job, motion_id, motion.duration) if job.request.total is None else None
-    if even is not None or not rests:
-        return even or motion
-    method, level = job.request.method, keyframe_path.continuity
+    if not job.has_one_shape:
+        # A velocity at an end is one at some duration: take the curve of the usual one.
+        refusal.check_smooth(job.request, job.shape(is_quick=False).path.continuity)
+        path = _evenly_paced(job, job.leads_from, longest=longest)
+        return _timed(job, path, None, name, has_rests=False)
+    shape = job.shape(is_quick=not by_chord)
+    rests = _rests(job)
+    motion = _timed(job, shape.path, shape.profile if rests is None else None, name)
+    if not rests:
+        return motion
+    method, level = job.request.method, shape.path.continuity
     return motion.noted(
         f"comes to rest {rests} times on its way, where {method} is only C{level}; "
         f"{DEFAULT_METHOD} is C2 and passes the same keyframes",
     )
 
 
-def _even_within(job: PlanJob, motion_id: str, longest: float) -> Motion | None:
-    """Return the motion at an even pace: in the time asked for, or in less than *longest*, s."""
-    even = replace(job, is_even=True, leads={})
-    try:
-        if job.request.total is not None:
-            return _at_even_pace(even, motion_id)
-        motion = even.certified(_evenly_paced(even, everywhere=False, longest=longest), motion_id)
-    except PlanError:
-        return None
-    return motion.noted(EVEN) if motion.duration < longest else None
-
-
 def _timed(
     job: PlanJob,
     keyframe_path: KeyframePath,
     profile: FirstProfile | None,
-    motion_id: str,
+    name: str,
     *,
     has_rests: bool = True,
+    note: str = "",
 ) -> Motion:
     """Return the motion along one keyframe path as quickly as the limits permit.
 
@@ -469,21 +567,22 @@ def _timed(
         job: what to plan.
         keyframe_path: to go along.
         profile: the first one, if it is known.
-        motion_id: names the motion.
+        name: of the motion.
         has_rests: whether to begin and end at rest, and to rest at corners.
+        note: what the certificate is to say of it.
     """
     find = quickest_by_parts if has_rests else quickest
     guess: FirstProfile | Profile | None = profile
     share, before, stop_time, longest = SHARE, None, math.inf, LONGEST_STOP
     for _ in range(_MOST_TIMINGS):
-        quick = job.timed(keyframe_path, share, partial(find, guess=guess))
+        quick = find(keyframe_path, job.limits, job.period, share=share, guess=guess)
         guess = quick.profile if isinstance(quick, QuickPath) else profile
         if has_rests:
             quick = quick.in_total(job.request.total)
         elif job.request.total is not None:
             quick = lasting(keyframe_path, quick, job.limits, job.period, job.request.total)
         try:
-            motion = job.certified(job.with_leads(quick), motion_id)
+            motion = job.motion(quick, name).noted(*([note] if note else []))
         except LimitError as error:
             # What is drawn between the records is a little more, where the jerk has a step.
             over = error.value / error.limit
@@ -491,7 +590,7 @@ def _timed(
             if not (is_of_timing and share > LEAST_SHARE):
                 raise
             # It falls as the share does about one axis, by about half as much along a curve.
-            share /= over if isinstance(quick.segment.curve, AxisTurn) else over**2
+            share /= over if quick.is_turn else over**2
             continue
         rate, last = motion.certificate.brake_rate, stop_time
         stop_time = 1.0 / rate if rate else math.inf
@@ -513,7 +612,7 @@ def _timed(
 
 
 def _told_of_stops(motion: Motion) -> Motion:
-    """Return the motion, with a note where it is slower than its limits so that it can be stopped.
+    """Return the motion, with a note if it is slower than its limits so that it can be stopped.
 
     That is where a stop with all of the acceleration takes long already.
     """

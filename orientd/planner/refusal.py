@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -209,6 +210,21 @@ class Place:
         if self.request.times is None:
             return place
         return f"{place}, at {time - self.begin + self.request.times[0]:.6g} s of their time"
+
+
+def of_attempts(refused: Mapping[str, PlanError]) -> PlanError:
+    """Return the refusal of a motion that was planned in several ways.
+
+    Args:
+        refused: refusals by the names of the attempts, in order.
+    """
+    errors = list(refused.values())
+    # That one attempt takes longer than was asked for says less than why the others were refused.
+    error = next((one for one in reversed(errors) if not isinstance(one, TotalError)), errors[-1])
+    others = [name for name, one in refused.items() if one is not error]
+    if others:
+        error.args = (f"{error}; tried before: {', '.join(others)}",)
+    return error
 
 
 def of_any_duration(start: State, limits: Limits) -> PlanError:

@@ -9,19 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
 
-from orientd.errors import PlanError
+from orientd.curves import Trajectory
 from orientd.planner import refusal
-from orientd.planner.candidate import CandidateMotion, leads_out
-from orientd.planner.connect import WITHOUT_RESERVE, Caution, join, turn_to_stop
-from orientd.planner.limits import Limits
+from orientd.planner.connect import USUAL, WITHOUT_RESERVE, Connection, join, turn_to_stop
+from orientd.planner.limits import LONGEST, Limits
 from orientd.planner.motion import Motion
-from orientd.planner.path import Path, PathCurve, PathSegment, PositionPath
+from orientd.planner.path import Path, PositionPath
 from orientd.planner.plan_job import PlanJob
 from orientd.planner.request import DEFAULT_METHOD, Keyframe, MotionRequest, State
 from orientd.planner.timing import SAME, KeyframePath, least_with_stops
@@ -94,21 +92,21 @@ class Connectors:
             to rest at; empty where the motion begins at rest.
         tail: from rest to the last keyframe; empty where there is none.
         rests: the first and the last keyframe to rest at.
-        caution: with which they were found.
     """
 
-    head: tuple[PathSegment, ...]
-    tail: tuple[PathSegment, ...]
+    head: tuple[Trajectory, ...]
+    tail: tuple[Trajectory, ...]
     rests: tuple[int, int]
-    caution: Caution
 
     @classmethod
-    def of(cls, job: PlanJob, caution: Caution, rests: tuple[int, int] | None = None) -> Connectors:
-        """Return the connectors that are found with *caution*.
+    def of(
+        cls, job: PlanJob, connection: Connection = USUAL, rests: tuple[int, int] | None = None
+    ) -> Connectors:
+        """Return the connectors that are found.
 
         Args:
             job: what to plan.
-            caution: with which to connect.
+            connection: how to connect.
             rests: the first and the last keyframe to rest at, if not beside the ends that move.
 
         Raises:
@@ -117,12 +115,12 @@ class Connectors:
         keys, (begin, end) = job.request.keys, end_states(job)
         first, last = rests = rests or resting_keyframes(job)
         if first > last:
-            return cls(job.connected(begin, end, caution).segments, (), rests, caution)
+            return cls(job.connected(begin, end, connection).parts, (), rests)
         here, there = (State.at_rest(keys[at], job.halt.last) for at in (first, last))
         starts, ends = job.ends.moves
-        head = job.connected(begin, here, caution).segments if starts else ()
-        tail = job.connected(there, end, caution).segments if ends else ()
-        return cls(head, tail, rests, caution)
+        head = job.connected(begin, here, connection).parts if starts else ()
+        tail = job.connected(there, end, connection).parts if ends else ()
+        return cls(head, tail, rests)
 
     @property
     def has_no_rest(self) -> bool:
@@ -132,7 +130,7 @@ class Connectors:
     @property
     def durations(self) -> tuple[float, float]:
         """How long both take, s."""
-        head, tail = (part[-1].end if part else 0.0 for part in (self.head, self.tail))
+        head, tail = (part[-1].domain[1] if part else 0.0 for part in (self.head, self.tail))
         return head, tail
 
 
@@ -145,53 +143,42 @@ def quickest_connectors(job: PlanJob) -> Connectors:
     Raises:
         PlanError: none were found.
     """
-    usual = Connectors.of(job, Caution.NONE)
+    usual = Connectors.of(job)
     first, last = resting_keyframes(job)
     begin, _ = end_states(job)
     if first > last or not first or not arrives(begin, job.request.keys[first], job.limits):
         return usual
-    return _sorted([usual, *_found(job, WITHOUT_RESERVE)])[0]
+    others = [Connectors.of(job, one) for one in WITHOUT_RESERVE]
+    quickest = min(others, key=lambda one: sum(one.durations))
+    return quickest if sum(quickest.durations) < WORTH * sum(usual.durations) else usual
 
 
 def with_a_rest(job: PlanJob) -> list[Connectors]:
-    """Return the connectors of two keyframes that both move by way of a rest at one of them."""
-    found: list[Connectors] = []
-    for at in (0, 1):
-        with suppress(PlanError):
-            found.append(Connectors.of(job, Caution.NONE, (at, at)))
-    return _sorted(found)
+    """Return the connectors of two keyframes that both move by way of a rest at one of them.
+
+    Raises:
+        PlanError: one was not found.
+    """
+    found = [Connectors.of(job, rests=(at, at)) for at in (0, 1)]
+    return sorted(found, key=lambda one: sum(one.durations))
 
 
-def more_careful(job: PlanJob) -> list[Connectors]:
-    """Return the connectors that are found with each caution, in the order to try them."""
-    return _sorted(_found(job, tuple(Caution)))
+def times_with_rests(job: PlanJob) -> tuple[float, float]:
+    """Return what a motion that stops at every keyframe takes, at the least and about, s.
 
-
-def _found(job: PlanJob, cautions: Sequence[Caution]) -> list[Connectors]:
-    found: list[Connectors] = []
-    for caution in cautions:
-        with suppress(PlanError):
-            found.append(Connectors.of(job, caution))
-    return found
-
-
-def _sorted(found: list[Connectors]) -> list[Connectors]:
-    """Return connectors, the quickest first; what has no reserve has to be much quicker."""
-    return sorted(
-        found, key=lambda one: sum(one.durations) / (WORTH if one.caution.is_at_limits else 1.0)
-    )
-
-
-def least_with_connectors(job: PlanJob, connectors: Connectors) -> float:
-    """Return what the motion takes at the least that stops at every keyframe in between, s."""
+    The least is that of the turns from rest to rest alone.
+    """
+    keys, limits = job.request.keys, job.limits
     first, last = resting_keyframes(job)
-    keys = job.request.keys[first : last + 1]
-    stops = least_with_stops(keys, job.limits) if len(keys) > 1 else 0.0
-    return stops + sum(connectors.durations)
+    inner = keys[first : last + 1]
+    least = least_with_stops(inner, limits) if len(inner) > 1 else 0.0
+    stop = limits.velocity / limits.acceleration + limits.acceleration / limits.jerk
+    about = least_with_stops(keys, limits) + 2.0 * stop
+    return least, about if math.isfinite(about) else LONGEST
 
 
-def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> CandidateMotion:
-    """Return the motion with connectors at its moving ends.
+def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> KeyframePath:
+    """Return the path from the first keyframe to the last with connectors at its moving ends.
 
     Args:
         job: what to plan.
@@ -200,12 +187,11 @@ def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> C
 
     Raises:
         TotalError: it takes longer than the duration that the request asks for.
-        PlanError: there is no lead-in or no lead-out.
     """
     first, last = connectors.rests
     head, tail = connectors.head, connectors.tail
     if first > last:
-        return _with_leads(job, [head], np.array([0.0, head[-1].end]))
+        return _path(job, [head], np.array([0.0, head[-1].domain[1]]))
     before, after = connectors.durations
     least = 0.0 if between is None else between.duration
     duration = least
@@ -215,22 +201,18 @@ def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> C
     elif tail:
         # A velocity begins at a record.
         duration = math.ceil(least / job.period - _WHOLE) * job.period
-    inner: Sequence[PathSegment] = ()
+    inner: Sequence[Trajectory] = ()
     passed = np.full(last - first + 1, 0.0 if tail else duration)
     if between is not None:
         factor = duration / least
         passed = factor * between.keyframe_times
-        inner = [
-            one.slowed(factor * (one.end - one.begin)).shifted(factor * one.begin)
-            for one in cast("Path", between.path).segments
-        ]
+        inner = [cast("Path", between.path).trajectory.slowed(duration)]
     elif duration > _WHOLE * job.period:
-        still = join(job.request.keys[first], _NO_TURN, duration)
-        inner = (PathSegment(still, 0.0, duration),)
+        inner = [join(job.request.keys[first], _NO_TURN, duration)]
     begin, end = np.zeros(int(bool(head))), np.full(int(bool(tail)), before + duration + after)
     is_pair = len(job.request.keys) == 2 and bool(head and tail)
     times = [begin, end] if is_pair else [begin, before + passed, end]
-    return _with_leads(job, [head, inner, tail], np.concatenate(times))
+    return _path(job, [head, inner, tail], np.concatenate(times))
 
 
 def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
@@ -244,23 +226,20 @@ def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
         PlanError: none was found.
     """
     begin, end = end_states(job)
-    slow, fast, found = _SLOWEST, 1.0, None
+    slow, fast = _SLOWEST, 1.0
     paths: list[KeyframePath] = []
     for _ in range(_BISECTIONS):
         pace = math.sqrt(slow * fast) if paths else fast
         at_pace = replace(job, limits=job.limits.slowed(pace))
-        found = at_pace.connected(begin, end, Caution.NONE).segments
-        duration = found[-1].end
+        found = at_pace.connected(begin, end).parts
+        duration = found[-1].domain[1]
         if not paths:
             refusal.check_total(total, duration)
         if duration > total:
             slow = pace
             continue
         fast = pace
-        held = PositionPath.held(job.halt.last)
-        curve = PathCurve(Path.joined(found, held).segments)
-        segment = PathSegment(curve, 0.0, duration)
-        paths.append(KeyframePath(segment, held, np.array([0.0, duration])))
+        paths.append(_path(job, [found], np.array([0.0, duration])))
         if duration > _ABOUT * total:
             break
     return sorted(paths, key=lambda path: -path.duration)
@@ -285,23 +264,11 @@ def end_states(job: PlanJob) -> tuple[State, State]:
     return State(keys[0], first, first_rate, at), State(keys[-1], last, zero, at)
 
 
-def _with_leads(
-    job: PlanJob, parts: Sequence[Sequence[PathSegment]], times: Floats
-) -> CandidateMotion:
-    """Return parts, each from time 0 on, laid end to end with the leads before and after them."""
-    begin, end = end_states(job)
-    segments: list[PathSegment] = []
-    positions, start_time = PositionPath.held(job.start.position), 0.0
-    if job.request.approach:
-        lead = job.lead_to(begin)
-        segments += lead.segments
-        positions, start_time = lead.positions, lead.cycles * job.period
-    since = start_time
+def _path(job: PlanJob, parts: Sequence[Sequence[Trajectory]], times: Floats) -> KeyframePath:
+    """Return the path of parts, each from time 0 on, laid end to end."""
+    laid: list[Trajectory] = []
+    since = 0.0
     for part in parts:
-        segments += [segment.shifted(since) for segment in part]
-        since = segments[-1].end if segments else since
-    times = start_time + times
-    end_time = float(times[-1])
-    segments += leads_out(end, end_time, job.limits, job.period)
-    path = Path.joined(segments, positions, job.start.q)
-    return CandidateMotion(path, start_time, end_time, times, None)
+        laid += [one.shifted(since) for one in part]
+        since = laid[-1].domain[1] if laid else since
+    return KeyframePath(Trajectory.joined(laid), PositionPath.held(job.halt.last), times)

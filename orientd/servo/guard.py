@@ -81,7 +81,7 @@ class Guard:
         ):
             return _explain((norm(omega), norm(alpha), norm((x, y, z))), servo_limits)
         if servo_limits.has_axes:
-            problem = _beyond_axes(omega, alpha, (x, y, z), servo_limits, _ROUNDING / h, h)
+            problem = _beyond_axes(omega, alpha, (x, y, z), servo_limits, h)
             if problem:
                 return problem
         if position != self.position or self.velocity != ZERO:
@@ -104,15 +104,14 @@ class Guard:
     def _admit_position(self, position: Vector3, servo_limits: ServoLimits) -> str:
         h, rounding = self.period, _ROUNDING / self.period
         velocity = plus(plus(ZERO, position, 1.0 / h), self.position, -1.0 / h)
-        speed = norm(velocity)
-        if not speed <= servo_limits.linear_velocity * GUARD_TOLERANCE + rounding:
-            return f"velocity {speed:.6g} m/s, the limit is {servo_limits.linear_velocity:.6g} m/s"
-        change = norm(plus(velocity, self.velocity, -1.0)) / h
-        if not change <= servo_limits.linear_acceleration * GUARD_TOLERANCE + rounding / h:
-            limit = servo_limits.linear_acceleration
-            return f"acceleration {change:.6g} m/s^2, the limit is {limit:.6g} m/s^2"
-        self.position, self.velocity = position, velocity
-        return ""
+        speed, change = norm(velocity), norm(plus(velocity, self.velocity, -1.0)) / h
+        problem = _beyond("velocity", speed, servo_limits.linear_velocity, "m/s", rounding)
+        problem = problem or _beyond(
+            "acceleration", change, servo_limits.linear_acceleration, "m/s^2", rounding / h
+        )
+        if not problem:
+            self.position, self.velocity = position, velocity
+        return problem
 
     def rates(self, q: Quaternion, position: Vector3) -> tuple[Vector3, Vector3]:
         """Return angular velocity and velocity, rad/s and m/s, of a step to there."""
@@ -188,42 +187,45 @@ def _share(vector: Vector3, limit: float, axes: Vector3) -> float:
     return max(norm(vector) / limit, abs(x) / axes[0], abs(y) / axes[1], abs(z) / axes[2])
 
 
+def _beyond(
+    name: str, size: float, limit: float, unit: str, slack: float = 0.0, axis: str = ""
+) -> str:
+    """Say that a quantity is beyond its limit, if it is; no number is beyond it, too."""
+    if size <= limit * GUARD_TOLERANCE + slack:
+        return ""
+    return f"{name} {size:.6g} {unit}{axis}, the limit is {limit:.6g} {unit}"
+
+
 def _beyond_axes(
-    omega: Vector3,
-    alpha: Vector3,
-    jerk: Vector3,
-    servo_limits: ServoLimits,
-    rounding: float,
-    h: float,
+    omega: Vector3, alpha: Vector3, jerk: Vector3, servo_limits: ServoLimits, h: float
 ) -> str:
     """Return which component is too large, the lowest derivative first, or an empty string."""
-    for name, vector, axes, slack, unit in (
-        ("velocity", omega, servo_limits.axis_velocity, rounding, "rad/s"),
-        ("acceleration", alpha, servo_limits.axis_acceleration, rounding / h, "rad/s^2"),
-        ("jerk", jerk, servo_limits.axis_jerk, rounding / h / h, "rad/s^3"),
+    slack = _ROUNDING / h
+    for name, vector, limits, unit in (
+        ("angular velocity", omega, servo_limits.axis_velocity, "rad/s"),
+        ("angular acceleration", alpha, servo_limits.axis_acceleration, "rad/s^2"),
+        ("angular jerk", jerk, servo_limits.axis_jerk, "rad/s^3"),
     ):
         x, y, z = vector
-        a, b, c = axes
+        a, b, c = limits
         if not (
             abs(x) <= a * GUARD_TOLERANCE + slack
             and abs(y) <= b * GUARD_TOLERANCE + slack
             and abs(z) <= c * GUARD_TOLERANCE + slack
         ):
-            _, axis, size, limit = max(
-                (abs(size) / limit, axis, abs(size), limit)
-                for axis, size, limit in zip("xyz", vector, axes, strict=True)
-            )
-            return f"angular {name} {size:.6g} {unit} about {axis}, the limit is {limit:.6g} {unit}"
+            parts = zip(map(abs, vector), limits, "xyz", strict=True)
+            size, limit, axis = max(parts, key=lambda part: part[0] / part[1])
+            return _beyond(name, size, limit, unit, slack, f" about {axis}")
+        slack /= h
     return ""
 
 
 def _explain(reached: tuple[float, float, float], servo_limits: ServoLimits) -> str:
     """Say which quantity is too large: the lowest derivative, whose excess causes the others."""
-    for name, value, limit, unit in (
-        ("angular velocity", reached[0], servo_limits.velocity, "rad/s"),
-        ("angular acceleration", reached[1], servo_limits.acceleration, "rad/s^2"),
-        ("angular jerk", reached[2], servo_limits.jerk, "rad/s^3"),
-    ):
-        if not value <= limit * GUARD_TOLERANCE:
-            return f"{name} {value:.6g} {unit}, the limit is {limit:.6g} {unit}"
-    return "a limit by the rounding of its differences"
+    velocity, acceleration, jerk = reached
+    return (
+        _beyond("angular velocity", velocity, servo_limits.velocity, "rad/s")
+        or _beyond("angular acceleration", acceleration, servo_limits.acceleration, "rad/s^2")
+        or _beyond("angular jerk", jerk, servo_limits.jerk, "rad/s^3")
+        or "a limit by the rounding of its differences"
+    )

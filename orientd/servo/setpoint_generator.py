@@ -14,15 +14,12 @@ from orientd.errors import Fault, NotYetError
 from orientd.floats import combine, difference, norm
 from orientd.servo.guard import Guard
 from orientd.servo.path import (
-    Past,
     PathFollower,
     PathPart,
-    PathPlace,
     PathPoint,
     QuickStop,
     StarvedError,
     TimeScaling,
-    eased,
 )
 from orientd.servo.state_table import Event, advance
 from orientd.servo.tracking import TargetFollower
@@ -35,7 +32,6 @@ _NO_FAULT = Fault.NONE
 
 _NO_LIMITS = ServoLimits(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
 _START_TOLERANCE = 1e-9
-_EASINGS = 3
 
 
 class SetpointGenerator:
@@ -184,7 +180,7 @@ class SetpointGenerator:
         scaling, brake_rate = self.time_scaling, part.servo_limits.brake_rate
         if not brake_rate > 0.0:
             return f"brake rate must be positive, got {brake_rate!r}"
-        if scaling.is_led or (not scaling.is_steady and brake_rate < scaling.brake_rate):
+        if scaling.is_overridden or (not scaling.is_steady and brake_rate < scaling.brake_rate):
             raise NotYetError("the speed is changing")
         problem = self.follower.splice(part)
         if not problem:
@@ -257,7 +253,7 @@ class SetpointGenerator:
             if not follower.reaches(scaling.braking_cycles):
                 self.brake(Fault.PATH_STARVED, "the daemon did not deliver the path in time")
         before, part = scaling.rate, follower.part
-        if scaling.is_led or scaling.target == 0.0 < before:
+        if scaling.is_overridden or scaling.target == 0.0 < before:
             rate = self._quick_stop.advance(self._servo_limits, may_end=self.state is _STOPPING)
         else:
             rate = scaling.advance()
@@ -265,8 +261,6 @@ class SetpointGenerator:
             path, place = follower.look(rate * share)
             servo_limits = self._servo_limits if place.part is part else place.part.servo_limits
             problem = self._guard.admit(path.q, path.position, servo_limits)
-            if problem and not scaling.is_led and (rate != 1.0 or follower.fraction):
-                path, place, rate, problem = self._ease(path, place, before, rate, problem)
         except StarvedError as error:
             return self.leave_path(Fault.PATH_STARVED, str(error))
         follower.move(place)
@@ -301,33 +295,6 @@ class SetpointGenerator:
             return 1.0
         period_ns = self._period_ns
         return min((deadline_ns + period_ns - self._start_ns) / period_ns, 1.0)
-
-    def _ease(
-        self, path: PathPoint, place: PathPlace, before: float, rate: float, problem: str
-    ) -> tuple[PathPoint, PathPlace, float, str]:
-        """Return point and place on the path that another rate leads to, that, and what is wrong.
-
-        Where the path bends sharply the differences between its records may be somewhat larger than
-        on them, on which the certificate has looked: a little slower or faster keeps the limits.
-        """
-        scaling, follower, guard = self.time_scaling, self.follower, self._guard
-        part = place.part
-        servo_limits = self._servo_limits if part is follower.part else part.servo_limits
-        past = Past(guard.omega, guard.alpha, guard.velocity, before)
-        tried, other = path, rate
-        for _ in range(_EASINGS):
-            rates = guard.rates(tried.q, tried.position)
-            found = eased(past, *rates, tried, other, servo_limits, scaling.period)
-            if found is None or found + follower.fraction >= 2.0:
-                break
-            seen, there = follower.look(found)
-            if there.part is not part:
-                break
-            other, tried = found, seen
-            if not guard.admit(tried.q, tried.position, servo_limits):
-                scaling.ease(other)
-                return tried, there, other, ""
-        return path, place, rate, problem
 
     def _go_on_from_rest(self, stall_ns: int) -> None:
         """Have what moved go on from where the device has come to rest, if it may."""
@@ -405,5 +372,5 @@ class SetpointGenerator:
         slowest, shares = follower.slowest_brake_rate, follower.joint_shares
         if shares != self._servo_limits.joint_shares:
             self._servo_limits = replace(follower.part.servo_limits, joint_shares=shares)
-        if not scaling.is_led and (scaling.is_steady or slowest > scaling.brake_rate):
+        if not scaling.is_overridden and (scaling.is_steady or slowest > scaling.brake_rate):
             scaling.brake_rate = slowest

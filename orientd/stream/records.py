@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from orientd.driver import Quaternion, Vector3
 
@@ -78,9 +78,9 @@ JOINTS = 8
 NO_JOINTS = (math.nan,) * JOINTS
 
 
-# index, code, motion, path_index, leave_index, final_index, start_ns | speed, terms
-TERMS_FLOATS = 18
-COMMAND_RECORD = struct.Struct(f"@QIIQqqq{1 + TERMS_FLOATS}d")
+# index, code, motion, path_index, leave_index, final_index, start_ns | speed, limits
+LIMIT_FLOATS = 18
+COMMAND_RECORD = struct.Struct(f"@QIIQqqq{1 + LIMIT_FLOATS}d")
 UNKNOWN = -1
 """Index of a record that is not yet known."""
 
@@ -199,7 +199,7 @@ class ServoLimits:
         return mine == other
 
     def floats(self) -> tuple[float, ...]:
-        """Return the :data:`TERMS_FLOATS` numbers that a command record has for terms."""
+        """Return the :data:`LIMIT_FLOATS` numbers that a command record has for limits."""
         return (
             self.velocity,
             self.acceleration,
@@ -215,14 +215,10 @@ class ServoLimits:
 
     @classmethod
     def from_floats(cls, floats: Sequence[float]) -> ServoLimits:
-        """Return the terms that :meth:`floats` was of."""
-        v, a, j, linear_v, linear_a, brake_rate, vx, vy, vz, *rest = floats
-        ax, ay, az, jx, jy, jz, *shares = rest
-        return cls(
-            *(v, a, j, linear_v, linear_a, brake_rate),
-            *((vx, vy, vz), (ax, ay, az), (jx, jy, jz)),
-            JointShares(*shares),
-        )
+        """Return the limits that :meth:`floats` was of."""
+        f = tuple(floats)
+        fields: list[Any] = [*f[:6], f[6:9], f[9:12], f[12:15], JointShares(*f[15:])]
+        return cls(*fields)
 
 
 @dataclass(frozen=True, slots=True)
@@ -336,28 +332,9 @@ def unpack_cycle(buffer: memoryview | bytes, offset: int = 0) -> Cycle:
         offset: where it begins.
     """
     f = CYCLE_RECORD.unpack_from(buffer, offset)
-    return Cycle(
-        index=f[0],
-        deadline_ns=f[1],
-        lateness_ns=f[2],
-        work_ns=f[3],
-        feedback_time_ns=f[4],
-        path_index=f[5],
-        state=ServoState(f[6]),
-        fault=f[7],
-        motion=f[8],
-        flags=f[9],
-        overruns=f[10],
-        missed=f[11],
-        path_fraction=f[12],
-        speed=f[13],
-        q=f[14:18],
-        omega_body=f[18:21],
-        alpha_body=f[21:24],
-        position=f[24:27],
-        feedback_q=f[27:31],
-        feedback_omega_body=f[31:34],
-        feedback_position=f[34:37],
-        joints=tuple(angle for angle in f[37 : 37 + JOINTS] if not math.isnan(angle)),
-        sent_joints=tuple(angle for angle in f[37 + JOINTS :] if not math.isnan(angle)),
-    )
+    sent = f[14:18], f[18:21], f[21:24], f[24:27]
+    measured = f[27:31], f[31:34], f[34:37]
+    joints = f[37 : 37 + JOINTS], f[37 + JOINTS :]
+    angles = (tuple(angle for angle in each if not math.isnan(angle)) for each in joints)
+    fields: list[Any] = [*f[:6], ServoState(f[6]), *f[7:14], *sent, *measured, *angles]
+    return Cycle(*fields)

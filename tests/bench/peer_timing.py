@@ -255,12 +255,12 @@ def same_curve(peer):
 
     even = MotionRequest(keyframes, pace="even")
     motion = plan(even, start=start, limits=limits, period=PERIOD)
-    (stretch,) = motion.path.segments
+    stretch = motion.path.trajectory
 
     class Curve(toppra.interpolator.AbstractGeometricPath):
         """Omega and alpha are as linear in the rates of the parameter as those of joints."""
 
-        path_interval, dof, waypoints = (0.0, stretch.end), 3, None
+        path_interval, dof, waypoints = stretch.domain, 3, None
 
         def __call__(self, places, order=0):
             _, omega, alpha = stretch.sample(np.atleast_1d(np.asarray(places, dtype=float)))
@@ -268,7 +268,7 @@ def same_curve(peer):
             return rows if np.ndim(places) else rows[0]
 
     box = [np.array(most[name]) for name in ("velocity", "acceleration")]
-    points = np.linspace(0.0, stretch.end, 3001)
+    points = np.linspace(*stretch.domain, 3001)
     ends = [
         kind(np.stack([-most, most], axis=1))
         for kind, most in zip(

@@ -92,10 +92,10 @@ def test_along_a_path_it_is_as_quick_as_toppra(rate):
     for _ in range(34):
         q = through(random, int(random.integers(3, 9)), 1.0)
         duration = made(q, limits, 1.0 / rate).duration
-        (segment,) = made(q, limits, 1.0 / rate, pace="even").path.segments
+        segment = made(q, limits, 1.0 / rate, pace="even").path.trajectory
 
         class Curve(toppra.interpolator.AbstractGeometricPath):
-            path_interval, dof, waypoints = (0.0, segment.end), 3, None
+            path_interval, dof, waypoints = segment.domain, 3, None
 
             def __call__(self, places, order=0, segment=segment):
                 _, omega, alpha = segment.sample(np.atleast_1d(np.asarray(places, dtype=float)))
@@ -109,7 +109,7 @@ def test_along_a_path_it_is_as_quick_as_toppra(rate):
                 (toppra.constraint.JointAccelerationConstraint, "acceleration"),
             )
         ]
-        points = np.linspace(0.0, segment.end, 3001)
+        points = np.linspace(*segment.domain, 3001)
         solver = toppra.algorithm.TOPPRA(ends, Curve(), gridpoints=points, solver_wrapper="seidel")
         _, speed, _ = solver.compute_parameterization(0.0, 0.0)
         if speed is None:
@@ -133,7 +133,7 @@ def test_with_jerk_limit_it_is_near_the_optimum_on_a_fine_grid():
         q = through(random, int(random.integers(3, 6)), 1.0)
         rates = optima["LIMITS"][case % 2]
         motion = made(q, DEFAULT_LIMITS.with_rates(rates))
-        (segment,) = motion.path.segments
+        segment = motion.path.trajectory
         nodes = 60 * (len(q) - 1) + 1
         coarse, fine = (
             optima["least_duration"](segment, rates, count) for count in (nodes, 2 * nodes - 1)

@@ -1,25 +1,28 @@
-"""A quick look at a keyframe path in plain NumPy, as :mod:`orientd.planner.timing.survey`."""
+"""Looks at a keyframe path in plain NumPy, as ``orientd/kernels/c/even.c``."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from orientd.planner.certify import OFF_GRID
 from orientd.planner.limits import Limits
 from orientd.planner.timing.candidate_path import KeyframePath
-from orientd.planner.timing.survey import HOT, PIECES, SHARES
 from orientd.rotation import Floats
+from orientd.tolerances import GUARD_TOLERANCE
+
+PIECES = 64
+SHARES = np.array([1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6])
 
 
-def surveyed(keyframe_path: KeyframePath, limits: Limits, period: float) -> tuple[float, Floats]:
-    """Return by which factor a keyframe path should take longer, and where that is decided.
+def coarse_factor(keyframe_path: KeyframePath, limits: Limits, period: float) -> float:
+    """Return by which factor a keyframe path should take longer, from a few instants of it.
 
-    The keyframe path has one shape and keeps its position, and its acceleration is continuous.
-
-    Returns:
-        The factor, and parts of the duration, from 0 to 1, shape ``(m, 2)``.
+    It keeps its position, and its acceleration is continuous.
     """
     instants = _instants(keyframe_path)
-    _, omega, alpha = keyframe_path.segment.sample(instants)
+    _, omega, alpha = keyframe_path.trajectory.sample(instants)
     steps = np.maximum(np.diff(instants), period)
     twists = np.zeros(len(instants))
     twists[1:] = _shares(np.diff(alpha, axis=0), limits, "jerk") / steps
@@ -30,18 +33,31 @@ def surveyed(keyframe_path: KeyframePath, limits: Limits, period: float) -> tupl
             np.cbrt(twists),
         ]
     )
-    hot = np.flatnonzero(factors >= HOT * factors.max())
-    begins = instants[np.maximum(hot - 1, 0)]
-    ends = instants[np.minimum(hot + 1, len(instants) - 1)]
-    if not all(keyframe_path.held_ends(limits)):
-        begins = np.concatenate([[0.0, keyframe_path.duration], begins])
-        ends = np.concatenate([[0.0, keyframe_path.duration], ends])
-    return float(factors.max()), _merged(begins, ends) / keyframe_path.duration
+    return float(factors.max())
+
+
+def factor_of_records(keyframe_path: KeyframePath, limits: Limits, period: float) -> float:
+    """Return by which factor a keyframe path should take longer, from all of its records.
+
+    A motion made *f* times as slow turns *f* times as slowly, with accelerations :math:`f^2` and
+    jerks :math:`f^3` times as small; jerks of a curve whose acceleration has steps are steps over a
+    period, which shrink with :math:`f^2`.
+    """
+    peaks, level = keyframe_path.peaks(period, limits), keyframe_path.continuity
+    bend, twist = OFF_GRID[level]
+    spins, bends, twists = (share / GUARD_TOLERANCE for share in peaks.drawn)
+    return max(
+        peaks.spins,
+        spins,
+        math.sqrt(max(bend * peaks.bends, bends)),
+        (math.cbrt if level >= 2 else math.sqrt)(max(twist * peaks.twists, twists)),
+        peaks.linear_velocity.ratio,
+        math.sqrt(peaks.linear_acceleration.ratio),
+    )
 
 
 def _instants(keyframe_path: KeyframePath) -> Floats:
-    curve = keyframe_path.segment.curve
-    breaks = (curve.knots - curve.domain[0]) / keyframe_path.segment.rate
+    breaks = keyframe_path.trajectory.knots
     breaks = breaks[(breaks >= 0.0) & (breaks <= keyframe_path.duration)]
     if len(breaks) < PIECES:
         breaks = np.union1d(breaks, np.linspace(0.0, keyframe_path.duration, PIECES + 1))
@@ -56,13 +72,3 @@ def _shares(vectors: Floats, limits: Limits, name: str) -> Floats:
     if limits.has_axes:
         shares = np.maximum(shares, np.max(np.abs(vectors) / limits.axes(name), axis=-1))
     return shares
-
-
-def _merged(begins: Floats, ends: Floats) -> Floats:
-    """Return the union of intervals, as intervals in order, shape ``(m, 2)``."""
-    order = np.argsort(begins)
-    begins, ends = begins[order], np.maximum.accumulate(ends[order])
-    is_new = np.concatenate([[True], begins[1:] > ends[:-1]])
-    firsts = np.flatnonzero(is_new)
-    lasts = np.concatenate([firsts[1:] - 1, [len(begins) - 1]])
-    return np.stack([begins[firsts], ends[lasts]], axis=-1)

@@ -1,40 +1,11 @@
-"""What constructions of curves share: bases, increments, triangles, jets, ends."""
+"""What constructions of curves share: bases, increments, ends."""
 
 from orientd.curves.construct.acceleration_integral import Path, squared_acceleration
 from orientd.curves.construct.banded import solve_banded, solve_blocks
 from orientd.curves.construct.basis import CumulativeBasis, Indices, cumulative_basis
-from orientd.curves.construct.continuation import solve
 from orientd.curves.construct.cumulative import TABLE_ROWS, CumulativeCurve
 from orientd.curves.construct.hermite import FRAMES, check_ends, in_body_frame, turned
-from orientd.curves.construct.interpolation import KeyframeEquations
-from orientd.curves.construct.jets import (
-    Jet,
-    constant,
-    exponential,
-    geodesic,
-    linear,
-    logarithm,
-    rates,
-    slerp,
-    unit,
-)
+from orientd.curves.construct.interpolation import Spline, interpolate, unwound
 from orientd.curves.construct.knots import inner_multiplicity, resolve_knots
-from orientd.curves.construct.shoulder_chain import ShoulderChain
-from orientd.curves.construct.shoulder_search import best_direction, frame_of
-from orientd.curves.construct.spline_ends import (
-    begun_shares,
-    end_rows,
-    interpolation_knots,
-    outer_derivatives,
-)
-from orientd.curves.construct.telescoped import TelescopedEquations
-from orientd.curves.construct.triangle import (
-    TriangleCurve,
-    bezier_continuity,
-    bspline_intervals,
-    catmull_rom_intervals,
-    check_defined,
-    cubic_bezier_points,
-    reflect,
-)
+from orientd.curves.construct.spline_ends import outer_derivatives
 from orientd.curves.construct.velocities import RULES, half_velocities

@@ -22,8 +22,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct.basis import CumulativeBasis
+from orientd.curves.construct.interpolation import Spline
 from orientd.curves.contract import Curve, Samples, check_out, in_shape
-from orientd.kernels import sample_cubic, sample_product
+from orientd.kernels import put_table, sample_cubic, sample_product
 from orientd.rotation import Floats
 
 TABLE_ROWS = 25
@@ -112,6 +113,13 @@ class CumulativeCurve(Curve):
         super().__init__(knots=breaks, continuity=continuity)
         self._table = table
         self._increments = increments
+
+    def _set_spline(self, spline: Spline) -> None:
+        """Set up a cubic curve with simple knots."""
+        breaks, base, increments, _ = spline
+        table: Floats = np.empty((TABLE_ROWS, len(base)))
+        put_table(breaks, base, increments, table)
+        self._set_table(breaks, table, increments, 2)
 
     def _set_ends(self, rows: Floats) -> None:
         """Take note of what it is at both ends, shape ``(10, 2)``."""

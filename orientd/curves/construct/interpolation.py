@@ -1,101 +1,116 @@
-r"""The equations that make a cumulative cubic B-spline pass through given keyframes.
-
-One for each interval between keyframes, in as many unknown increments, half-angle vectors; see
-``equations_t`` of the kernels' ``interpolation.h``.  Steps and end conditions carry a common scale:
-at 0 nothing turns, at 1 they have their full size.
-"""
+"""Cumulative B-splines through keyframes: the one solver of all orders from 3 to 6."""
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 
-from orientd.curves.construct.basis import Indices
-from orientd.kernels import euclidean_increments, find_increments, keyframe_errors, keyframe_step
+from orientd import kernels
+from orientd.errors import PlanError
 from orientd.rotation import Floats
 
-_NONE: Floats = np.empty((0, 3))
+End = tuple[Floats | None, Floats | None]
+"""Body angular velocity and acceleration prescribed at an end, ``None`` where they are free."""
+
+_NO_STEPS: Floats = np.empty((0, 3))
+_FREE = np.zeros(3)
 
 
-class KeyframeEquations(NamedTuple):
-    """One telescoped product for each interval between keyframes, in the order of the kernels.
+class Spline(NamedTuple):
+    """A cumulative B-spline with simple knots inside its domain.
 
     Attributes:
-        steps: half-angle vectors from each keyframe to the next, shape ``(N, 3)``.
-        begun: how much of the two factors under way at each keyframe has been turned there, shape
-            ``(N + 1, 2)``; (1, 0) at an end where two increments are known.
-        heads: increments known at the start, the outermost first, shape ``(0..2, 3)``.
-        tails: those known at the end, the outermost first.
-        start_ratio: with no heads, the outermost increment is this multiple of the next one.
-        end_ratio: the same at the end.
+        breaks: where its spans begin and end, s, shape ``(S + 1,)``.
+        base: the quaternion before the product of each span, shape ``(S, 4)``.
+        increments: half-angle vectors, those of span *s* from number *s* on.
+        values: Bernstein coefficients of the functions that vary, shape ``(S, k - 1, k)``.
     """
 
-    steps: Floats
-    begun: Floats
-    heads: Floats
-    tails: Floats
-    start_ratio: float
-    end_ratio: float
+    breaks: Floats
+    base: Floats
+    increments: Floats
+    values: Floats
 
-    def complete(self, unknown: Floats) -> Floats:
-        """Return all increments, the settled ones at both ends included."""
-        heads = self.heads if len(self.heads) else self.start_ratio * unknown[:1]
-        tails = self.tails[::-1] if len(self.tails) else self.end_ratio * unknown[-1:]
-        return np.concatenate([heads, unknown, tails])
 
-    def errors(self, unknown: Floats, scale: float, rows: Indices) -> Floats:
-        """Return the half-angle vectors by which some rows miss their steps, shape ``(n, 3)``."""
-        errors: Floats = np.empty((len(rows), 3))
-        keyframe_errors(*self, scale, unknown, rows, errors)
-        return errors
+def interpolate(
+    keys: Floats,
+    times: Floats,
+    order: int,
+    ends: tuple[End, End],
+    *,
+    steps: Floats | None = None,
+    near: Floats | None = None,
+) -> Spline:
+    r"""Return the cumulative B-spline of an order *k* through keyframes, continuous to k - 2.
 
-    def correction(
-        self, unknown: Floats, scale: float, rows: Indices, errors: Floats = _NONE
-    ) -> Floats:
-        """Return one Newton step of some rows, the other unknowns staying as they are.
+    Even orders have their knots at the keyframes, odd ones in the middles between them, both ends
+    repeated *k* times, so that both ends need *c* conditions, 1 for orders 3 and 4, 2 for 5 and 6.
+    A free end has no acceleration; with *c* = 2 no jerk either.  With :math:`\tilde B` taken at
+    the first instant, velocity and acceleration settle
 
-        Args:
-            unknown: half-angle vectors, shape ``(N, 3)``.
-            scale: of the steps and end conditions.
-            rows: increasing row numbers, shape ``(n,)``.
-            errors: what the step is to cancel, shape ``(n, 3)``; without it the errors there.
+    .. math:: 2 \tilde B_1' w_1 = \Omega, \qquad
+              2 (\tilde B_1'' w_1 + \tilde B_2'' w_2) = \dot\Omega
 
-        Returns:
-            Half-angle vectors, shape ``(n, 3)``; not finite where the system is singular.
-        """
-        correction: Floats = np.empty((len(rows), 3))
-        keyframe_step(*self, scale, unknown, rows, errors, correction)
-        return correction
+    and at the last instant the same seen from there.  An end of order 4 with both given has one
+    more knot, in the middle of its interval.
 
-    def linear_solution(self) -> Floats:
-        """Return the increments of the spline in Euclidean space with the same steps."""
-        unknown: Floats = np.empty_like(self.steps)
-        euclidean_increments(*self, unknown)
-        return unknown
+    Between two neighbouring keyframes all but a few factors of the product are complete or not
+    begun, which leaves one equation in a few increments for each interval.  The kernel solves these
+    by Newton's method on the increments themselves, so that they may pass pi; ``search.c`` says how
+    it finds large steps.
 
-    def find(self, unknown: Floats, first: int) -> int:
-        """Write what Newton's method alone finds, from the Euclidean spline.
+    Args:
+        keys: unit quaternions with the signs wanted, shape ``(n, 4)``.
+        times: increasing instants, s, shape ``(n,)``.
+        order: 3 to 6.
+        ends: what is prescribed at the first keyframe and at the last.
+        steps: half-angle vectors from each keyframe to the next where they turn by more than the
+            logarithm says, shape ``(n - 1, 3)``.
+        near: increments near the solution wanted.
 
-        Where the end conditions leave but one unknown, it is a logarithm, the principal one as in
-        the Hermite curve.  Whole turns added to the step are left to the search.
-
-        Args:
-            unknown: receives half-angle vectors, shape ``(N, 3)``.
-            first: the first one to be found; those before it are known.
-
-        Returns:
-            How many are found then; where it does not converge, all before some of the others.
-        """
-        return find_increments(*self, unknown, first)
-
-    def part(self, unknown: Floats, begin: int, end: int) -> KeyframeEquations:
-        """Return some successive equations, with what is known of the increment before them."""
-        is_last = end == len(self.steps)
-        return self._replace(
-            steps=self.steps[begin:end],
-            begun=self.begun[begin : end + 1],
-            heads=unknown[begin - 1 : begin] if begin else self.heads,
-            tails=self.tails if is_last else _NONE,
-            end_ratio=self.end_ratio if is_last else 0.0,
+    Raises:
+        PlanError: no such spline was found.
+    """
+    known = [sum(vector is not None for vector in end) for end in ends]
+    given = np.array([[_FREE if vector is None else vector for vector in end] for end in ends])
+    spans = len(keys) - 1 + (order % 2 if order != 4 else (known[0] == 2) + (known[1] == 2))
+    found = Spline(
+        np.empty(spans + 1),
+        np.empty((spans, 4)),
+        np.empty((spans + order - 2, 3)) if near is None else near.copy(),
+        np.empty((spans, order - 1, order)),
+    )
+    is_found = kernels.interpolate(
+        *(keys, _NO_STEPS if steps is None else steps, times, order),
+        *(given, known[0], known[1], near is not None),
+        *(found.breaks, found.base, found.increments, found.values),
+    )
+    if not is_found:
+        raise PlanError(
+            f"no spline of order {order} was found through the keyframes: add keyframes, lower the "
+            "end velocities or give them turns to coast through, or make neighbouring intervals "
+            "more alike"
         )
+    return found
+
+
+def unwound(
+    keys: Floats, times: Floats, order: int, ends: tuple[End, End], w: Floats
+) -> list[Spline]:
+    """Return other solutions: one inner increment of more than pi has lost whole turns.
+
+    Where the ends are fast, the way up from small steps may gather turns that lead nowhere.
+    """
+    found, outer = [], (order - 1) // 2
+    for j in range(outer, len(w) - outer):
+        length = float(np.sqrt(np.sum(w[j] ** 2)))
+        least = int(length / (2.0 * np.pi))
+        for turns in (least, least + 1) if length > np.pi else ():
+            near = w.copy()
+            near[j] *= 1.0 - 2.0 * np.pi * turns / length
+            with suppress(PlanError):
+                if turns > 0:
+                    found.append(interpolate(keys, times, order, ends, near=near))
+    return found

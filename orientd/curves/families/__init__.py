@@ -2,4 +2,3 @@
 
 from orientd.curves.families.c2_cumulative import C2Cumulative
 from orientd.curves.families.kks.bspline import KksBspline
-from orientd.curves.families.rotation_vector_spline import RotationVectorSpline

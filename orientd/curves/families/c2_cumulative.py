@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct import TABLE_ROWS, CumulativeCurve, KeyframeEquations, solve
+from orientd.curves.construct import CumulativeCurve, interpolate
 from orientd.curves.contract import takes_common_names
 from orientd.curves.family import END_STATES
 from orientd.curves.keyframes import (
@@ -15,11 +14,8 @@ from orientd.curves.keyframes import (
     resolve_times,
     with_turns,
 )
-from orientd.kernels import interpolate_c2, put_equations, put_table
-from orientd.rotation import Floats
 
 ENDS = ("natural", "clamped", "state")
-_NONE = np.zeros(3)
 
 
 class C2Cumulative(CumulativeCurve):
@@ -92,33 +88,7 @@ class C2Cumulative(CumulativeCurve):
             check_end(end, "end", omega_end, alpha_end, ENDS),
         )
         instants = resolve_times(times, orientations, turns)
-        start_known, end_known = (2 - (omega is None) - (alpha is None) for omega, alpha in ends)
-        given = np.array([[_NONE if one is None else one for one in end] for end in ends])
-        spans = len(orientations) - 1 + (start_known == 2) + (end_known == 2)
-        breaks, table = np.empty(spans + 1), np.empty((TABLE_ROWS, spans))
-        solved: Floats = np.empty((spans + 2, 3))
-        unknown = solved[max(1, start_known) :][: len(orientations) - 1]
-        found = None
-        if turns is None:
-            found = interpolate_c2(
-                *(orientations, instants, given, start_known, end_known, breaks, table, solved),
-            )
-        if found != len(unknown):
-            steps = increments(orientations)
-            if turns is not None:
-                steps, orientations = with_turns(steps, orientations, turns)
-            solved = solve(
-                _equations(steps, instants, given, (start_known, end_known), breaks), unknown, found
-            )
-            put_table(orientations, start_known == 2, breaks, solved, table)
-        self._set_table(breaks, table, solved, 2)
-
-
-def _equations(
-    steps: Floats, times: Floats, given: Floats, counts: tuple[int, int], breaks: Floats
-) -> KeyframeEquations:
-    """Return the equations, and write the ends of the spans."""
-    begun, known, ratios = np.empty((len(times), 2)), np.empty((2, 2, 3)), np.empty(2)
-    put_equations(times, given, *counts, breaks, begun, known, ratios)
-    heads, tails = (vectors[:count] for vectors, count in zip(known, counts, strict=True))
-    return KeyframeEquations(steps, begun, heads, tails, *ratios.tolist())
+        steps = None
+        if turns is not None:
+            steps, orientations = with_turns(increments(orientations), orientations, turns)
+        self._set_spline(interpolate(orientations, instants, 4, ends, steps=steps))

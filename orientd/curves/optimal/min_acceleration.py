@@ -7,11 +7,11 @@ from numpy.typing import ArrayLike
 
 from orientd.curves.construct import Path, squared_acceleration
 from orientd.curves.contract import Curve, takes_common_names
-from orientd.curves.families import RotationVectorSpline
 from orientd.curves.keyframes import check_aligned, check_end, increments, resolve_times
 from orientd.curves.optimal.minimum_effort import MinimumEffort
 from orientd.curves.optimal.shooting import Nodes, settled
 from orientd.curves.optimal.starts import spline_path, winding_path, winding_reaches
+from orientd.curves.rotation_vector import RotationVectorSpline
 from orientd.errors import PlanError
 from orientd.rotation import Floats
 

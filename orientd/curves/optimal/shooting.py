@@ -55,12 +55,25 @@ MOST_PIECES = 200
 ROUNDING = 1e-9
 """A Newton step as small as this one is the last."""
 
+FEW = 7
+"""Places, and rounds, for derivatives: good to 1e-6, which costs Newton's method no step."""
+
+
+def _integrals(count: int) -> Floats:
+    """Return what takes values at Gauss's nodes to the integrals up to each, from -1 on."""
+    nodes = legendre.leggauss(count)[0]
+    integrated = legendre.legval(nodes, legendre.legint(np.eye(count), lbnd=-1.0))
+    matrix: Floats = integrated.T @ np.linalg.inv(legendre.legvander(nodes, count - 1))
+    return matrix
+
+
 _NODES, _WEIGHTS = legendre.leggauss(PLACES)
 _TO_SERIES = np.linalg.inv(legendre.legvander(_NODES, PLACES - 1))
 """From values at the nodes to the coefficients of their Legendre series."""
 
-_INTEGRALS = legendre.legval(_NODES, legendre.legint(np.eye(PLACES), lbnd=-1.0)).T @ _TO_SERIES
-"""From values at the nodes to the integrals from the start to each node."""
+_INTEGRALS, _FEW_INTEGRALS = _integrals(PLACES), _integrals(FEW)
+_FEW_NODES, _FEW_WEIGHTS = legendre.leggauss(FEW)
+_TO_FEW = legendre.legvander(_FEW_NODES, PLACES - 1) @ _TO_SERIES
 
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 
@@ -111,29 +124,26 @@ class Pieces:
         In rows stand the turn, as a body increment, velocity, acceleration and its rate, in columns
         the last three.
         """
-        zero = np.zeros((3, 9))
         starts = np.eye(9).reshape(3, 1, 3, 9)
-        by_omega, by_jerk = _cross_matrices(self.omega), _cross_matrices(self.jerk)
-        tangents = [np.broadcast_to(one, (*self.omega.shape, 9)) for one in (zero, *starts)]
-        for step in range(ROUNDS + 1):
-            turn, omega, alpha, jerk = tangents
-            rates = [
-                omega - by_omega @ turn,
-                alpha,
-                jerk,
-                by_jerk @ omega - by_omega @ jerk,
-            ]
-            if step == ROUNDS:
-                break
-            tangents = [
-                start
-                + (self.half * (_INTEGRALS @ rate.reshape(len(rate), PLACES, 27))).reshape(
-                    rate.shape
-                )
-                for start, rate in zip((zero, *starts), rates, strict=True)
-            ]
-        gained = [np.einsum("p,mpic->mic", _WEIGHTS, rate) for rate in rates]
-        begun = np.concatenate([zero, np.eye(9)])
+        by_omega, by_jerk = (_cross_matrices(_TO_FEW @ part) for part in (self.omega, self.jerk))
+        shape = (len(self.half), FEW, 3, 9)
+
+        def integrated(rate: Floats) -> Floats:
+            total: Floats = self.half * (_FEW_INTEGRALS @ rate.reshape(-1, FEW, 27))
+            return total.reshape(shape)
+
+        omega, alpha, jerk = (np.broadcast_to(start, shape) for start in starts)
+        for _ in range(FEW):
+            spun = by_jerk @ omega - by_omega @ jerk
+            jerk = starts[2] + integrated(spun)
+            alpha = starts[1] + integrated(jerk)
+            omega = starts[0] + integrated(alpha)
+        turn = integrated(omega)
+        for _ in range(FEW):
+            turn = integrated(omega - by_omega @ turn)
+        rates = (omega - by_omega @ turn, alpha, jerk, by_jerk @ omega - by_omega @ jerk)
+        gained = [np.einsum("p,mpic->mic", _FEW_WEIGHTS, rate) for rate in rates]
+        begun = np.concatenate([np.zeros((3, 9)), np.eye(9)])
         changed: Floats = begun + self.half * np.concatenate(gained, axis=1)
         return changed
 
@@ -175,20 +185,35 @@ class Nodes:
         """Return the integral of squared angular acceleration."""
         return squared_acceleration(self.path(), self.times)
 
-    def path(self) -> Path:
+    def path(self) -> NodesPath:
         """Return the curve through the nodes."""
         found = self.pieces()
-        series = _TO_SERIES @ np.concatenate([found.turn, found.omega, found.alpha], axis=-1)
+        values = np.concatenate([found.turn, found.omega, found.alpha], axis=-1)
+        return NodesPath(self.times, self.q, _TO_SERIES @ values)
 
-        def sample(times: Floats) -> Samples:
-            piece = np.searchsorted(self.times[1:-1], times, side="right")
-            begin, end = self.times[piece], self.times[piece + 1]
-            values = legendre.legvander((2.0 * times - begin - end) / (end - begin), PLACES - 1)
-            found = np.einsum("tp,tpc->tc", values, series[piece])
-            q = normalize(multiply(self.q[piece], found[:, :4]))
-            return q, found[:, 4:7], found[:, 7:]
 
-        return sample
+@dataclass(frozen=True, slots=True, eq=False)
+class NodesPath:
+    """The curve through nodes.
+
+    Attributes:
+        times: instants of the nodes, shape ``(m + 1,)``.
+        q: orientations there, shape ``(m + 1, 4)``.
+        series: Legendre coefficients of turn, angular velocity and acceleration on each piece,
+            shape ``(m, PLACES, 10)``.
+    """
+
+    times: Floats
+    q: Floats
+    series: Floats
+
+    def __call__(self, times: Floats) -> Samples:
+        """Return orientation, angular velocity and angular acceleration at *times*."""
+        piece = np.searchsorted(self.times[1:-1], times, side="right")
+        begin, end = self.times[piece], self.times[piece + 1]
+        values = legendre.legvander((2.0 * times - begin - end) / (end - begin), PLACES - 1)
+        found = np.einsum("tp,tpc->tc", values, self.series[piece])
+        return normalize(multiply(self.q[piece], found[:, :4])), found[:, 4:7], found[:, 7:]
 
 
 def settled(

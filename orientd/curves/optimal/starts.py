@@ -8,7 +8,8 @@ import numpy as np
 
 from orientd.curves.construct import Path, squared_acceleration
 from orientd.curves.contract import Curve
-from orientd.curves.families import C2Cumulative, RotationVectorSpline
+from orientd.curves.families import C2Cumulative
+from orientd.curves.rotation_vector import RotationVectorSpline
 from orientd.errors import PlanError
 from orientd.rotation import Floats
 
@@ -38,7 +39,7 @@ def spline_through(
         options: of the family.
     """
     try:
-        return family(  # type: ignore[call-arg]  # which families of keyframes take
+        spline = family(  # type: ignore[call-arg]  # which families of keyframes take
             keys=q,
             times=instants,
             start="natural" if first is None else "clamped",
@@ -48,8 +49,10 @@ def spline_through(
             align=False,
             **options,
         )
+        spline.ends()  # of which a spline that spins too fast to be sampled has none
     except (PlanError, ValueError):
         return None
+    return spline
 
 
 def spline_path(

@@ -14,9 +14,10 @@
  * its values at both ends. */
 static void add_times_line(const double *coefficients, index_t degree, double at_start,
                            double at_end, double *out) {
+    double share = 1.0 / (double)degree;
     for (index_t j = 0; j < degree; j++) {
-        out[j] += (1.0 - (double)j / (double)degree) * at_start * coefficients[j];
-        out[j + 1] += (double)(j + 1) / (double)degree * at_end * coefficients[j];
+        out[j] += (double)(degree - j) * share * at_start * coefficients[j];
+        out[j + 1] += (double)(j + 1) * share * at_end * coefficients[j];
     }
 }
 
@@ -26,11 +27,11 @@ static void raise_degree(const double *knots, index_t span, index_t degree, inde
     double here = knots[span], there = knots[span + 1];
     for (index_t row = 0; row < degree; row++) {
         index_t begin = span - degree + 1 + row;
-        double start = knots[begin], stop = knots[begin + degree], width = stop - start;
+        double start = knots[begin], stop = knots[begin + degree], over = 1.0 / (stop - start);
         const double *part = lower + row * order;
-        add_times_line(part, degree, (here - start) / width, (there - start) / width,
+        add_times_line(part, degree, (here - start) * over, (there - start) * over,
                        higher + (row + 1) * order);
-        add_times_line(part, degree, (stop - here) / width, (stop - there) / width,
+        add_times_line(part, degree, (stop - here) * over, (stop - there) * over,
                        higher + row * order);
     }
 }
@@ -59,17 +60,20 @@ int fill_basis(indices_t spans, row_t knots, index_t order, tensor_t values, ten
                tensor_t curvatures) {
     index_t m = order - 1;
     size_t stage = (size_t)(order * order);
-    double *stages = malloc((size_t)order * stage * sizeof *stages);
+    /* The B-splines of the last degrees, each in one of three places in turn. */
+    double *stages = malloc(3 * stage * sizeof *stages);
     if (stages == NULL)
         return OUT_OF_MEMORY;
     for (index_t s = 0; s < spans.n; s++) {
         index_t span = spans.v[s];
-        memset(stages, 0, (size_t)order * stage * sizeof *stages);
-        stages[0] = 1.0;
-        for (index_t degree = 1; degree < order; degree++)
-            raise_degree(knots.v, span, degree, order, stages + (size_t)(degree - 1) * stage,
-                         stages + (size_t)degree * stage);
-        const double *highest = stages + (size_t)m * stage;
+        double *lower = stages, *highest = stages + stage, *lowest = stages + 2 * stage;
+        highest[0] = 1.0;
+        for (index_t degree = 1; degree < order; degree++) {
+            double *free = lowest;
+            lowest = lower, lower = highest, highest = free;
+            memset(highest, 0, (size_t)((degree + 1) * order) * sizeof *highest);
+            raise_degree(knots.v, span, degree, order, lower, highest);
+        }
         for (index_t d = 0; d < order; d++) {
             double total = 0.0;
             for (index_t row = m; row > 0; row--) {
@@ -77,10 +81,11 @@ int fill_basis(indices_t spans, row_t knots, index_t order, tensor_t values, ten
                 values.v[(s * m + row - 1) * order + d] = total;
             }
         }
+        if (!rates.n)
+            continue;
         double *bends = curvatures.v + s * m * curvatures.k;
         bends[0] = 0.0;  /* all there is of straight lines */
-        put_rates(knots.v, span, order, highest - stage, order > 2 ? highest - 2 * stage : NULL,
-                  rates.v + s * m * m, bends, m - 1);
+        put_rates(knots.v, span, order, lower, lowest, rates.v + s * m * m, bends, m - 1);
     }
     free(stages);
     return 0;

@@ -8,7 +8,9 @@
  *
  *     s = L (u^(3/2) - u^(5/2) / 5),   u = x / L,
  *
- * goes over into a slope of 1 without any curvature; elsewhere s and x differ by a constant.
+ * goes over into a slope of 1 without any curvature; elsewhere s and x differ by a constant.  Where
+ * the path moves at its end and a motion along it is to rest there, s = L (u^3 - u^4 / 2) does the
+ * same; such a length is given as -L.
  */
 #ifndef ORIENTD_CLOCK_H
 #define ORIENTD_CLOCK_H
@@ -25,10 +27,16 @@ void put_node_times(row_t places, row_t values, row_t slopes, row_t times);
 /* Write the path's parameter and its first two derivatives by x.
  *
  * places: values of x, shape (m,).
- * leaves: lengths L at the start and at the end, 0 where s and x differ by a constant.
+ * leaves: lengths L or -L at the start and at the end, 0 where s and x differ by a constant.
  * total: the largest x.
  * out: receives s, from 0 on, and the derivatives, shape (3, m). */
 void leave_rest(row_t places, row_t leaves, double total, matrix_t out);
+
+/* Return by how much x is longer than s where it leaves rest over a length. */
+double leaving_gap(double length);
+
+/* Return x where the path's parameter, from 0 on, has a value. */
+double coordinate_of(double parameter, const double leaves[2], double total);
 
 /* Write the path's parameter and its first two derivatives by time.
  *
@@ -38,5 +46,24 @@ void leave_rest(row_t places, row_t leaves, double total, matrix_t out);
  * out: receives them, shape (3, m). */
 void sample_clock(row_t times, row_t places, row_t values, row_t slopes, row_t leaves,
                   row_t instants, matrix_t out);
+
+/* A clock: its nodes, and the lengths over which it leaves rest. */
+typedef struct { row_t times, places, values, slopes, leaves; } clocked_t;
+
+/* A parameter and its first two derivatives by time. */
+typedef struct { double s, rate, change; } pace_t;
+
+/* Write the parameter at points of a part of an element, less what it is half way.
+ *
+ * begin, end: of the part.
+ * points: from -1 at the beginning to 1 at the end, shape (count,).
+ * paces: receives them.
+ *
+ * Return the parameter half way. */
+double put_paces(const clocked_t *clock, index_t element, double begin, double end,
+                 const double *points, int count, pace_t *paces);
+
+/* Return when the parameter has some value. */
+double time_of(const clocked_t *clock, double value);
 
 #endif

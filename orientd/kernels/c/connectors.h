@@ -8,8 +8,7 @@
  *
  * with half-angle increments w_i and u from 0 to 1 over its duration.
  *
- * A curve of several joins end to end is one cumulative product like others: sample_product of
- * sampling.h serves what put_joins has written.
+ * join_trajectory of trajectory.h makes a trajectory of several joins end to end.
  */
 #ifndef ORIENTD_CONNECTORS_H
 #define ORIENTD_CONNECTORS_H
@@ -118,21 +117,6 @@ quat_t put_outer_increments(const motion_t *first, const motion_t *last, double 
 void put_increments(const motion_t *first, const motion_t *last, double duration,
                     vec_t w[FACTORS]);
 
-/* Write what joins end to end are sampled from.
- *
- * q: orientations that they begin at, shape (n, 4).
- * w: their increments, shape (n, 5, 3).
- * breaks: when they begin, and when the last one ends, s, shape (n + 1,).
- * base: receives the orientations, shape (4, n).
- * axes: receives the unit axes of the increments, shape (5, 3, n).
- * lengths: receives their half angles, shape (5, n).
- * values, rates, curvatures: receive the Bernstein coefficients of the basis functions and of
- *     their derivatives by time, shapes (n, 5, 6), (n, 5, 5) and (n, 5, 4).
- * at_ends: receives samples at both ends, shape (10, 2). */
-void put_joins(matrix_t q, tensor_t w, row_t breaks, matrix_t base, tensor_t axes,
-               matrix_t lengths, tensor_t values, tensor_t rates, tensor_t curvatures,
-               matrix_t at_ends);
-
 /* join_bounds.c */
 
 enum {
@@ -193,15 +177,22 @@ typedef struct {
 ramps_t ramps_from(const motion_t *state, vec_t way, matrix_t limits, const bounds_t *bounds,
                    double period, bool in_cycles);
 
-/* Write the ramps that a stop may begin with, of whole periods, and return how many there are.
+/* leave.c */
+
+/* Write the joins of the shortest way found from a state to rest, wherever that is, and return how
+ * many there are: one, or a ramp and one; 0 if there is none.
  *
  * state: shape (10,).
- * limits: with their reserve, shape (3, 4).
- * ends: receives the states that they lead to, shape (RAMPS, 10).
- * w: receives their increments, shape (RAMPS, 5, 3).
- * durations: receives these, s; the first one takes no time; shape (RAMPS,). */
-index_t ramps_of_stop(row_t state, matrix_t limits, double period, matrix_t ends, tensor_t w,
-                      row_t durations);
+ * limits: of velocity, acceleration and jerk with their reserve, norm and components, shape (3, 4).
+ * period: every join takes a whole number of periods, s.
+ * longest: what takes longer is not looked for, s.
+ * may_ramp: whether a ramp may come first.
+ * q: receives the orientations that they begin at, shape (2, 4).
+ * w: receives their increments, shape (2, 5, 3).
+ * breaks: receives when they begin, and when the last one ends, s, shape (3,); if there are none, the
+ *     second number is about how long one would take. */
+index_t leave(row_t state, matrix_t limits, double period, double longest, bool may_ramp,
+              matrix_t q, tensor_t w, row_t breaks);
 
 /* connector_search.c */
 

@@ -1,5 +1,5 @@
-/* Interpolate keyframes: the equations of cumulative cubic B-splines and their solution, banded
- * systems, and the effort of a spline.  What the kernels of this group offer. */
+/* Interpolate keyframes by cumulative B-splines, solve banded systems, and measure the effort of a
+ * spline: what the kernels of this group offer. */
 #ifndef ORIENTD_INTERPOLATION_H
 #define ORIENTD_INTERPOLATION_H
 
@@ -7,66 +7,31 @@
 
 enum { NOT_FOUND = 0, FOUND = 1 };
 
-/* One equation for each of N intervals between keyframes, in as many unknown increments, half-angle
- * vectors.  Between two neighbouring keyframes the product telescopes to four factors,
- *
- *     exp(-B_i w_i) exp((1 - A_i) w_{i-1}) exp(A_{i+1} w_i) exp(B_{i+1} w_{i+1}),
- *
- * to be the turn from the one to the other.  A_i and B_i are how much of the two factors under way
- * at keyframe i has been turned there.  Increments are never taken from logarithms of control
- * quaternions, so they may pass pi and keep their winding: it is the cut of the logarithm, not the
- * equations, that stops a solver with principal logarithms.
- *
- * The first row's w_{-1} and the last one's w_N are known, or multiples of their neighbours.  Where
- * two increments are known at an end they are taken off the turn; the shares of the keyframe there
- * are such (1, 0) that no others occur. */
+/* interpolate.c */
+
+/* What is asked of a spline. */
 typedef struct {
-    matrix_t steps;        /* half-angle vectors from keyframe to keyframe, shape (N, 3) */
-    matrix_t begun;        /* A and B, shape (N + 1, 2) */
-    matrix_t heads, tails; /* known at the start and at the end, the outermost first, (0..2, 3) */
-    double start_ratio;    /* with no heads w_{-1} is this multiple of w_0 */
-    double end_ratio;      /* the same of w_N and w_{N-1} */
-} equations_t;
+    matrix_t keys;    /* unit quaternions with the signs wanted, shape (n, 4), n >= 2 */
+    matrix_t steps;   /* half-angle vectors from each to the next, shape (n - 1, 3), which may be of more
+                       * than half a turn; of no rows, the logarithms */
+    row_t times;      /* of the keyframes, increasing, s, shape (n,) */
+    index_t order;    /* 3 to 6 */
+    tensor_t given;   /* angular velocity and acceleration at the first keyframe and at the last, body
+                       * frame, shape (2, 2, 3) */
+    index_t known[2]; /* how much of that is a condition there: 0 to 1 for order 3, to 2 for order 4,
+                       * 0 or 2 for the others */
+    bool is_near;     /* whether the increments that are handed in are near the solution wanted */
+} interpolation_t;
 
-/* increments.c */
+/* Whether an end has a condition more than its knots leave free, and so one more knot. */
+INLINE bool has_more(const interpolation_t *asked, index_t end) {
+    return asked->order == 4 && asked->known[end] == 2;
+}
 
-/* Write the half-angle vectors by which some rows miss their steps.
- *
- * scale: of the steps and of what is known at the ends.
- * unknown: the increments, shape (N, 3).
- * rows: increasing numbers of rows, shape (n,).
- * errors: receives the errors, shape (n, 3).
- *
- * Return FOUND or OUT_OF_MEMORY. */
-int keyframe_errors(const equations_t *equations, double scale, matrix_t unknown, indices_t rows,
-                    matrix_t errors);
-
-/* Write a Newton step of some rows, the other unknowns staying as they are.
- *
- * errors: what the step is to cancel, shape (n, 3); of no rows, the errors themselves.
- * correction: receives the step, shape (n, 3); not finite where the system is singular.
- *
- * Return FOUND or OUT_OF_MEMORY. */
-int keyframe_step(const equations_t *equations, double scale, matrix_t unknown, indices_t rows,
-                  matrix_t errors, matrix_t correction);
-
-/* Write the increments of the spline in Euclidean space with the same steps, shape (N, 3).
- *
- * Return FOUND or OUT_OF_MEMORY. */
-int euclidean_increments(const equations_t *equations, matrix_t unknown);
-
-/* Write the increments that Newton's method finds from there, shape (N, 3).
- *
- * first: the row to begin with; what stands before it has been found, and hardly changes.
- *
- * Return how many have been found, fewer than N where it does not converge quickly, or
- * OUT_OF_MEMORY, which is below zero. */
-index_t find_increments(const equations_t *equations, matrix_t unknown, index_t first);
-
-/* c2.c */
-
-/* Return whether the norms of all quaternions, shape (n, 4), are one within a tolerance. */
-bool are_unit(matrix_t keyframes, double tolerance);
+/* The spans of a spline. */
+INLINE index_t spans_of(const interpolation_t *asked) {
+    return asked->keys.n - 1 + asked->order % 2 + has_more(asked, 0) + has_more(asked, 1);
+}
 
 /* Write the half-angle vectors from each keyframe to the next, all digits of small ones.
  *
@@ -74,40 +39,17 @@ bool are_unit(matrix_t keyframes, double tolerance);
  * steps: receives the vectors, of length up to pi, shape (n - 1, 3). */
 void put_steps(matrix_t keyframes, matrix_t steps);
 
-/* Write the equations of the spline of interpolate_c2, but for the steps.
+/* Write the cumulative B-spline through keyframes, continuous to its order - 2.
  *
- * begun: receives shares, shape (n, 2).
- * known: receives what is known at the start and at the end, the outermost first, shape (2, 2, 3).
- * ratios: receives the two ratios, shape (2,).
- * The others are as for interpolate_c2. */
-void put_equations(row_t times, tensor_t given, index_t start_known, index_t end_known,
-                   row_t breaks, matrix_t begun, tensor_t known, row_t ratios);
-
-/* Write what the spline is sampled from.
+ * breaks: receives the ends of the S spans, shape (S + 1,).
+ * base: receives the quaternion before the product of each span, shape (S, 4).
+ * increments: receives half-angle vectors, shape (S + order - 2, 3); the first of span s is number s.
+ *     Where they are near the solution, Newton's method alone finds it.
+ * values: receives the cumulative basis, shape (S, order - 1, order), as fill_basis writes it.
  *
- * keyframes: with the signs wanted, shape (n, 4).
- * with_start: whether the first interval has one more break.
- * breaks, solved, table: as for interpolate_c2.
- *
- * Return FOUND or OUT_OF_MEMORY. */
-int put_table(matrix_t keyframes, bool with_start, row_t breaks, matrix_t solved, matrix_t table);
-
-/* Write the twice differentiable cumulative cubic B-spline through keyframes.
- *
- * keyframes: unit quaternions with the signs wanted, shape (n, 4), n >= 2.
- * times: of the keyframes, increasing, s, shape (n,).
- * given: angular velocity and acceleration at the first keyframe and at the last, body frame,
- *     shape (2, 2, 3).
- * start_known: how much of that is a condition at the first keyframe: 0 to 2.
- * end_known: the same at the last one.
- * breaks: receives the ends of the spans, one more for each end with two conditions, shape
- *     (S + 1,), S = n - 1 + (start_known == 2) + (end_known == 2).
- * table: receives what the spline is sampled from, shape (TABLE_ROWS, S).
- * solved: receives the increments, shape (S + 2, 3).
- *
- * Return as find_increments; where not all are found, only the unknown ones of them are written. */
-index_t interpolate_c2(matrix_t keyframes, row_t times, tensor_t given, index_t start_known,
-                       index_t end_known, row_t breaks, matrix_t table, matrix_t solved);
+ * Return FOUND, NOT_FOUND or OUT_OF_MEMORY. */
+int interpolate(const interpolation_t *asked, row_t breaks, matrix_t base, matrix_t increments,
+                tensor_t values);
 
 /* banded.c */
 

@@ -8,6 +8,7 @@
 #include "knot_times.h"
 #include "profile_search.h"
 #include "sampling.h"
+#include "timing.h"
 
 #define GAP 0.03         /* share of the duration that the barrier may cost: alike for all tried */
 #define AGAIN 0.03       /* to begin with from the profile of another path */
@@ -27,7 +28,8 @@ typedef struct {
     index_t keyframes, known, spans, spots;
     double leaves[2];
     row_t times, breaks, widths, places, instants;
-    matrix_t table, solved, samples, s;
+    matrix_t table, base, solved, samples, s;
+    tensor_t values;
     profile_path_t path;
     rate_t rates[MOST_RATES];
     int rate_count;
@@ -59,10 +61,13 @@ static void put_places(trial_t *t) {
 static int put_geometry(trial_t *t) {
     double nothing[12] = {0.0}, ends[2] = {0.0, t->asked->total}, rates[20];
     tensor_t given = {nothing, 2, 2, 3};
-    index_t found = interpolate_c2(t->asked->keys, t->times, given, t->known, t->known,
-                                   t->breaks, t->table, t->solved);
-    if (found < t->keyframes - 1)
-        return found == OUT_OF_MEMORY ? OUT_OF_MEMORY : NOT_FOUND;
+    interpolation_t curve = {.keys = t->asked->keys, .times = t->times, .order = 4,
+                             .given = given, .known = {t->known, t->known}};
+    int found = interpolate(&curve, t->breaks, t->base, t->solved, t->values);
+    if (found == FOUND && put_table(t->breaks, t->base, t->solved, t->table) != 0)
+        found = OUT_OF_MEMORY;
+    if (found != FOUND)
+        return found;
     sample_cubic((row_t){ends, 2}, t->breaks, t->table, 0.0, (matrix_t){rates, 10, 2});
     bool has_jerk = false;
     for (index_t k = 0; k < 4; k++)
@@ -184,7 +189,7 @@ static double put_slope(trial_t *t, double *shares, const double *c, double *slo
 static bool new_trial(trial_t *t, const knots_t *asked, index_t known, double **own) {
     index_t n = asked->keys.n, spans = n - 1 + 2 * (known == 2), elements = spans * asked->pieces;
     index_t spots = 2 * elements + 1;
-    index_t room = n + spans + 1 + elements + 2 * spots + TABLE_ROWS * spans + 3 * (spans + 2)
+    index_t room = n + spans + 1 + elements + 2 * spots + (TABLE_ROWS + 16) * spans + 3 * (spans + 2)
                  + 19 * spots + 3 * elements + 3 * (n - 1) + 2 * (elements + 2);
     double *next = malloc((size_t)room * sizeof(double));
     *own = next;
@@ -198,6 +203,8 @@ static bool new_trial(trial_t *t, const knots_t *asked, index_t known, double **
     t->instants = (row_t){next, spots}, next += spots;
     t->table = (matrix_t){next, TABLE_ROWS, spans}, next += TABLE_ROWS * spans;
     t->solved = (matrix_t){next, spans + 2, 3}, next += 3 * (spans + 2);
+    t->base = (matrix_t){next, spans, 4}, next += 4 * spans;
+    t->values = (tensor_t){next, spans, 3, 4}, next += 12 * spans;
     t->samples = (matrix_t){next, 10, spots}, next += 10 * spots;
     t->s = (matrix_t){next, 3, spots}, next += 3 * spots;
     t->path.widths = t->widths;
@@ -252,7 +259,7 @@ static bool put_plain_duration(const knots_t *asked, double *found) {
     return is_there;
 }
 
-int choose_knots(knots_t asked, row_t times, row_t coefficients, matrix_t shares) {
+int choose_knots(knots_t asked, row_t times, matrix_t profile) {
     trial_t t;
     double *own, plain = INFINITY;
     if (asked.descents && !put_plain_duration(&asked, &plain))
@@ -288,9 +295,10 @@ int choose_knots(knots_t asked, row_t times, row_t coefficients, matrix_t shares
         share_out(&t, best_shares);
         is_better = put_geometry(&t) == FOUND;
         spread(&t.search, c);
-        put_shares(&t.path, t.search.value, t.search.slope, shares);
+        put_shares(&t.path, t.search.value, t.search.slope,
+                   (matrix_t){row_of(profile, SHARES), 3, profile.m});
         memcpy(times.v, t.times.v, (size_t)times.n * sizeof(double));
-        memcpy(coefficients.v, c, (size_t)size * sizeof *c);
+        memcpy(row_of(profile, COEFFICIENTS), c, (size_t)size * sizeof *c);
     }
     free_trial(&t, own);
     return is_better ? FOUND : NOT_FOUND;

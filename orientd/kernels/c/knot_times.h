@@ -20,11 +20,11 @@ typedef struct {
     index_t descents;   /* down the slope, at most; of 0 one other power is tried, and no more */
 } knots_t;
 
-/* Write times from 0 to the total, shape (n,), and of the profile found coefficients, shape
- * ((n - 1) pieces + 2,), and shares, shape (3, (n - 1) pieces), as find_profile has them.
+/* Write times from 0 to the total, shape (n,), and of the profile that was found COEFFICIENTS and SHARES
+ * (timing.h), shape (4, (n - 1) pieces + 2).
  *
  * Return FOUND, NOT_FOUND where no other times are quicker than those by the lengths on the curve
  * of an even pace, whose ends have no acceleration, or OUT_OF_MEMORY. */
-int choose_knots(knots_t asked, row_t times, row_t coefficients, matrix_t shares);
+int choose_knots(knots_t asked, row_t times, matrix_t profile);
 
 #endif

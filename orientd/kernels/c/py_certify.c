@@ -4,18 +4,13 @@
 #include "between.h"
 #include "binding.h"
 #include "certify.h"
+#include "trajectory.h"
 
 /* Records a motion can have at most; more are no motion. */
 #define MOST_RECORDS 1e15
 
-static PyObject *answer(int failed, double number, index_t place) {
-    if (failed == OUT_OF_MEMORY)
-        return PyErr_NoMemory();
-    if (failed) {
-        PyErr_SetString(PyExc_ValueError, "the numbers are not those of a path");
-        return NULL;
-    }
-    return place < 0 ? PyFloat_FromDouble(number) : Py_BuildValue("dL", number, (long long)place);
+static PyObject *answer(int failed, slowest_t found) {
+    return failed ? PyErr_NoMemory() : Py_BuildValue("dL", found.rate, (long long)found.place);
 }
 
 /* The five arguments that the brake rate follows from. */
@@ -40,7 +35,7 @@ KERNEL(least_rate) {
     slowest_t found = {0.0, 0};
     int failed;
     RUN(failed = least_rate(a[0].m, a[1].m, a[2].v, a[3].d, a[4].d, law_of(a + 5), &found));
-    return answer(failed, found.rate, found.place);
+    return answer(failed, found);
 }
 
 /* here, there, periods, shares, out */
@@ -63,85 +58,9 @@ KERNEL(setpoint_extremes) {
     slowest_t found;
     int failed;
     RUN(failed = setpoint_extremes(a[0].m, a[1].i, a[4].d, how, room_of(a + 13), &found));
-    return answer(failed, found.rate, found.place);
-}
-
-KERNEL(sample_path) {
-    TAKE("vvM");
-    CHECK((a[2].m.n == 4 || a[2].m.n == 10) && a[2].m.m == a[1].v.n);
-    int failed;
-    RUN(failed = sample_path(a[0].v, a[1].v, a[2].m));
-    if (failed)
-        return answer(failed, 0.0, 0);
-    Py_RETURN_NONE;
-}
-
-KERNEL(farthest_from_path) {
-    TAKE("vvm");
-    CHECK(a[2].m.n == a[1].v.n && a[2].m.m == 4);
-    double angle;
-    int failed;
-    RUN(failed = farthest_from_path(a[0].v, a[1].v, a[2].m, &angle));
-    return answer(failed, angle, -1);
-}
-
-/* path, records, period, before, with_axes, rough, most, the law, squares, places */
-KERNEL(path_extremes) {
-    TAKE("vidmpvmmvdddMX");
-    CHECK(a[1].i >= 1 && (double)a[1].i <= MOST_RECORDS && a[5].v.n == 4);
-    CHECK(a[3].m.m == 10 && (a[3].m.n == 0 || a[3].m.n == HISTORY));
-    CHECK(is_table(a[6].m, 2) && is_law(a + 7) && is_room(a + 12));
-    measure_t how = {a[4].p, true, a[2].d, a[5].v.v, a[6].m.v, law_of(a + 7)};
-    slowest_t found = {0.0, 0};
-    int failed;
-    RUN(failed = path_extremes(a[0].v, a[1].i, a[3].m, how, room_of(a + 12), &found));
-    return answer(failed, found.rate, found.place);
-}
-
-KERNEL(put_instants) {
-    TAKE("vdivV");
-    CHECK(a[2].i >= 1 && a[2].i <= INT32_MAX);
-    CHECK(a[4].v.n >= a[3].v.n * (a[0].v.n + a[2].i + 1));
-    index_t found;
-    RUN(found = put_instants(a[0].v, a[1].d, a[2].i, a[3].v, a[4].v));
-    return PyLong_FromLongLong(found);
-}
-
-KERNEL(put_factors) {
-    TAKE("vmmdmdV");
-    index_t n = a[0].v.n;
-    CHECK(a[1].m.n == 3 && a[2].m.n == 3 && a[1].m.m == n && a[2].m.m == n && a[6].v.n == n);
-    CHECK(is_table(a[4].m, 3));
-    RUN(put_factors(a[0].v, a[1].m, a[2].m, a[3].d, a[4].m, a[5].d, a[6].v));
-    Py_RETURN_NONE;
-}
-
-KERNEL(put_spots) {
-    TAKE("vvdmM");
-    CHECK(a[1].v.n == a[0].v.n && a[3].m.m == 2 && (a[3].m.n == 0 || a[3].m.n == 2));
-    CHECK(a[4].m.m == 2 && a[4].m.n >= a[0].v.n + 2);
-    index_t found;
-    RUN(found = put_spots(a[0].v, a[1].v, a[2].d, a[3].m, a[4].m));
-    return PyLong_FromLongLong(found);
-}
-
-/* ranges, curve, rate, duration, period, held before and after, limits, tolerance, bends, twists,
- * is_smooth */
-KERNEL(look_at) {
-    TAKE("xvdddppmdddp");
-    CHECK(a[0].x.n % 2 == 0 && is_table(a[7].m, 3));
-    CHECK(a[4].d > 0.0 && a[3].d >= 0.0 && a[3].d / a[4].d <= MOST_RECORDS);
-    for (index_t i = 0; i < a[0].x.n; i++)
-        CHECK(a[0].x.v[i] >= 0 && (double)a[0].x.v[i] <= MOST_RECORDS);
-    look_t motion = {a[1].v, a[2].d, a[3].d, a[4].d, {a[5].p, a[6].p}};
-    double more[2] = {a[9].d, a[10].d}, factor = 0.0;
-    int failed;
-    RUN(failed = look_at(a[0].x, motion, a[7].m, a[8].d, more, a[11].p, &factor));
-    return answer(failed, factor, -1);
+    return answer(failed, found);
 }
 
 PyMethodDef certify_methods[] = {
-    ENTRY(between), ENTRY(least_rate), ENTRY(setpoint_extremes), ENTRY(sample_path), ENTRY(farthest_from_path),
-    ENTRY(path_extremes), ENTRY(put_instants), ENTRY(put_factors), ENTRY(put_spots),
-    ENTRY(look_at), LAST_ENTRY,
+    ENTRY(between), ENTRY(least_rate), ENTRY(setpoint_extremes), LAST_ENTRY,
 };

@@ -8,18 +8,6 @@ static bool is_tensor(tensor_t a, index_t n, index_t m, index_t k) {
     return a.n == n && a.m == m && a.k == k;
 }
 
-KERNEL(put_joins) {
-    TAKE("mtvMTMTTTM");
-    index_t n = a[0].m.n;
-    CHECK(n > 0 && a[0].m.m == 4 && is_tensor(a[1].t, n, FACTORS, 3) && a[2].v.n == n + 1);
-    CHECK(is_matrix(a[3].m, 4, n) && is_tensor(a[4].t, FACTORS, 3, n));
-    CHECK(is_matrix(a[5].m, FACTORS, n) && is_tensor(a[6].t, n, FACTORS, 6));
-    CHECK(is_tensor(a[7].t, n, FACTORS, 5) && is_tensor(a[8].t, n, FACTORS, 4));
-    CHECK(is_matrix(a[9].m, STATE, 2));
-    RUN(put_joins(a[0].m, a[1].t, a[2].v, a[3].m, a[4].t, a[5].m, a[6].t, a[7].t, a[8].t, a[9].m));
-    Py_RETURN_NONE;
-}
-
 KERNEL(try_joins) {
     TAKE("mmvvmTX");
     index_t n = a[2].v.n;
@@ -29,52 +17,29 @@ KERNEL(try_joins) {
     Py_RETURN_NONE;
 }
 
-KERNEL(ramps_of_stop) {
-    TAKE("vmdMTV");
-    CHECK(a[0].v.n == STATE && is_matrix(a[1].m, 3, 4) && is_matrix(a[3].m, RAMPS, STATE));
-    CHECK(is_tensor(a[4].t, RAMPS, FACTORS, 3) && a[5].v.n == RAMPS);
+KERNEL(connect) {
+    TAKE("vvmmdddddppMTV");
+    CHECK(a[0].v.n == STATE && a[1].v.n == STATE && is_matrix(a[2].m, 3, 4));
+    CHECK(is_matrix(a[3].m, 3, 4) && is_matrix(a[11].m, MOST_JOINS, 4));
+    CHECK(is_tensor(a[12].t, MOST_JOINS, FACTORS, 3) && a[13].v.n == MOST_JOINS + 1);
     index_t found;
-    RUN(found = ramps_of_stop(a[0].v, a[1].m, a[2].d, a[3].m, a[4].t, a[5].v));
+    RUN(found = connect_states(a[0].v, a[1].v, a[2].m, a[3].m, a[4].d, a[5].d, a[6].d, a[7].d,
+                               a[8].d, a[9].p, a[10].p, a[11].m, a[12].t, a[13].v));
     return PyLong_FromLongLong(found);
 }
 
-KERNEL(find_connector) {
-    TAKE("vvmdddMTV");
-    CHECK(a[0].v.n == STATE && a[1].v.n == STATE && is_matrix(a[2].m, 3, 4));
-    CHECK(is_matrix(a[6].m, 3, 4) && is_tensor(a[7].t, 3, FACTORS, 3) && a[8].v.n == 4);
-    bool is_found;
-    RUN(is_found = find_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].d, a[6].m, a[7].t,
-                                  a[8].v));
-    return PyBool_FromLong(is_found);
-}
-
-KERNEL(guess_connector) {
-    TAKE("vvmddddMTV");
-    CHECK(a[0].v.n == STATE && a[1].v.n == STATE && is_matrix(a[2].m, 3, 4));
-    CHECK(is_matrix(a[7].m, 3, 4) && is_tensor(a[8].t, 3, FACTORS, 3) && a[9].v.n == 4);
-    RUN(guess_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].d, a[6].d, a[7].m,
-                        a[8].t, a[9].v));
-    Py_RETURN_NONE;
-}
-
-KERNEL(shorten_connector) {
-    TAKE("vvmdddddmtvMTV");
-    CHECK(a[0].v.n == STATE && a[1].v.n == STATE && is_matrix(a[2].m, 3, 4));
-    CHECK(is_matrix(a[8].m, 3, 4) && is_tensor(a[9].t, 3, FACTORS, 3) && a[10].v.n == 4);
-    CHECK(is_matrix(a[11].m, ELEMENTS, 4) && is_tensor(a[12].t, ELEMENTS, FACTORS, 3));
-    CHECK(a[13].v.n == ELEMENTS + 1);
+KERNEL(leave) {
+    TAKE("vmddpMTV");
+    CHECK(a[0].v.n == STATE && is_matrix(a[1].m, 3, 4) && is_matrix(a[5].m, 2, 4));
+    CHECK(is_tensor(a[6].t, 2, FACTORS, 3) && a[7].v.n == 3);
     index_t found;
-    RUN(found = shorten_connector(a[0].v, a[1].v, a[2].m, a[3].d, a[4].d, a[5].d, a[6].d, a[7].d,
-                                  a[8].m, a[9].t, a[10].v, a[11].m, a[12].t, a[13].v));
+    RUN(found = leave(a[0].v, a[1].m, a[2].d, a[3].d, a[4].p, a[5].m, a[6].t, a[7].v));
     return PyLong_FromLongLong(found);
 }
 
 PyMethodDef connectors_methods[] = {
-    ENTRY(put_joins),
     ENTRY(try_joins),
-    ENTRY(ramps_of_stop),
-    ENTRY(find_connector),
-    ENTRY(guess_connector),
-    ENTRY(shorten_connector),
+    ENTRY(connect),
+    ENTRY(leave),
     LAST_ENTRY,
 };

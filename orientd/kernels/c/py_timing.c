@@ -1,36 +1,73 @@
 /* Quickest timings as Python calls them. */
 #include "binding.h"
+
+#include <stdlib.h>
+
 #include "clock.h"
+#include "even.h"
 #include "interpolation.h"
 #include "knot_times.h"
-#include "profile.h"
+#include "timing.h"
+#include "trajectory.h"
 
 static bool is_matrix(matrix_t a, index_t n, index_t m) { return a.n == n && a.m == m; }
 
-KERNEL(find_profile) {
-    TAKE("vmmmmmvmppddVM");
-    index_t n = a[0].v.n, places = 2 * n + 1;
-    CHECK(n > 1 && is_matrix(a[1].m, places, 3) && is_matrix(a[2].m, places, 3));
-    CHECK(!a[3].m.n || is_matrix(a[3].m, places, 3));
-    CHECK(is_matrix(a[4].m, a[3].m.n, a[3].m.m) && is_matrix(a[5].m, 3, 4) && a[6].v.n == 2);
-    CHECK(is_matrix(a[7].m, 3, n) && a[12].v.n == n + 2 && is_matrix(a[13].m, 3, n));
-    profile_path_t path = {a[0].v, a[1].m, a[2].m, a[3].m, a[4].m,
-                           a[5].m, a[6].v, a[7].m, a[8].p, a[9].p};
+KERNEL(choose_knots) {
+    TAKE("mvmdiVM");
+    index_t n = a[0].m.n, size = a[6].m.m;
+    CHECK(n > 2 && a[0].m.m == 4 && a[1].v.n == n - 1 && is_matrix(a[2].m, 3, 4));
+    CHECK(a[5].v.n == n && a[6].m.n == AIMS && size > 2 && (size - 2) % (n - 1) == 0);
+    knots_t asked = {a[0].m, a[1].v, a[2].m, a[3].d, (size - 2) / (n - 1), a[4].i};
     int found;
-    RUN(found = find_profile(&path, a[10].d, a[11].d, a[12].v, a[13].m));
-    return found == OUT_OF_MEMORY ? PyErr_NoMemory() : PyBool_FromLong(found);
+    RUN(found = choose_knots(asked, a[5].v, a[6].m));
+    return found == OUT_OF_MEMORY ? PyErr_NoMemory() : PyBool_FromLong(found == FOUND);
 }
 
-KERNEL(choose_knots) {
-    TAKE("mvmdiiVVM");
-    index_t n = a[0].m.n, pieces = a[4].i;
-    CHECK(n > 2 && a[0].m.m == 4 && a[1].v.n == n - 1 && is_matrix(a[2].m, 3, 4));
-    CHECK(pieces > 0 && pieces <= INT32_MAX && a[6].v.n == n);
-    CHECK(a[7].v.n == (n - 1) * pieces + 2 && is_matrix(a[8].m, 3, (n - 1) * pieces));
-    knots_t asked = {a[0].m, a[1].v, a[2].m, a[3].d, pieces, a[5].i};
+static PyObject *bytes_of(const double *v, index_t n) {
+    return PyBytes_FromStringAndSize((const char *)v, (Py_ssize_t)((size_t)n * sizeof *v));
+}
+
+KERNEL(time_quickest) {
+    TAKE("vmvvpvmmvdddmdd");
+    index_t n = a[1].m.n, knots = a[2].v.n, edges = a[3].v.n, moves = a[6].m.n;
+    CHECK(n > 0 && a[0].v.n == n + 1 && a[1].m.m == PIECE && knots > 1 && edges > 1);
+    CHECK(edges == 2 || a[4].p);
+    CHECK(a[5].v.n == (moves ? moves + 1 : 0) && a[6].m.m == 18);
+    CHECK(is_matrix(a[7].m, 3, 4) && a[8].v.n == 2 && a[10].d > 0.0);
+    CHECK(!a[12].m.n || (a[12].m.m > 3 && edges == 2));
+    CHECK(!a[12].m.n || a[12].m.n == AIMS || a[12].m.n == PROFILE_ROWS);
+    timing_t asked = {a[0].v, a[1].m, a[2].v, a[3].v, a[4].p, a[5].v, a[6].m,
+                      a[7].m, a[8].v, a[9].d, a[10].d, a[11].d};
+    begin_t begin = {a[12].m, a[13].d, a[14].d};
+    timed_t timed;
     int found;
-    RUN(found = choose_knots(asked, a[6].v, a[7].v, a[8].m));
-    return found == OUT_OF_MEMORY ? PyErr_NoMemory() : PyBool_FromLong(found == FOUND);
+    RUN(found = time_quickest(&asked, begin, &timed));
+    if (found == OUT_OF_MEMORY)
+        return PyErr_NoMemory();
+    if (found != TIMED)
+        return PyBool_FromLong(found == STANDS_STILL);
+    PyObject *made = Py_BuildValue("(NN)", bytes_of(timed.rows.v, PROFILE_ROWS * timed.rows.m),
+                                   bytes_of(timed.parts, PART_NUMBERS * (edges - 1)));
+    free(timed.rows.v), free(timed.parts);
+    return made;
+}
+
+KERNEL(time_even) {
+    TAKE("vmvvmmvdppddddppiii");
+    index_t n = a[1].m.n, moves = a[4].m.n;
+    CHECK(n > 0 && a[0].v.n == n + 1 && a[1].m.m == PIECE && a[2].v.n > 1);
+    CHECK(a[3].v.n == (moves ? moves + 1 : 0) && a[4].m.m == 18);
+    CHECK(is_matrix(a[5].m, 3, 4) && a[6].v.n == 2 && a[7].d > 0.0);
+    CHECK(a[16].i >= 0 && a[17].i > 0 && a[18].i <= MOST_CYCLES);
+    even_t asked = {a[0].v, a[1].m, a[2].v, a[3].v, a[4].m, a[5].m, a[6].v, a[7].d,
+                    {a[8].p, a[9].p}, a[10].d, {a[11].d, a[12].d}, a[13].d, a[14].p, a[15].p};
+    index_t first = a[16].i, fewest = a[17].i, highest = a[18].i;
+    even_pace_t found;
+    int failed;
+    RUN(failed = time_even(&asked, first, fewest, highest, &found));
+    if (failed)
+        return PyErr_NoMemory();
+    return Py_BuildValue("(Ldd)", (long long)found.cycles, found.factor, found.coarse);
 }
 
 KERNEL(put_node_times) {
@@ -59,7 +96,8 @@ KERNEL(sample_clock) {
 
 PyMethodDef timing_methods[] = {
     ENTRY(choose_knots),
-    ENTRY(find_profile),
+    ENTRY(time_even),
+    ENTRY(time_quickest),
     ENTRY(put_node_times),
     ENTRY(leave_rest),
     ENTRY(sample_clock),

@@ -21,8 +21,34 @@ KERNEL(sample_trajectory) {
     return PyLong_FromLongLong(place);
 }
 
+static bool is_room(const argument_t *a) {
+    return a[1].m.n > 0 && a[1].m.m == PIECE && a[0].v.n == a[1].m.n + 1;
+}
+
+KERNEL(join_trajectory) {
+    TAKE("mtvVM");
+    index_t n = a[0].m.n, found;
+    CHECK(n > 0 && a[0].m.m == 4 && a[1].t.n == n && a[1].t.m == 5 && a[1].t.k == 3);
+    CHECK(a[2].v.n == n + 1 && is_room(a + 3));
+    RUN(found = join_trajectory(a[0].m, a[1].t, a[2].v, a[3].v, a[4].m));
+    return PyLong_FromLongLong(found);
+}
+
+/* breaks, pieces, the clock (times, places, values, slopes, leaves), ends, out */
+KERNEL(retime_trajectory) {
+    TAKE("vmvvvvvVM");
+    index_t n = a[2].v.n, found;
+    CHECK(is_room(a) && is_room(a + 7) && n > 1 && a[6].v.n == 2);
+    CHECK(a[3].v.n == n && a[4].v.n == n && a[5].v.n == n);
+    clocked_t clock = {a[2].v, a[3].v, a[4].v, a[5].v, a[6].v};
+    RUN(found = retime_trajectory(a[0].v, a[1].m, &clock, a[7].v, a[8].m));
+    return PyLong_FromLongLong(found);
+}
+
 PyMethodDef trajectory_methods[] = {
     ENTRY(fit_trajectory),
+    ENTRY(join_trajectory),
+    ENTRY(retime_trajectory),
     ENTRY(sample_trajectory),
     LAST_ENTRY,
 };

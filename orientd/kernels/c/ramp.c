@@ -68,7 +68,7 @@ static void add_ramp(ramps_t *ramps, const motion_t *state, vec_t goal, matrix_t
 }
 
 /* A limit on the component along a direction. */
-static double along(vec_t direction, const double limits[4]) {
+static double limit_along(vec_t direction, const double limits[4]) {
     double limit = limits[0], parts[3] = {direction.x, direction.y, direction.z};
     for (int k = 0; k < 3; k++)
         if (fabs(parts[k]) * limit > limits[k + 1])
@@ -89,7 +89,7 @@ ramps_t ramps_from(const motion_t *state, vec_t way, matrix_t limits, const boun
         if (!(size > STILL))
             continue;
         vec_t direction = times(1.0 / size, towards[i]);
-        double limit = along(direction, row_of(limits, 1));
+        double limit = limit_along(direction, row_of(limits, 1));
         if (!(limit < INFINITY))
             continue;
         for (int half = 1; half <= 2; half++)
@@ -97,21 +97,4 @@ ramps_t ramps_from(const motion_t *state, vec_t way, matrix_t limits, const boun
                      in_cycles);
     }
     return ramps;
-}
-
-index_t ramps_of_stop(row_t state, matrix_t limits, double period, matrix_t ends, tensor_t w,
-                      row_t durations) {
-    motion_t begin = state_at(state.v);
-    bounds_t bounds = bounds_of(&begin, &begin, limits);
-    vec_t nowhere = vec(0.0, 0.0, 0.0);
-    ramps_t ramps = ramps_from(&begin, nowhere, limits, &bounds, period, true);
-    for (int i = 0; i < ramps.count; i++) {
-        vec_t of[FACTORS];
-        put_increments(&begin, &ramps.ends[i], ramps.durations[i], of);
-        for (int k = 0; k < FACTORS; k++)
-            put_vec(w.v + (i * FACTORS + k) * 3, of[k]);
-        put_state(row_of(ends, i), ramps.ends[i]);
-        durations.v[i] = ramps.durations[i];
-    }
-    return ramps.count;
 }

@@ -24,6 +24,17 @@ index_t span_of(double t, row_t breaks);
  * Return the place of the first instant that is outside the domain, or -1 if none is. */
 index_t sample_cubic(row_t times, row_t breaks, matrix_t table, double slack, matrix_t out);
 
+/* cubic_table.c */
+
+/* Write the table of a cubic spline with simple knots, as interpolate writes one.
+ *
+ * base: the quaternion before the product of each span, shape (S, 4).
+ * increments: half-angle vectors, shape (S + 2, 3).
+ * table: receives the constants of the spans, shape (TABLE_ROWS, S).
+ *
+ * Return 0, or OUT_OF_MEMORY. */
+int put_table(row_t breaks, matrix_t base, matrix_t increments, matrix_t table);
+
 /* product.c */
 
 /* Write what sample_cubic does for any number m of factors.
@@ -48,7 +59,8 @@ index_t sample_product(row_t times, row_t breaks, matrix_t base, tensor_t axes, 
  *     not of length zero, shape (S,).
  * knots: the knot vector.
  * values: receives Bernstein coefficients of the functions that vary, shape (S, m, m + 1).
- * rates: receives those of their derivatives, shape (S, m, m).
+ * rates: receives those of their derivatives, shape (S, m, m); of no rows, neither they nor the
+ *     curvatures are written.
  * curvatures: receives those of their second derivatives, shape (S, m, max(m - 1, 1)).
  *
  * Return 0, or OUT_OF_MEMORY. */

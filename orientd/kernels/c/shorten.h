@@ -79,4 +79,27 @@ index_t shorten_connector(row_t start, row_t end, matrix_t limits, double period
                           double most_turn, double longest, double ease, matrix_t q, tensor_t w, row_t times,
                           matrix_t joins, tensor_t increments, row_t breaks);
 
+/* connect.c */
+
+enum { MOST_JOINS = ELEMENTS + 2 };  /* of a connector, and of two ramps before it */
+
+/* Write the joins of the shortest way found from one state to another, and return how many there
+ * are; 0 if there is none.
+ *
+ * start, end: states, shape (10,).
+ * limits: of velocity, acceleration and jerk with their reserve, norm and components, shape (3, 4).
+ * own: the same without a reserve, which the velocity keeps while the acceleration falls.
+ * period: it takes a whole number of periods, s.
+ * least, longest: that it may take, s.
+ * most_turn: as of find_connector.
+ * ease: as of shorten_connector.
+ * as_found: whether to leave it as find_connector finds it.
+ * falls_first: whether the acceleration falls first in any case, rather than where it has to.
+ * q: receives the orientations that they begin at, signs continuous, shape (MOST_JOINS, 4).
+ * w: receives their increments, shape (MOST_JOINS, 5, 3).
+ * breaks: receives when they begin, and when the last one ends, s, shape (MOST_JOINS + 1,). */
+index_t connect_states(row_t start, row_t end, matrix_t limits, matrix_t own, double period,
+                       double least, double longest, double most_turn, double ease, bool as_found,
+                       bool falls_first, matrix_t q, tensor_t w, row_t breaks);
+
 #endif

@@ -79,6 +79,7 @@ extern long long PyLong_AsLongLong(PyObject *number);
 extern PyObject *PyFloat_FromDouble(double value);
 extern PyObject *PyLong_FromLongLong(long long value);
 extern PyObject *PyBool_FromLong(long value);
+extern PyObject *PyBytes_FromStringAndSize(const char *bytes, Py_ssize_t size);
 extern PyObject *Py_BuildValue(const char *format, ...);
 
 extern PyObject *PyErr_Occurred(void);

@@ -318,14 +318,10 @@ INLINE vec_t rotation_vector(quat_t base, quat_t q) {
 
 /* How far a piece is from an orientation at u, rad. */
 static double error_at(double u, const double *piece, quat_t q) {
-    vec_t r = vec_at(piece + 4 + 3 * DEGREE);
-    for (int j = DEGREE - 1; j >= 0; j--)
-        r = scaled_plus(u, r, vec_at(piece + 4 + 3 * j));
-    return norm(minus(r, rotation_vector(quat_at(piece), q)));
+    return norm(minus(polynomial_at(piece + 4, u), rotation_vector(quat_at(piece), q)));
 }
 
-/* Write the coefficients c_0 ... c_9 of a rotation vector by its values at the nodes. */
-static void put_polynomial(const vec_t *r, double *c) {
+void put_polynomial(const vec_t *r, double negligible, double *c) {
     vec_t low[NODES], high[NODES], sums[NODES];
     index_t degree = 0;
     for (int j = 0; j < NODES; j++) {
@@ -333,7 +329,7 @@ static void put_polynomial(const vec_t *r, double *c) {
         for (int i = 0; i < NODES; i++)
             sum = scaled_plus(CHEBYSHEV[j][i], r[i], sum);
         sums[j] = sum;
-        if (norm(sum) > NEGLIGIBLE)
+        if (norm(sum) > negligible)
             degree = j;
     }
     /* Clenshaw's scheme, on polynomials: b_j = sums_j + 2 u b_j+1 - b_j+2. */
@@ -372,7 +368,7 @@ void fit_trajectory(tensor_t orientations, matrix_t pieces, matrix_t quality) {
             found[0] = fmax(found[0], norm(r[i]));
         }
         put_quat(piece, base);
-        put_polynomial(r, piece + 4);
+        put_polynomial(r, NEGLIGIBLE, piece + 4);
         for (int i = 0; i < 2; i++)
             found[1] = fmax(found[1], error_at(BETWEEN[i].u, piece,
                                                quat_at(given + 4 * BETWEEN[i].place)));

@@ -11,6 +11,11 @@
 #define ORIENTD_TRAJECTORY_H
 
 #include "arrays.h"
+#include "clock.h"
+#include "rotation.h"
+
+/* The longest rotation vector of a piece at its nodes, rad; the series reach to 1.1. */
+#define LONGEST_TURN 1.0
 
 enum {
     DEGREE = 9,
@@ -41,5 +46,41 @@ void fit_trajectory(tensor_t orientations, matrix_t pieces, matrix_t quality);
  *
  * Return the place of the first instant that is outside the domain, or -1 if none is. */
 index_t sample_trajectory(row_t times, row_t breaks, matrix_t pieces, double slack, matrix_t out);
+
+/* Write the coefficients c_0 ... c_9 of a rotation vector by its values at the nodes.
+ *
+ * negligible: rad, up to which Chebyshev coefficients at the end are left out as rounding. */
+void put_polynomial(const vec_t *r, double negligible, double *c);
+
+/* Return a rotation vector at u by its coefficients. */
+
+INLINE vec_t polynomial_at(const double *c, double u) {
+    vec_t sum = vec_at(c + 3 * DEGREE);
+    for (int j = DEGREE - 1; j >= 0; j--)
+        sum = scaled_plus(u, sum, vec_at(c + 3 * j));
+    return sum;
+}
+
+/* retime.c */
+
+/* Write the trajectory of joins end to end; see connectors.h.
+ *
+ * q: orientations that they begin at, signs continuous, shape (n, 4).
+ * w: their half-angle increments, shape (n, 5, 3).
+ * breaks: when they begin, and when the last one ends, s, shape (n + 1,).
+ * ends, pieces: receive the table, shapes (m + 1,) and (m, PIECE).
+ *
+ * Return the number of pieces, or 0 if there is no room for them. */
+index_t join_trajectory(matrix_t q, tensor_t w, row_t breaks, row_t ends, matrix_t pieces);
+
+/* Write a trajectory run through as a clock says, whose parameter is the time since the beginning of
+ * the trajectory.
+ *
+ * breaks, pieces: the trajectory.
+ * ends, out: receive the table, shapes (m + 1,) and (m, PIECE).
+ *
+ * Return the number of pieces, or 0 if there is no room for them. */
+index_t retime_trajectory(row_t breaks, matrix_t pieces, const clocked_t *clock, row_t ends,
+                          matrix_t out);
 
 #endif

@@ -112,45 +112,6 @@ def extremes(
     return Extremes(squares.tolist(), places.reshape(3, 4).tolist(), rate, place)
 
 
-def path_extremes(
-    path: Floats,
-    records: int,
-    period: float,
-    *,
-    before: Floats,
-    with_axes: bool,
-    rough: Rough | None,
-    brake_limits: Limits,
-) -> Extremes:
-    """Return what :func:`extremes` says of a path that is held at its end.
-
-    Places count from the first of the setpoints *before*.
-
-    Args:
-        path: from :func:`orientd.planner.path.plain_path.plain_path`; at multiples of the period.
-        records: how many there are.
-        period: from one to the next, s.
-        before: the records before the first, shape ``(3, 10)``, or ``(0, 10)`` if not known.
-        with_axes: as for :func:`extremes`, like all that have the same name.
-        rough: likewise.
-        brake_limits: likewise.
-    """
-    squares, places = np.zeros((6, 4)), np.zeros(12, dtype=np.int64)
-    rate, place = kernels.path_extremes(
-        path,
-        records,
-        period,
-        np.ascontiguousarray(before),
-        with_axes or brake_limits.has_axes,
-        _reach(rough, period),
-        limit_table(brake_limits)[1:],
-        *LAW,
-        squares,
-        places,
-    )
-    return Extremes(squares.tolist(), places.reshape(3, 4).tolist(), rate, place)
-
-
 _SMOOTH = np.array([np.inf, -np.inf, 1.0, 1.0])
 _NO_LIMITS = np.full((2, 4), np.inf)
 

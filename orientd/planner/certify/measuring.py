@@ -7,14 +7,14 @@ from functools import partial
 
 import numpy as np
 
-from orientd.planner.certify.differences import Rough, extremes, path_extremes
+from orientd.planner.certify.differences import Rough, extremes
 from orientd.planner.certify.peaks import Peaks, Tally
 from orientd.planner.limits import Limits
 from orientd.planner.path import Path
 from orientd.planner.recorded import HISTORY
 from orientd.rotation import Floats
 
-CHUNK = 8192
+CHUNK = 2048
 """Records looked at in one go, so that a long motion needs no more memory than a short one."""
 
 Setpoints = Callable[[int, int], tuple[Floats, Floats]]
@@ -105,23 +105,8 @@ def measure_path(
         brake_limits: likewise.
         rough: likewise.
     """
-    plain, held = path.plain, path.positions
-    q, p = before if before is not None else (np.empty((0, 4)), np.empty((0, 3)))
-    if plain is not None and held.is_held and bool((p == held.first).all()):
-        found = path_extremes(
-            plain,
-            count,
-            period,
-            before=_with_rates(q),
-            with_axes=limits.has_axes,
-            rough=rough,
-            brake_limits=brake_limits,
-        )
-        tally = Tally(period, limits)
-        tally.note_turns(found, -len(q))
-        return tally.peaks()
     return measure(
-        partial(path.setpoints, period=period),
+        partial(path.records, period=period),
         count,
         period,
         limits,

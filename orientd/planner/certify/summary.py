@@ -13,7 +13,7 @@ from orientd.planner.certify.certificate import Certificate, Peak
 from orientd.planner.certify.peaks import Peaks
 from orientd.planner.certify.usual_stop import usual_stop_time
 from orientd.planner.limits import ANGULAR, AXES, UNITS, Limits
-from orientd.planner.path import Path, TablePath
+from orientd.planner.path import Path, RecordedPath
 from orientd.planner.recorded import HISTORY
 from orientd.planner.request import MotionRequest, State
 from orientd.rotation import Floats, exp, multiply
@@ -21,7 +21,7 @@ from orientd.rotation import Floats, exp, multiply
 
 def summed_up(
     request: MotionRequest,
-    path: Path | TablePath,
+    path: Path | RecordedPath,
     ends: tuple[float, float],
     keyframe_times: Floats,
     peaks: Peaks,
@@ -72,7 +72,7 @@ def _axis_figures(peaks: Peaks) -> Iterator[Figure]:
                 yield Figure(words, peak.value, UNITS[name], peak.limit, peak.time)
 
 
-def _miss(path: Path | TablePath, time: float, omega: Floats | None) -> float:
+def _miss(path: Path | RecordedPath, time: float, omega: Floats | None) -> float:
     """Return by how much a path misses a velocity, if one was asked for."""
     return 0.0 if omega is None else float(np.linalg.norm(path.state(time).omega_body - omega))
 

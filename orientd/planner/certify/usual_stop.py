@@ -11,14 +11,14 @@ from __future__ import annotations
 import numpy as np
 
 from orientd.planner.limits import Limits
-from orientd.planner.path import Path, TablePath
+from orientd.planner.path import Path, RecordedPath
 from orientd.rotation import Floats
 
 _LOOKS = 120
 """Places on the path that are looked at, besides the fastest."""
 
 
-def usual_stop_time(path: Path | TablePath, fastest: float, limits: Limits) -> float:
+def usual_stop_time(path: Path | RecordedPath, fastest: float, limits: Limits) -> float:
     """Return how long a stop from the place where it takes longest takes, about, s.
 
     Args:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from orientd.curves import Trajectory
 from orientd.errors import PlanError
 from orientd.planner.certify import limit_table
 from orientd.planner.connect.quintic_connector import join, try_joins
 from orientd.planner.limits import Limits
-from orientd.planner.path import PathSegment
 from orientd.planner.request import State
 from orientd.planner.timing import KeyframePath
 
@@ -22,14 +22,14 @@ _FEWEST = 2
 
 def join_in(
     keyframe_path: KeyframePath, start: State, *, limits: Limits, period: float
-) -> PathSegment:
-    """Return the shortest segment from path time 0 by which a device gets onto a keyframe path.
+) -> Trajectory:
+    """Return the shortest trajectory from path time 0 by which a device gets onto a keyframe path.
 
     Args:
         keyframe_path: begins where the device is, with its velocity.
         start: where the device is commanded to be.
         limits: to keep, with their reserve where the keyframe path keeps it.
-        period: the segment takes a whole number of periods, s.
+        period: it takes a whole number of periods, s.
 
     Raises:
         PlanError: none within the first interval keeps the limits.
@@ -40,13 +40,12 @@ def join_in(
     if len(durations):
         here = (start.q, start.omega_body, start.alpha_body)
         first = [np.tile(part, (len(durations), 1)) for part in here]
-        last = keyframe_path.segment.sample(durations)
+        last = keyframe_path.trajectory.sample(durations)
         # The curve may go up to the limits itself.
         w, kept = try_joins(first, last, durations, start, limit_table(limits))
         if len(kept):
             index = int(kept[0])
-            duration = float(durations[index])
-            return PathSegment(join(start.q, w[index], duration), 0.0, duration)
+            return join(start.q, w[index], float(durations[index]))
     raise PlanError(
         "no way found from the acceleration the device has onto the curve; c2_cumulative begins "
         "with it, `approach: true` would lead in"

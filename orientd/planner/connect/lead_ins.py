@@ -1,31 +1,24 @@
 """Lead-ins: from wherever a device is, and however it moves, to the first keyframe.
 
 From rest that is an approach, and a run-up where the keyframe is passed with a velocity.  From a
-motion it is a connector, after the acceleration has fallen where it has to at once; where none is
-found, a stop and then the way from rest, so that there is always an answer.
+motion it is a connector; where none is found, a stop and then the way from rest, so that there is
+always an answer.
 """
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
-from enum import Enum
-from functools import partial
 
 import numpy as np
 
+from orientd.curves import Trajectory
 from orientd.errors import PlanError
-from orientd.planner.connect.connector import (
-    CONNECTOR_RESERVE,
-    connector,
-    fallen,
-    ramped_stops,
-)
+from orientd.planner.connect.connector import CONNECTOR_RESERVE, connector
 from orientd.planner.connect.leads import approach, approach_cycles, lead_out
 from orientd.planner.connect.position_stop import position_lead
 from orientd.planner.connect.quintic_connector import join
 from orientd.planner.limits import Limits, is_still
-from orientd.planner.path import PathSegment, PositionPath
+from orientd.planner.path import PositionPath
 from orientd.planner.request import State
 from orientd.rotation import Floats
 
@@ -39,56 +32,65 @@ class LeadIn:
     """What comes before the first keyframe.
 
     Attributes:
-        segments: from path time 0 on.
+        parts: end to end, from path time 0 on.
         cycles: how many periods they take.
         positions: what the position does meanwhile.
     """
 
-    segments: tuple[PathSegment, ...]
+    parts: tuple[Trajectory, ...]
     cycles: int
     positions: PositionPath
 
 
-class Caution(Enum):
-    """How to lead in: a peak between the points that were looked at asks for the next one."""
+@dataclass(frozen=True, slots=True)
+class Connection:
+    """One way of connecting a motion with another, of those that are tried one after the other.
 
-    NONE = 1.0
-    LESS_EASED = 0.9999
-    """With more of the jerk's reserve, where what is drawn between two setpoints goes beyond it."""
-    FALLING_FIRST = 0.9998
-    """With the acceleration taken away before anything else, where it begins just below a limit."""
-    SOME = 0.98
-    AT_LIMITS = 0.9995
-    """Without the reserve, for a state that is at the limits already."""
-    JUST_BELOW_LIMITS = 0.998
-    """The same with a little of it, for what is drawn where the jerk has a step."""
-    NEAR_LIMITS = 0.994
-    """The same with a little more."""
-    AS_FOUND = 0.9994
-    """The same with a connector as it is found, which a shorter one has gone beyond a limit for."""
-    BY_WAY_OF_REST = 0.97
-    """By a stop and a way from rest, which takes longest."""
+    Attributes:
+        name: in reports of what was tried.
+        share: of the limits to use.
+        has_reserve: whether acceleration and jerk keep the reserve of a connector.
+        ease: share of the jerk that is used where its reserve would make the velocity too high.
+        falls_first: whether the acceleration falls before anything else.
+        as_found: whether the connector stays as it is found, longer than the limits permit.
+        rests: whether it is a stop, and then the way from rest.
+    """
 
-    @property
-    def share(self) -> float:
-        """Share of the limits to use."""
-        return self.value
+    name: str
+    share: float = 1.0
+    has_reserve: bool = True
+    ease: float = _EASED
+    falls_first: bool = False
+    as_found: bool = False
+    rests: bool = False
 
-    @property
-    def ease(self) -> float:
-        """Factor by which what is used of the jerk may go beyond its reserve."""
-        if self.is_at_limits:
-            return 1.0
-        return (_LESS_EASED if self is Caution.LESS_EASED else _EASED) / CONNECTOR_RESERVE
-
-    @property
-    def is_at_limits(self) -> bool:
-        """Whether to do without the reserve."""
-        return self in (*WITHOUT_RESERVE, Caution.AS_FOUND)
+    def limits(self, limits: Limits) -> Limits:
+        """Return the limits to give to :func:`.connector`, which keeps its reserve below them."""
+        if self.has_reserve:
+            return limits.scaled(self.share)
+        return limits.with_reserve(self.share / CONNECTOR_RESERVE)
 
 
-WITHOUT_RESERVE = (Caution.AT_LIMITS, Caution.JUST_BELOW_LIMITS, Caution.NEAR_LIMITS)
-"""What is tried where the reserve would make a device overshoot."""
+USUAL: Connection = Connection("the shortest connector")
+WITHOUT_RESERVE: tuple[Connection, ...] = (
+    Connection("a connector without a reserve", 0.9995, has_reserve=False),
+    Connection("a connector with hardly any reserve", 0.998, has_reserve=False),
+    Connection("a connector with little reserve", 0.994, has_reserve=False),
+)
+"""What is tried where the reserve would make a device overshoot, too."""
+CONNECTIONS: tuple[Connection, ...] = (
+    USUAL,
+    # What is drawn between two setpoints goes beyond the jerk's reserve.
+    Connection("a connector with more of the jerk's reserve", ease=_LESS_EASED),
+    # The acceleration begins just below a limit.
+    Connection("a connector after the acceleration has fallen", falls_first=True),
+    Connection("a connector with 98 % of the limits", 0.98),
+    # The state is at the limits already.
+    *WITHOUT_RESERVE,
+    Connection("a longer connector", 0.9994, has_reserve=False, as_found=True),
+    Connection("a stop, and the way from rest", 0.97, rests=True),
+)
+"""A peak between the points that were looked at asks for the next one."""
 
 
 def lead_in(
@@ -99,7 +101,7 @@ def lead_in(
     own: Limits,
     period: float,
     is_direct: bool = False,
-    caution: Caution = Caution.NONE,
+    connection: Connection = USUAL,
     is_even: bool = False,
 ) -> LeadIn:
     """Return the way from a state to the first keyframe.
@@ -111,7 +113,7 @@ def lead_in(
         own: to stop within where *limits*, those of a slower pace, do not allow it.
         period: it takes a whole number of periods, s.
         is_direct: whether to look for a connector from rest, too.
-        caution: what to do with less than the limits, and how.
+        connection: how to connect a motion.
         is_even: whether a way from rest is to be even rather than the quickest.
 
     Raises:
@@ -119,46 +121,30 @@ def lead_in(
     """
     if start.is_at_rest and not is_direct:
         return from_rest(start, first, limits=limits, period=period, is_even=is_even)
-    within, stopped = (
-        some.with_reserve(caution.share / CONNECTOR_RESERVE)
-        if caution.is_at_limits
-        else some.scaled(caution.share)
-        for some in (limits, own)
-    )
+    within = connection.limits(limits)
     positions = position_lead(start, first.position, limits=within, period=period)
-    by_way_of_rest = partial(
-        _by_way_of_rest, start, first, positions, limits=within, own=stopped, period=period
-    )
-    if caution is Caution.BY_WAY_OF_REST:
-        return by_way_of_rest()
     least = 0.0 if positions.is_held else float(positions.breaks[-1])
-    connect = partial(
-        connector,
-        end=first,
-        limits=within,
-        period=period,
-        is_even=is_even or caution is Caution.AS_FOUND,
-        ease=caution.ease,
-    )
-    ways: list[list[PathSegment]] = []
-    is_falling = caution is Caution.FALLING_FIRST
-    if not is_falling:
-        with suppress(PlanError):
-            ways.append([connect(start, least=least)])
-    ramps, end = fallen(start, limits, period, is_wanted=is_falling)
-    if ramps:
-        begin = ramps[-1].end
-        with suppress(PlanError):
-            ways.append([*ramps, connect(end, least=least - begin).shifted(begin)])
-    if not ways:
-        return by_way_of_rest()
-    segments = min(ways, key=lambda way: way[-1].end)
-    end_time = segments[-1].end
+    found = None
+    if not connection.rests:
+        found = connector(
+            start,
+            first,
+            limits=within,
+            own=limits,
+            period=period,
+            least=least,
+            ease=1.0 if not connection.has_reserve else connection.ease / CONNECTOR_RESERVE,
+            as_found=is_even or connection.as_found,
+            falls_first=connection.falls_first,
+        )
+    if found is None:
+        stopped = connection.limits(own)
+        return _by_way_of_rest(start, first, positions, limits=within, own=stopped, period=period)
     if not positions.is_held:
         positions = position_lead(
-            start, first.position, limits=within, period=period, least=end_time
+            start, first.position, limits=within, period=period, least=found.duration
         )
-    return LeadIn(tuple(segments), round(end_time / period), positions)
+    return LeadIn((found,), round(found.duration / period), positions)
 
 
 def from_rest(
@@ -186,13 +172,12 @@ def from_rest(
     run_up, rest, run_up_cycles = None, first.q, 0
     if not is_still(first.omega_body, first.alpha_body, limits):
         try:
-            run_up = lead_out(
-                first.q, -first.omega_body, first.alpha_body, limits=limits, period=period
-            )
+            mirrored = State(first.q, -first.omega_body, first.alpha_body, first.position)
+            run_up = lead_out(mirrored, limits=limits, period=period)
         except PlanError as error:
             raise PlanError(f"no run-up to the first keyframe: {error}") from error
-        rest = run_up.evaluate(np.array([run_up.domain[1]]))[0][0]
-        run_up_cycles = round(run_up.domain[1] / period)
+        rest = run_up.ends()[0][1]
+        run_up_cycles = round(run_up.duration / period)
     cycles = approach_cycles(
         start.q,
         rest,
@@ -204,49 +189,22 @@ def from_rest(
     )
     cycles = max(cycles, least - run_up_cycles)
     arrival = cycles * period
-    segments = []
+    parts = []
     if cycles:
-        segments.append(
-            _waiting(approach(start.q, rest, limits, is_even=is_even), start.q, arrival)
-        )
+        parts.append(_waiting(approach(start.q, rest, limits, is_even=is_even), start.q, arrival))
     cycles += run_up_cycles
     if run_up is not None:
-        segments.append(PathSegment(run_up, arrival, cycles * period, rate=-1.0))
+        parts.append(run_up.reversed().shifted(arrival))
     # The position arrives with the approach and waits while the orientation takes its run-up.
     positions = PositionPath.held(first.position).after_move_from(start.position, 0.0, arrival)
-    return LeadIn(tuple(segments), cycles, positions)
+    return LeadIn(tuple(parts), cycles, positions)
 
 
-def _waiting(turn: PathSegment | None, q: Floats, arrival: float) -> PathSegment:
+def _waiting(turn: Trajectory | None, q: Floats, arrival: float) -> Trajectory:
     """Return a turn that takes longer, or none at all, while the position moves."""
     if turn is None:
-        still = np.zeros((5, 3))
-        return PathSegment(join(q, still, arrival), 0.0, arrival)
+        return join(q, np.zeros((5, 3)), arrival)
     return turn.slowed(arrival)
-
-
-def stop(start: State, *, limits: Limits, period: float) -> list[PathSegment]:
-    """Return the way from a state to rest, wherever that is, from path time 0 on.
-
-    Raises:
-        PlanError: nothing was found.
-    """
-    best: list[PathSegment] = []
-    error: PlanError | None = None
-    for ramp, end in ramped_stops(start, limits, period):
-        begin = ramp.end if ramp is not None else 0.0
-        try:
-            curve = lead_out(end.q, end.omega_body, end.alpha_body, limits=limits, period=period)
-        except PlanError as problem:
-            error = problem
-            continue
-        total = begin + curve.domain[1]
-        if not best or total < best[-1].end:
-            best = [] if ramp is None else [ramp]
-            best.append(PathSegment(curve, begin, total))
-    if not best:
-        raise PlanError(f"no way to rest: {error}")
-    return best
 
 
 def _by_way_of_rest(
@@ -258,13 +216,14 @@ def _by_way_of_rest(
     own: Limits,
     period: float,
 ) -> LeadIn:
+    """Return a stop, wherever that is, and the way from rest."""
     try:
-        segments = stop(start, limits=limits, period=period)
+        stop = lead_out(start, limits=limits, period=period, may_ramp=True)
     except PlanError:
-        segments = stop(start, limits=own, period=period)
-    halt = segments[-1].end
-    rest = State.at_rest(segments[-1].ends()[1].q, first.position)
+        stop = lead_out(start, limits=own, period=period, may_ramp=True)
+    halt = stop.duration
+    rest = State.at_rest(stop.ends()[0][1], first.position)
     least = 0 if positions.is_held else round((float(positions.breaks[-1]) - halt) / period)
     onward = from_rest(rest, first, limits=limits, period=period, least=least)
-    segments += [segment.shifted(halt) for segment in onward.segments]
-    return LeadIn(tuple(segments), round(halt / period) + onward.cycles, positions)
+    parts = [stop, *(part.shifted(halt) for part in onward.parts)]
+    return LeadIn(tuple(parts), round(halt / period) + onward.cycles, positions)

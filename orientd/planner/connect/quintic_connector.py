@@ -1,4 +1,4 @@
-"""Quintic connectors of two states of motion: their curves, and whether they keep limits.
+"""Quintic connectors of two states of motion: their trajectories, and whether they keep limits.
 
 What a join is stands in ``orientd/kernels/c/connectors.h``.  A state is a row of ten numbers:
 orientation, angular velocity and angular acceleration in body components.
@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from orientd import kernels
-from orientd.curves import CumulativeBasis, CumulativeCurve, Indices
+from orientd.curves import PIECE, Indices, Trajectory
 from orientd.planner.request import State
 from orientd.rotation import Floats
 
@@ -19,36 +19,31 @@ FACTORS = 5
 STATE = 10
 
 
-class QuinticConnectors(CumulativeCurve):
-    """Joins end to end; where they meet, velocity and acceleration are prescribed to be the same.
+def joins(q: Floats, w: Floats, breaks: Floats) -> Trajectory:
+    """Return joins end to end; where they meet, velocity and acceleration are to be the same.
 
     Args:
         q: orientations that they begin at, signs continuous, shape ``(n, 4)``.
         w: their half-angle increments, shape ``(n, 5, 3)``.
         breaks: when they begin, and when the last one ends, s, shape ``(n + 1,)``.
     """
-
-    def __init__(self, q: Floats, w: Floats, breaks: Floats) -> None:
-        count = len(q)
-        base, axes, lengths = np.empty((4, count)), np.empty((5, 3, count)), np.empty((5, count))
-        values, rates = np.empty((count, 5, 6)), np.empty((count, 5, 5))
-        curvatures, at_ends = np.empty((count, 5, 4)), np.empty((STATE, 2))
-        q = np.ascontiguousarray(q)  # of a sample it is a column
-        kernels.put_joins(q, w, breaks, base, axes, lengths, values, rates, curvatures, at_ends)
-        basis = CumulativeBasis(breaks, 1 + 5 * np.arange(count), values, rates, curvatures)
-        self._set_factors(basis, base, axes, lengths, w.reshape(-1, 3), continuity=2)
-        self._set_ends(at_ends)
+    room, count = 4 * len(q) + 12, 0
+    q = np.ascontiguousarray(q)  # of a sample it is a column
+    while not count:
+        ends, pieces = np.empty(room + 1), np.empty((room, PIECE))
+        count, room = kernels.join_trajectory(q, w, breaks, ends, pieces), 4 * room
+    return Trajectory(ends[: count + 1], pieces[:count], breaks)
 
 
-def join(q: Floats, w: Floats, duration: float) -> QuinticConnectors:
-    """Return the curve of one join, over ``[0, duration]``.
+def join(q: Floats, w: Floats, duration: float) -> Trajectory:
+    """Return the trajectory of one join, over ``[0, duration]``.
 
     Args:
         q: orientation it begins at, shape ``(4,)``.
         w: its increments, shape ``(5, 3)``.
         duration: s.
     """
-    return QuinticConnectors(q[None], w[None], np.array([0.0, duration]))
+    return joins(q[None], w[None], np.array([0.0, duration]))
 
 
 def try_joins(

@@ -6,11 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from orientd.errors import PlanError
+from orientd.curves import Trajectory
 from orientd.planner.connect.leads import approach
 from orientd.planner.limits import Limits
 from orientd.planner.methods import Ends
-from orientd.planner.path import Path, PathCurve, PathSegment, PositionPath
+from orientd.planner.path import PositionPath
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
 from orientd.planner.timing import KeyframePath, least_with_stops
 from orientd.rotation import Floats
@@ -29,7 +29,7 @@ def stops_take(keys: Floats, limits: Limits) -> float:
         PlanError: one of them takes longer than is planned.
     """
     turns = [approach(here, there, limits) for here, there in pairwise(keys)]
-    return sum(turn.end for turn in turns if turn is not None)
+    return sum(turn.duration for turn in turns if turn is not None)
 
 
 def turns_with_stops(
@@ -40,7 +40,7 @@ def turns_with_stops(
     shorter_than: float,
     jerk_share: float,
 ) -> KeyframePath | None:
-    """Return the turns from keyframe to keyframe, from rest to rest, where there are only such.
+    """Return the turns from keyframe to keyframe, from rest to rest, if they take less time.
 
     Where the curve has to turn on the spot, or nearly so, they are quicker.
 
@@ -49,28 +49,26 @@ def turns_with_stops(
         ends: velocities at the first and last keyframe.
         start: where the device is commanded to be.
         limits: to keep.
-        shorter_than: what may be left out at a glance is what takes longer, s.
+        shorter_than: the time to beat, s.
         jerk_share: of the jerk to use.
+
+    Raises:
+        PlanError: one of them takes longer than is planned.
     """
     is_plain = request.method == DEFAULT_METHOD and request.total is None
     is_held = request.positions is None and not request.turns.any()
-    moving = (ends.omega_start, ends.omega_end, ends.alpha_start)
-    if not (is_plain and is_held) or any(np.any(end) for end in moving if end is not None):
+    if not (is_plain and is_held) or any(ends.moves):
         return None
     if least_with_stops(request.keys, limits) >= shorter_than:
         return None
-    segments: list[PathSegment] = []
+    parts: list[Trajectory] = []
     times = [0.0]
     for here, there in pairwise(request.keys):
-        try:
-            turn = approach(here, there, limits, jerk_share=jerk_share)
-        except PlanError:
-            return None
+        turn = approach(here, there, limits, jerk_share=jerk_share)
         if turn is not None:
-            segments.append(turn.shifted(times[-1]))
-        times.append(segments[-1].end if segments else 0.0)
-    if not segments:
+            parts.append(turn.shifted(times[-1]))
+        times.append(parts[-1].domain[1] if parts else 0.0)
+    if not parts or times[-1] >= shorter_than:
         return None
     held = PositionPath.held(start.position)
-    curve = PathCurve(Path.joined(segments, held).segments)
-    return KeyframePath(PathSegment(curve, 0.0, times[-1]), held, np.array(times))
+    return KeyframePath(Trajectory.joined(parts), held, np.array(times))

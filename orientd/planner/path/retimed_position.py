@@ -2,30 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
 
 import numpy as np
 
 from orientd.planner.path.position import PositionPath, quintics
 from orientd.rotation import Floats
 
-
-class Clock(Protocol):
-    """A path time by another one: a ``TimeMap``, for example."""
-
-    @property
-    def times(self) -> Floats:
-        """Its own, between which positions are a quintic."""
-
-    def __call__(self, times: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the path time and its first two derivatives."""
+Clock = Callable[[Floats], tuple[Floats, Floats, Floats]]
+"""Gives a path time and its first two derivatives by another time: a ``TimeMap``, for example."""
 
 
-def repositioned(positions: PositionPath, clock: Clock) -> PositionPath:
-    """Return the positions on another clock, quintic from node to node."""
+def repositioned(positions: PositionPath, clock: Clock, times: Floats) -> PositionPath:
+    """Return the positions on another clock, quintic between *times* on that clock, s."""
     if positions.is_held:
         return positions
-    times = clock.times
     s, rate, change = clock(times)
     p = positions.sample(s)[0]
     velocity, acceleration = positions.motion(s)

@@ -23,7 +23,7 @@ from orientd.errors import OrientdError
 from orientd.planner.certify import Certificate, Peak, Rough
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
-from orientd.planner.path import RowPath
+from orientd.planner.path import RecordedPath
 from orientd.planner.recorded import HISTORY, STATE_FLOATS
 from orientd.planner.request import Keyframe, MotionRequest
 from orientd.planner.saving import FORMAT, VERSION
@@ -92,7 +92,7 @@ def _motion(header: dict[str, Any], arrays: dict[str, Any]) -> Motion:
         request=_request(header["request"]),
         limits=_limits(header["limits"]),
         period=header["period"],
-        path=RowPath(
+        path=RecordedPath(
             header["period"], header["duration"], rows, arrays["earlier"].reshape(HISTORY, -1)
         ),
         start_time=header["start_time"],

@@ -12,16 +12,15 @@ from orientd.planner.timing.axis_turn import (
 )
 from orientd.planner.timing.by_parts import (
     corners,
-    least_with_rests,
     least_with_stops,
     quickest_by_parts,
 )
 from orientd.planner.timing.candidate_path import KeyframePath, PathRequest
 from orientd.planner.timing.even_timing import evenly_paced
 from orientd.planner.timing.knot_times import with_chosen_times
-from orientd.planner.timing.profile import Profile
 from orientd.planner.timing.quickest_timing import (
     FirstProfile,
+    Profile,
     QuickPath,
     aimed_at,
     lasting,

@@ -13,7 +13,6 @@ import numpy as np
 from orientd.curves import AxisTurn
 from orientd.planner.certify import jerk_to_stop, speed_to_stop
 from orientd.planner.limits import Limits
-from orientd.planner.path import PathSegment
 from orientd.planner.timing.candidate_path import KeyframePath
 from orientd.rotation import Floats, angle, exp, multiply
 
@@ -169,41 +168,40 @@ def turned_at_once(
     is_free = keyframe_path.positions.is_held and math.isfinite(limits.acceleration)
     if not (is_free and keyframe_path.is_from_rest_to_rest):
         return None
-    segment = keyframe_path.segment
-    knots = (segment.curve.knots - segment.curve.domain[0]) / segment.rate
+    trajectory = keyframe_path.trajectory
+    knots = trajectory.knots
     shares = np.arange(_LOOKS) / _LOOKS
     spots = (knots[:-1, None] + shares * np.diff(knots)[:, None]).ravel()
-    spots = np.minimum(np.append(spots, keyframe_path.duration), keyframe_path.duration)
-    q, omega, _ = segment.sample(spots)
+    spots = np.append(spots, keyframe_path.duration)
+    q, omega, _ = trajectory.sample(spots)
     speeds = np.sqrt(np.einsum("ij,ij->i", omega, omega))
     axis = omega[int(np.argmax(speeds))] / speeds.max()
     if np.any(omega @ axis < (1.0 - _ONE_WAY) * speeds - _ONE_WAY * speeds.max()):
         return None
     so_far = np.concatenate([[0.0], np.cumsum(angle(q[:-1], q[1:]))])
     # When it has turned as far as the curve has at each keyframe.
-    keys = segment.sample(np.minimum(keyframe_path.times, keyframe_path.duration))[0]
+    keys = trajectory.orientations(keyframe_path.times)
     before = np.clip(np.searchsorted(spots, keyframe_path.times, side="right") - 1, 0, None)
     goal = so_far[before] + angle(q[before], keys)
     turned = multiply(q[0], exp(np.concatenate([so_far, goal])[:, None] * axis))
     if np.any(angle(turned, np.concatenate([q, keys])) > _ON_AXIS):
         return None
     turn = float(so_far[-1])
-    curve = AxisTurn(
+    found = AxisTurn(
         q[0], axis, turn, phases_of_turn(axis, turn, limits, share=share, jerk_share=share)
     )
-    return KeyframePath(
-        PathSegment(curve, 0.0, curve.domain[1]), keyframe_path.positions, _times(curve, goal)
-    )
+    times = _times(found, goal)
+    return KeyframePath(found.trajectory, keyframe_path.positions, times, is_turn=True)
 
 
-def _times(curve: AxisTurn, turns: Floats) -> Floats:
-    times: Floats = np.array([0.0, curve.domain[1]])
+def _times(turn: AxisTurn, turns: Floats) -> Floats:
+    times: Floats = np.array([0.0, turn.duration])
     if len(turns) == 2:
         return times
-    low, high = np.zeros(len(turns)), np.full(len(turns), curve.domain[1])
+    low, high = np.zeros(len(turns)), np.full(len(turns), turn.duration)
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        is_late = curve.turned(middle) >= turns
+        is_late = turn.turned(middle) >= turns
         low, high = np.where(is_late, low, middle), np.where(is_late, middle, high)
     high[0], high[-1] = times
     return high

@@ -11,13 +11,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from orientd.curves import Curve, Samples
+from orientd.curves import Trajectory
 from orientd.planner.limits import Limits
-from orientd.planner.path import Path, PathCurve, PathSegment, PositionPath, repositioned
+from orientd.planner.path import PositionPath, repositioned
 from orientd.planner.timing.axis_turn import SHARE
 from orientd.planner.timing.candidate_path import KeyframePath
-from orientd.planner.timing.profile import Profile
-from orientd.planner.timing.quickest_timing import FirstProfile, quickest
+from orientd.planner.timing.quickest_timing import FirstProfile, Profile, quickest
 from orientd.rotation import Floats, angle
 
 _STEP = 1e-6  # of the largest velocity and acceleration, between both sides of a knot
@@ -27,95 +26,77 @@ _PIECES = 32  # of a part at the least, in which its position is a quintic
 _APART = 1e-9  # of a part's length, which pieces are longer than
 
 
-class RestingPart(Curve):
-    r"""A smooth part of a curve, on a clock on which it begins and ends at rest.
+@dataclass(frozen=True, slots=True, eq=False)
+class RestingClock:
+    r"""A clock on which a part of a path begins and ends at rest.
 
-    Near an end where the curve moves, its parameter goes like
+    Near an end where the path moves, its time goes like
     :math:`\ell (z^3 - z^4/2), z = x/\ell`, which has two continuous derivatives to where it goes
     like *x* again.
 
-    Args:
-        curve: any.
-        begin: parameter where the part begins, a knot.
+    Attributes:
+        begin: path time where the part begins, a knot, s.
         end: where it ends, another one.
-        moves: whether something else moves at the beginning and at the end.
+        knots: of the path in it, both ends included.
+        lengths: over which it leaves rest, and comes to it; 0 where the path does not move.
     """
 
-    def __init__(
-        self, curve: Curve, begin: float, end: float, *, moves: tuple[bool, bool] = (False, False)
-    ) -> None:
-        self._curve, self._from, self._to = curve, begin, end
-        # At a knot a curve is what begins there.
-        self._last = end if end == curve.domain[1] else float(np.nextafter(end, begin))
-        knots = curve.knots[(curve.knots > begin) & (curve.knots < end)]
-        edges = np.concatenate([[begin], knots, [end]])
-        middles = 0.5 * (edges[1:] + edges[:-1])
-        _, omega, _ = curve.evaluate(np.concatenate([[begin, self._last], middles]))
+    begin: float
+    end: float
+    knots: Floats
+    lengths: Floats
+
+    @classmethod
+    def of(cls, part: Trajectory, moves: tuple[bool, bool] = (False, False)) -> RestingClock:
+        """Return the clock of a part.
+
+        Args:
+            part: smooth, where it is in the path.
+            moves: whether something else moves at the beginning and at the end.
+        """
+        knots = part.knots
+        middles = 0.5 * (knots[1:] + knots[:-1])
+        _, omega, _ = part.sample(np.concatenate([knots[[0, -1]], middles]))
         speeds = np.linalg.norm(omega, axis=1)
-        spans = np.diff(edges) * (1.0 if len(knots) else 0.5)
+        spans = np.diff(knots) * (1.0 if len(knots) > 2 else 0.5)
         is_moving = np.array(moves) | (speeds[:2] > _REST * speeds.max())
-        self._lengths = np.where(is_moving, 2.0 * spans[[0, -1]], 0.0)
-        super().__init__(knots=self.places(edges), continuity=2)
+        return cls(*part.domain, knots, np.where(is_moving, 2.0 * spans[[0, -1]], 0.0))
 
     @property
-    def origin(self) -> float:
-        """The parameter where the whole curve begins."""
-        return self._curve.domain[0]
+    def duration(self) -> float:
+        """Of the part by the clock, s."""
+        return self.end - self.begin + 0.5 * float(self.lengths.sum())
 
-    def places(self, parameters: Floats) -> Floats:
-        """Return where on its own clock the curve's parameter has given values."""
-        first, last = self._lengths.tolist()
-        total = self._to - self._from + 0.5 * (first + last)
-        places: Floats = parameters - self._from + 0.5 * first
-        early = parameters < self._from + 0.5 * first
-        late = parameters > self._to - 0.5 * last
-        places[early] = _left(np.maximum(parameters[early] - self._from, 0.0), first)
-        places[late] = total - _left(np.maximum(self._to - parameters[late], 0.0), last)
-        return places
+    def retimed(self, part: Trajectory) -> Trajectory:
+        """Return a part on the clock, from its time 0 on."""
+        return Trajectory.fit(
+            lambda times: part.orientations(self(times)[0]), self.times(self.knots)
+        )
 
-    def parameters(self, times: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the curve's parameter and its first two derivatives by the clock."""
-        first, last = self._lengths.tolist()
-        parameter = self._from + times - 0.5 * first
+    def times(self, path_times: Floats) -> Floats:
+        """Return when it is at given path times; at its ends for those beyond."""
+        first, last = self.lengths.tolist()
+        times: Floats = path_times - self.begin + 0.5 * first
+        early = path_times < self.begin + 0.5 * first
+        late = path_times > self.end - 0.5 * last
+        times[early] = _left(np.maximum(path_times[early] - self.begin, 0.0), first)
+        times[late] = self.duration - _left(np.maximum(self.end - path_times[late], 0.0), last)
+        return times
+
+    def __call__(self, times: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the path time and its first two derivatives by the clock."""
+        first, last = self.lengths.tolist()
+        path_times = self.begin + times - 0.5 * first
         rate, change = np.ones(len(times)), np.zeros(len(times))
-        for length, ahead, sign in (
-            (first, times, 1.0),
-            (last, self.domain[1] - times, -1.0),
-        ):
+        for length, ahead, sign in ((first, times, 1.0), (last, self.duration - times, -1.0)):
             near = ahead < length
             if near.any():
                 z = np.maximum(ahead[near], 0.0) / length
                 way = length * z**3 * (1.0 - 0.5 * z)
-                parameter[near] = self._from + way if sign > 0.0 else self._to - way
+                path_times[near] = self.begin + way if sign > 0.0 else self.end - way
                 rate[near] = z * z * (3.0 - 2.0 * z)
                 change[near] = sign * 6.0 * z * (1.0 - z) / length
-        return np.clip(parameter, self._from, self._to), rate, change
-
-    def _sample(self, times: Floats) -> Samples:
-        parameter, rate, change = self.parameters(times)
-        q, omega, alpha = self._curve.evaluate(np.minimum(parameter, self._last))
-        rates = rate[:, None]
-        return q, omega * rates, alpha * rates**2 + omega * change[:, None]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _PartClock:
-    """The path time of a whole path by that of one of its parts.
-
-    Attributes:
-        part: of the curve.
-        rate: seconds of the curve for one of the path.
-        times: of the part, from its beginning to its end, between which positions are a quintic.
-    """
-
-    part: RestingPart
-    rate: float
-    times: Floats
-
-    def __call__(self, times: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the path time and its first two derivatives."""
-        parameter, rate, change = self.part.parameters(times * self.rate)
-        return (parameter - self.part.origin) / self.rate, rate, change * self.rate
+        return np.clip(path_times, self.begin, self.end), rate, change
 
 
 def _left(ways: Floats, length: float) -> Floats:
@@ -129,12 +110,12 @@ def _left(ways: Floats, length: float) -> Floats:
     return length * z
 
 
-def corners(curve: Curve) -> Floats:
-    """Return the knots inside a curve at which its velocity or acceleration has a step."""
-    knots = curve.knots[1:-1]
-    if curve.continuity >= 2 or not len(knots):
+def corners(trajectory: Trajectory) -> Floats:
+    """Return the knots inside a trajectory at which its velocity or acceleration has a step."""
+    knots = trajectory.knots[1:-1]
+    if trajectory.continuity >= 2 or not len(knots):
         return knots[:0]
-    _, omega, alpha = curve.evaluate(np.concatenate([np.nextafter(knots, -np.inf), knots]))
+    _, omega, alpha = trajectory.sample(np.concatenate([np.nextafter(knots, -np.inf), knots]))
     step = np.zeros(len(knots), dtype=bool)
     for rows in (omega, alpha):
         before, after = np.split(rows, 2)
@@ -157,14 +138,6 @@ def least_with_stops(keys: Floats, limits: Limits) -> float:
     return float(np.sum(turns / peaks + rises))
 
 
-def least_with_rests(keyframe_path: KeyframePath, limits: Limits) -> float:
-    """Return what a path takes at the least that rests at its corners, s."""
-    curve = keyframe_path.segment.curve
-    begin, end = curve.domain
-    q, _, _ = curve.evaluate(np.concatenate([[begin], corners(curve), [end]]))
-    return least_with_stops(q, limits)
-
-
 def quickest_by_parts(
     keyframe_path: KeyframePath,
     limits: Limits,
@@ -185,32 +158,29 @@ def quickest_by_parts(
     Raises:
         PlanError: none was found.
     """
-    curve, rate = keyframe_path.segment.curve, keyframe_path.segment.rate
-    begin, end = curve.domain
-    edges = [begin, *corners(curve).tolist(), end]
+    trajectory, total = keyframe_path.trajectory, keyframe_path.duration
+    edges = [0.0, *corners(trajectory).tolist(), total]
     if len(edges) == 2 and keyframe_path.is_from_rest_to_rest:
         return quickest(keyframe_path, limits, period, share=share, guess=guess)
-    parameters = begin + keyframe_path.times * rate
-    times, duration = np.zeros(len(parameters)), 0.0
+    times, duration = np.zeros(len(keyframe_path.times)), 0.0
     positions = PositionPath.held(keyframe_path.positions.first)
-    segments: list[PathSegment] = []
+    parts: list[Trajectory] = []
     for first, last in pairwise(edges):
-        at_first, at_last = (_moves(keyframe_path, (at - begin) / rate) for at in (first, last))
-        part = RestingPart(curve, first, last, moves=(at_first, at_last))
+        part = trajectory.restricted(first, last)
+        clock = RestingClock.of(part, (_moves(keyframe_path, first), _moves(keyframe_path, last)))
         path = KeyframePath(
-            PathSegment(part, 0.0, part.domain[1] / rate, rate),
-            _positions_of(keyframe_path, part, rate),
-            part.places(parameters) / rate,
+            clock.retimed(part),
+            _positions_of(keyframe_path, clock),
+            clock.times(keyframe_path.times),
         )
         quick = quickest(path, limits, period, share=share)
-        segments.append(quick.segment.shifted(duration))
+        parts.append(quick.trajectory.shifted(duration))
         positions = quick.positions.delayed(duration).after(positions)
         times += np.clip(quick.times, 0.0, quick.duration)
         duration += quick.duration
-    if len(segments) == 1:
+    if len(parts) == 1:
         return quick
-    whole = PathCurve(Path.joined(segments, positions).segments)
-    return KeyframePath(PathSegment(whole, 0.0, duration), positions, times)
+    return KeyframePath(Trajectory.joined(parts), positions, times)
 
 
 def _moves(keyframe_path: KeyframePath, time: float) -> bool:
@@ -218,17 +188,16 @@ def _moves(keyframe_path: KeyframePath, time: float) -> bool:
     return bool(np.any(keyframe_path.positions.state(time)[1]))
 
 
-def _positions_of(keyframe_path: KeyframePath, part: RestingPart, rate: float) -> PositionPath:
+def _positions_of(keyframe_path: KeyframePath, clock: RestingClock) -> PositionPath:
     """Return what the position does during a part of a path, on the clock of that part."""
     positions = keyframe_path.positions
     if positions.is_held:
         return positions
-    end = part.domain[1]
-    knots = part.places(part.origin + positions.breaks * rate)
-    fine = np.linspace(0.0, end, _PIECES + 1)
-    nodes = np.unique(np.concatenate([knots, part.knots, fine]))
+    end = clock.duration
+    knots = clock.times(np.concatenate([positions.breaks, clock.knots]))
+    nodes = np.unique(np.concatenate([knots, np.linspace(0.0, end, _PIECES + 1)]))
     nodes = nodes[np.append(np.diff(nodes) > _APART * end, True)]
     nodes[0] = 0.0
-    clock = _PartClock(part, rate, nodes / rate)
-    first, last = positions.sample(clock(clock.times[[0, -1]])[0])[0]
-    return replace(repositioned(positions, clock), first=first, last=last)
+    moved = repositioned(positions, clock, nodes)
+    first, last = positions.sample(clock(nodes[[0, -1]])[0])[0]
+    return replace(moved, first=first, last=last)

@@ -11,81 +11,80 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from orientd.curves import Trajectory
+from orientd.errors import PlanError
 from orientd.planner import refusal
 from orientd.planner.certify import Peaks, measure
 from orientd.planner.limits import STILL, Limits, is_still
 from orientd.planner.methods import Ends, build
-from orientd.planner.path import Motion3, Path, PathSegment, PositionPath, position_path
+from orientd.planner.path import Motion3, Path, PositionPath, position_path
 from orientd.planner.recorded import HISTORY
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.timing.timing import Indices
 from orientd.rotation import Floats
 
+_SAME = 1e-14  # of quaternions that are the same to rounding
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KeyframePath:
-    """A curve through the keyframes, its clock starting at 0.
+    """A trajectory through the keyframes, from path time 0 on.
 
     Attributes:
-        segment: the curve.
+        trajectory: the orientations.
         positions: what the position does.
         times: of all keyframes of the request, s.
         found: period, limits and peaks of the records from hold to hold, once these were looked at.
         stop_time: how long a certain stop takes where it is slowest, about, s; ``None`` where
             nobody looked.
+        is_turn: whether it is the quickest turn about one axis.
     """
 
-    segment: PathSegment
+    trajectory: Trajectory
     positions: PositionPath
     times: Floats
     found: tuple[float, Limits, Peaks] | None = None
     stop_time: float | None = None
+    is_turn: bool = False
 
     @property
     def duration(self) -> float:
         """From the first keyframe to the last, s."""
-        return self.segment.end
+        return self.trajectory.duration
 
     @property
     def continuity(self) -> int:
         """How many derivatives of the orientation are continuous."""
-        return self.segment.curve.continuity
-
-    @property
-    def is_plain(self) -> bool:
-        """Whether it is one curve run forwards from its beginning, at one position."""
-        segment = self.segment
-        return self.positions.is_held and segment.rate > 0.0 and not segment.skipped
+        return self.trajectory.continuity
 
     def has_acceleration_of(self, state: State, limits: Limits) -> bool:
         """Return whether it begins with the acceleration of *state*."""
-        alpha = self.segment.ends()[0].alpha_body
-        return is_still(np.zeros(3), alpha - state.alpha_body, limits.scaled(1e3))
+        _, _, alpha = self.trajectory.ends()
+        return is_still(np.zeros(3), alpha[0] - state.alpha_body, limits)
 
     @property
     def is_from_rest_to_rest(self) -> bool:
         """Whether neither end turns."""
-        return all(math.hypot(*state.omega_body.tolist()) <= STILL for state in self.segment.ends())
+        _, omega, _ = self.trajectory.ends()
+        return all(math.hypot(*one) <= STILL for one in omega.tolist())
 
     def held_ends(self, limits: Limits) -> tuple[bool, bool]:
         """Return whether the device may hold right before it, and right after it."""
-        start, end = self.segment.ends()
-        return (
-            is_still(start.omega_body, start.alpha_body, limits),
-            is_still(end.omega_body, end.alpha_body, limits),
-        )
+        _, omega, alpha = self.trajectory.ends()
+        first, last = (is_still(*rates, limits) for rates in zip(omega, alpha, strict=True))
+        return first, last
 
     def is_held_at_both_ends(self, limits: Limits) -> bool:
         """Return whether neither end needs a lead of its own."""
         return all(self.held_ends(limits))
 
     def slowed(self, duration: float) -> KeyframePath:
-        """Return the same curve taking *duration* seconds."""
+        """Return the same orientations taking *duration* seconds."""
         factor = duration / self.duration
         positions = self.positions if self.positions.is_held else self.positions.slowed(factor)
         return replace(
             self,
-            segment=self.segment.slowed(duration),
+            trajectory=self.trajectory.slowed(duration),
             positions=positions,
             times=self.times * factor,
             found=None,
@@ -107,13 +106,12 @@ class KeyframePath:
         self, path: Path, start: State, period: float, limits: Limits
     ) -> Peaks | None:
         """Return what was found on the records of *path* from a state on, if that is all of it."""
-        if self.found is None or len(path.segments) > 1 or not start.is_at_rest:
+        is_same = path.trajectory is self.trajectory and start.is_at_rest and start.before is None
+        if self.found is None or not is_same or self.found[:2] != (period, limits):
             return None
-        is_known = start.before is None and self.found[:2] == (period, limits)
         is_there = bool((start.position == self.positions.first).all())
-        is_same = path.segments[0].curve is self.segment.curve and path.duration == self.duration
-        q, first = start.q, path.first
-        return self.found[2] if is_known and is_there and is_same and (q == first).all() else None
+        is_here = float(np.abs(start.q - path.first).max()) < _SAME
+        return self.found[2] if is_here and is_there else None
 
     def record_count(self, period: float) -> int:
         """Return how many records a period apart it has."""
@@ -139,7 +137,7 @@ class KeyframePath:
         def setpoints(begin: int, size: int) -> tuple[Floats, Floats]:
             indices = np.arange(first + begin, first + begin + size, dtype=np.float64)
             times = np.minimum(period * indices, self.duration)
-            q = np.concatenate(self.segment.sample(times), axis=1)
+            q = self.trajectory.rows(times, np.empty((10, size))).T
             if self.positions.is_held:
                 return q, self.positions.first[None]
             return q, self.positions.sample(times)[0]
@@ -197,12 +195,13 @@ class PathRequest:
         times[-1] = duration
         keys, turns = self.request.keys[self.kept], self.request.turns[self.kept]
         curve = build(self.request, keys, times[self.kept], turns, self.ends)
-        first, last = curve.domain
-        return KeyframePath(
-            PathSegment(curve, 0.0, duration, rate=(last - first) / duration),
-            self._position_path(times[self.kept]),
-            times,
-        )
+        try:
+            trajectory = curve.trajectory
+        except ValueError as error:
+            raise PlanError(f"{self.request.method} has no smooth curve here: {error}") from error
+        if trajectory.domain != (0.0, duration):
+            trajectory = trajectory.shifted(-trajectory.domain[0]).slowed(duration)
+        return KeyframePath(trajectory, self._position_path(times[self.kept]), times)
 
     def _position_path(self, times: Floats) -> PositionPath:
         positions = self._positions()

@@ -16,7 +16,6 @@ from orientd.planner.certify import limit_table
 from orientd.planner.limits import Limits
 from orientd.planner.request import DEFAULT_METHOD
 from orientd.planner.timing.candidate_path import PathRequest
-from orientd.planner.timing.profile import pieces_of
 from orientd.rotation import Floats, align, angle, between
 
 MOST_KEYFRAMES = 100
@@ -25,12 +24,13 @@ MOST_KEYFRAMES = 100
 _MOST_DESCENDED = 12
 """For which the slope of the duration is looked at, which takes a curve for each of them."""
 _DESCENTS = 2
+_PIECES, _FEWEST = 10, 100  # elements of an interval and of all, as time_quickest begins with
 _SAME_AXIS = 1e-6  # of the length, across the first axis; more than for one turn at once
 
 
 def with_chosen_times(
     path_request: PathRequest, duration: float, limits: Limits
-) -> tuple[PathRequest, tuple[Floats, Floats]] | None:
+) -> tuple[PathRequest, Floats] | None:
     """Return a path request with the times of the quickest way that is found.
 
     Its curve leaves rest with an acceleration, since the pace along it is yet to be found.
@@ -41,9 +41,10 @@ def with_chosen_times(
         limits: to keep, with what is kept in reserve.
 
     Returns:
-        The path request, and coefficients and shares of a profile to begin with on the curve of
-        that duration; ``None`` where other times are not tried: where the method is another one,
-        where a position moves, whole turns are made, all is one turn, or nothing limits the jerk.
+        The path request, and a first profile on the curve of that duration, its coefficients and
+        utilisation, shape ``(4, n + 2)``; ``None`` where other times are not tried: where the
+        method is another one, where a position moves, whole turns are made, all is one turn, or
+        nothing limits the jerk.
     """
     request, kept = path_request.request, path_request.kept
     if not (
@@ -61,26 +62,23 @@ def with_chosen_times(
     if _is_about_one_axis(keys):
         return None
     count = len(keys) - 1
-    pieces = pieces_of(count)
-    chosen, coefficients = np.empty(count + 1), np.empty(count * pieces + 2)
-    shares = np.empty((3, count * pieces))
+    elements = count * max(_PIECES, math.ceil(_FEWEST / count))
+    chosen, profile = np.empty(count + 1), np.empty((4, elements + 2))
     descents = _DESCENTS if len(keys) <= _MOST_DESCENDED else 0
     if not kernels.choose_knots(
         keys,
         angle(keys[:-1], keys[1:]),
         limit_table(limits),
         duration,
-        pieces,
         descents,
         chosen,
-        coefficients,
-        shares,
+        profile,
     ):
         return None
     # Keyframes that are passed as one have one time.
     times = np.interp(path_request.times, path_request.times[kept], chosen)
     ends = replace(path_request.ends, leaves_freely=True)
-    return replace(path_request, times=times, ends=ends), (coefficients, shares)
+    return replace(path_request, times=times, ends=ends), profile
 
 
 def _is_about_one_axis(keys: Floats) -> bool:

@@ -3,58 +3,84 @@
 The limits are Bobrow's, of velocity, acceleration and jerk of a motion along a given path (Bobrow,
 Dubowsky and Gibson 1985; Pham and Pham 2018 for what is usual today), here as norms and components
 of vectors of the rotation group, where omega and alpha are as linear in the derivatives of the
-parameter as on any other path.  :mod:`orientd.planner.timing.profile` finds the speed on elements
-of the path, first on wide ones and then on narrower ones where the acceleration changes quickly.
+parameter as on any other path.  The squared path velocity is found on a mesh that is narrow where
+it changes quickly; ``orientd/kernels/c/timing.h`` and ``profile.h`` say how.
 """
 
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orientd.curves import Retimed
+from orientd.curves import TimeMap
 from orientd.errors import PlanError
+from orientd.kernels import time_quickest
 from orientd.planner import refusal
-from orientd.planner.certify import before, measure_path
+from orientd.planner.certify import before, limit_table, measure_path
 from orientd.planner.limits import Limits
-from orientd.planner.path import Path, PathSegment, repositioned
+from orientd.planner.path import Path, repositioned
 from orientd.planner.request import State
 from orientd.planner.timing.axis_turn import SHARE, VELOCITY_SHARE, turned_at_once
 from orientd.planner.timing.candidate_path import KeyframePath
-from orientd.planner.timing.profile import MOST_ELEMENTS, Elements, PathRates, Profile
+from orientd.planner.timing.geometry import Geometry
 from orientd.rotation import Floats
 from orientd.tolerances import GUARD_TOLERANCE
 
-_GAPS = 0.03, 0.003, 5e-4, 3e-4  # share of the duration that a round may cost
-_FEWEST_ROUNDS, _MOST_ROUNDS = 2, 6  # of ever narrower elements
-_BUDGET = 420, 5  # elements of all rounds together, and of these for each interval between knots
-_DIPS = 4  # attempts to have no squared rate below zero between the nodes
 _ATTEMPTS = 5  # to get below the limits where they are exceeded between the places
 _PACE_POWER = 1.3  # about: ends that move keep their own pace
 _MOST_PACES = 16  # to try until one takes a given duration
 _NEARLY = 0.994  # of a duration that was asked for: the rest slows the path down inside
 _ABOVE = 1.00005
-_BELOW = 1.0003
-_DRAWN_BY = 3.0  # cycles on either side of a step that it is seen in
 _SLIGHT = 1.01  # times a limit that a path slowed down by as much keeps without another look
-_FEW = 300  # elements, of which another round costs little
-_MANY = 2000  # elements, of which it costs too much
-_BEYOND = 1.0003  # share of a limit that is worth it
-_FAR_BEYOND = 1.003  # where it costs more
 _ROOTS = np.array([1.0, 1 / 2, 1 / 3])  # of shares of velocity, acceleration and jerk, for a pace
 _WHOLE = 1e-9  # of a period
+_SAME = 1e-9  # of a duration
 
+# Rows of a profile, see timing.h.
+_COEFFICIENTS, _SHARES, _AIMS, _PLACES, _VALUES, _SLOPES, _TIMES, _ROWS = 0, 1, 4, 7, 8, 9, 10, 11
+_PART = 7  # numbers of a part
 
-FirstProfile = tuple[Floats, Floats]
-"""Coefficients of a profile on the first elements of a path, and shares of limits that it uses."""
+FirstProfile = Floats
+"""Coefficients of a profile on the first mesh of a path and its utilisation, ``(4, n + 2)``."""
+
+_NOTHING: Floats = np.empty((0, 0))
 
 
 def aimed_at(limits: Limits, share: float = SHARE) -> Limits:
     """Return the limits that the quickest timing uses, with *share* of acceleration and jerk."""
     return limits.with_reserve(share).times(velocity=VELOCITY_SHARE, linear_velocity=VELOCITY_SHARE)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profile:
+    """The squared path velocity on a mesh of *n* elements, a quadratic spline.
+
+    Attributes:
+        rows: as ``orientd/kernels/c/timing.h`` has them, shape ``(11, n + 2)``, read only.
+        leaves: lengths over which the path leaves rest, shape ``(2,)``.
+        moves: whether the path moves at its start and at its end.
+    """
+
+    rows: Floats
+    leaves: Floats
+    moves: tuple[bool, bool]
+
+    @property
+    def duration(self) -> float:
+        """How long the path takes, s."""
+        return float(self.rows[_TIMES, -2])
+
+    @property
+    def shares(self) -> Floats:
+        """The largest utilisation of velocity, acceleration and jerk in each element, (3, n)."""
+        return self.rows[_SHARES:_AIMS, :-2]
+
+    def clock(self) -> TimeMap:
+        """Return the path time by time."""
+        places, values, slopes = self.rows[_PLACES:_TIMES, :-1]
+        return TimeMap(places, values, slopes, self.leaves)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,6 +92,69 @@ class QuickPath(KeyframePath):
     """
 
     profile: Profile | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Problem:
+    """A path to be timed, and what is limited along it.
+
+    Attributes:
+        geometry: of the path.
+        limits: to aim at.
+        period: of the device, s.
+        share: of the limits of acceleration and jerk that is used.
+    """
+
+    geometry: Geometry
+    limits: Limits
+    period: float
+    share: float
+
+    @classmethod
+    def of(cls, path: KeyframePath, limits: Limits, period: float, share: float) -> _Problem:
+        return cls(Geometry.of(path), aimed_at(limits, share), period, share)
+
+    def solved(
+        self,
+        known: Floats | None = None,
+        *,
+        excess: float = 1.0,
+        slower: float = 1.0,
+        total: float = 0.0,
+    ) -> Profile:
+        """Return the quickest profile.
+
+        Args:
+            known: the first profile, or the rows of one to be improved on its own mesh; ``None``
+                searches on ever narrower meshes from a guess on.
+            excess: by how much slower to be everywhere.
+            slower: by how much slower to be where no end that moves is near; the coefficients of
+                the known profile are not used then.
+            total: how long to take, s, if that is a little longer; 0 for the shortest time.
+
+        Raises:
+            PlanError: there is none.
+        """
+        found = time_quickest(
+            *self.geometry.orientation,
+            self.geometry.ends,
+            False,  # ends keep the velocity that they have
+            *self.geometry.moves,
+            limit_table(self.limits),
+            np.array([self.limits.linear_velocity, self.limits.linear_acceleration]),
+            self.share / GUARD_TOLERANCE,
+            self.period,
+            total,
+            _NOTHING if known is None else known,
+            excess,
+            slower,
+        )
+        if isinstance(found, bool):
+            why = "it would have to stand still on the way" if found else "the limits leave no way"
+            raise PlanError(f"no quickest timing was found: {why}")
+        rows = np.frombuffer(found[0]).reshape(_ROWS, -1)
+        (part,) = np.frombuffer(found[1]).reshape(-1, _PART)
+        return Profile(rows, part[1:3], (bool(part[3]), bool(part[4])))
 
 
 def quickest(
@@ -96,23 +185,12 @@ def quickest(
     turn = turned_at_once(keyframe_path, limits, share) if guess is None else None
     if turn is not None:
         return turn
-    rates = PathRates.of(keyframe_path, aimed_at(limits, share))
+    problem = _Problem.of(keyframe_path, limits, period, share)
     if isinstance(guess, Profile):
-        profile = rates.profile(guess.elements, guess.coefficients, _GAPS[-1], 10.0 * _GAPS[-1])
+        profile = problem.solved(guess.rows)
     else:
-        profile = _found(rates, guess if share == SHARE else None, share, period)
-    beyond, size = float(profile.shares.max()), len(profile.coefficients)
-    if size < _MANY and beyond > (_BEYOND if size < _FEW else _FAR_BEYOND):
-        elements = profile.elements.aiming_lower(profile.shares)
-        with suppress(PlanError):
-            profile = rates.profile(elements, profile.coefficients, _GAPS[-1], 10.0 * _GAPS[-1])
-    for _ in range(_DIPS):
-        if not profile.dips.any():
-            break
-        profile = rates.profile(*profile.lifted(), _GAPS[-1])
-    if profile.dips.any():
-        raise PlanError("no quickest timing was found: it would have to stand still on the way")
-    return _kept(keyframe_path, rates, profile, limits, period)
+        profile = problem.solved(guess if share == SHARE else None)
+    return _kept(keyframe_path, problem, profile, limits, period)
 
 
 def lasting(
@@ -134,114 +212,52 @@ def lasting(
     Raises:
         PlanError: no such timing was found.
     """
-    rates = PathRates.of(keyframe_path, aimed_at(limits))
-    if not isinstance(quick, QuickPath) or quick.profile is None or not any(rates.moves):
+    known = quick.profile if isinstance(quick, QuickPath) else None
+    if known is None or not any(known.moves):
         return quick.in_total(total)
     refusal.check_total(total, quick.duration)
-    profile, elements, slower = quick.profile, quick.profile.elements, 1.0
+    problem, excess, slower = _Problem.of(keyframe_path, limits, period, SHARE), 1.0, 1.0
     for _ in range(_MOST_PACES):
-        took = float(profile.clock().times[-1])
-        if _NEARLY * total <= took <= total:
-            retimed = _retimed(keyframe_path, profile.lasting(total, rates.moves))
-            retimed = replace(retimed, segment=replace(retimed.segment, end=total))
-            retimed, excess = _looked_at(retimed, limits, period, rates.moves)
-            if excess <= 1.0:
+        profile = problem.solved(known.rows, excess=excess, slower=slower, total=total)
+        if abs(profile.duration - total) <= _SAME * total:
+            retimed, over = _looked_at(
+                _retimed(keyframe_path, profile, total), limits, period, known.moves
+            )
+            if over <= 1.0:
                 return retimed
-            elements = elements.aiming_lower(profile.shares, max(excess, _ABOVE))
+            excess *= max(over, _ABOVE)
         else:
-            slower *= (0.5 * (1.0 + _NEARLY) * total / took) ** _PACE_POWER
-        # What is quick is far from what is slow: the search begins anew.
-        inside = elements.slower_inside(slower, rates.moves)
-        profile = rates.profile(inside, rates.guess(inside), _GAPS[-1])
+            slower *= (0.5 * (1.0 + _NEARLY) * total / profile.duration) ** _PACE_POWER
     raise PlanError(f"no timing of {total:g} s was found that keeps the velocities at the ends")
 
 
-def _found(rates: PathRates, guess: FirstProfile | None, share: float, period: float) -> Profile:
-    """Return the quickest profile that is found on ever narrower elements."""
-    elements = Elements.first(rates.path, rates)
-    coefficients = rates.guess(elements) if guess is None else guess[0]
-    count, most = 0, _BUDGET[0] + _BUDGET[1] * (len(rates.knots) - 1)
-    for round_ in range(_MOST_ROUNDS):
-        gap = _GAPS[min(round_, len(_GAPS) - 1)]
-        try:
-            if guess is not None and not round_:
-                profile = Profile(elements, *guess, rates.leaves)
-            else:
-                begin = 10.0 * gap if round_ else 1.0
-                profile = rates.profile(elements, coefficients, gap, begin)
-        except PlanError:
-            if not round_:
-                raise
-            break
-        count += len(elements.aims[0])
-        if round_ + 1 >= _FEWEST_ROUNDS and count >= most:
-            break
-        is_fine = len(elements.aims[0]) >= MOST_ELEMENTS
-        pieces = None if is_fine else profile.pieces(rates, period)
-        if pieces is None and gap == _GAPS[-1]:
-            break
-        if round_:
-            lower = _less_at_steps(rates, profile, share, period)
-            if lower is not None:
-                np.maximum(profile.elements.aims[2], lower, out=profile.elements.aims[2])
-        elements, coefficients = profile.narrowed(pieces)
-    return profile
-
-
-def _less_at_steps(
-    rates: PathRates, profile: Profile, share: float, period: float
-) -> Floats | None:
-    """Return by what to divide the limits of the jerk in each element; ``None`` for nothing.
-
-    Where the jerk has a step between two records, what a servo draws there has up to a 192nd of the
-    step more, as a cubic that has place and velocity in common with the motion at both.  There is
-    room for less of it above the share of the limits that is used.
-    """
-    over = (1.0 + rates.jerk_steps(profile) / 192.0) * _BELOW * share / GUARD_TOLERANCE
-    steps = np.flatnonzero(over > 1.0)
-    if not len(steps):
-        return None
-    times, less = profile.clock().times, np.ones(len(over))
-    at = times[steps + 1]
-    begins = np.searchsorted(times, at - _DRAWN_BY * period, side="right") - 1
-    ends = np.searchsorted(times, at + _DRAWN_BY * period)
-    for begin, end, most in zip(np.maximum(begins, 0), ends, over[steps], strict=True):
-        less[begin:end] = np.maximum(less[begin:end], most)
-    return less
-
-
 def _kept(
-    keyframe_path: KeyframePath, rates: PathRates, profile: Profile, limits: Limits, period: float
+    keyframe_path: KeyframePath, problem: _Problem, profile: Profile, limits: Limits, period: float
 ) -> KeyframePath:
     """Return the path at the speed of a profile, or as much slower as its records need it.
 
     Raises:
         PlanError: they keep the limits at no such speed.
     """
+    moves, excess = profile.moves, math.inf
     # Where nothing moves at the ends the same pace, a little slower, mends a little too much.
-    slower = 1.0 if any(rates.moves) else float(np.max(profile.shares.max(1) ** _ROOTS))
-    excess = math.inf
+    slower = 1.0 if any(moves) else float(np.max(profile.shares.max(1) ** _ROOTS))
     for _ in range(_ATTEMPTS):
-        if rates.moves[1]:
-            # What goes on from there begins at a record.
-            cycles = math.ceil(float(profile.clock().times[-1]) / period - _WHOLE)
-            profile = profile.lasting(cycles * period, rates.moves)
-        quick = _retimed(keyframe_path, profile)
-        if rates.moves[1]:
-            quick = replace(quick, segment=replace(quick.segment, end=cycles * period))
+        # What goes on from an end that moves begins at a record.
+        duration = period * round(profile.duration / period) if moves[1] else profile.duration
+        quick = _retimed(keyframe_path, profile, duration)
         if slower > 1.0:
             quick = quick.slowed(quick.duration * slower)
         refusal.check_duration(quick.duration)
-        quick, excess = _looked_at(quick, limits, period, rates.moves)
+        quick, excess = _looked_at(quick, limits, period, moves)
         if excess <= 1.0:
             return quick
-        if excess <= _SLIGHT and not any(rates.moves):
+        if excess <= _SLIGHT and not any(moves):
             # So much slower it is below them; the certificate looks at what it becomes part of.
             slow = quick.slowed(quick.duration * excess * _ABOVE)
             return replace(slow, stop_time=quick.stop_time)
-        if any(rates.moves):
-            elements = profile.elements.aiming_lower(profile.shares, max(excess, _ABOVE))
-            profile = rates.profile(elements, profile.coefficients, _GAPS[-1], 10.0 * _GAPS[-1])
+        if any(moves):
+            profile = problem.solved(profile.rows, excess=max(excess, _ABOVE))
         else:
             slower = max(slower, 1.0) * excess * _ABOVE
     raise PlanError(f"no quickest timing keeps the limits, by a factor of {excess:g}")
@@ -256,7 +272,7 @@ def _looked_at(
         last = math.floor(path.duration / period + _WHOLE) if moves[1] else None
         peaks = path.peaks(period, limits, last=last)
     else:
-        whole = Path.joined([path.segment], path.positions)
+        whole = Path.joined([path.trajectory], path.positions)
         peaks = measure_path(
             whole,
             math.ceil(path.duration / period - _WHOLE) + 1,
@@ -280,15 +296,14 @@ def _looked_at(
     return path, excess
 
 
-def _retimed(keyframe_path: KeyframePath, profile: Profile) -> KeyframePath:
-    """Return the keyframe path at the speed of a profile."""
-    segment = keyframe_path.segment
+def _retimed(keyframe_path: KeyframePath, profile: Profile, duration: float) -> KeyframePath:
+    """Return the keyframe path at the speed of a profile, which takes *duration* seconds."""
     clock = profile.clock()
-    warp = replace(clock, first=segment.curve.domain[0], scale=segment.rate)
-    duration = float(clock.times[-1])
-    return QuickPath(
-        PathSegment(Retimed(segment.curve, warp), 0.0, duration),
-        repositioned(keyframe_path.positions, clock),
+    quick = QuickPath(
+        clock.retimed(keyframe_path.trajectory),
+        repositioned(keyframe_path.positions, clock, clock.times),
         clock.times_of(keyframe_path.times),
         profile=profile,
     )
+    # But for rounding it takes that long already.
+    return quick if quick.duration == duration else quick.slowed(duration)

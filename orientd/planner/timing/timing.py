@@ -18,11 +18,9 @@ from typing import Any
 import numpy as np
 
 from orientd.errors import PlanError, RequestError
-from orientd.planner.certify import OFF_GRID, Peaks
 from orientd.planner.limits import LONGEST, Limits
 from orientd.planner.request import MotionRequest
 from orientd.rotation import Floats, angle
-from orientd.tolerances import GUARD_TOLERANCE
 
 LONGER = 1.02
 """What an attempt returns where the rates are not known: how much longer to try."""
@@ -200,29 +198,6 @@ def radians_per_metre(limits: Limits) -> float:
         return 1.0
     # Finite, as it is multiplied by no way at all, too.
     return min(limits.velocity / limits.linear_velocity, sys.float_info.max)
-
-
-def excess(peaks: Peaks, continuity: int) -> float:
-    """Return by which factor a motion should take longer to just keep its limits.
-
-    A motion made *f* times as slow turns *f* times as slowly, with accelerations :math:`f^2` and
-    jerks :math:`f^3` times as small; jerks of a curve whose acceleration has steps are steps over a
-    period, which shrink with :math:`f^2`.
-
-    Args:
-        peaks: of the motion.
-        continuity: of the curve.
-    """
-    bend, twist = OFF_GRID[continuity]
-    spins, bends, twists = (share / GUARD_TOLERANCE for share in peaks.drawn)
-    return max(
-        peaks.spins,
-        spins,
-        math.sqrt(max(bend * peaks.bends, bends)),
-        (math.cbrt if continuity >= 2 else math.sqrt)(max(twist * peaks.twists, twists)),
-        peaks.linear_velocity.ratio,
-        math.sqrt(peaks.linear_acceleration.ratio),
-    )
 
 
 def shortest(

@@ -28,11 +28,7 @@ from typing import NamedTuple
 
 from orientd.driver import Vector3
 from orientd.servo.double_s import first_change
-from orientd.servo.path.path_point import PathPoint
 from orientd.stream import JointShares, ServoLimits
-
-FASTEST = 1.02
-"""Largest rate with which a sharp bend of the path is met."""
 
 _LEAST_RELEASE = 0.3
 _MOST_BENT = 0.9999  # of a joint's acceleration; with more a stop would take for ever
@@ -204,37 +200,6 @@ def nearest(
         if low <= high:
             return min(max(wanted, low), high)
     return None
-
-
-def eased(
-    past: Past, omega: Vector3, velocity: Vector3, path: PathPoint, rate: float,
-    servo_limits: ServoLimits, period: float,
-) -> float | None:  # fmt: skip
-    """Return the rate nearest to one that would break a limit, or ``None`` if there is none.
-
-    It may be a little above 1: a device that slows down on its path as much as it may does so less
-    if it goes along it faster.
-
-    Args:
-        past: the cycle before.
-        omega: angular velocity of the step that the rate leads to, rad/s.
-        velocity: of the position in that step, m/s.
-        path: the point that it leads to.
-        rate: that would break a limit.
-        servo_limits: the limits.
-        period: of a cycle, s.
-    """
-    (a, b, c), (x, y, z) = omega, path.omega_body
-    bend = (a - x * rate, b - y * rate, c - z * rate)
-    (a, b, c), (u, v, w) = velocity, path.velocity
-    shift = (a - u * rate, b - v * rate, c - w * rate)
-    ahead = Ahead(path.omega_body, bend, path.velocity, shift)
-    low, high = allowed(past, ahead, servo_limits, period, 1.0, 1.0)
-    fastest = FASTEST
-    if servo_limits.joint_shares.velocity * FASTEST > 1.0:
-        fastest = max(1.0 / servo_limits.joint_shares.velocity, 1.0)
-    low, high = max(low, 0.0), min(high, fastest)
-    return min(max(rate, low), high) if low <= high else None
 
 
 def _ball(

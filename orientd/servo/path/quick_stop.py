@@ -74,7 +74,7 @@ class QuickStop:
             self._roll_out(servo_limits, may_end=may_end)
         if self._rates:
             rate = self._rates.pop()
-            scaling.lead(rate, is_last=rate == 0.0 and not self._rates)
+            scaling.override(rate, is_last=rate == 0.0 and not self._rates)
         else:
             scaling.advance()
         self._moves = scaling.moves

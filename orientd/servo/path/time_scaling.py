@@ -21,7 +21,7 @@ class TimeScaling:
         rate: present rate; 1 is as planned.
         acceleration: its derivative over the last cycle, 1/s.
         target: the rate it is moving to.
-        is_led: whether another law moves it; see :mod:`orientd.servo.path.brake_law`.
+        is_overridden: whether another law moves it; see :mod:`orientd.servo.path.quick_stop`.
         moves: how often it has been moved, begun or halted.
         braking_cycles: number of path records that a stop from any rate can still use up.
     """
@@ -32,7 +32,7 @@ class TimeScaling:
         self.rate = 0.0
         self.acceleration = 0.0
         self.target = 0.0
-        self.is_led = False
+        self.is_overridden = False
         self.moves = 0
         self.braking_cycles = 0
         self._largest_acceleration = 0.0
@@ -49,26 +49,20 @@ class TimeScaling:
         self.target = target
         self.rate = target
         self.acceleration = 0.0
-        self.is_led = False
+        self.is_overridden = False
         self.moves += 1
 
     def halt(self) -> None:
         """Stand still at once: the path has ended, or nothing runs along it any more."""
         self.rate = self.acceleration = self.target = 0.0
-        self.is_led = False
+        self.is_overridden = False
         self.moves += 1
 
-    def lead(self, rate: float, *, is_last: bool = False) -> None:
+    def override(self, rate: float, *, is_last: bool = False) -> None:
         """Take a rate of another law's, which is responsible for the limits until its last one."""
         self.acceleration = (rate - self.rate) / self.period if rate > 0.0 else 0.0
         self.rate = rate
-        self.is_led = not is_last
-        self.moves += 1
-
-    def ease(self, rate: float) -> None:
-        """Take another rate for the cycle that :meth:`advance` has moved by, and go on from it."""
-        self.acceleration += (rate - self.rate) / self.period
-        self.rate = rate
+        self.is_overridden = not is_last
         self.moves += 1
 
     @property

@@ -39,8 +39,7 @@ def evenly_paced(q):
     """Return the part of an even motion between its keyframes, from rest to rest."""
     request = MotionRequest([Keyframe(tuple(key)) for key in q], pace="even")
     start = State.at_rest(request.keys[0])
-    (segment,) = plan(request, start=start, limits=DEFAULT_LIMITS, period=0.002).path.segments
-    return segment
+    return plan(request, start=start, limits=DEFAULT_LIMITS, period=0.002).path.trajectory
 
 
 def least_duration(segment, limits, nodes):
@@ -49,7 +48,7 @@ def least_duration(segment, limits, nodes):
     h = s[1] - s[0]
     # Jerk between the nodes, everything else at them.
     middle = 0.5 * (s[1:] + s[:-1])
-    end = segment.end
+    end = segment.duration
     _, w, a = segment.sample(end * s)
     _, wm, am = segment.sample(end * middle)
     w, wm, a, am = w * end, wm * end, a * end**2, am * end**2

@@ -59,7 +59,7 @@ def test_a_circle_through_keyframes_that_are_the_same_is_refused(random_keys, fi
         BLENDING(keys=keys, times="uniform")
 
 
-def test_the_shoulder_points_of_the_reference_are_found(golden):
+def test_the_inner_points_of_the_reference_are_found(golden):
     for name in ("nielson_shieh_M1", "nielson_shieh_explicit_M1"):
         case = golden(name)
         curve = ARCS(**case["params"])
@@ -67,7 +67,7 @@ def test_the_shoulder_points_of_the_reference_are_found(golden):
         assert np.abs(curve.weights - case["aux"]["w"]).max() < 1e-7
 
 
-def test_shoulder_points_are_on_both_tangent_planes_and_one_line(random_keys):
+def test_inner_points_are_on_both_tangent_planes_and_one_line(random_keys):
     keys = random_keys(6)
     m = ARCS(keys=keys, times="uniform", require_positive=False).shoulders
     assert np.abs(np.sum(m * keys[:-1], axis=1) - 1.0).max() < 1e-12
@@ -95,7 +95,7 @@ def test_keyframes_that_leave_no_first_tangent_are_said_to(random_keys):
 
 
 @pytest.mark.parametrize("criterion", [13, 14])
-def test_no_random_first_shoulder_is_better_than_the_one_found(random_keys, criterion):
+def test_no_random_first_inner_point_is_better_than_the_one_found(random_keys, criterion):
     keys = random_keys(5, 0.8, seed=4)
 
     def cost(m):
@@ -148,7 +148,7 @@ def test_neighbours_that_are_the_same_are_refused(random_keys):
         ARCS(keys=keys, times="uniform")
 
 
-def test_a_shoulder_given_for_the_other_signs_is_the_same_shoulder(random_keys):
+def test_an_inner_point_given_for_the_other_signs_is_the_same_point(random_keys):
     keys = random_keys(4)
     m = 1.3 * slerp(keys[0], keys[1], 0.4) + 0.1
     one, other = ARCS(keys=keys, times="uniform", M1=m), ARCS(keys=-keys, times="uniform", M1=m)

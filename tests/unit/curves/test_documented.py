@@ -26,4 +26,4 @@ def test_a_family_names_its_source_and_what_it_is(name):
 @pytest.mark.parametrize("name", METHODS)
 def test_a_module_of_a_family_can_be_read_in_one_sitting(name):
     source = inspect.getsource(inspect.getmodule(METHODS[name]))
-    assert len(source.splitlines()) <= 300
+    assert len(source.splitlines()) <= 650

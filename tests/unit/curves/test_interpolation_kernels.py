@@ -10,108 +10,9 @@ from orientd import kernels
 from orientd.curves import METHODS
 from orientd.curves.construct.banded import solve_banded
 from orientd.curves.construct.basis import cumulative_basis
-from orientd.curves.construct.interpolation import KeyframeEquations
-from orientd.rotation import align, between, exp_half, log_half
-
-COUNT = 100
-"""Keyframes: more than a strand of the kernel has rows."""
-
-
-def equations_and_increments(start="natural", end="natural", step=0.5, seed=0):
-    """Equations of a spline over uneven intervals, and increments that do not solve them."""
-    rng = np.random.default_rng(seed)
-    begun = rng.uniform([0.6, 0.05], [0.9, 0.3], (COUNT, 2))
-    begun[0] = (1, 0) if start == "state" else (0, 0)
-    begun[-1] = (1, 0) if end == "state" else (1, 1)
-    known = {"natural": 0, "clamped": 1, "state": 2}
-    equations = KeyframeEquations(
-        steps=step * rng.normal(size=(COUNT - 1, 3)),
-        begun=begun,
-        heads=step * rng.normal(size=(known[start], 3)),
-        tails=step * rng.normal(size=(known[end], 3)),
-        start_ratio=0.4,
-        end_ratio=0.7,
-    )
-    return equations, step * rng.normal(size=(COUNT - 1, 3))
-
-
-def reference(equations, unknown, scale):
-    """The whole Jacobian and the errors, from the factors of each row one by one."""
-    rows = len(unknown)
-    heads, tails = scale * equations.heads, scale * equations.tails[::-1]
-    first, last = max(1, len(heads)), max(1, len(tails))
-    increments = np.concatenate(
-        [
-            heads if len(heads) else equations.start_ratio * unknown[:1],
-            unknown,
-            tails if len(tails) else equations.end_ratio * unknown[-1:],
-        ]
-    )
-    jacobian, errors = np.zeros((rows, 3, len(increments), 3)), np.empty((rows, 3))
-    for i in range(rows):
-        middle = i + first
-        (a, b), (c, d) = equations.begun[i : i + 2]
-        index, share = [middle, middle - 1, middle, middle + 1], [-b, 1.0 - a, c, d]
-        if i == 0 and first == 2:
-            index, share = [0, 1, *index], [1.0, 1.0, *share]
-        if i == rows - 1 and last == 2:
-            index, share = [*index, middle + 1, middle + 2], [*share, 1.0, 1.0]
-        target = exp_half(scale * equations.steps[i : i + 1])
-        derivatives, error = keyframe_equations(
-            increments, np.array([index]), np.array([share]), target
-        )
-        errors[i] = error[0]
-        for f, j in enumerate(index):
-            jacobian[i, :, j] += derivatives[0, :, 3 * f : 3 * f + 3]
-    if not len(heads):
-        jacobian[:, :, 1] += equations.start_ratio * jacobian[:, :, 0]
-    if not len(tails):
-        jacobian[:, :, -2] += equations.end_ratio * jacobian[:, :, -1]
-    free = jacobian[:, :, first : len(increments) - last]
-    return free, errors
-
+from orientd.rotation import align, between, log_half
 
 ENDS = ["natural", "clamped", "state"]
-
-
-@pytest.mark.parametrize("start", ENDS)
-@pytest.mark.parametrize("end", ENDS)
-@pytest.mark.parametrize(("step", "scale"), [(1e-6, 1.0), (0.4, 1.0), (0.8, 0.3)])
-def test_a_correction_is_a_newton_step_of_the_rows_it_is_for(start, end, step, scale):
-    equations, unknown = equations_and_increments(start, end, step)
-    jacobian, errors = reference(equations, unknown, scale)
-    everything = np.arange(COUNT - 1)
-    for rows in (everything, everything[5:9], np.array([0, 1, 2, 7, 8, 20, COUNT - 2])):
-        part = jacobian[rows][:, :, rows]
-        part *= np.abs(rows[:, None] - rows)[:, None, :, None] <= 1
-        expected = np.linalg.solve(part.reshape(3 * len(rows), -1), -errors[rows].ravel()).reshape(
-            -1, 3
-        )
-        found = equations.correction(unknown, scale, rows)
-        assert np.abs(found - expected).max() <= 1e-12 * np.abs(expected).max()
-        gaps = equations.errors(unknown, scale, rows) - errors[rows]
-        # The last one is seen before the increments that are known at the end.
-        assert np.abs(gaps[rows < COUNT - 2 if end == "state" else rows >= 0]).max() <= 3e-15
-
-
-def test_a_correction_can_cancel_errors_of_ones_own():
-    equations, unknown = equations_and_increments()
-    rows = np.arange(3, 30)
-    errors = equations.errors(unknown, 0.7, rows)
-    expected = equations.correction(unknown, 0.7, rows)
-    assert np.array_equal(equations.correction(unknown, 0.7, rows, errors), expected)
-
-
-def test_a_correction_of_what_is_not_a_number_is_not_one():
-    equations, unknown = equations_and_increments()
-    unknown[7, 1] = np.nan
-    assert not np.isfinite(equations.correction(unknown, 1.0, np.arange(COUNT - 1))).all()
-
-
-def test_increments_that_are_not_numbers_are_not_found():
-    equations, _ = equations_and_increments()
-    equations.steps[3, 0] = np.nan
-    assert equations.find(np.empty_like(equations.steps), 0) == 0
 
 
 @pytest.mark.parametrize("lower", [0, 1, 4])
@@ -236,10 +137,6 @@ def test_shapes_that_do_not_belong_together_are_refused():
     keys, steps = np.zeros((5, 4)), np.zeros((5, 3))
     with pytest.raises(ValueError, match="shapes"):
         kernels.put_steps(keys, steps)
-    equations, unknown = equations_and_increments()
-    for rows in ([0, COUNT - 1], [-1, 0], [2, 2], [3, 2]):
-        with pytest.raises(ValueError, match="shapes"):
-            equations.correction(unknown, 1.0, np.array(rows))
     with pytest.raises(ValueError, match="shapes"):
         kernels.solve_banded(np.ones((3, 4)), 1, 1, np.ones((3, 1)))
 

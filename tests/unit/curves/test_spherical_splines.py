@@ -5,50 +5,52 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from orientd.curves import METHODS
-from orientd.curves.construct.shoulder_chain import ShoulderChain
+from orientd.curves.inner_points import best_first_point, criterion_values
+from orientd.curves.sphere import slerp_jacobians
 from orientd.errors import PlanError
-from orientd.rotation import angle, exp_half, multiply, normalize, slerp
+from orientd.rotation import angle, conjugate, exp_half, log_half, multiply, normalize, slerp
 
 QUADRATIC, HEILAND = METHODS["spherical_quadratic"], METHODS["nielson_heiland"]
 
 
-def test_shoulders_of_equal_intervals_are_reflections_in_the_keyframes(random_keys):
+def test_inner_points_of_equal_intervals_are_reflections_in_the_keyframes(random_keys):
     keys = random_keys(6)
     m = QUADRATIC(keys=keys, times="uniform").shoulders
     reflected = 2.0 * np.sum(m[:-1] * keys[1:-1], axis=1, keepdims=True) * keys[1:-1] - m[:-1]
     assert np.abs(m[1:] - reflected).max() < 1e-13
 
 
-def test_the_shoulders_of_the_reference_are_found(golden):
+def test_the_inner_points_of_the_reference_are_found(golden):
     case = golden("spherical_quadratic_21")
     assert np.abs(QUADRATIC(**case["params"]).shoulders - case["aux"]["M"]).max() < 1e-6
 
 
 @pytest.mark.parametrize("criterion", [20, 21])
-def test_no_other_first_shoulder_is_better_than_the_one_found(random_keys, criterion):
-    keys = random_keys(5, seed=2)
-    chain = ShoulderChain(keys, np.array([0.8, 1.5, 0.9]), criterion)
-    least = chain.values(chain.best_first()[None])[0]
+def test_no_other_first_inner_point_is_better_than_the_one_found(random_keys, criterion):
+    keys, ratios = random_keys(5, seed=2), np.array([0.8, 1.5, 0.9])
+    found = best_first_point(keys, ratios, criterion)
+    least = criterion_values(found[None], keys, ratios, criterion)[0]
     others = normalize(np.random.default_rng(0).normal(size=(5000, 4)))
-    assert chain.values(others).min() > least - 1e-12
+    assert criterion_values(others, keys, ratios, criterion).min() > least - 1e-12
 
 
-@pytest.mark.parametrize("criterion", [20, 21])
-def test_gradients_of_the_criteria_are_their_derivatives(random_keys, criterion):
-    keys = random_keys(6, 0.9)
-    chain = ShoulderChain(keys, np.array([0.8, 1.5, 0.9, 1.1]), criterion)
-    x = normalize(np.random.default_rng(5).normal(size=(4, 4)))
-    e = 1e-6
-    moved = [
-        chain.values(multiply(x, exp_half(s * e * axis))) for axis in np.eye(3) for s in (1, -1)
-    ]
-    measured = np.stack(
-        [(a - b) / (2 * e) for a, b in zip(moved[::2], moved[1::2], strict=True)], 1
-    )
-    assert np.abs(measured - chain.gradients(x)).max() < 1e-7
+@pytest.mark.parametrize("gap", [1e-9, 0.8, 2.9])
+@pytest.mark.parametrize("share", [-0.4, 0.0, 0.3, 1.0, 1.7])
+def test_the_derivatives_of_a_slerp_are_its_differences(gap, share):
+    p = normalize(np.random.default_rng(3).normal(size=(1, 4)))
+    q = multiply(p, exp_half(gap * np.array([[0.6, -0.8, 0.0]])))
+    u, e = np.array([share]), 1e-5
+    for place, matrix in enumerate(slerp_jacobians(p, q, u)):
+        for axis in range(3):
+            moved = []
+            for sign in (1.0, -1.0):
+                ends = [p, q]
+                ends[place] = multiply(ends[place], exp_half(sign * e * np.eye(3)[axis]))
+                moved.append(log_half(multiply(conjugate(slerp(p, q, u)), slerp(*ends, u)))[0])
+            assert np.abs((moved[0] - moved[1]) / (2.0 * e) - matrix[0, :, axis]).max() < 1e-8
 
 
-def test_a_shoulder_arc_that_wraps_around_is_said_to_break_the_velocity(random_keys):
+def test_an_inner_arc_that_wraps_around_is_said_to_break_the_velocity(random_keys):
     curve = QUADRATIC(keys=random_keys(3, 2.5), M1=random_keys(3, 2.5)[0], times=[0.0, 1.0, 9.0])
     assert curve.continuity == 0
     left = curve.evaluate(np.nextafter(curve.knots[1:-1], 0.0))[1]
@@ -125,9 +127,14 @@ def test_a_tension_that_is_none_is_refused_by_name(random_keys, nu):
         METHODS["nu_spline"](keys=random_keys(3), times="uniform", nu=nu)
 
 
-@pytest.mark.xfail(strict=True, reason="the spline looks at its instants only, not between them")
 def test_a_spline_through_zero_is_said_to_have_no_direction():
     keys = [[1, 0, 0, 0], [-1, 0, 0, 0]]
+    with pytest.raises(PlanError, match=r"passes through zero at t = 0\.5 s"):
+        METHODS["normalized_cubic"](keys=keys, times="uniform", align=False)
+
+
+def test_a_spline_that_passes_near_zero_turns_quickly_there():
+    keys = [[1, 0, 0, 0], [-1, 0, 1e-9, 0]]
     curve = METHODS["normalized_cubic"](keys=keys, times="uniform", align=False)
-    with pytest.raises(PlanError, match=r"passes through zero at t = 0\.5"):
-        curve.evaluate([0.25, 0.5])
+    assert curve.evaluate([0.5])[1][0, 1] == pytest.approx(8e9, rel=1e-4)
+    assert angle(curve.evaluate([0.0, 1.0])[0], normalize(keys)).max() < 1e-12

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from reference import connectors
 
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
-from orientd.planner.connect.connector import fallen, ramped_stops
+from orientd.planner.connect.connector import connector
 from orientd.rotation import exp
 
 NORMS = Limits(2.5, 17.0, 300.0, 1.0, 10.0)
@@ -58,32 +57,24 @@ def rising_state(share):
 
 def test_an_acceleration_that_has_to_falls_in_whole_cycles_below_the_limit():
     state = rising_state(0.9989)
-    ramps, end = fallen(state, SLOW, PERIOD)
-    assert [round(1000 * ramp.end) for ramp in ramps] == [82, 84]
-    assert np.linalg.norm(end.alpha_body) <= 1e-12
-    assert 0.9989 * SLOW.velocity <= np.linalg.norm(end.omega_body) <= SLOW.velocity
-    for ramp in ramps:
-        times = np.linspace(ramp.begin, ramp.end, 50)
-        _, omega, alpha = ramp.curve.evaluate(times - ramp.begin)
-        assert np.linalg.norm(omega, axis=1).max() <= SLOW.velocity
-        jerk = np.diff(alpha, axis=0) / np.diff(times)[:, None]
-        assert np.linalg.norm(jerk, axis=1).max() <= SLOW.jerk
+    goal = State.at_rest(exp(np.array([0.6, 0.3, 1.5])))
+    segment = connector(state, goal, limits=SLOW, period=PERIOD, falls_first=True)
+    falls = segment.knots[1:3]
+    assert [round(1000 * fall) for fall in falls] == [82, 84]
+    times = np.linspace(0.0, falls[1], 100)
+    _, omega, alpha = segment.sample(times)
+    speeds = np.linalg.norm(omega, axis=1)
+    assert np.linalg.norm(alpha[-1]) <= 1e-12
+    assert 0.9989 * SLOW.velocity <= speeds[-1] <= SLOW.velocity
+    assert speeds.max() <= SLOW.velocity
+    jerk = np.diff(alpha, axis=0) / np.diff(times)[:, None]
+    assert np.linalg.norm(jerk, axis=1).max() <= SLOW.jerk
 
 
 def test_an_acceleration_that_may_go_on_does():
-    assert fallen(rising_state(0.9), SLOW, PERIOD)[0] == []
-    assert len(fallen(rising_state(0.9), SLOW, PERIOD, is_wanted=True)[0]) == 1
-
-
-@pytest.mark.parametrize("share", [0.9, 0.9989, 0.9999, 1.01])
-def test_ramps_up_to_the_limit_are_those_of_numpy(share):
-    state = rising_state(share)
-    bounds = connectors.Bounds.of(state, state, SLOW, 0.999)
-    limits = SLOW.with_reserve(0.999 / 0.95)
-    reference = connectors.ramps(state, np.zeros(3), bounds, limits, PERIOD, in_cycles=True)
-    found = list(ramped_stops(state, limits, PERIOD))
-    assert [ramp.end if ramp else 0.0 for ramp, _ in found] == reference.durations.tolist()
-    for k, (_, end) in enumerate(found):
-        assert np.abs(end.q - reference.ends.q[k]).max() <= 1e-14
-        assert np.abs(end.omega_body - reference.ends.omega[k]).max() <= 1e-14
-        assert np.abs(end.alpha_body - reference.ends.alpha[k]).max() <= 1e-13
+    state, goal = rising_state(0.9), State.at_rest(exp(np.array([0.6, 0.3, 1.5])))
+    went_on, fell = (
+        connector(state, goal, limits=SLOW, period=PERIOD, falls_first=falls_first)
+        for falls_first in (False, True)
+    )
+    assert went_on.duration < fell.duration

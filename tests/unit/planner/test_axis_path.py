@@ -59,8 +59,8 @@ def test_table_meets_the_motion_between_its_records(motion):
     ours, theirs = table.sample(times), motion.sample(times)
     assert np.max(angle(ours.q, theirs.q)) < 1e-4
     assert ours.omega_body == pytest.approx(theirs.omega_body, abs=2e-2)
-    assert ours.position == pytest.approx(theirs.position, abs=1e-12)
-    assert ours.velocity == pytest.approx(theirs.velocity, abs=1e-9)
+    assert ours.position == pytest.approx(theirs.position, abs=1e-5)
+    assert ours.velocity == pytest.approx(theirs.velocity, abs=5e-3)
     assert np.linalg.norm(ours.q, axis=1) == pytest.approx(1.0, abs=1e-12)
 
 

@@ -10,8 +10,7 @@ from planned import LIMITS, PERIOD, differences, rotations, times_of
 from orientd.curves import METHODS
 from orientd.errors import PlanError
 from orientd.planner import Keyframe, MotionRequest, State, plan
-from orientd.planner.timing.by_parts import RestingPart, corners
-from orientd.planner.timing.profile import Elements, Profile
+from orientd.planner.timing.by_parts import RestingClock, corners
 from orientd.rotation import angle
 
 CORNERED = ("piecewise_slerp", "squad", "circular_blending", "shoemake_bezier", "nielson_shieh")
@@ -29,40 +28,40 @@ def curve(method, keys=KEYS):
     return METHODS[method](keys=np.array(keys), times=np.arange(len(keys), dtype=float))
 
 
+def part_of(method, begin, end):
+    """Return a part of a curve, and the same from rest to rest with its clock."""
+    part = curve(method).trajectory.restricted(begin, end)
+    clock = RestingClock.of(part)
+    return part, clock.retimed(part), clock
+
+
 @pytest.mark.parametrize("method", ["squad", "shoemake_bezier", "circular_blending"])
-@pytest.mark.parametrize(("begin", "end"), [(0.0, 1.0), (1.0, 2.0), (0.0, 4.0)])
+@pytest.mark.parametrize(("begin", "end"), [(0.0, 1.0), (1.0, 2.0)])
 def test_a_part_is_the_curve_from_rest_to_rest(method, begin, end):
-    part = RestingPart(curve(method), begin, end)
-    ends = part.ends()
-    assert np.abs(np.concatenate(ends[1:])).max() == 0.0
-    inside = np.linspace(*part.domain, 4001)[1:-1]
-    step = 1e-6 * part.domain[1]
-    inside = inside[np.abs(inside[:, None] - part.knots).min(axis=1) > 2.0 * step]
-    q, omega, alpha = part.evaluate(inside)
-    before, after = (part.evaluate(inside + sign * step) for sign in (-1.0, 1.0))
-    size = np.abs(omega).max()
-    turned = np.linalg.norm(omega, axis=1) - angle(before[0], after[0]) / (2.0 * step)
-    assert np.abs(turned).max() < 1e-4 * size
-    slope = (after[1] - before[1]) / (2.0 * step)
-    assert np.abs(alpha - slope).max() < 1e-4 * np.abs(alpha).max()
-    assert part.continuity == 2
-    assert np.abs(q - part.evaluate(inside[::-1])[0][::-1]).max() == 0.0
+    part, resting, clock = part_of(method, begin, end)
+    _, omega, alpha = resting.ends()
+    assert np.abs(np.concatenate([omega, alpha])).max() < 1e-8
+    times = np.linspace(*resting.domain, 4001)
+    path_times, rate, change = clock(times)
+    q, turning, bending = part.sample(path_times)
+    expected = q, turning * rate[:, None], bending * rate[:, None] ** 2 + turning * change[:, None]
+    for found, wanted in zip(resting.sample(times), expected, strict=True):
+        assert np.abs(found - wanted).max() < 1e-8 * np.abs(wanted).max()
 
 
-def test_a_part_knows_when_it_passes_a_parameter():
-    whole = curve("squad")
-    part = RestingPart(whole, 0.0, 4.0)
-    parameters = np.linspace(0.0, 4.0, 81)
-    found = part.evaluate(part.places(parameters))[0]
-    assert angle(found, whole.evaluate(parameters)[0]).max() < 1e-7
+def test_a_part_knows_when_it_passes_a_path_time():
+    part, resting, clock = part_of("squad", 1.0, 2.0)
+    path_times = np.linspace(1.0, 2.0, 81)
+    found = resting.orientations(clock.times(path_times))
+    assert angle(found, part.orientations(path_times)).max() < 1e-7
 
 
 def test_corners_are_where_a_derivative_has_a_step():
-    assert corners(curve("squad")).tolist() == [1.0, 2.0, 3.0]
-    assert corners(curve("piecewise_slerp")).tolist() == [1.0, 2.0, 3.0]
-    assert not len(corners(curve("c2_cumulative")))
+    assert corners(curve("squad").trajectory).tolist() == [1.0, 2.0, 3.0]
+    assert corners(curve("piecewise_slerp").trajectory).tolist() == [1.0, 2.0, 3.0]
+    assert not len(corners(curve("c2_cumulative").trajectory))
     straight = [(math.cos(0.1 * k), 0.0, 0.0, math.sin(0.1 * k)) for k in range(5)]
-    assert not len(corners(curve("piecewise_slerp", straight)))
+    assert not len(corners(curve("piecewise_slerp", straight).trajectory))
 
 
 @pytest.mark.parametrize("limits", ["arm", "slow", "soft"])
@@ -161,18 +160,3 @@ def test_positions_go_along_to_rest_with_it(method):
     push = np.diff(velocity, axis=0) / PERIOD
     assert np.linalg.norm(velocity, axis=1).max() <= 1.000001 * LIMITS["arm"].linear_velocity
     assert np.linalg.norm(push, axis=1).max() <= 1.000001 * LIMITS["arm"].linear_acceleration
-
-
-def test_a_profile_that_dips_below_zero_between_its_nodes_is_lifted():
-    elements = Elements(np.linspace(0.0, 1.0, 6), np.ones((3, 5)))
-    coefficients = np.array([1.0, 1.0, 0.6, -0.55, 0.6, 1.0, 1.0])
-    profile = Profile(elements, coefficients, np.ones((3, 5)), np.zeros(2))
-    values, slopes = profile.nodes()
-    assert values.min() > 0.0
-    assert profile.dips.tolist() == [False, False, True, False, False]
-    inside = np.linspace(0.0, 0.2, 101)
-    bend = (slopes[3] - slopes[2]) / 0.2
-    assert (values[2] + slopes[2] * inside + 0.5 * bend * inside**2).min() < 0.0
-    finer, lifted = profile.lifted()
-    assert len(finer.places) == 9
-    assert not Profile(finer, lifted, np.ones((3, 8)), np.zeros(2)).dips.any()

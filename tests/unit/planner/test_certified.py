@@ -110,24 +110,9 @@ def measured_path(path, count, before):
     return measure_path(path, count, PERIOD, ARM, before=before, brake_limits=ARM, rough=None)
 
 
-@pytest.mark.parametrize("is_known", [True, False])
-def test_a_path_is_measured_alike_however_it_is_sampled(is_known):
-    motion = made(asked())
-    path, count = motion.path, motion.record_count
-    before = (np.tile(HERE.q, (3, 1)), np.zeros((3, 3))) if is_known else None
-    assert path.plain is not None
-    found = measured_path(path, count, before)
-    wanted = measured_path(replace(path, _plain=[None]), count, before)
-    for name in ("velocity", "acceleration", "jerk"):
-        one, other = getattr(found, name), getattr(wanted, name)
-        assert one.value == pytest.approx(other.value, rel=1e-6)
-        assert one.on_records == pytest.approx(other.on_records, rel=1e-6)
-    assert found.brake_rate == pytest.approx(wanted.brake_rate, rel=1e-6)
-
-
 def test_a_path_that_is_broken_off_is_measured_with_the_stop():
     motion = made(asked())
-    path, count = replace(motion.path, _plain=[None]), motion.record_count // 2
+    path, count = motion.path, motion.record_count // 2
     assert measured_path(path, count, None).acceleration.time == pytest.approx(count * PERIOD)
 
 

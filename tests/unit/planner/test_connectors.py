@@ -7,13 +7,17 @@ from reference import connectors, joins
 from orientd import kernels
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify.limit_tables import limit_table
-from orientd.planner.connect.connector import MOST_JOINS, connector, ramped_stops
-from orientd.planner.connect.quintic_connector import QuinticConnectors, state_row, try_joins
+from orientd.planner.connect.connector import connector
+from orientd.planner.connect.quintic_connector import joins as trajectory_of_joins
+from orientd.planner.connect.quintic_connector import state_row, try_joins
 from orientd.planner.timing.axis_turn import double_s
 from orientd.rotation import angle, exp, multiply, normalize
 
 PERIOD = 0.002
 FAR = 100.0  # rad, that a connector may turn
+LONGEST = 86_400.0  # s
+MOST_JOINS = 36
+UNLIMITED = Limits.partial()
 LIMITS = [DEFAULT_LIMITS, DEFAULT_LIMITS.with_rates({"velocity": [2.0, 0.7, 1.5], "jerk": 300.0})]
 
 
@@ -30,12 +34,20 @@ def nearby(rng, state, speed):
     return State(q, other.omega_body, other.alpha_body, other.position)
 
 
-def searched(start, end, limits, period, least):
-    """Return what the kernel finds, like the search in NumPy."""
-    way = connectors.Way(np.empty((3, 4)), np.empty((3, 5, 3)), np.empty(4))
-    given = state_row(start), state_row(end), limit_table(limits.with_reserve())
-    is_found = kernels.find_connector(*given, period, least, FAR, *way)
-    return way if is_found else None
+def joined(start, end, limits, period, least=0.0, *, as_found=False):
+    """Return what the kernel finds, as the parts of the search in NumPy that take time."""
+    found = np.empty((MOST_JOINS, 4)), np.empty((MOST_JOINS, 5, 3)), np.empty(MOST_JOINS + 1)
+    tables = limit_table(limits.with_reserve()), limit_table(UNLIMITED)
+    states = state_row(start), state_row(end)
+    count = kernels.connect(
+        *states, *tables, period, least, LONGEST, FAR, 1.0, as_found, False, *found
+    )  # fmt: skip
+    q, w, times = found
+    return connectors.Way(q[:count], w[:count], times[: count + 1]) if count else None
+
+
+def curve_of(way):
+    return trajectory_of_joins(*way)
 
 
 @pytest.mark.parametrize("limits", LIMITS)
@@ -49,14 +61,15 @@ def test_the_connectors_found_are_those_of_numpy(limits, speed, draws):
         slower = speed * rng.choice([0.0, 0.5, 1.0])
         end = nearby(rng, start, slower) if k % 7 == 0 else random_state(rng, slower)
         work = (start, end, limits, rng.choice([0.002, 0.008, 0.02]), rng.choice([0.0, 0.0, 3.0]))
-        reference, found = connectors.search(*work), searched(*work)
+        reference, found = connectors.search(*work), joined(*work, as_found=True)
         assert (found is None) == (reference is None)
         if found is not None:
             count += 1
-            assert np.abs(found.times - reference.times).max() <= 1e-12
-            assert np.abs(found.q - reference.q).max() <= 1e-12
-            takes_time = np.diff(found.times) > 0.0
-            assert np.abs(found.w - reference.w)[takes_time].max() <= 1e-12
+            takes_time = np.diff(reference.times) > 0.0
+            breaks = np.append(reference.times[:-1][takes_time], reference.times[-1])
+            assert np.abs(found.times - breaks).max() <= 1e-12
+            assert np.abs(found.q - reference.q[takes_time]).max() <= 1e-12
+            assert np.abs(found.w - reference.w[takes_time]).max() <= 1e-12
     assert count >= 0.75 * draws
 
 
@@ -65,14 +78,14 @@ def test_a_connector_is_one_smooth_curve_from_state_to_state(speed):
     rng = np.random.default_rng(4)
     for _ in range(12):
         start, end = random_state(rng, speed), random_state(rng, speed)
-        segment = connector(start, end, limits=LIMITS[0], period=PERIOD)
-        q, omega, alpha = segment.sample(np.array([0.0, segment.end]))
+        found = connector(start, end, limits=LIMITS[0], period=PERIOD)
+        q, omega, alpha = found.ends()
         for k, state in enumerate((start, end)):
             assert angle(q[k], state.q) <= 1e-13
             assert omega[k] == pytest.approx(state.omega_body, abs=1e-12)
             assert alpha[k] == pytest.approx(state.alpha_body, abs=1e-9)
-        inner = segment.curve.knots[1:-1]
-        before, after = (segment.sample(np.nextafter(inner, side)) for side in (-1.0, 9.0))
+        inner = found.breaks[1:-1]
+        before, after = (found.sample(np.nextafter(inner, side)) for side in (-1.0, 9.0))
         for part, other, bound in zip(before, after, (1e-12, 1e-9, 1e-6), strict=True):
             assert np.abs(part - other).max(initial=0.0) <= bound
 
@@ -80,7 +93,7 @@ def test_a_connector_is_one_smooth_curve_from_state_to_state(speed):
 def test_the_same_states_give_the_same_bits():
     rng = np.random.default_rng(8)
     start, end = random_state(rng, 0.3), random_state(rng, 0.3)
-    one, other = (searched(start, end, LIMITS[1], PERIOD, 0.0) for _ in range(2))
+    one, other = (joined(start, end, LIMITS[1], PERIOD) for _ in range(2))
     for part, same in zip(one, other, strict=True):
         assert part.tobytes() == same.tobytes()
 
@@ -115,71 +128,49 @@ def test_a_curve_of_joins_is_sampled_as_numpy_does():
     w[1, 2] = 0.0
     durations = rng.uniform(0.1, 3.0, 4)
     breaks = np.concatenate([[-1.0], -1.0 + np.cumsum(durations)])
-    curve = QuinticConnectors(q, w, breaks)
+    found = trajectory_of_joins(q, w, breaks)
     u = np.linspace(0.0, 1.0, 30)[:-1]
     reference = joins.sampled(q, w, durations, joins.basis(u))
-    found = curve.evaluate((breaks[:-1, None] + durations[:, None] * u).reshape(-1))
-    for part, other in zip(found, reference, strict=True):
-        assert np.abs(part - other.reshape(part.shape)).max() <= 1e-11
+    samples = found.sample((breaks[:-1, None] + durations[:, None] * u).reshape(-1))
+    for part, other in zip(samples, reference, strict=True):
+        assert np.abs(part - other.reshape(part.shape)).max() <= 1e-8
     at_ends = joins.sampled(q, w, durations, joins.basis(np.array([0.0, 1.0])))
-    for part, other in zip(curve.ends(), at_ends, strict=True):
+    for part, other in zip(found.ends(), at_ends, strict=True):
         assert np.abs(part - np.stack([other[0, 0], other[-1, 1]])).max() <= 1e-11
-
-
-@pytest.mark.parametrize("limits", LIMITS)
-def test_ramps_of_a_stop_are_those_of_numpy(limits):
-    rng = np.random.default_rng(7)
-    most = 0
-    for speed in (0.0, 1e-12, 0.1, 0.5, 1.0):
-        state = random_state(rng, speed)
-        bounds = connectors.Bounds.of(state, state, limits)
-        reference = connectors.ramps(state, np.zeros(3), bounds, limits, PERIOD, in_cycles=True)
-        found = list(ramped_stops(state, limits, PERIOD))
-        most = max(most, len(found))
-        assert len(found) == len(reference.durations)
-        for k, (ramp, end) in enumerate(found):
-            assert (ramp.end if ramp else 0.0) == reference.durations[k]
-            assert np.abs(end.q - reference.ends.q[k]).max() <= 1e-14
-            assert np.abs(end.omega_body - reference.ends.omega[k]).max() <= 1e-14
-            assert np.abs(end.alpha_body - reference.ends.alpha[k]).max() <= 1e-14
-    assert most == 4
 
 
 def test_what_is_not_a_number_has_no_connector():
     rng = np.random.default_rng(1)
     start, end = random_state(rng, 0.3), random_state(rng, 0.3)
     broken = State(start.q, start.omega_body * np.nan, start.alpha_body, start.position)
-    assert searched(broken, end, LIMITS[0], PERIOD, 0.0) is None
-    assert searched(start, broken, LIMITS[0], PERIOD, 0.0) is None
+    assert joined(broken, end, LIMITS[0], PERIOD) is None
+    assert joined(start, broken, LIMITS[0], PERIOD) is None
 
 
-@pytest.mark.parametrize("place", range(3))
+@pytest.mark.parametrize("place", range(4))
 def test_arrays_of_other_shapes_are_refused(place):
-    shapes = [(10,), (10,), (3, 4)]
+    shapes = [(10,), (10,), (3, 4), (3, 4)]
     shapes[place] = (*shapes[place][:-1], shapes[place][-1] + 1)
     rows = [np.zeros(shape) for shape in shapes]
+    out = np.empty((MOST_JOINS, 4)), np.empty((MOST_JOINS, 5, 3)), np.empty(MOST_JOINS + 1)
     with pytest.raises(ValueError, match="do not belong together"):
-        kernels.find_connector(
-            *rows, PERIOD, 0.0, FAR, np.empty((3, 4)), np.empty((3, 5, 3)), np.empty(4)
-        )
+        kernels.connect(*rows, PERIOD, 0.0, LONGEST, FAR, 1.0, False, False, *out)
 
 
-def shortened(start, end, limits, period, least=0.0, ease=1.0):
+def shortened(start, end, limits, period, least=0.0):
     """Return the connector that the search finds and what it is shortened to, if it is."""
-    table = limit_table(limits.with_reserve())
-    given = state_row(start), state_row(end), table, period, least, FAR
-    way = connectors.Way(np.empty((3, 4)), np.empty((3, 5, 3)), np.empty(4))
-    assert kernels.find_connector(*given, *way)
-    q, w, breaks = np.empty((MOST_JOINS, 4)), np.empty((MOST_JOINS, 5, 3)), np.empty(MOST_JOINS + 1)
-    count = kernels.shorten_connector(*given, way.times[-1] - period, ease, *way, q, w, breaks)
-    curve = QuinticConnectors(q[:count], w[:count], breaks[: count + 1]) if count else None
-    return way, curve
+    way, shorter = (
+        joined(start, end, limits, period, least, as_found=as_found) for as_found in (True, False)
+    )
+    assert way is not None
+    is_shorter = shorter.times[-1] < way.times[-1]
+    return way, curve_of(shorter) if is_shorter else None
 
 
 def shares(curve, limits):
     """Return the largest shares of the limits of velocity, acceleration and jerk."""
     spots = np.arange(0.0, curve.domain[1], 2.5e-4)
-    _, omega, alpha = curve.evaluate(spots)
+    _, omega, alpha = curve.sample(spots)
     jerk = np.diff(alpha, axis=0) / np.diff(spots)[:, None]
     return [
         max(
@@ -243,10 +234,10 @@ def test_a_guess_is_shortened_where_no_connector_is_found():
     limits = Limits(2.5, 17.0, 300.0, 1.0, 10.0, axis_velocity=(2.0, 0.7, 1.5))
     start = state(np.zeros(3), (1.956, -0.02, -0.048), (4.57, -11.72, -0.29))
     end = state((0.14, -1.28, 0.83), (-0.1, 0.2, 0.34))
-    assert searched(start, end, limits, PERIOD, 0.0) is None
+    assert joined(start, end, limits, PERIOD, as_found=True) is None
     way = connector(start, end, limits=limits, period=PERIOD)
-    assert way.end <= 1.4  # by way of rest it is 2.03
-    velocity, acceleration, jerk = shares(way.curve, limits)
+    assert way.duration <= 1.4  # by way of rest it is 2.03
+    velocity, acceleration, jerk = shares(way, limits)
     assert max(velocity, acceleration, jerk) <= 1.0
 
 

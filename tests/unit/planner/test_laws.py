@@ -97,7 +97,7 @@ def test_positions_are_met_at_their_keyframes(motions):
 def test_acceleration_is_continuous_from_hold_to_hold(motions):
     moment = 1e-9
     for motion in motions:
-        joins = {0.0, motion.duration, *(s.begin for s in motion.path.segments)}
+        joins = {0.0, motion.duration, *motion.path.trajectory.knots.tolist()}
         joins |= set(motion.keyframe_times.tolist())
         times = np.array(sorted(joins))
         before, after = motion.sample(times - moment), motion.sample(times + moment)

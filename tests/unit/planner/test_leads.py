@@ -26,7 +26,8 @@ def state(seed, speed, size, *, parallel=False):
 
 def lead(seed, speed, size, limits=ARM, **fields):
     q, omega, alpha = state(seed, speed, size, **fields)
-    return q, omega, alpha, lead_out(q, omega, alpha, limits=limits, period=PERIOD)
+    start = State(q, omega, alpha, np.zeros(3))
+    return q, omega, alpha, lead_out(start, limits=limits, period=PERIOD)
 
 
 CASES = [(2.4, 0.0), (1.0, 10.0), (0.5, 16.9), (0.0, 12.0), (1e-3, 5.0), (1e-6, 1.0), (1.0, 1e-5)]
@@ -36,7 +37,7 @@ CASES = [(2.4, 0.0), (1.0, 10.0), (0.5, 16.9), (0.0, 12.0), (1e-3, 5.0), (1e-6, 
 def test_a_lead_out_begins_in_the_state_it_was_given(speed, size):
     for seed in range(4):
         q, omega, alpha, curve = lead(seed, speed, size)
-        first, w, a = (part[0] for part in curve.evaluate(np.array([0.0])))
+        first, w, a = (part[0] for part in curve.sample(np.array([0.0])))
         assert angle(first, q) < 1e-14
         assert w == pytest.approx(omega, abs=1e-12)
         assert a == pytest.approx(alpha, abs=1e-9)
@@ -46,7 +47,7 @@ def test_a_lead_out_begins_in_the_state_it_was_given(speed, size):
 def test_a_lead_out_ends_at_rest_without_acceleration(speed, size):
     for seed in range(4):
         *_, curve = lead(seed, speed, size)
-        _, w, a = (part[0] for part in curve.evaluate(np.array([curve.domain[1]])))
+        _, w, a = (part[0] for part in curve.sample(np.array([curve.domain[1]])))
         assert np.linalg.norm(w) < 1e-12
         assert np.linalg.norm(a) < 1e-9
 
@@ -58,7 +59,7 @@ def test_a_lead_out_keeps_the_limits_at_the_rate_of_the_device(name, share):
     for seed in range(5):
         *_, curve = lead(seed, share * limits.velocity, share * limits.acceleration, limits)
         times = np.arange(round(curve.domain[1] / PERIOD) + 1) * PERIOD
-        q = curve.evaluate(np.minimum(times, curve.domain[1]))[0]
+        q = curve.sample(np.minimum(times, curve.domain[1]))[0]
         velocity, acceleration, jerk = (rates[4:-3] for rates in differences(q, PERIOD))
         for rates, limit in (
             (velocity, limits.velocity),
@@ -81,7 +82,7 @@ def test_the_velocity_falls_along_the_cubic_where_vectors_are_parallel():
     t = curve.domain[1]
     u = np.linspace(0, 1, 21)[:, None]
     expected = omega * (1 - 3 * u**2 + 2 * u**3) + alpha * t * (u - 2 * u**2 + u**3)
-    assert curve.evaluate(u[:, 0] * t)[1] == pytest.approx(expected, abs=1e-12)
+    assert curve.sample(u[:, 0] * t)[1] == pytest.approx(expected, abs=1e-12)
 
 
 def test_the_shortest_fall_from_a_velocity_is_the_closed_form():
@@ -93,7 +94,7 @@ def test_the_shortest_fall_from_a_velocity_is_the_closed_form():
 
 def test_an_acceleration_without_velocity_returns_to_where_it_was():
     q, _, _, curve = lead(5, 0.0, 8.0)
-    assert angle(curve.evaluate(np.array([curve.domain[1]]))[0][0], q) < 1e-12
+    assert angle(curve.sample(np.array([curve.domain[1]]))[0][0], q) < 1e-12
 
 
 def test_a_fall_of_more_than_half_a_turn_keeps_its_way():
@@ -101,7 +102,7 @@ def test_a_fall_of_more_than_half_a_turn_keeps_its_way():
     _, omega, _, curve = lead(6, 2.9, 0.0, limits)
     assert np.linalg.norm(omega) * curve.domain[1] / 2 > math.pi
     t = np.linspace(0.0, curve.domain[1], 4001)
-    path = curve.evaluate(t)[0]
+    path = curve.sample(t)[0]
     turned = np.linalg.norm(log(multiply(conjugate(path[:-1]), path[1:])), axis=1).sum()
     assert turned == pytest.approx(np.linalg.norm(omega) * curve.domain[1] / 2, rel=1e-5)
 
@@ -154,7 +155,7 @@ def test_no_approach_is_needed_to_where_the_device_is():
 def test_an_approach_takes_the_short_way_from_rest_to_rest():
     there = -exp([0.0, 0.0, 2.0])
     turn = approach(HERE, there, LIMITS["arm"])
-    q, omega, alpha = turn.sample(turn.end * np.array([0.0, 0.5, 1.0]))
+    q, omega, alpha = turn.sample(turn.duration * np.array([0.0, 0.5, 1.0]))
     assert angle(q[2], there) < 1e-14
     most = LIMITS["arm"].velocity
     assert np.linalg.norm(omega, axis=1) == pytest.approx([0, most, 0], rel=1e-3, abs=1e-12)
@@ -169,7 +170,6 @@ def test_leads_that_would_take_days_are_refused(jerk):
     with pytest.raises(PlanError, match="at most 86400 s is planned"):
         approach_cycles(here, there, nowhere, nowhere, limits=slow, period=PERIOD)
     with pytest.raises(PlanError, match="at most 86400 s is planned"):
-        lead_out(here, omega, nowhere, limits=slow, period=PERIOD)
+        lead_out(State(here, omega, nowhere, nowhere), limits=slow, period=PERIOD)
     start, end = State(here, omega, nowhere, nowhere), State.at_rest(there)
-    with pytest.raises(PlanError, match=r"at most 86400 s is planned|no way found"):
-        connector(start, end, limits=slow, period=PERIOD)
+    assert connector(start, end, limits=slow, period=PERIOD) is None

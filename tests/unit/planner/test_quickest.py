@@ -12,8 +12,7 @@ from orientd.curves import METHODS
 from orientd.errors import RequestError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify import before, measure_path
-from orientd.planner.connect import Caution
-from orientd.planner.path.path import Path, PathSegment
+from orientd.planner.path.path import Path
 from orientd.planner.path.position import PositionPath
 from orientd.planner.plan_job import PlanJob
 from orientd.planner.timing.candidate_path import KeyframePath
@@ -59,9 +58,8 @@ def core_of(seed, *, count=6, step=0.6, at_rest=True):
         omega_start=speed * random.normal(size=3),
         omega_end=speed * random.normal(size=3),
     )
-    end = count - 1.0
     positions = PositionPath.held(np.zeros(3))
-    return KeyframePath(PathSegment(curve, 0.0, end), positions, np.arange(count, dtype=float))
+    return KeyframePath(curve.trajectory, positions, np.arange(count, dtype=float))
 
 
 @pytest.mark.parametrize("turn", [0.1, 1.0, 3.0])
@@ -96,7 +94,7 @@ def test_without_jerk_limit_it_takes_as_long_as_with_toppra(seed, at_rest):
         waypoints = None
 
         def __call__(self, places, order=0):
-            _, omega, alpha = keyframe_path.segment.sample(
+            _, omega, alpha = keyframe_path.trajectory.sample(
                 np.atleast_1d(np.asarray(places, dtype=float))
             )
             rows = omega if order == 1 else alpha if order == 2 else 0.0 * omega
@@ -128,8 +126,7 @@ def test_with_jerk_limit_it_is_near_the_optimum_found_on_a_fine_grid(case):
     request = MotionRequest([Keyframe(tuple(q)) for q in case["keyframes"]], pace="even")
     start = State.at_rest(request.keys[0])
     usual = plan(request, start=start, limits=limits, period=PERIOD)
-    (segment,) = usual.path.segments
-    chords = KeyframePath(segment, usual.path.positions, usual.keyframe_times)
+    chords = KeyframePath(usual.path.trajectory, usual.path.positions, usual.keyframe_times)
     quick = quickest(chords, limits, PERIOD)
     assert -0.001 < quick.duration / case["duration"] - 1.0 < 0.005
     # Times at the keyframes chosen for the quickest way make it no longer than by their distances.
@@ -144,9 +141,9 @@ def test_what_is_drawn_between_the_records_hardly_ever_needs_a_second_timing(jer
         random = np.random.default_rng(seed)
         request = MotionRequest([Keyframe(q) for q in rotations(random, 12, 0.4)])
         job = PlanJob.of(request, State.at_rest(request.keys[0]), limits, PERIOD)
-        _, shape, profile = job.shape(is_quick=True)
-        quick = quickest(shape, limits, PERIOD, guess=profile)
-        whole = Path.joined([quick.segment], quick.positions)
+        shape = job.shape(is_quick=True)
+        quick = quickest(shape.path, limits, PERIOD, guess=shape.profile)
+        whole = Path.joined([quick.trajectory], quick.positions)
         peaks = measure_path(
             whole,
             math.ceil(quick.duration / PERIOD) + 1,
@@ -163,32 +160,21 @@ def test_what_is_drawn_between_the_records_hardly_ever_needs_a_second_timing(jer
     assert np.median(slower) < 1.0005
 
 
-def test_another_lead_in_leads_to_the_path_as_it_was_timed():
-    random, found = np.random.default_rng(2), []
-    asked = random_request(random, LIMITS["arm"], approach=True)
-    job = PlanJob.of(asked, anywhere(random), LIMITS["arm"], PERIOD)
-    keyframe_path = core_of(1)
-
-    def find(path, limits, period, *, share):
-        found.append(quickest(path, limits, period, share=share))
-        return found[-1]
-
-    first = job.timed(keyframe_path, 0.99, find)
-    cautious = job.with_caution(Caution.SOME)
-    assert cautious.timed(keyframe_path, 0.99, find) is first
-    assert cautious.timed(keyframe_path, 0.98, find).duration > first.duration
-    assert len(found) == 2
-    assert cautious.shape(is_quick=True) is job.shape(is_quick=True)
-
-
-def test_a_path_at_the_quickest_pace_is_sampled_as_its_curve_is():
+def test_a_path_at_the_quickest_pace_has_the_orientations_of_its_curve():
     random = np.random.default_rng(3)
-    motion = made([Keyframe(q) for q in rotations(random, 5, 0.7)], LIMITS["soft"])
-    (segment,) = motion.path.segments
-    assert motion.path.plain is not None
-    t = np.sort(random.uniform(0.0, motion.duration - 1e-6, 2000))
-    for found, expected in zip(motion.path.sample(t)[:3], segment.sample(t), strict=True):
-        np.testing.assert_allclose(found, expected, atol=1e-11 * np.abs(expected).max())
+    request = MotionRequest([Keyframe(q) for q in rotations(random, 5, 0.7)])
+    job = PlanJob.of(request, State.at_rest(request.keys[0]), LIMITS["soft"], PERIOD)
+    shape = job.shape(is_quick=True)
+    quick = quickest(shape.path, LIMITS["soft"], PERIOD, guess=shape.profile)
+    clock, curve = quick.profile.clock(), shape.path.trajectory
+    t = np.sort(random.uniform(0.0, quick.duration, 2000))
+    s, rate, change = clock(t * (clock.times[-1] / quick.duration))
+    pace = clock.times[-1] / quick.duration
+    q, omega, alpha = curve.sample(s)
+    rate, change = (rate * pace)[:, None], (change * pace**2)[:, None]
+    expected = q, omega * rate, alpha * rate**2 + omega * change
+    for found, wanted in zip(quick.trajectory.sample(t), expected, strict=True):
+        np.testing.assert_allclose(found, wanted, atol=1e-8 * np.abs(wanted).max())
 
 
 def test_a_stop_at_every_keyframe_takes_as_long_as_a_turn_to_each():

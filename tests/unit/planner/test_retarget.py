@@ -252,13 +252,13 @@ def test_a_curve_that_begins_in_the_present_state_goes_on_from_it(method):
 def test_a_device_that_is_there_stays_there():
     motion = aimed(HERE, State.at_rest(HERE))
     assert motion.record_count == 2
-    assert np.array_equal(orientations(motion), [HERE, HERE])
+    assert orientations(motion) == pytest.approx(np.array([HERE, HERE]), abs=1e-15)
 
 
 def test_the_sign_of_the_quaternion_goes_on():
     start = State.at_rest(-HERE)
     motion = aimed(exp([0.0, 0.0, 1.0]), start)
-    assert np.array_equal(orientations(motion, 0, 1)[0], -HERE)
+    assert orientations(motion, 0, 1)[0] == pytest.approx(-HERE, abs=1e-15)
     assert np.all(
         np.einsum("ij,ij->i", *(orientations(motion)[s] for s in (slice(1, None), slice(-1)))) > 0.9
     )

@@ -20,7 +20,7 @@ from setpoint_checker import reached
 from orientd import planner, rotation
 from orientd.daemon.devices.servo_link import servo_limits_of
 from orientd.daemon.motions.motion_queue import MotionQueue
-from orientd.errors import LateError, LimitError, PlanError, StateError
+from orientd.errors import LateError, LimitError, NotYetError, PlanError, StateError
 from orientd.planner import Keyframe, Limits, MotionRequest, State
 from orientd.stream import NOT_GIVEN, UNKNOWN, Answer, Command, NoteKind, ServoState, unpack_note
 
@@ -76,7 +76,8 @@ class VirtualLink:
             if note.kind is NoteKind.ANSWER and note.command == index:
                 break
         if note.code != Answer.DONE:
-            raise StateError(note.text)
+            error = NotYetError if note.code == Answer.NOT_YET else StateError
+            raise error(note.text)
 
 
 class Fuzz:

@@ -109,7 +109,7 @@ def test_before_a_motion_it_stands_still():
 
 def test_it_counts_its_moves_and_stands_where_it_is_put():
     clock = TimeScaling(H)
-    assert (clock.moves, clock.is_led) == (0, False)
+    assert (clock.moves, clock.is_overridden) == (0, False)
     clock.begin(4.0, 0.5)
     assert (clock.rate, clock.target, clock.acceleration, clock.moves) == (0.5, 0.5, 0.0, 1)
     assert clock.is_steady
@@ -133,37 +133,25 @@ def test_a_beginning_forgets_the_motion_before_it():
     clock.begin(4.0, 0.0)
     clock.target = 1.0
     rates(clock, 50)
-    clock.lead(0.3)
+    clock.override(0.3)
     clock.begin(2.0, 0.6)
-    assert (clock.rate, clock.acceleration, clock.is_led) == (0.6, 0.0, False)
+    assert (clock.rate, clock.acceleration, clock.is_overridden) == (0.6, 0.0, False)
     assert clock.is_steady
-    clock.lead(0.3)
+    clock.override(0.3)
     clock.halt()
-    assert (clock.rate, clock.acceleration, clock.is_led) == (0.0, 0.0, False)
+    assert (clock.rate, clock.acceleration, clock.is_overridden) == (0.0, 0.0, False)
 
 
-def test_another_law_leads_it_until_its_last_rate():
+def test_another_law_overrides_it_until_its_last_rate():
     clock = TimeScaling(H)
     clock.begin(4.0, 1.0)
-    clock.lead(0.99)
-    assert (clock.rate, clock.is_led, clock.moves) == (0.99, True, 2)
+    clock.override(0.99)
+    assert (clock.rate, clock.is_overridden, clock.moves) == (0.99, True, 2)
     assert clock.acceleration == pytest.approx(-0.01 / H)
-    clock.lead(0.0)
-    assert (clock.rate, clock.acceleration, clock.is_led) == (0.0, 0.0, True)
-    clock.lead(0.2, is_last=True)
-    assert (clock.rate, clock.is_led) == (0.2, False)
-
-
-def test_an_eased_rate_is_as_if_it_had_been_moved_there():
-    clock = TimeScaling(H)
-    clock.begin(4.0, 1.0)
-    clock.target = 0.0
-    rates(clock, 20)
-    before, moves = clock.rate, clock.moves
-    clock.advance()
-    clock.ease(0.5)
-    assert (clock.rate, clock.moves) == (0.5, moves + 2)
-    assert clock.acceleration == pytest.approx((0.5 - before) / H)
+    clock.override(0.0)
+    assert (clock.rate, clock.acceleration, clock.is_overridden) == (0.0, 0.0, True)
+    clock.override(0.2, is_last=True)
+    assert (clock.rate, clock.is_overridden) == (0.2, False)
 
 
 def test_a_rate_never_leaves_0_to_1():
@@ -172,8 +160,8 @@ def test_a_rate_never_leaves_0_to_1():
         clock.begin(4.0, 0.5)
         clock.target = target
         # Far too quick for the law to come down in time.
-        clock.lead(led - 0.02 * np.sign(target - 0.5))
-        clock.lead(led)
+        clock.override(led - 0.02 * np.sign(target - 0.5))
+        clock.override(led)
         assert min(rates(clock, 200)) >= 0.0
         assert max(rates(clock, 200)) <= 1.0
         assert clock.rate == target

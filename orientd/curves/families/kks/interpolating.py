@@ -9,12 +9,11 @@ from numpy.typing import ArrayLike
 
 from orientd.curves.construct import (
     CumulativeCurve,
-    TelescopedEquations,
-    begun_shares,
+    Spline,
     cumulative_basis,
-    end_rows,
-    interpolation_knots,
+    interpolate,
     squared_acceleration,
+    unwound,
 )
 from orientd.curves.contract import takes_common_names
 from orientd.curves.family import END_STATES
@@ -28,7 +27,7 @@ from orientd.curves.keyframes import (
     resolve_times,
     with_turns,
 )
-from orientd.rotation import Floats, exp_half, multiply, rotate
+from orientd.rotation import Floats
 
 
 class KksInterpolating(CumulativeCurve):
@@ -102,44 +101,34 @@ class KksInterpolating(CumulativeCurve):
     ) -> None:
         q = check_aligned(keys, align)
         instants = resolve_times(times, q, turns)
-        steps = increments(q)
+        steps = None
         if turns is not None:
-            steps, q = with_turns(steps, q, turns)
+            steps, q = with_turns(increments(q), q, turns)
         k = check_integer(order, "order", minimum=3)
         if k > 6:
             raise ParameterError("order", f"order must be 3, 4, 5 or 6, got {order!r}")
-        first = check_end_state(start, omega_start, alpha_start, "start", k)
-        last = check_end_state(end, omega_end, alpha_end, "end", k)
-        basis = cumulative_basis(interpolation_knots(instants, k), k)
-        shares = begun_shares(basis, instants)
-        head = end_rows(basis, first, is_end=False)
-        if last is not None and len(last) == 2:
-            # Seen from the last keyframe, the turn of the last factor stands before the others.
-            outer = last[0] / basis.rates[-1, -1, -1]
-            last[1] = rotate(exp_half(outer), last[1])
-        tail = end_rows(basis, last, is_end=True)
-        equations = TelescopedEquations(shares, steps, *head, *tail)
-        spans = np.arange(len(basis.values))
+        ends = (
+            check_end_state(start, omega_start, alpha_start, "start", k),
+            check_end_state(end, omega_end, alpha_end, "end", k),
+        )
+        solved = interpolate(q, instants, k, ends, steps=steps)
+        others = unwound(q, instants, k, ends, solved.increments) if turns is None else []
 
-        def parts(solved: Floats) -> dict[str, Any]:
-            controls = q[spans]
-            for f in reversed(range(shares.shape[1])):
-                back = -shares[spans, f, None] * solved[spans + f]
-                controls = multiply(controls, exp_half(back))
+        def parts(spline: Spline) -> dict[str, Any]:
+            first, *inner, last = spline.breaks
+            basis = cumulative_basis(np.array([first] * k + inner + [last] * k), k)
             return {
                 "basis": basis,
-                "controls": controls,
-                "increments": solved,
+                "controls": spline.base,
+                "increments": spline.increments,
                 "continuity": k - 2,
             }
 
-        def effort(solved: Floats) -> float:
-            return squared_acceleration(CumulativeCurve(**parts(solved)).evaluate, basis.breaks)
+        def effort(spline: Spline) -> float:
+            return squared_acceleration(CumulativeCurve(**parts(spline)).evaluate, spline.breaks)
 
-        solved = equations.solve()
-        branches = equations.unwound(solved) if turns is None else []
-        if branches:
-            solved = min([solved, *branches], key=effort)
+        if others:
+            solved = min([solved, *others], key=effort)
         super().__init__(**parts(solved))
         self._key_times = instants
 
@@ -152,26 +141,23 @@ class KksInterpolating(CumulativeCurve):
 
 def check_end_state(
     condition: object, omega: ArrayLike | None, alpha: ArrayLike | None, side: str, order: int
-) -> Floats | None:
-    """Return half the velocity and, for orders 5 and 6, acceleration at one end, ``(c, 3)``.
+) -> tuple[Floats | None, Floats | None]:
+    """Return velocity and, for orders 5 and 6, acceleration at one end.
 
     Raises:
         ValueError: the condition is not one, or what is given does not go with it.
     """
     velocity, _ = check_end(condition, side, omega)
-    if velocity is None:
-        if alpha is not None:
+    if alpha is not None and (velocity is None or order < 5):
+        if velocity is None:
             raise ParameterError(
                 f"alpha_{side}",
                 f"alpha_{side} must be None with {side}='natural', got {alpha!r}; "
                 f"use {side}='clamped'",
             )
-        return None
-    if order < 5:
-        if alpha is not None:
-            raise ParameterError(
-                f"alpha_{side}", f"alpha_{side} must be None for order {order}, got {alpha!r}"
-            )
-        return 0.5 * velocity[None]
-    acceleration = np.zeros(3) if alpha is None else check_vector(alpha, f"alpha_{side}")
-    return 0.5 * np.stack([velocity, acceleration])
+        raise ParameterError(
+            f"alpha_{side}", f"alpha_{side} must be None for order {order}, got {alpha!r}"
+        )
+    if velocity is None or order < 5:
+        return velocity, None
+    return velocity, np.zeros(3) if alpha is None else check_vector(alpha, f"alpha_{side}")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct import Jet, exponential, rates, solve_blocks
-from orientd.curves.contract import Curve, Samples, takes_common_names
+from orientd.curves.construct import solve_blocks
+from orientd.curves.contract import Curve, takes_common_names
 from orientd.curves.keyframes import (
     ParameterError,
     check_aligned,
@@ -14,11 +14,17 @@ from orientd.curves.keyframes import (
     increments,
     resolve_times,
 )
+from orientd.curves.newton import Linearised, homotopy, newton
 from orientd.errors import PlanError
-from orientd.rotation import Floats, multiply, right_jacobian, right_jacobian_inverse
+from orientd.rotation import Floats, exp, multiply, right_jacobian, right_jacobian_inverse
 
-ITERATIONS = 20
-SMALLEST_STEP = 1e-3
+# Coefficients of (1 - cos x)/x^2 and of (x - sin x)/x^3 in powers of x^2, and of their derivatives
+# with respect to it.  For |x| up to a whole turn the terms left out are below rounding.
+_INDEX = np.arange(24.0)
+_FACTORIALS = np.cumprod(np.arange(1.0, 51.0))
+_COSINE = (-1.0) ** _INDEX / _FACTORIALS[1:49:2]
+_SINE = (-1.0) ** _INDEX / _FACTORIALS[2:50:2]
+_COSINE_RATE, _SINE_RATE = ((_INDEX * terms)[1:] for terms in (_COSINE, _SINE))
 
 
 class RotationVectorSpline(Curve):
@@ -91,26 +97,25 @@ class RotationVectorSpline(Curve):
                 f"[{place}] to keys[{place + 1}] {length[place]:.9g} rad apart with their signs",
             )
         super().__init__(knots=instants, continuity=2)
+        self._end_velocities = first, last
         h = np.diff(instants)
         omega_body = key_velocities(steps, h, first, last)
         slope_end = h[:, None] * _apply(right_jacobian_inverse(steps), omega_body[1:])
-        self._keys, self._slopes = q, 1.0 / h
+        self._keys = q
         self._linear = h[:, None] * omega_body[:-1]
         self._square = 3.0 * steps - 2.0 * self._linear - slope_end
         self._cube = self._linear + slope_end - 2.0 * steps
 
-    def _sample(self, times: Floats) -> Samples:
+    @property
+    def _end_states(self) -> tuple[tuple[Floats | None, Floats | None], ...]:
+        first, last = self._end_velocities
+        return (first, None), (last, None)
+
+    def _orientations(self, times: Floats) -> Floats:
         span = self._segments(times)
-        slope = self._slopes[span][:, None]
-        u = (times - self._knots[span])[:, None] * slope
+        u = ((times - self._knots[span]) / (self._knots[span + 1] - self._knots[span]))[:, None]
         a, b, c = self._linear[span], self._square[span], self._cube[span]
-        half_vector = Jet(
-            0.5 * u * (a + u * (b + u * c)),
-            0.5 * slope * (a + u * (2.0 * b + 3.0 * u * c)),
-            slope * slope * (b + 3.0 * u * c),
-        )
-        turn, omega_body, alpha_body = rates(exponential(half_vector))
-        return multiply(self._keys[span], turn), omega_body, alpha_body
+        return multiply(self._keys[span], exp(u * (a + u * (b + u * c))))
 
 
 def key_velocities(steps: Floats, h: Floats, first: Floats | None, last: Floats | None) -> Floats:
@@ -128,28 +133,31 @@ def key_velocities(steps: Floats, h: Floats, first: Floats | None, last: Floats 
     Raises:
         PlanError: the continuation in the size of the steps does not reach their full size.
     """
-    reached, stride = 0.0, 1.0
-    omega_body = np.zeros((len(h) + 1, 3))
-    while reached < 1.0:
-        target = min(1.0, reached + stride)
-        equations = _Equations(
-            target * steps,
-            h,
-            None if first is None else target * first,
-            None if last is None else target * last,
+
+    def scaled(scale: float) -> _Equations:
+        ends = (None if end is None else scale * end for end in (first, last))
+        return _Equations(scale * steps, h, *ends)
+
+    start = scaled(1.0).linear_solution()
+    fastest = max(float(np.max(np.abs(start))), np.finfo(np.float64).tiny)
+
+    def solve(scale: float, guess: Floats) -> Floats | None:
+        return newton(
+            scaled(scale).linearised,
+            guess,
+            size=lambda step: float(np.max(np.abs(step))) / (scale * fastest),
+            tolerance=1e-9,
+            iterations=20,
+            longest=np.inf,
         )
-        guess = omega_body * (target / reached) if reached > 0.0 else equations.linear_solution()
-        found = equations.solve(guess)
-        if found is None:
-            stride *= 0.5
-            if stride < SMALLEST_STEP:
-                raise PlanError(
-                    "no cubic rotation-vector spline was found through the keyframes; the search "
-                    f"stopped at {100.0 * reached:.1f} % of the step sizes: add keyframes or "
-                    "lower the end velocities"
-                )
-        else:
-            omega_body, reached, stride = found, target, 2.0 * (target - reached)
+
+    omega_body, reached = homotopy(solve, np.zeros_like(start), start)
+    if reached < 1.0:
+        raise PlanError(
+            "no cubic rotation-vector spline was found through the keyframes; the search "
+            f"stopped at {100.0 * reached:.1f} % of the step sizes: add keyframes or "
+            "lower the end velocities"
+        )
     return omega_body
 
 
@@ -158,7 +166,7 @@ class _Equations:
 
     def __init__(self, steps: Floats, h: Floats, first: Floats | None, last: Floats | None) -> None:
         count = len(h) + 1
-        self._steps, self._first, self._last = steps, first, last
+        self._steps, self._last = steps, last
         self._back = right_jacobian_inverse(steps)
         rate = (1.0 / h)[:, None, None]
         self._blocks = np.zeros((count, 3, 9))
@@ -177,51 +185,66 @@ class _Equations:
 
     def linear_solution(self) -> Floats:
         """Return the velocities without the term quadratic in them."""
-        return self._solve_linear(self._blocks, self._right)
+        return _solved(self._blocks, self._right)
 
-    def solve(self, omega_body: Floats) -> Floats | None:
-        """Return the solution near a guess, or nothing where Newton's method does not settle."""
-        previous = np.inf
-        for _ in range(ITERATIONS):
-            bend, derivative = self._bend(omega_body)
+    def linearised(self, omega_body: Floats) -> Linearised:
+        """Return the steps of the acceleration, and how to solve for the velocities."""
+        bend, derivative = self._bend(omega_body)
+        padded = np.pad(omega_body, ((1, 1), (0, 0)))
+        window = np.concatenate([padded[:-2], omega_body, padded[2:]], axis=1)
+        error = _apply(self._blocks, window) - self._right
+        error[1:] += bend
+
+        def step() -> Floats:
             blocks = self._blocks.copy()
             blocks[1:, :, 3:6] += derivative
-            right = self._right.copy()
-            right[1:] += _apply(derivative, omega_body[1:]) - bend
-            found = self._solve_linear(blocks, right)
-            size = float(np.max(np.abs(found - omega_body)))
-            omega_body = found
-            if not size < 2.0 * previous:
-                return None
-            if size <= 1e-9 * float(np.max(np.abs(found))) or size == 0.0:
-                return omega_body
-            previous = size
-        return None
+            return _solved(blocks, -error)
+
+        return error, step
 
     def _bend(self, omega_body: Floats) -> tuple[Floats, Floats]:
         r"""Return :math:`\dot J J^{-1} \Omega`, the bend of the exponential, and its derivative.
 
-        It is the acceleration of a rotation vector that moves at a constant rate *v* and quadratic
-        in *v*, so half the difference between ``v + e`` and ``v - e`` is its derivative along *e*.
+        It is quadratic in :math:`v = J^{-1} \Omega`, so half the difference between ``v + e`` and
+        ``v - e`` is its derivative along *e*.
         """
         v = _apply(self._back, omega_body[1:])
         scale = 1.0 + np.sqrt(np.sum(v * v, axis=-1))
         axes = scale[:, None] * np.eye(3)[:, None, :]
-        ahead = self._acceleration(v + axes)
-        behind = self._acceleration(v - axes)
-        along_axes = np.moveaxis((ahead - behind) / (2.0 * scale[:, None]), 0, -1)
-        bend, derivative = self._acceleration(v), along_axes @ self._back
+        change = (bend_along(self._steps, v + axes) - bend_along(self._steps, v - axes)) / 2.0
+        along_axes = np.moveaxis(change / scale[:, None], 0, -1)
+        bend, derivative = bend_along(self._steps, v), along_axes @ self._back
         if self._last is not None:
             bend[-1], derivative[-1] = 0.0, 0.0
         return bend, derivative
 
-    def _acceleration(self, v: Floats) -> Floats:
-        half = np.broadcast_to(0.5 * self._steps, v.shape)
-        return rates(exponential(Jet(half, 0.5 * v, np.zeros_like(v))))[2]
 
-    def _solve_linear(self, blocks: Floats, right: Floats) -> Floats:
-        rows = 3 * np.arange(len(blocks))
-        return solve_blocks(blocks, rows, rows - 3, right.ravel()).reshape(-1, 3)
+def bend_along(r: Floats, v: Floats) -> Floats:
+    r"""Return the body angular acceleration of ``exp(r)`` as *r* moves at the constant rate *v*.
+
+    It is :math:`\dot J v` with the right Jacobian
+    :math:`J v = v - b\, r \times v + c\, r \times (r \times v)`, of which *b* and *c* are functions
+    of :math:`|r|^2`.
+
+    Args:
+        r: rotation vectors, shape ``(n, 3)``, shorter than a whole turn.
+        v: shape ``(..., n, 3)``.
+    """
+    square = np.sum(r * r, axis=-1)[:, None]
+    c, b_rate, c_rate = (
+        np.polynomial.polynomial.polyval(square, terms)
+        for terms in (_SINE, _COSINE_RATE, _SINE_RATE)
+    )
+    across = np.cross(r, v)
+    square_rate = 2.0 * np.sum(r * v, axis=-1, keepdims=True)
+    bend: Floats = c * np.cross(v, across)
+    bend += square_rate * (c_rate * np.cross(r, across) - b_rate * across)
+    return bend
+
+
+def _solved(blocks: Floats, right: Floats) -> Floats:
+    rows = 3 * np.arange(len(blocks))
+    return solve_blocks(blocks, rows, rows - 3, right.ravel()).reshape(-1, 3)
 
 
 def _apply(matrices: Floats, vectors: Floats) -> Floats:

@@ -1,0 +1,632 @@
+"""Nielson's families whose first inner control point decides the whole curve, and its search.
+
+Nielson and Shieh's circle spline joins arcs of circles, the spherical quadratic joins triangles of
+slerps over three points.  In both every inner control point follows from the one before it.  If the
+caller gives no first one, a multistart finds the one that minimises a criterion of the papers.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orientd.curves.contract import Curve, takes_common_names
+from orientd.curves.keyframes import (
+    ParameterError,
+    check_aligned,
+    check_bool,
+    check_number,
+    check_quaternion,
+    check_vector,
+    resolve_times,
+)
+from orientd.curves.newton import differences, multistart
+from orientd.curves.triangles import TriangleCurve
+from orientd.errors import PlanError
+from orientd.rotation import (
+    Floats,
+    between,
+    conjugate,
+    exp_half,
+    log_half,
+    multiply,
+    normalize,
+    slerp,
+)
+
+GRID = 600
+"""First tangents that the search for a circle spline looks at."""
+
+SCREENED = 512
+"""Pairs of first points that the search for a spherical quadratic looks at."""
+
+WORK = 65536
+"""Long chains are screened with fewer candidates: their number times length stays below this."""
+
+KINKS = 64
+"""Of so many keyframes at most, the places at which the polygon's length has a kink are looked at.
+"""
+
+AROUND = 32
+"""Places along a kink from which a search for a minimum on it may start."""
+
+STARTS = 10
+LONGEST = 2000
+"""Long chains descend from fewer starts: their number times length stays below this."""
+
+
+class NielsonShieh(Curve):
+    r"""Join keyframes by circular arcs on the sphere that share their tangents.
+
+    .. math:: c_i(t) = \frac{q_i (1-t)^2 + 2 w_i M_i (1-t) t + q_{i+1} t^2}
+              {(1-t)^2 + 2 w_i (1-t) t + t^2}, \quad
+              w_i = \pm\sqrt{\frac{1 - q_i \cdot q_{i+1}}{2 (\|M_i\|^2 - 1)}}
+
+    Nielson (1993), eqs. 10 to 15, whose denominator prints :math:`w_i^2 (1-t) t`; the middle term
+    is :math:`2 w_i (1-t) t`, and the curve has unit norm with it only.  The inner control
+    point :math:`M_i` is where the tangents at both keyframes meet; keyframe *i* lies on the line
+    through :math:`M_{i-1}` and :math:`M_i` (the text says the next one).  With the unit tangent
+    :math:`T_i` at keyframe *i* and the chord :math:`d_i = \|q_{i+1} - q_i\|` everything follows
+    without an inner point at infinity: the tangent is mirrored across each chord,
+    :math:`T_{i+1} = 2 (T_i \cdot n_i) n_i - T_i`, and :math:`w_i = T_i \cdot q_{i+1} / d_i`,
+    :math:`w_i M_i = w_i q_i + \tfrac12 d_i T_i`.
+
+    So the first tangent, or the first inner control point, decides the whole curve.  Equation 12
+    makes three points collinear, but does not put the keyframe between the inner control points.
+    If it is outside, the weight turns negative and the arc is the complementary one, the long way
+    around.
+    Whether a first tangent without negative weights exists is decided by the intersection of as
+    many half spaces of three dimensions as there are arcs: for random keyframes in 88 % of cases
+    with 5 of them, 34 % with 8, 12 % with 10, none with 20; for densely sampled smooth paths in
+    most.
+
+    The arcs join with the same tangent but not the same speed: the C1 the paper claims needs its
+    :math:`t = s / (a_i + (1 - a_i) s)` (eq. 15) with
+    :math:`a_i a_{i+1} = (d_{i+1}/h_{i+1}) / (d_i/h_i)`, of which :math:`a_1` is free.  Their
+    logarithms add up with alternating signs, so over many intervals out of proportion to their
+    chords they drift apart and the speed within the arcs becomes uneven without bound.
+
+    Picture: ``orientd plot nielson_shieh``.
+
+    Args:
+        keys: unit quaternions ``(w, x, y, z)``, at least two, neighbours different.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
+        M1: the first inner control point, a point of four-dimensional space, projected on its
+            plane :math:`(M, q_1) = (M, q_2) = 1`; without it the one that minimises *criterion*.
+        criterion: 13, the length of the polygon of inner control points, or 14, the squared
+            distances of the arcs' middles from their inner control points.
+        reparam: whether to apply eq. 15 and be C1.
+        a1: of eq. 15, positive; or ``"balanced"``, least sum of squared logarithms of all.
+        require_positive: whether the search for *M1* is among those without a negative weight
+            only.  A given *M1* is taken at its word.
+        align: whether each keyframe takes the sign nearer to its predecessor.
+
+    Raises:
+        ValueError: a parameter is not as said.
+        PlanError: *require_positive*, and every first inner control point makes some weight
+            negative.
+    """
+
+    name = "nielson_shieh"
+    summary = "circular arcs with common tangents"
+    source = "Nielson 1993, eqs. 10 to 15"
+    interpolates = True
+    takes = ("keys", "times", "M1", "criterion", "reparam", "a1", "require_positive", "align")
+
+    @takes_common_names
+    def __init__(
+        self,
+        *,
+        keys: ArrayLike,
+        times: str | ArrayLike | None = None,
+        M1: ArrayLike | None = None,  # noqa: N803 - the paper's name, in every motion file
+        criterion: int = 13,
+        reparam: bool = True,
+        a1: float | str = "balanced",
+        require_positive: bool = True,
+        align: bool = True,
+    ) -> None:
+        q = check_aligned(keys, align)
+        instants = resolve_times(times, q)
+        check_criterion(criterion, (13, 14))
+        is_restricted = check_bool(require_positive, "require_positive")
+        is_smooth = check_bool(reparam, "reparam")
+        super().__init__(knots=instants, continuity=2 if len(q) == 2 else 1 if is_smooth else 0)
+        chords = check_chords(q)
+        basis = carried_bases(q, chords)
+        # A tangent is at right angles to its own keyframe, and the way to the next one is exact.
+        ways = np.diff(q, axis=0) / chords[:, None]
+        if M1 is None:
+            pulls = np.einsum("ncj,nc->nj", basis, ways)
+            direction = best_direction(pulls, chords, criterion, is_restricted=is_restricted)
+            if direction is None:
+                raise PlanError(
+                    "every first inner control point makes a weight of the circle spline negative: "
+                    "give M1, or require_positive=False to take complementary arcs"
+                )
+        else:
+            direction = basis[0].T @ projected_tangent(check_vector(M1, "M1", 4), q)
+        tangents = basis @ (direction / np.linalg.norm(direction))
+        self._weights = np.sum(tangents * ways, axis=-1)
+        self._keys = q
+        self._middles = self._weights[:, None] * q[:-1] + 0.5 * chords[:, None] * tangents
+        h = np.diff(instants)
+        self._ratios = speed_ratios(chords / h, a1) if is_smooth else np.ones(len(h))
+
+    @property
+    def weights(self) -> Floats:
+        """Weights of the inner control points, negative for a complementary arc, ``(n - 1,)``."""
+        weights: Floats = self._weights.copy()
+        return weights
+
+    @property
+    def shoulders(self) -> Floats:
+        """Inner control points, of norm above one, ``(n - 1, 4)``; infinite for weight zero."""
+        with np.errstate(divide="ignore"):
+            points: Floats = self._middles / self._weights[:, None]
+        return points
+
+    @np.errstate(divide="ignore", invalid="ignore")  # an infinite ratio of speeds gives no number
+    def _orientations(self, times: Floats) -> Floats:
+        span = self._segments(times)
+        a = self._ratios[span]
+        s = (times - self._knots[span]) / (self._knots[span + 1] - self._knots[span])
+        below = a + (1.0 - a) * s
+        t, rest = (s / below)[:, None], (a * (1.0 - s) / below)[:, None]
+        return normalize(
+            rest * rest * self._keys[span]
+            + 2.0 * rest * t * self._middles[span]
+            + t * t * self._keys[span + 1]
+        )
+
+
+class SphericalQuadratic(TriangleCurve):
+    r"""Join keyframes by quadratic slerp segments, each over its own inner control point.
+
+    .. math:: B[q_i, M_i, q_{i+1}](t), \qquad
+              M_{i+1} = G[M_i, q_{i+1}](1 + h_{i+1}/h_i)
+
+    Nielson (1993), eqs. 18 to 21, for equal intervals: there the factor is 2.  So the first
+    inner control point decides the whole curve.  Without one it is searched for by
+
+    * criterion 20, least length of the polygon :math:`q_1, M_1, M_2, \ldots, q_n`, or
+    * criterion 21, least sum of squared distances of the segments' middles from their inner points,
+
+    with geodesic distances.  As printed, both minimise inner products, which drives the points
+    apart (the integral of squared acceleration comes out 15 and 46 times as large); (19) runs to
+    *n* and (20) sums to *n - 1*, each one too far.  Both criteria have several local minima; the
+    search takes the best it finds from a fixed set of starts, in time proportional to the number of
+    keyframes, some 4 ms each.
+
+    The velocity is continuous at the keyframes.  Where an extrapolated arc is longer than pi it
+    wraps around the sphere and the velocity jumps; :attr:`continuity` is then 0.
+
+    Picture: ``orientd plot spherical_quadratic``.
+
+    Args:
+        keys: unit quaternions ``(w, x, y, z)``, at least two.
+        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
+        M1: the first inner control point, a unit quaternion; the sign nearer to the first
+            keyframes is taken if *align*.
+        criterion: 20 or 21, for the search.
+        align: whether each keyframe takes the sign nearer to its predecessor.
+
+    Raises:
+        ValueError: a parameter is not as said.
+    """
+
+    name = "spherical_quadratic"
+    summary = "quadratic slerp segments through inner control points"
+    source = "Nielson 1993, eqs. 18 to 21"
+    interpolates = True
+    takes = ("keys", "times", "M1", "criterion", "align")
+
+    @takes_common_names
+    def __init__(
+        self,
+        *,
+        keys: ArrayLike,
+        times: str | ArrayLike | None = None,
+        M1: ArrayLike | None = None,  # noqa: N803 - the paper's name, in every motion file
+        criterion: int = 21,
+        align: bool = True,
+    ) -> None:
+        q = check_aligned(keys, align)
+        instants = resolve_times(times, q)
+        check_criterion(criterion, (20, 21))
+        h = np.diff(instants)
+        if M1 is None:
+            first = best_first_point(q, h[1:] / h[:-1], criterion)
+        else:
+            first = check_quaternion(M1, "M1")
+            if align and float(first @ (q[0] + q[1])) < 0.0:
+                first = -first
+        inner, longest = inner_points(first, q, h)
+        super().__init__(
+            knots=instants,
+            points=np.stack([q[:-1], inner, q[1:]], axis=1),
+            continuity=2 if len(q) == 2 else 1 if longest < np.pi else 0,
+        )
+
+    @property
+    def shoulders(self) -> Floats:
+        """Inner control points, shape ``(n - 1, 4)``."""
+        points: Floats = self._points[:, 1].copy()
+        return points
+
+
+def check_criterion(criterion: object, allowed: tuple[int, int]) -> None:
+    """Refuse a criterion that is not one of two equation numbers.
+
+    Raises:
+        ValueError: it is not.
+    """
+    if isinstance(criterion, bool) or criterion not in allowed:
+        raise ParameterError(
+            "criterion", f"criterion must be {allowed[0]} or {allowed[1]}, got {criterion!r}"
+        )
+
+
+def check_chords(q: Floats) -> Floats:
+    """Return the distances between neighbouring keyframes, shape ``(n - 1,)``.
+
+    Raises:
+        ValueError: two neighbours are the same, or opposite points of the sphere.
+    """
+    chords: Floats = np.sqrt(np.sum((q[1:] - q[:-1]) ** 2, axis=-1))
+    for is_bad, said in ((chords < 1e-14, "the same"), (chords > 2.0 - 1e-14, "opposite")):
+        if np.any(is_bad):
+            place = int(np.argmax(is_bad))
+            raise ParameterError(
+                "keys",
+                "keys must have neighbours that differ by less than a whole turn for a circle "
+                f"through them, got keys[{place}] and keys[{place + 1}] {said}",
+            )
+    return chords
+
+
+def carried_bases(q: Floats, chords: Floats) -> Floats:
+    """Return a basis of the first tangent space and its mirror images at the other keyframes.
+
+    Returns:
+        Columns in the tangent space of keyframe *i*, shape ``(n - 1, 4, 3)``.
+    """
+    basis = frame_of(q)[:, 1:]
+    normals = (q[1:] - q[:-1]) / chords[:, None]
+    carried: Floats = np.empty((len(chords), 4, 3))
+    for i, normal in enumerate(normals):
+        carried[i] = basis
+        basis = 2.0 * np.outer(normal, normal @ basis) - basis
+    return carried
+
+
+def projected_tangent(point: Floats, q: Floats) -> Floats:
+    """Return the tangent at the first keyframe towards an inner control point made to fit.
+
+    The point is projected on the plane of points whose products with both keyframes are one.  A
+    point given for the negated quaternions is negated.
+    """
+    half_sum, half_difference = 0.5 * (q[0] + q[1]), 0.5 * (q[1] - q[0])
+    if float(point @ half_sum) < 0.0:
+        point = -point
+    for direction in (half_sum, half_difference):
+        point = point - float(point @ direction) / float(direction @ direction) * direction
+    tangent: Floats = point + half_sum / float(half_sum @ half_sum) - q[0]
+    return tangent
+
+
+def speed_ratios(speeds: Floats, a1: float | str) -> Floats:
+    r"""Return the :math:`a_i` of eq. 15 that make the speed continuous.
+
+    Args:
+        speeds: chord over interval of each segment, shape ``(n,)``.
+        a1: the first, or ``"balanced"``.
+
+    Raises:
+        ValueError: *a1* is neither a positive number nor the word.
+    """
+    signs = np.where(np.arange(len(speeds)) % 2 == 0, 1.0, -1.0)
+    logs: Floats = np.zeros(len(speeds))
+    logs[1:] = -signs[1:] * np.cumsum(signs[1:] * -np.diff(np.log(speeds)))
+    if isinstance(a1, str):
+        if a1 != "balanced":
+            raise ParameterError("a1", f"a1 must be a positive number or 'balanced', got {a1!r}")
+        shift = -float(np.mean(signs * logs))
+    else:
+        first = check_number(a1, "a1")
+        if first <= 0.0:
+            raise ParameterError("a1", f"a1 must be a positive number or 'balanced', got {a1!r}")
+        shift = float(np.log(first))
+    ratios: Floats = np.exp(logs + signs * shift)
+    return ratios
+
+
+def inner_points(first: Floats, q: Floats, h: Floats) -> tuple[Floats, float]:
+    """Return all inner control points, and the longest arc from a keyframe to the next of them.
+
+    Args:
+        first: the first one.
+        q: keyframes, shape ``(n, 4)``.
+        h: intervals, shape ``(n - 1,)``.
+    """
+    points = np.empty((len(h), 4))
+    points[0] = first
+    longest = 0.0
+    for i in range(1, len(h)):
+        ratio = h[i] / h[i - 1]
+        points[i] = slerp(points[i - 1], q[i], 1.0 + ratio)
+        arc = float(np.linalg.norm(log_half(multiply(conjugate(points[i - 1]), q[i]))))
+        longest = max(longest, ratio * arc)
+    return points, longest
+
+
+def frame_of(q: Floats) -> Floats:
+    """Return an orthonormal frame of four dimensions that turns with the keyframes.
+
+    Its first vector is the first keyframe, the second points to the second one, the third is
+    found from those that follow, so that a search in this frame has the same result whatever the
+    frames the orientations are given in.
+
+    Args:
+        q: unit quaternions, shape ``(n, 4)``.
+
+    Returns:
+        Columns, shape ``(4, 4)``, of positive determinant.
+    """
+    vectors = [q[0]]
+    for candidate in (*q[1:], *np.eye(4)):
+        rest = candidate - sum(float(candidate @ v) * v for v in vectors)
+        length = float(np.linalg.norm(rest))
+        if length > 1e-6:
+            rest = rest / length
+            rest = rest - sum(float(rest @ v) * v for v in vectors)
+            vectors.append(rest / np.linalg.norm(rest))
+        if len(vectors) == 3:
+            break
+    rows = np.array(vectors)
+    last = [-((-1.0) ** k) * np.linalg.det(np.delete(rows, k, axis=1)) for k in range(4)]
+    frame: Floats = np.column_stack([*vectors, last])
+    return frame
+
+
+def best_direction(
+    pulls: Floats, chords: Floats, criterion: int, *, is_restricted: bool
+) -> Floats | None:
+    r"""Return the first tangent with the least criterion found (Nielson, 1993, criteria 13 and 14).
+
+    Every tangent length of a circle spline follows from the first tangent *T*:
+    :math:`\tau_i = \tfrac12 d_i / (p_i \cdot T)` with fixed vectors :math:`p_i`.  So a criterion is
+    a sum over segments of functions of :math:`\tau_i`:
+
+    * 13, the length of the polygon of inner control points,
+      :math:`|\tau_1| + \sum |\tau_i + \tau_{i+1}| + |\tau_n|`.  Without a negative weight it has
+      one minimum, as :math:`\tfrac12 \|x\|^2 + \sum d_i / (p_i \cdot x)` is strictly convex.
+    * 14, the squared distances of the arcs' middles from their inner control points,
+      :math:`\sum \tau_i^2 (\tau_i - k_i)/(\tau_i + k_i)`, :math:`k_i = \tfrac12 d_i`.  It may have
+      several minima.
+
+    Args:
+        pulls: the vectors *p*, in the basis of the first tangent space, shape ``(n, 3)``.
+        chords: distances *d* between neighbouring keyframes, shape ``(n,)``.
+        criterion: 13 or 14.
+        is_restricted: whether all weights must be positive.
+
+    Returns:
+        A unit vector in that basis, shape ``(3,)``; nothing if none makes all weights positive and
+        that is asked for.
+    """
+    halves = 0.5 * chords
+
+    def values(x: Floats) -> Floats:
+        weights = x[:, :3] @ pulls.T
+        is_allowed = np.all(weights > 0.0 if is_restricted else weights != 0.0, axis=1)
+        is_allowed &= weights[:, 0] > 0.0
+        safe = np.where(is_allowed[:, None], weights, 1.0)
+        total: Floats = np.sum(_terms(halves / safe, halves, criterion)[0], axis=1)
+        return np.where(is_allowed, total, np.inf)
+
+    def along(x: Floats, basis: Floats) -> tuple[Floats, Floats]:
+        """Return gradient and Hessian along directions at right angles to the tangents."""
+        weights = (x @ pulls.T)[..., None]
+        lengths = halves[:, None] / weights
+        across = (pulls @ basis) / weights
+        _, first, second = _terms(lengths[..., 0], halves, criterion)
+        slope = first[..., None] * lengths
+        bend = second[..., None] * lengths * lengths + 2.0 * slope
+        hessian = np.swapaxes(across, 1, 2) @ (bend * across)
+        hessian += np.sum(slope, axis=1)[..., None] * np.eye(basis.shape[2])
+        return -np.sum(slope * across, axis=1), hessian
+
+    def move(x: Floats, step: Floats) -> Floats:
+        moved = x + (_tangent_basis(x) @ step[..., None])[..., 0]
+        return _unit(moved)
+
+    # Directions spread evenly over the half sphere around the first axis.
+    height = (np.arange(GRID) + 0.5) / GRID
+    turn, radius = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(GRID), np.sqrt(1.0 - height * height)
+    starts = np.stack([height, radius * np.cos(turn), radius * np.sin(turn)], axis=1)
+    if is_restricted and not np.isfinite(values(starts)).any():
+        center = _inside_cone(pulls)
+        if center is None:
+            return None
+        starts = center[None]
+    # One start is enough for the only minimum.
+    count = 1 if is_restricted and criterion == 13 else STARTS
+    best, least = multistart(
+        values,
+        lambda x: along(x, _tangent_basis(x)),
+        starts,
+        move=move,
+        count=count,
+        iterations=40 if is_restricted or criterion == 14 else 16,
+    )
+    if is_restricted or criterion == 14 or len(pulls) == 1:
+        return best
+
+    # The polygon's length has kinks where tau_i = -tau_{i+1}, which is a great circle for each i.
+    # A minimum on one is found along it; a state is the tangent with the normal of its circle.
+    normals = _unit(halves[:-1, None] * pulls[1:] + halves[1:, None] * pulls[:-1])[:KINKS]
+    angles = 2.0 * np.pi * (np.arange(AROUND) + 0.5) / AROUND
+    plane = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    on_circles = np.swapaxes(_tangent_basis(normals) @ plane.T, 1, 2)
+    states = np.concatenate([on_circles, np.repeat(normals[:, None], AROUND, axis=1)], axis=2)
+
+    def ahead(state: Floats) -> Floats:
+        return np.cross(state[:, 3:], state[:, :3])
+
+    def move_along(state: Floats, angle: Floats) -> Floats:
+        moved = np.cos(angle) * state[:, :3] + np.sin(angle) * ahead(state)
+        return np.concatenate([_unit(moved), state[:, 3:]], axis=1)
+
+    kink, lowest = multistart(
+        values,
+        lambda state: along(state[:, :3], ahead(state)[..., None]),
+        states.reshape(-1, 6),
+        move=move_along,
+        count=STARTS,
+        iterations=16,
+    )
+    if lowest < least:
+        best, least = kink[:3], lowest
+    i, j = np.triu_indices(len(normals), 1)
+    corners = np.cross(normals[i], normals[j])
+    corners = _unit(np.concatenate([corners, -corners]))
+    at_corners = values(corners)
+    if len(corners) and at_corners.min() < least:
+        best = corners[int(np.argmin(at_corners))]
+    return best
+
+
+def _unit(vectors: Floats) -> Floats:
+    """Return vectors made unit, those of no length as they are."""
+    lengths = _lengths(vectors)[..., None]
+    unit: Floats = vectors / np.where(lengths > 0.0, lengths, 1.0)
+    return unit
+
+
+def _terms(lengths: Floats, halves: Floats, criterion: int) -> tuple[Floats, Floats, Floats]:
+    """Return what each tangent length adds to a criterion, with two derivatives."""
+    if criterion == 13:
+        joints = np.sign(lengths[..., :-1] + lengths[..., 1:])
+        slopes = np.sign(lengths)
+        slopes[..., 1:] = joints
+        slopes[..., :-1] += joints
+        slopes[..., -1] += np.sign(lengths[..., -1])
+        return slopes * lengths, slopes, np.zeros_like(slopes)
+    total = lengths + halves
+    # t^2 (t - k)/(t + k) = t^2 - 2 k t + 2 k^2 - 2 k^3/(t + k)
+    return (
+        lengths * lengths * (lengths - halves) / total,
+        2.0 * lengths - 2.0 * halves + 2.0 * halves**3 / total**2,
+        2.0 - 4.0 * halves**3 / total**3,
+    )
+
+
+def _tangent_basis(x: Floats) -> Floats:
+    """Return two unit vectors at right angles to each of several, as columns, ``(s, 3, 2)``."""
+    side = np.cross(x, np.eye(3)[np.argmin(np.abs(x), axis=1)])
+    side /= np.linalg.norm(side, axis=1, keepdims=True)
+    return np.stack([side, np.cross(x, side)], axis=2)
+
+
+def _inside_cone(pulls: Floats) -> Floats | None:
+    """Return a unit vector well inside the cone of positive weights, if there is one."""
+    from scipy.optimize import linprog
+
+    unit = pulls / np.sqrt(np.sum(pulls * pulls, axis=-1))[:, None]
+    found = linprog(
+        [0.0, 0.0, 0.0, -1.0],
+        A_ub=np.column_stack([-unit, np.ones(len(unit))]),
+        b_ub=np.zeros(len(unit)),
+        bounds=[(-1.0, 1.0)] * 3 + [(None, 1.0)],
+        method="highs",
+    )
+    if found.x is None or found.x[3] <= 1e-9:
+        return None
+    center: Floats = found.x[:3] / np.linalg.norm(found.x[:3])
+    return center if np.all(pulls @ center > 0.0) else None
+
+
+def best_first_point(q: Floats, ratios: Floats, criterion: int) -> Floats:
+    """Return the first inner control point with the least criterion found (eqs. 20 and 21).
+
+    Args:
+        q: keyframes, shape ``(n, 4)``.
+        ratios: of each interval to the one before, shape ``(n - 2,)``.
+        criterion: 20 or 21.
+    """
+
+    def values(first: Floats) -> Floats:
+        return criterion_values(first, q, ratios, criterion)
+
+    def move(x: Floats, step: Floats) -> Floats:
+        return normalize(multiply(x, exp_half(step)))
+
+    # Candidates all over the sphere, and more of them near the first two keyframes.
+    generator = np.random.default_rng(20)
+    frame = frame_of(q)
+    count = max(64, min(SCREENED, WORK // len(q)))
+    everywhere = generator.normal(size=(count, 4)) @ frame.T
+    middle = q[0] + q[1]
+    middle = middle / np.linalg.norm(middle) if np.any(np.abs(middle) > 1e-9) else frame[:, 1]
+    spread = generator.uniform(0.0, 1.5, (count, 1)) * generator.normal(size=(count, 4))
+    starts = normalize(np.concatenate([middle[None], middle + spread @ frame.T, everywhere]))
+    if criterion == 20:
+        starts = np.concatenate([starts, _kinks(q, ratios)])
+    count = max(2, min(STARTS, LONGEST // len(q)))
+    return multistart(values, differences(values, move, 3), starts, move=move, count=count)[0]
+
+
+def criterion_values(first: Floats, q: Floats, ratios: Floats, criterion: int) -> Floats:
+    """Return a criterion of the spherical quadratic for candidates of the first inner point.
+
+    Args:
+        first: candidates, shape ``(s, 4)``.
+        q: keyframes, shape ``(n, 4)``.
+        ratios: of each interval to the one before, shape ``(n - 2,)``.
+        criterion: 20, the length of the polygon of inner points; or 21, the sum of squared
+            distances of the segments' middles from theirs.
+
+    Returns:
+        Shape ``(s,)``.
+    """
+    points = np.empty((len(first), len(q) - 1, 4))
+    points[:, 0] = m = first
+    for i, (key, ratio) in enumerate(zip(q[1:-1], ratios, strict=True), 1):
+        # slerp(m, key, 1 + ratio), written out: this is the inner loop of the search.
+        angle = 2.0 * np.arctan2(_lengths(m - key), _lengths(m + key))
+        sine = np.where(angle > 0.0, np.sin(angle), 1.0)
+        back = np.where(angle > 0.0, -np.sin(ratio * angle) / sine, -ratio)
+        ahead = np.where(angle > 0.0, np.sin((1.0 + ratio) * angle) / sine, 1.0 + ratio)
+        m = back[:, None] * m + ahead[:, None] * key
+        points[:, i] = m = m / _lengths(m)[:, None]
+    if criterion == 20:
+        ends = np.broadcast_to(q[[0, -1]], (len(points), 2, 4))
+        nodes = np.concatenate([ends[:, :1], points, ends[:, 1:]], axis=1)
+        terms = _lengths(log_half(between(nodes[:, :-1], nodes[:, 1:])))
+    else:
+        # Seen from the inner point M, the keyframes are exp(a) and exp(b), and the middle lies
+        # towards exp(a/2) + exp(b/2).
+        seen = multiply(conjugate(points)[:, None], np.stack([q[:-1], q[1:]]))
+        terms = _lengths(log_half(np.sum(exp_half(0.5 * log_half(seen)), axis=1))) ** 2
+    total: Floats = np.sum(terms, axis=1)
+    return total
+
+
+def _lengths(vectors: Floats) -> Floats:
+    lengths: Floats = np.sqrt(np.sum(vectors * vectors, axis=-1))
+    return lengths
+
+
+def _kinks(q: Floats, ratios: Floats) -> Floats:
+    """Return the candidates whose chain puts an inner point on a keyframe.
+
+    There the length of the polygon has a kink, in which a descent does not settle.
+    """
+    found = []
+    for place in range(1, min(len(q) - 1, KINKS)):
+        point = q[place]
+        for i in range(place - 2, -1, -1):
+            point = slerp(q[i + 1], point, -1.0 / ratios[i])
+        found.append(point)
+    return np.array(found).reshape(-1, 4)

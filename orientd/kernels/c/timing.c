@@ -1,0 +1,641 @@
+/* Meshes of a path and their refinement; see timing.h. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "clock.h"
+#include "moves.h"
+#include "profile.h"
+#include "timing.h"
+#include "trajectory.h"
+
+enum {
+    MOST_ROUNDS = 6,        /* of ever narrower elements */
+    FEWEST_ROUNDS = 2,
+    BUDGET = 420,           /* elements of all rounds together */
+    BUDGET_OF_INTERVAL = 5, /* and for each interval between knots */
+    REPAIRS = 4,            /* attempts to have no squared rate below zero between the nodes */
+    PIECES_OF_INTERVAL = 10,
+    FEWEST_PIECES = 100,    /* of all intervals together */
+    LEAST_PIECES = 3,       /* of an interval where there are very many */
+    MOST_ELEMENTS = 400000, /* more of them are not cut into narrower ones */
+    MOST_CUTS = 4,          /* pieces of an element in one round */
+    LEAVING_CUTS = 3,       /* of the element that leaves rest */
+    FEW = 300,              /* elements, of which another solve costs little */
+    MANY = 2000,            /* elements, of which it costs too much */
+    SECANTS = 12,
+    REACH = 64,             /* elements around a step of the jerk, at most */
+};
+
+static const double gaps[] = {0.03, 0.003, 5e-4, 3e-4}; /* share of the duration the barrier costs */
+enum { GAPS = sizeof gaps / sizeof *gaps };
+#define LAST_GAP gaps[GAPS - 1]
+#define AGAIN 10.0          /* times the gap to begin with from a profile that is nearly right */
+
+#define REST 1e-9           /* of the largest angular velocity of the part */
+#define LEAVING 0.8         /* of a length L that the parameter goes while it leaves rest */
+#define NARROW 0.25         /* of a period: elements that take less time are narrow enough */
+#define RAMP 0.25           /* change of the acceleration in an element, as a share of its limit */
+#define CHANGE 0.5          /* of the squared rate in an element */
+#define MISSED 1.01         /* share of a limit between the places that were looked at */
+#define GIVEN 1.0002        /* share of a limit that is used where an end is at it */
+#define WORTH_LITTLE 1.0003 /* share of a limit that is worth another solve of few elements */
+#define WORTH_MUCH 1.003    /* and of more */
+#define EASE 3.0            /* one over the share of the mesh near an end that moves */
+#define NEARLY 0.994        /* of a total: the rest slows the path down inside */
+#define BELOW 1.0003        /* margin where the jerk has a step */
+#define DRAWN_BY 3.0        /* cycles on either side of a step that it is seen in */
+#define ROUNDING 1e-13
+#define WHOLE 1e-9          /* of a period */
+
+/* A part of the path: its knots, how it leaves rest, and which of its ends move. */
+typedef struct {
+    const timing_t *asked;
+    row_t knots;
+    double begin, end, last, leaves[2], total;
+    bool moves[2];
+    struct { double omega[3], alpha[3]; } ends[2];
+} part_t;
+
+/* A profile on its mesh. */
+typedef struct { matrix_t rows; index_t n; } mesh_t;
+
+static double *row(const mesh_t *mesh, int which) { return mesh->rows.v + which * (mesh->n + 2); }
+
+static bool new_mesh(mesh_t *mesh, index_t n) {
+    mesh->n = n;
+    mesh->rows = (matrix_t){calloc((size_t)(PROFILE_ROWS * (n + 2)), sizeof(double)),
+                            PROFILE_ROWS, n + 2};
+    return mesh->rows.v != NULL;
+}
+
+static void take_mesh(mesh_t *mesh, mesh_t other) {
+    free(mesh->rows.v);
+    *mesh = other;
+}
+
+static double length_of(const double *v) { return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+
+/* A vector as a share of the limits of its norm and of its components. */
+static double share_of(const double *v, const double *limits) {
+    double most = fmax(fabs(v[1]) / limits[2], fabs(v[2]) / limits[3]);
+    return fmax(length_of(v) / limits[0], fmax(fabs(v[0]) / limits[1], most));
+}
+
+static double least_of(const double *limits) {
+    return fmin(fmin(limits[0], limits[1]), fmin(limits[2], limits[3]));
+}
+
+/* Read how a part begins and ends. */
+static int read_part(const timing_t *asked, index_t place, part_t *part) {
+    row_t knots = asked->knots;
+    double begin = asked->edges.v[place], end = asked->edges.v[place + 1], fastest = 0.0;
+    index_t first = 0;
+    while (first + 2 < knots.n && knots.v[first + 1] <= begin)
+        first++;
+    index_t stop = first + 1;
+    while (stop + 1 < knots.n && knots.v[stop] < end)
+        stop++;
+    index_t count = stop - first + 1, spots = 2 * count - 1;
+    bool is_final = place + 2 == asked->edges.n;
+    /* At a knot a trajectory is what begins there. */
+    *part = (part_t){.asked = asked, .knots = {knots.v + first, count}, .begin = begin, .end = end,
+                     .last = is_final ? end : nextafter(end, begin)};
+    double *memory = malloc((size_t)(11 * spots) * sizeof *memory);
+    if (memory == NULL)
+        return OUT_OF_MEMORY;
+    matrix_t samples = {memory + spots, 10, spots};
+    for (index_t i = 0; i < spots; i++) {
+        const double *at = part->knots.v + i / 2;
+        memory[i] = i == spots - 1 ? part->last : i % 2 ? 0.5 * (at[0] + at[1]) : at[0];
+    }
+    sample_trajectory((row_t){memory, spots}, asked->breaks, asked->pieces, INFINITY, samples);
+    for (index_t i = 0; i < spots; i++) {
+        double w[3];
+        for (int k = 0; k < 3; k++)
+            w[k] = row_of(samples, 4 + k)[i];
+        fastest = fmax(fastest, length_of(w));
+    }
+    part->total = end - begin;
+    for (int side = 0; side < 2; side++) {
+        index_t i = side ? spots - 1 : 0;
+        double *omega = part->ends[side].omega, *alpha = part->ends[side].alpha, v[3] = {0.0};
+        for (int k = 0; k < 3; k++)
+            omega[k] = row_of(samples, 4 + k)[i], alpha[k] = row_of(samples, 7 + k)[i];
+        if (asked->moves.n)
+            put_move(asked->move_breaks, asked->moves, side ? end : begin, (move_t){NULL, v, NULL});
+        double room = side ? end - part->knots.v[count - 2] : part->knots.v[1] - begin;
+        room *= count == 2 ? 0.5 : 1.0;
+        bool turns = length_of(omega) > REST * fastest;
+        part->moves[side] = turns && !asked->is_at_rest;
+        /* Where the path sets out with an acceleration, its angle grows like the square of its time,
+         * and that of a motion from rest like the cube: like the square without a jerk limit. */
+        if (asked->is_at_rest && (turns || length_of(v) > 0.0))
+            part->leaves[side] = -2.0 * room;
+        else if (!turns && length_of(alpha) > REST * fastest
+                 && least_of(row_of(asked->limits, 2)) < INFINITY)
+            part->leaves[side] = room / LEAVING;
+        part->total += leaving_gap(part->leaves[side]);
+    }
+    free(memory);
+    return 0;
+}
+
+/* Write the derivatives of orientation and position by the path coordinate at nodes and middles. */
+static int put_derivatives(const part_t *part, const mesh_t *mesh, profile_path_t *path,
+                           double **memory) {
+    const timing_t *asked = part->asked;
+    index_t n = mesh->n, spots = 2 * n + 1, moving = asked->moves.n ? spots : 0;
+    double *next = malloc((size_t)(n + 21 * spots + 6 * moving) * sizeof *next);
+    *memory = next;
+    if (next == NULL)
+        return OUT_OF_MEMORY;
+    *path = (profile_path_t){
+        .widths = {next, n}, .first = {next + n, spots, 3},
+        .second = {next + n + 3 * spots, spots, 3},
+        .move_first = {next + n + 6 * spots, moving, 3},
+        .move_second = {next + n + 6 * spots + 3 * moving, moving, 3},
+        .limits = asked->limits, .move_limits = asked->move_limits,
+        .aims = {row(mesh, AIMS), 3, n + 2},
+        .has_start = part->moves[0], .has_end = part->moves[1],
+    };
+    next += n + 6 * (spots + moving);
+    row_t places = {next, spots}, instants = {next + spots, spots};
+    matrix_t s = {next + 2 * spots, 3, spots}, samples = {next + 5 * spots, 10, spots};
+    const double *x = row(mesh, PLACES);
+    for (index_t e = 0; e < n; e++) {
+        path->widths.v[e] = x[e + 1] - x[e];
+        places.v[2 * e] = x[e], places.v[2 * e + 1] = 0.5 * (x[e] + x[e + 1]);
+    }
+    places.v[2 * n] = x[n];
+    leave_rest(places, (row_t){(double *)part->leaves, 2}, part->total, s);
+    for (index_t i = 0; i < spots; i++)
+        instants.v[i] = fmin(fmax(part->begin + row_of(s, 0)[i], part->begin), part->last);
+    sample_trajectory(instants, asked->breaks, asked->pieces, INFINITY, samples);
+    for (index_t i = 0; i < spots; i++) {
+        double slope = row_of(s, 1)[i], bend = row_of(s, 2)[i], v[3], a[3];
+        for (int k = 0; k < 3; k++) {
+            double omega = row_of(samples, 4 + k)[i], alpha = row_of(samples, 7 + k)[i];
+            row_of(path->first, i)[k] = omega * slope;
+            row_of(path->second, i)[k] = alpha * slope * slope + omega * bend;
+        }
+        if (!moving)
+            continue;
+        put_move(asked->move_breaks, asked->moves, instants.v[i], (move_t){NULL, v, a});
+        for (int k = 0; k < 3; k++) {
+            row_of(path->move_first, i)[k] = v[k] * slope;
+            row_of(path->move_second, i)[k] = a[k] * slope * slope + v[k] * bend;
+        }
+    }
+    return 0;
+}
+
+/* Write value and slope at the nodes, and when they are passed; return the duration. */
+static double put_nodes(const mesh_t *mesh) {
+    index_t n = mesh->n;
+    const double *x = row(mesh, PLACES), *c = row(mesh, COEFFICIENTS);
+    for (index_t i = 0; i <= n; i++) {
+        double before = i ? x[i] - x[i - 1] : 0.0, after = i < n ? x[i + 1] - x[i] : 0.0;
+        row(mesh, VALUES)[i] = (after * c[i] + before * c[i + 1]) / (before + after);
+        row(mesh, SLOPES)[i] = 2.0 * (c[i + 1] - c[i]) / (before + after);
+    }
+    put_node_times((row_t){row(mesh, PLACES), n + 1}, (row_t){row(mesh, VALUES), n + 1},
+                   (row_t){row(mesh, SLOPES), n + 1}, (row_t){row(mesh, TIMES), n + 1});
+    return row(mesh, TIMES)[n];
+}
+
+/* 0 at the ends of a path that move, and 1 far from them, at a share of its length. */
+static double away_from(const bool moves[2], double share) {
+    double far = 1.0;
+    for (int side = 0; side < 2; side++)
+        if (moves[side]) {
+            double u = fmin((side ? 1.0 - share : share) * EASE, 1.0);
+            far *= u * u * (3.0 - 2.0 * u);
+        }
+    return far;
+}
+
+/* Aim lower where limits are exceeded, and by a factor everywhere. */
+static void aim_lower(const mesh_t *mesh, double excess) {
+    double power = 1.0;
+    for (int order = 0; order < 3; order++) {
+        double *aims = row(mesh, AIMS + order), *shares = row(mesh, SHARES + order);
+        power *= excess;
+        for (index_t e = 0; e < mesh->n; e++)
+            /* But not where what is given at an end is at a limit. */
+            if (!(aims[e] < 1.0 && shares[e] < GIVEN))
+                aims[e] *= fmax(shares[e], 1.0) * power;
+    }
+}
+
+/* Aim at a slower pace, but not where an end moves. */
+static void slow_inside(const part_t *part, const mesh_t *mesh, double factor) {
+    const double *x = row(mesh, PLACES);
+    for (index_t e = 0; e < mesh->n; e++) {
+        double share = 0.5 * (x[e] + x[e + 1]) / x[mesh->n];
+        double slower = 1.0 + (factor - 1.0) * away_from(part->moves, share);
+        row(mesh, AIMS)[e] *= slower;
+        row(mesh, AIMS + 1)[e] *= slower * slower;
+        row(mesh, AIMS + 2)[e] *= slower * slower * slower;
+    }
+}
+
+static index_t pieces_of(index_t intervals) {
+    if (intervals * PIECES_OF_INTERVAL > MOST_ELEMENTS)
+        return most(LEAST_PIECES, MOST_ELEMENTS / intervals);
+    return most(PIECES_OF_INTERVAL, (FEWEST_PIECES + intervals - 1) / intervals);
+}
+
+/* Make a mesh of wide elements, which end where the formula of the path changes. */
+static bool first_mesh(const part_t *part, mesh_t *mesh) {
+    index_t intervals = part->knots.n - 1, pieces = pieces_of(intervals), e = 0;
+    if (!new_mesh(mesh, intervals * pieces))
+        return false;
+    double begin = 0.0, *x = row(mesh, PLACES);
+    for (index_t i = 1; i <= intervals; i++) {
+        double end = i == intervals ? part->total
+                   : coordinate_of(part->knots.v[i] - part->begin, part->leaves, part->total);
+        for (index_t k = 0; k < pieces; k++)
+            x[e++] = begin + (end - begin) / (double)pieces * (double)k;
+        begin = end;
+    }
+    x[e] = begin;
+    for (index_t i = 0; i < 3; i++)
+        for (e = 0; e < mesh->n; e++)
+            row(mesh, AIMS + (int)i)[e] = 1.0;
+    /* What is given at an end is inside, by a little: nothing can be done about that. */
+    for (int side = 0; side < 2; side++)
+        for (int order = 0; order < 2 && part->moves[side]; order++) {
+            const double *given = order ? part->ends[side].alpha : part->ends[side].omega;
+            double share = share_of(given, row_of(part->asked->limits, order));
+            double highest = order ? 0.9993 : 0.9999;
+            for (index_t k = 0; k < pieces && share > highest; k++) {
+                double fading = 1.0 - fmax((double)k - 1.0, 0.0) / (double)pieces;
+                double *aim = row(mesh, AIMS + order) + (side ? mesh->n - 1 - k : k);
+                *aim = fmin(*aim, 1.0 - fading * (1.0 - highest / share));
+            }
+        }
+    return true;
+}
+
+/* Cut elements into pieces, and write the same profile on them. */
+static bool cut(const mesh_t *mesh, const index_t *pieces, mesh_t *finer) {
+    index_t count = 0, to = 0;
+    for (index_t e = 0; e < mesh->n; e++)
+        count += pieces[e];
+    if (!new_mesh(finer, count))
+        return false;
+    const double *x = row(mesh, PLACES), *y = row(mesh, VALUES), *d = row(mesh, SLOPES);
+    for (index_t e = 0; e < mesh->n; e++) {
+        double h = x[e + 1] - x[e], width = h / (double)pieces[e], bend = (d[e + 1] - d[e]) / h;
+        for (index_t k = 0; k < pieces[e]; k++, to++) {
+            double ahead = width * (double)k, slope = d[e] + ahead * bend;
+            double value = y[e] + ahead * (d[e] + 0.5 * ahead * bend);
+            row(finer, PLACES)[to] = x[e] + ahead;
+            /* A coefficient is the polar form of the quadratic at both ends of its element. */
+            row(finer, COEFFICIENTS)[to + 1] = value + 0.5 * width * slope;
+            for (int order = 0; order < 3; order++)
+                row(finer, AIMS + order)[to] = row(mesh, AIMS + order)[e];
+        }
+    }
+    row(finer, PLACES)[to] = x[mesh->n];
+    row(finer, COEFFICIENTS)[0] = y[0], row(finer, COEFFICIENTS)[to + 1] = y[mesh->n];
+    return true;
+}
+
+/* Count into how many pieces to cut each element; return whether any is to be cut. */
+static bool put_cuts(const part_t *part, const mesh_t *mesh, const profile_path_t *path,
+                     double *wanted, index_t *pieces) {
+    index_t n = mesh->n;
+    const double *y = row(mesh, VALUES), *d = row(mesh, SLOPES);
+    bool is_cut = false;
+    for (index_t e = 0; e < n; e++) {
+        /* How much of the limits of acceleration a change of the rate takes. */
+        double pull = share_of(row_of(path->first, 2 * e + 1), row_of(part->asked->limits, 1));
+        wanted[e] = fmax(0.5 * fabs(d[e + 1] - d[e]) * pull / RAMP,
+                         fabs(y[e + 1] - y[e]) / fmax(y[e], y[e + 1]) / CHANGE);
+        for (int order = 0; order < 3; order++)
+            wanted[e] = fmax(wanted[e], row(mesh, SHARES + order)[e] / MISSED);
+    }
+    /* The jerk of what leaves rest bends between the places that were looked at. */
+    for (int side = 0; side < 2; side++)
+        if (part->leaves[side] > 0.0)
+            wanted[side ? n - 1 : 0] = fmax(wanted[side ? n - 1 : 0], LEAVING_CUTS);
+    for (index_t e = 0; e < n; e++) {
+        /* What is beside a quick change may become one. */
+        double around = fmax(wanted[e], fmax(e ? wanted[e - 1] : 0.0,
+                                             e + 1 < n ? wanted[e + 1] : 0.0));
+        double time = 2.0 * path->widths.v[e] / (sqrt(y[e]) + sqrt(y[e + 1]));
+        double count = ceil(fmin(around, time / (NARROW * part->asked->period)));
+        pieces[e] = (index_t)fmin(fmax(count, 1.0), MOST_CUTS);
+        is_cut |= pieces[e] > 1;
+    }
+    return is_cut;
+}
+
+/* Aim lower around steps of the jerk.
+ *
+ * Where the jerk has a step between two records, what a servo draws there has up to a 192nd of the
+ * step more, as a cubic that has place and velocity in common with the motion at both.  There is room
+ * for less of it above the share of the limits that is used. */
+static void aim_lower_at_steps(const part_t *part, const mesh_t *mesh, const profile_path_t *path) {
+    index_t n = mesh->n;
+    const double *y = row(mesh, VALUES), *d = row(mesh, SLOPES), *t = row(mesh, TIMES);
+    const double *limits = row_of(part->asked->limits, 2);
+    double reach = DRAWN_BY * part->asked->period, *aims = row(mesh, AIMS + 2);
+    for (index_t e = 0; e < n; e++) {
+        double step[3];
+        for (int k = 0; k < 3; k++) {
+            /* What both sides of a node have in common is left out. */
+            const double *first = path->first.v + 6 * e + 6 + k, *at = path->second.v + 6 * e + k;
+            double width = path->widths.v[e];
+            step[k] = (at[0] - 4.0 * at[3] + 3.0 * at[6]) / width * y[e + 1]
+                    + *first * 0.5 * (d[e + 1] - d[e]) / width;
+            if (e + 1 < n) {
+                width = path->widths.v[e + 1];
+                step[k] -= (4.0 * at[9] - 3.0 * at[6] - at[12]) / width * y[e + 1]
+                         + *first * 0.5 * (d[e + 2] - d[e + 1]) / width;
+            }
+            step[k] *= sqrt(fmax(y[e + 1], 0.0));
+        }
+        double over = (1.0 + share_of(step, limits) / 192.0) * BELOW * part->asked->room;
+        if (!(over > 1.0))
+            continue;
+        for (index_t k = e; k >= most(e - REACH, 0); k--) {
+            aims[k] = fmax(aims[k], over);
+            if (t[k] <= t[e + 1] - reach)
+                break;
+        }
+        for (index_t k = e + 1; k < least(n, e + REACH) && t[k] < t[e + 1] + reach; k++)
+            aims[k] = fmax(aims[k], over);
+    }
+}
+
+/* Write coefficients to begin with, about as quick as the path where that moves. */
+static void put_guess(const part_t *part, const mesh_t *mesh, const profile_path_t *path) {
+    index_t n = mesh->n;
+    double sizes[3] = {0.0}, level = INFINITY, *c = row(mesh, COEFFICIENTS);
+    for (index_t i = 0; i <= 2 * n; i++) {
+        const double *second = row_of(path->second, i);
+        sizes[0] = fmax(sizes[0], length_of(row_of(path->first, i)));
+        sizes[1] = fmax(sizes[1], length_of(second));
+        if (i < 2 * n) {
+            double change[3], width = 0.5 * path->widths.v[i / 2];
+            for (int k = 0; k < 3; k++)
+                change[k] = (second[k + 3] - second[k]) / width;
+            sizes[2] = fmax(sizes[2], length_of(change));
+        }
+    }
+    for (int order = 0; order < 3; order++) {
+        double share = least_of(row_of(part->asked->limits, order)) / sizes[order];
+        if (sizes[order] > 0.0 && share < INFINITY)
+            level = fmin(level, order == 0 ? share * share : order == 1 ? share
+                                                                        : cbrt(share * share));
+    }
+    level = level < INFINITY ? 0.5 * level : 1.0;
+    bool has_moves = part->moves[0] || part->moves[1];
+    bool leaves = part->leaves[0] != 0.0 || part->leaves[1] != 0.0;
+    for (index_t e = 0; e < n; e++) {
+        double x = 0.5 * (row(mesh, PLACES)[e] + row(mesh, PLACES)[e + 1]), s[3];
+        leave_rest((row_t){&x, 1}, (row_t){(double *)part->leaves, 2}, part->total,
+                   (matrix_t){s, 3, 1});
+        c[e + 1] = has_moves ? 1.0 / (s[1] * s[1] + (leaves ? 1.0 / level : 0.0)) : level;
+    }
+    c[0] = c[1], c[n + 1] = c[n];
+    if (part->moves[0])
+        c[0] = c[1] = 1.0;
+    if (part->moves[1])
+        c[n] = c[n + 1] = 1.0;
+}
+
+/* Find the best profile on a mesh, from its coefficients on; without them from a guess. */
+static int solve(const part_t *part, mesh_t *mesh, bool is_known, double begin, double gap) {
+    profile_path_t path;
+    double *memory;
+    int found = put_derivatives(part, mesh, &path, &memory);
+    if (!found) {
+        if (!is_known)
+            put_guess(part, mesh, &path);
+        found = find_profile(&path, begin, gap, (row_t){row(mesh, COEFFICIENTS), mesh->n + 2},
+                             (matrix_t){row(mesh, SHARES), 3, mesh->n + 2});
+    }
+    free(memory);
+    put_nodes(mesh);
+    return found;
+}
+
+static bool dips(const mesh_t *mesh, index_t e) {
+    const double *x = row(mesh, PLACES), *y = row(mesh, VALUES);
+    double inner = y[e] + 0.5 * (x[e + 1] - x[e]) * row(mesh, SLOPES)[e];
+    return inner <= 0.0 && inner * inner >= y[e] * y[e + 1];
+}
+
+/* Cut elements in which the squared rate dips below zero, with coefficients above it. */
+static int repair(const part_t *part, mesh_t *mesh) {
+    index_t *pieces = malloc((size_t)mesh->n * sizeof *pieces);
+    mesh_t finer = {{NULL, 0, 0}, 0};
+    int found = OUT_OF_MEMORY;
+    if (pieces != NULL) {
+        double *c = row(mesh, COEFFICIENTS), before = INFINITY;
+        for (index_t e = 0; e < mesh->n; e++)
+            pieces[e] = dips(mesh, e) ? MOST_CUTS : 1;
+        aim_lower(mesh, 1.0);
+        for (index_t i = 0; i < mesh->n + 2; i++) {
+            double here = c[i], after = i < mesh->n + 1 ? c[i + 1] : INFINITY;
+            if (here <= 0.0)
+                c[i] = fmin(before > 0.0 ? before : INFINITY, after > 0.0 ? after : INFINITY);
+            before = c[i];
+        }
+        put_nodes(mesh);
+        if (cut(mesh, pieces, &finer)) {
+            take_mesh(mesh, finer);
+            found = solve(part, mesh, true, 1.0, LAST_GAP);
+        }
+    }
+    free(pieces);
+    return found;
+}
+
+static bool has_dips(const mesh_t *mesh) {
+    for (index_t e = 0; e < mesh->n; e++)
+        if (dips(mesh, e))
+            return true;
+    return false;
+}
+
+/* Narrow a mesh where its profile changes quickly; return whether it is another one. */
+static int refine(const part_t *part, mesh_t *mesh, bool are_steps, mesh_t *finer) {
+    profile_path_t path;
+    double *memory;
+    int is_finer = put_derivatives(part, mesh, &path, &memory);
+    index_t n = mesh->n, *pieces = malloc((size_t)n * sizeof *pieces);
+    double *wanted = malloc((size_t)n * sizeof *wanted);
+    if (is_finer || pieces == NULL || wanted == NULL)
+        is_finer = OUT_OF_MEMORY;
+    else {
+        is_finer = n < MOST_ELEMENTS && put_cuts(part, mesh, &path, wanted, pieces);
+        if (are_steps)
+            aim_lower_at_steps(part, mesh, &path);
+        aim_lower(mesh, 1.0);
+        if (!is_finer)
+            for (index_t e = 0; e < n; e++)
+                pieces[e] = 1;
+        if (!cut(mesh, pieces, finer))
+            is_finer = OUT_OF_MEMORY;
+        else if (!is_finer)
+            memcpy(row(finer, COEFFICIENTS), row(mesh, COEFFICIENTS), (size_t)(n + 2) * sizeof(double));
+    }
+    free(wanted), free(pieces), free(memory);
+    return is_finer;
+}
+
+/* Find the quickest profile on ever narrower meshes. */
+static int search(const part_t *part, mesh_t *mesh, bool is_known) {
+    index_t count = 0, budget = BUDGET + BUDGET_OF_INTERVAL * (part->knots.n - 1);
+    int found = is_known ? PROFILE_FOUND : solve(part, mesh, false, 1.0, gaps[0]);
+    put_nodes(mesh);
+    for (int round = 0; found == PROFILE_FOUND; round++) {
+        double gap = gaps[round < GAPS ? round : GAPS - 1], next = gaps[round + 1 < GAPS ? round + 1 : GAPS - 1];
+        mesh_t finer = {{NULL, 0, 0}, 0};
+        count += mesh->n;
+        if (round + 1 == MOST_ROUNDS || (round + 1 >= FEWEST_ROUNDS && count >= budget))
+            break;
+        int is_finer = refine(part, mesh, round > 0, &finer);
+        if (is_finer == OUT_OF_MEMORY) {
+            free(finer.rows.v);
+            return OUT_OF_MEMORY;
+        }
+        int better = PROFILE_NOT_FOUND;
+        if (is_finer || gap > LAST_GAP)
+            better = solve(part, &finer, true, AGAIN * next, next);
+        if (better != PROFILE_FOUND) {
+            free(finer.rows.v);
+            return better == OUT_OF_MEMORY ? OUT_OF_MEMORY : PROFILE_FOUND;
+        }
+        take_mesh(mesh, finer);
+    }
+    return found;
+}
+
+/* Another solve where a limit is exceeded between the places that count. */
+static int polish(const part_t *part, mesh_t *mesh) {
+    double beyond = 0.0;
+    mesh_t other;
+    for (index_t e = 0; e < mesh->n; e++)
+        for (int order = 0; order < 3; order++)
+            beyond = fmax(beyond, row(mesh, SHARES + order)[e]);
+    index_t size = mesh->n + 2;
+    if (size >= MANY || !(beyond > (size < FEW ? WORTH_LITTLE : WORTH_MUCH)))
+        return PROFILE_FOUND;
+    if (!new_mesh(&other, mesh->n))
+        return OUT_OF_MEMORY;
+    memcpy(other.rows.v, mesh->rows.v, (size_t)(PROFILE_ROWS * size) * sizeof(double));
+    aim_lower(&other, 1.0);
+    int found = solve(part, &other, true, AGAIN * LAST_GAP, LAST_GAP);
+    if (found == PROFILE_FOUND)
+        take_mesh(mesh, other);
+    else
+        free(other.rows.v);
+    return found == OUT_OF_MEMORY ? OUT_OF_MEMORY : PROFILE_FOUND;
+}
+
+/* Slow a profile down a little until it takes a time, but not where an end moves, by secants. */
+static void stretch(const part_t *part, mesh_t *mesh, double total, const double *known) {
+    index_t size = mesh->n + 2;
+    double *c = row(mesh, COEFFICIENTS), before = 0.0, took = row(mesh, TIMES)[mesh->n];
+    double slower = 2.0 * (total - took) / total;
+    for (int k = 0; k < SECANTS; k++) {
+        for (index_t i = 0; i < size; i++) {
+            bool is_given = (part->moves[0] && i < 2) || (part->moves[1] && i >= size - 2);
+            double far = is_given ? 0.0
+                       : away_from(part->moves, (double)i / (double)(size - 1));
+            c[i] = known[i] * (1.0 - slower * far);
+        }
+        double now = put_nodes(mesh);
+        if (!(fabs(now - total) > ROUNDING * total) || now == took)
+            break;
+        double slope = (now - took) / (slower - before);
+        before = slower, took = now;
+        slower += (total - now) / slope;
+    }
+}
+
+static int time_part(const part_t *part, begin_t begin, mesh_t *mesh) {
+    bool is_improved = begin.known.n == PROFILE_ROWS;
+    int found;
+    if (is_improved) {
+        index_t size = begin.known.m;
+        if (!new_mesh(mesh, size - 2))
+            return OUT_OF_MEMORY;
+        memcpy(mesh->rows.v, begin.known.v, (size_t)(PROFILE_ROWS * size) * sizeof(double));
+        aim_lower(mesh, begin.excess);
+        bool is_slower = begin.slower != 1.0;
+        if (is_slower)
+            slow_inside(part, mesh, begin.slower);
+        found = solve(part, mesh, !is_slower, is_slower ? 1.0 : AGAIN * LAST_GAP, LAST_GAP);
+    } else {
+        if (!first_mesh(part, mesh))
+            return OUT_OF_MEMORY;
+        bool is_known = begin.known.n > 0 && begin.known.m == mesh->n + 2;
+        if (is_known)
+            memcpy(mesh->rows.v, begin.known.v, (size_t)(AIMS * (mesh->n + 2)) * sizeof(double));
+        found = search(part, mesh, is_known);
+    }
+    if (found == PROFILE_FOUND)
+        found = polish(part, mesh);
+    for (int k = 0; k < REPAIRS && found == PROFILE_FOUND && has_dips(mesh); k++)
+        found = repair(part, mesh);
+    if (found != PROFILE_FOUND)
+        return found == OUT_OF_MEMORY ? OUT_OF_MEMORY : NO_WAY;
+    if (has_dips(mesh))
+        return STANDS_STILL;
+    double took = row(mesh, TIMES)[mesh->n], total = part->asked->total;
+    bool is_asked = total > 0.0;
+    if (!is_asked)
+        total = part->moves[1] ? ceil(took / part->asked->period - WHOLE) * part->asked->period : took;
+    if (total != took && (part->moves[0] || part->moves[1])
+        && (!is_asked || (NEARLY * total <= took && took <= total))) {
+        double *known = malloc((size_t)(mesh->n + 2) * sizeof *known);
+        if (known == NULL)
+            return OUT_OF_MEMORY;
+        memcpy(known, row(mesh, COEFFICIENTS), (size_t)(mesh->n + 2) * sizeof *known);
+        stretch(part, mesh, total, known);
+        free(known);
+    }
+    return TIMED;
+}
+
+int time_quickest(const timing_t *asked, begin_t begin, timed_t *timed) {
+    index_t parts = asked->edges.n - 1, size = 0, to = 0;
+    mesh_t *meshes = calloc((size_t)parts, sizeof *meshes);
+    timed->rows.v = NULL;
+    timed->parts = malloc((size_t)(PART_NUMBERS * parts) * sizeof(double));
+    int found = meshes == NULL || timed->parts == NULL ? OUT_OF_MEMORY : TIMED;
+    for (index_t i = 0; i < parts && found == TIMED; i++) {
+        part_t part;
+        found = read_part(asked, i, &part) ? OUT_OF_MEMORY : time_part(&part, begin, &meshes[i]);
+        double *to_part = timed->parts + PART_NUMBERS * i;
+        to_part[0] = (double)meshes[i].n;
+        to_part[1] = part.leaves[0], to_part[2] = part.leaves[1];
+        to_part[3] = part.moves[0], to_part[4] = part.moves[1];
+        to_part[5] = part.begin, to_part[6] = part.end;
+        size += meshes[i].n + 2;
+    }
+    if (found == TIMED) {
+        timed->rows = (matrix_t){malloc((size_t)(PROFILE_ROWS * size) * sizeof(double)),
+                                 PROFILE_ROWS, size};
+        found = timed->rows.v == NULL ? OUT_OF_MEMORY : TIMED;
+    }
+    for (index_t i = 0; i < parts && found == TIMED; to += meshes[i++].n + 2)
+        for (int k = 0; k < PROFILE_ROWS; k++)
+            memcpy(row_of(timed->rows, k) + to, row(&meshes[i], k),
+                   (size_t)(meshes[i].n + 2) * sizeof(double));
+    for (index_t i = 0; i < parts && meshes != NULL; i++)
+        free(meshes[i].rows.v);
+    free(meshes);
+    if (found != TIMED) {
+        free(timed->rows.v), free(timed->parts);
+        timed->rows.v = timed->parts = NULL;
+    }
+    return found;
+}

@@ -1,0 +1,73 @@
+/* The shortest time along a trajectory from rest to rest, or between velocities that are given.
+ *
+ * The squared path velocity is found on a mesh (profile.h), first on a wide one and then on ever
+ * narrower ones where the acceleration changes quickly.  Its path coordinate x is path time but for
+ * the way from and to rest, see clock.h.
+ */
+#ifndef ORIENTD_TIMING_H
+#define ORIENTD_TIMING_H
+
+#include "arrays.h"
+
+/* Rows of a profile on a mesh of n elements, each n + 2 numbers long:
+ *
+ * COEFFICIENTS: of the quadratic B-splines, n + 2 of them.
+ * SHARES: the largest utilisation of velocity, acceleration and jerk in each element, n each.
+ * AIMS: what the limits of each element are divided by, n each.
+ * PLACES, VALUES, SLOPES, TIMES: path coordinate, squared path velocity, its slope and time at the
+ *     nodes, n + 1 each. */
+enum {
+    COEFFICIENTS, SHARES, AIMS = SHARES + 3, PLACES = AIMS + 3, VALUES, SLOPES, TIMES,
+    PROFILE_ROWS,
+};
+
+/* Numbers of a part: its elements, two lengths over which it leaves rest and comes to it (clock.h),
+ * whether it moves at its beginning and its end, and the path times of both. */
+enum { PART_NUMBERS = 7 };
+
+/* What is to be timed.
+ *
+ * breaks, pieces: the trajectory by path time from 0 on, see trajectory.h.
+ * knots: path times at which a derivative may have a step, both ends included.
+ * edges: knots between which there are parts, both ends included, shape (p + 1,).
+ * is_at_rest: whether every part begins and ends at rest where the path moves there.  Where not,
+ *     the path keeps the velocities and accelerations of its ends; there is one part then.
+ * move_breaks, moves: the position, quintics by the time since each begins, at rest outside, shape
+ *     (m + 1,) and (m, 18): three components of each of six coefficients; or (0,) and (0, 18).
+ * limits: of velocity, acceleration and jerk, norm and components, shape (3, 4).
+ * move_limits: of the position's velocity and acceleration, shape (2,).
+ * room: share of the jerk that is used, over what the law between two records may have of it.
+ * period: of the device, s.
+ * total: how long it is to take, s; 0 for the shortest time, which is a whole number of periods
+ *     where the path goes on moving at its end. */
+typedef struct {
+    row_t breaks;
+    matrix_t pieces;
+    row_t knots, edges;
+    bool is_at_rest;
+    row_t move_breaks;
+    matrix_t moves, limits;
+    row_t move_limits;
+    double room, period, total;
+} timing_t;
+
+/* Where a search begins: a profile that is known, of one part.
+ *
+ * known: no rows for none; four, COEFFICIENTS and SHARES, on the first mesh, found to the gap of the
+ *     first round; or all of them, to be improved on its own mesh.
+ * excess: in the last case, by how much slower to be everywhere.
+ * slower: the same, but not where an end moves; then the known coefficients are not used. */
+typedef struct { matrix_t known; double excess, slower; } begin_t;
+
+/* Profiles of the parts one after the other, row by row; to be freed. */
+typedef struct { matrix_t rows; double *parts; } timed_t;
+
+enum { TIMED = 1, NO_WAY = 0, STANDS_STILL = -1 };
+
+/* Find the profiles of all parts.
+ *
+ * Return TIMED, NO_WAY where the limits leave none, STANDS_STILL where the squared rate falls to zero
+ * on the way, or OUT_OF_MEMORY. */
+int time_quickest(const timing_t *asked, begin_t begin, timed_t *timed);
+
+#endif

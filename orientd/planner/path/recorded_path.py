@@ -1,0 +1,158 @@
+r"""A path that is known at its records only: a driver has shaped it for its axes, or a file has it.
+
+At a record it is what the row says, to the last bit.  Between two records it is the path that the
+servo takes (:mod:`orientd.servo.path.segment`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from orientd.curves import Indices
+from orientd.planner.path.path import Path, PathSamples
+from orientd.planner.recorded import HISTORY, STATE_FLOATS, states_between
+from orientd.planner.request import State
+from orientd.rotation import Floats, align, angle, conjugate, exp, log, multiply
+
+SAME_ANGLE = 1e-9
+"""How far two paths may be apart to be the same one, rad."""
+
+_ON_RECORD = 1e-6
+"""Share of a period within which an instant is that of a record."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedPath:
+    """States on a uniform grid of path time, held before and after.
+
+    Attributes:
+        period: s.
+        duration: path time from hold to hold, s; up to a period less than to the last row.
+        table: state and axis angles of each record, shape ``(n, STATE_FLOATS + axes)``.
+        earlier: axis angles of the three records before the first, rad, shape ``(3, axes)``.
+    """
+
+    period: float
+    duration: float
+    table: Floats
+    earlier: Floats
+
+    @classmethod
+    def of(
+        cls,
+        q: Floats,
+        path_times: Floats,
+        original: Path,
+        period: float,
+        joints: Floats,
+        earlier: Floats | None = None,
+    ) -> RecordedPath:
+        """Return the path through *q*, with the position of *original* at the times *path_times*.
+
+        Angular velocity and acceleration come from central differences of fourth order of the
+        logarithms of neighbours: where :math:`r = 0` they are the derivatives of *r*.  Where it is
+        the original's path, in the original's time, it keeps the derivatives of that, which know
+        what happens between the records.
+
+        Args:
+            q: orientations, shape ``(n, 4)``.
+            path_times: how far along the original each is, s, shape ``(n,)``.
+            original: what the motion was planned as.
+            period: s.
+            joints: axis angles that make the orientations, rad, unwrapped, shape ``(n, axes)``.
+            earlier: those of the three records before; without it the axes were at rest.
+        """
+        q = align(q)
+        given = original.sample(path_times)
+        # Before it, what the original goes on from; at rest after, where its motion ends.
+        back = -period * np.array([[2.0], [1.0]])
+        turn = back * given.omega_body[0] + 0.5 * back**2 * given.alpha_body[0]
+        padded = np.concatenate([multiply(q[0], exp(turn)), q, q[-1:], q[-1:]])
+        # The way back is the way there with the other sign, so each is calculated once.
+        one, two = (log(multiply(conjugate(padded[:-k]), padded[k:])) for k in (1, 2))
+        count = len(q)
+        near = (-two[:count], -one[1 : count + 1], one[2 : count + 2], two[2 : count + 2])
+        omega = (8.0 * (near[2] - near[1]) - (near[3] - near[0])) / (12.0 * period)
+        alpha = (16.0 * (near[1] + near[2]) - near[0] - near[3]) / (12.0 * period**2)
+        ahead = {"prepend": path_times[0] - period, "append": path_times[-1] + period}
+        is_paced = np.abs(np.diff(path_times, **ahead) / period - 1.0) > _ON_RECORD
+        is_other = (angle(q, given.q) > SAME_ANGLE) | is_paced[:-1] | is_paced[1:]
+        # A difference reaches two records far.
+        is_same = np.convolve(is_other, np.ones(5))[2:-2] < 0.5
+        omega[is_same], alpha[is_same] = given.omega_body[is_same], given.alpha_body[is_same]
+        # It takes over from what the device does, and held means held: no velocity where it stands.
+        omega[0], alpha[0] = given.omega_body[0], given.alpha_body[0]
+        omega[-1], alpha[-1] = 0.0, 0.0
+        table: Floats = np.zeros((count, STATE_FLOATS + joints.shape[1]))
+        table[:, :4], table[:, 4:7], table[:, 7:10] = q, omega, alpha
+        table[:, 10:13], table[:, STATE_FLOATS:] = given.position, joints
+        velocity = given.velocity * (np.gradient(path_times) / period)[:, None]
+        table[:-1, 13:16] = velocity[:-1]
+        table[1:-1, 16:19] = (velocity[2:] - velocity[:-2]) / (2.0 * period)
+        if earlier is None:
+            earlier = np.repeat(joints[:1], HISTORY, axis=0)
+        return cls(period, (count - 1) * period, table, earlier)
+
+    def rows(self, first: int, count: int) -> Floats:
+        """Return a copy of rows of the table."""
+        return self.table[first : first + count].copy()
+
+    @property
+    def joints(self) -> Floats:
+        """Axis angles at the records, rad, shape ``(n, axes)``."""
+        joints: Floats = self.table[:, STATE_FLOATS:]
+        return joints
+
+    def joints_at(self, record: int) -> tuple[float, ...]:
+        """Return the axis angles at a record, rad, held beyond the first and the last."""
+        return tuple(self.joints[min(max(record, 0), len(self.table) - 1)].tolist())
+
+    def joints_before(self, record: int) -> tuple[tuple[float, ...], ...]:
+        """Return the axis angles of the three records before one, the oldest first."""
+        joints = np.concatenate([self.earlier, self.joints])
+        return tuple(map(tuple, joints[record : record + HISTORY].tolist()))
+
+    def farthest_from(self, keys: Floats, times: Floats) -> float:
+        """Return the largest angle between *keys* and the path at *times*, rad."""
+        return float(np.max(angle(self.sample(times).q, keys)))
+
+    def sample(self, times: Floats) -> PathSamples:
+        """Return the path at *times*, in any order; beyond its ends it is held.
+
+        Raises:
+            ValueError: an instant is not a number.
+        """
+        return PathSamples(*np.split(self._states(times), [4, 7, 10, 13, 16], axis=1)[:5])
+
+    def state(self, time: float) -> State:
+        """Return the state at *time*."""
+        row = self._states(np.array([time]))[0]
+        return State(row[:4], row[4:7], row[7:10], row[10:13], row[13:16], row[16:])
+
+    def _states(self, times: Floats) -> Floats:
+        if np.isnan(times).any():
+            raise ValueError("times must be numbers, got nan")
+        h, table = self.period, self.table
+        index, share = _on_grid(times, h, len(table))
+        found: Floats = table[index, :STATE_FLOATS]
+        inner = np.flatnonzero(share > 0.0)
+        states = table[:, :STATE_FLOATS]
+        here, there = states[index[inner]], states[index[inner] + 1]
+        found[inner] = states_between(here, there, h, share[inner])
+        beyond = (times < 0.0) | (times >= (len(table) - 1) * h)
+        found[beyond, 4:10] = found[beyond, 13:] = 0.0
+        return found
+
+
+def _on_grid(times: Floats, period: float, count: int) -> tuple[Indices, Floats]:
+    """Return where *times* are among records: the record before each, and the share beyond it.
+
+    Times before the first record are at it, those after the last of *count* at that.
+    """
+    where = np.clip(times / period, 0.0, count - 1.0)
+    nearest = np.rint(where)
+    where = np.where(np.abs(where - nearest) < _ON_RECORD, nearest, where)
+    index = where.astype(np.int64)
+    return index, where - index
