@@ -328,7 +328,7 @@ def looked_at(
         path = replace(path, found=(period, limits, peaks), stop_time=stop_time)
     excess = max(
         peaks.spins,
-        peaks.drawn[0] / GUARD_TOLERANCE,
+        peaks.drawn[0],
         math.sqrt(peaks.bends),
         math.cbrt(peaks.twists),
         peaks.linear_velocity.ratio,
