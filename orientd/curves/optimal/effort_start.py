@@ -14,7 +14,7 @@ from contextlib import suppress
 import numpy as np
 
 from orientd.curves.construct import Path
-from orientd.curves.families import C2Cumulative
+from orientd.curves.interpolating import C2Cumulative
 from orientd.curves.optimal.effort_equations import EffortEquations
 from orientd.curves.optimal.effort_search import least_effort
 from orientd.curves.optimal.min_acceleration import winding_path

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from orientd.curves.construct import Path, squared_acceleration
 from orientd.curves.contract import Curve, Samples, takes_common_names
-from orientd.curves.families import C2Cumulative
+from orientd.curves.interpolating import C2Cumulative
 from orientd.curves.keyframes import check_aligned, check_end, increments, resolve_times
 from orientd.curves.optimal.relaxation import relaxed, spline_path
 from orientd.curves.optimal.shooting import Nodes, settled

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import Path, solve_blocks
-from orientd.curves.families import C2Cumulative
+from orientd.curves.interpolating import C2Cumulative
 from orientd.curves.rotation_vector import RotationVectorSpline
 from orientd.errors import PlanError
 from orientd.rotation import (
