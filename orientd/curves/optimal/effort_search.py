@@ -22,7 +22,7 @@ from contextlib import suppress
 import numpy as np
 
 from orientd.curves.construct import Path
-from orientd.curves.families import C2Cumulative
+from orientd.curves.interpolating import C2Cumulative
 from orientd.curves.optimal.effort_equations import EffortEquations, Linearised
 from orientd.curves.optimal.starts import spline_through
 from orientd.errors import PlanError

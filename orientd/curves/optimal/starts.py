@@ -8,7 +8,7 @@ import numpy as np
 
 from orientd.curves.construct import Path, squared_acceleration
 from orientd.curves.contract import Curve
-from orientd.curves.families import C2Cumulative
+from orientd.curves.interpolating import C2Cumulative
 from orientd.curves.rotation_vector import RotationVectorSpline
 from orientd.errors import PlanError
 from orientd.rotation import Floats
