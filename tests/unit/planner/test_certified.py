@@ -162,7 +162,7 @@ def test_motions_may_use_the_tolerance_of_the_guard_to_brake(measured, request_)
     made(request_)
     assert measured()["brake_limits"] == ARM.scaled(1.001)
     q, p = measured()["before"]
-    np.testing.assert_array_equal(q, np.tile(HERE.q, (3, 1)))
+    np.testing.assert_allclose(q, np.tile(HERE.q, (3, 1)), atol=1e-15)
     np.testing.assert_array_equal(p, np.zeros((3, 3)))
 
 
