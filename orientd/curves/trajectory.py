@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -323,7 +323,15 @@ def _correction(trajectory: Trajectory, index: int, order: int, wanted: Floats) 
     r = side ** np.arange(DEGREE + 1) @ trajectory.pieces[index, 4:].reshape(DEGREE + 1, 3)
     rate = 2.0 / float(np.diff(trajectory.breaks)[index])
     change = right_jacobian_inverse(r) @ (wanted - now) / rate**order
-    # Nothing but this derivative, and what is above it, changes at either end.
+    return np.outer(_pin(side, order), change).ravel()
+
+
+@cache
+def _pin(side: float, order: int) -> Floats:
+    """Return the powers of a polynomial that changes one derivative at an end.
+
+    Neither what is below that derivative there nor anything at the other end changes.
+    """
     ahead, fading = np.poly1d([1.0, -side]), np.poly1d([0.5 * side, 0.5]) ** 4
     shape = (ahead**order / math.factorial(order) * fading).coeffs[::-1]
-    return np.outer(np.append(shape, np.zeros(DEGREE + 1 - len(shape))), change).ravel()
+    return np.append(shape, np.zeros(DEGREE + 1 - len(shape)))
