@@ -16,17 +16,15 @@ if TYPE_CHECKING:
     from orientd.curves.comparison.candidates import Candidate, compare, ranked
     from orientd.curves.comparison.measure import MET, Figures, measure
     from orientd.curves.construct.basis import CumulativeBasis, Indices, cumulative_basis
-    from orientd.curves.construct.cumulative import CumulativeCurve
     from orientd.curves.construct.knots import resolve_knots
     from orientd.curves.contract import Curve, Samples
-    from orientd.curves.families.c2_cumulative import C2Cumulative
-    from orientd.curves.families.kks.bspline import KksBspline
-    from orientd.curves.families.kks.hermite import KksHermite
-    from orientd.curves.families.kks.interpolating import KksInterpolating
     from orientd.curves.family import is_same
     from orientd.curves.fitting.spline_fit import Fit, fit_orientations
+    from orientd.curves.hermite import KksHermite
+    from orientd.curves.interpolating import C2Cumulative, KksInterpolating
     from orientd.curves.keyframes import ParameterError, check_keys, resolve_times
     from orientd.curves.methods import METHODS
+    from orientd.curves.products import KksBspline
     from orientd.curves.roles import (
         CurveTask,
         UnevenError,
@@ -37,7 +35,7 @@ if TYPE_CHECKING:
         turns_name,
     )
     from orientd.curves.trajectory import PIECE, Trajectory
-    from orientd.curves.warped import TimeMap, places_of
+    from orientd.curves.warped import TimeMap
 
 __getattr__ = lazily(
     __name__,
@@ -58,27 +56,25 @@ __getattr__ = lazily(
             "Indices",
             "cumulative_basis",
         ),
-        "orientd.curves.construct.cumulative": ("CumulativeCurve",),
         "orientd.curves.construct.knots": ("resolve_knots",),
         "orientd.curves.contract": (
             "Curve",
             "Samples",
         ),
-        "orientd.curves.families.c2_cumulative": ("C2Cumulative",),
-        "orientd.curves.families.kks.bspline": ("KksBspline",),
-        "orientd.curves.families.kks.hermite": ("KksHermite",),
-        "orientd.curves.families.kks.interpolating": ("KksInterpolating",),
         "orientd.curves.family": ("is_same",),
         "orientd.curves.fitting.spline_fit": (
             "Fit",
             "fit_orientations",
         ),
+        "orientd.curves.hermite": ("KksHermite",),
+        "orientd.curves.interpolating": ("C2Cumulative", "KksInterpolating"),
         "orientd.curves.keyframes": (
             "ParameterError",
             "check_keys",
             "resolve_times",
         ),
         "orientd.curves.methods": ("METHODS",),
+        "orientd.curves.products": ("KksBspline",),
         "orientd.curves.roles": (
             "CurveTask",
             "UnevenError",
@@ -89,9 +85,6 @@ __getattr__ = lazily(
             "turns_name",
         ),
         "orientd.curves.trajectory": ("PIECE", "Trajectory"),
-        "orientd.curves.warped": (
-            "TimeMap",
-            "places_of",
-        ),
+        "orientd.curves.warped": ("TimeMap",),
     },
 )

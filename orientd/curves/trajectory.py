@@ -15,11 +15,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.errors import PlanError
 from orientd.kernels import fit_trajectory, sample_trajectory
 from orientd.rotation import Floats, right_jacobian_inverse
 
@@ -39,6 +40,7 @@ _LARGEST = 1.0  # rad, |r| at the nodes of a piece; the series of the kernels ho
 _MOST_HALVINGS = 40
 _GAIN = 8.0  # by which halving a piece lessens its error at least
 _STALLED = (1, 1e-12), (3, 1e-8)  # halvings without that gain after which an error, rad, stays
+_MOST_PIECES, _MOST_HALVES = 100_000, 64  # in all, and of each interval between knots
 _BLUR = 4.0 * float(np.finfo(np.float64).eps)
 _BLOCK = 4096  # pieces that are fitted at a time, so that memory stays bounded
 
@@ -85,6 +87,7 @@ class Trajectory:
 
         Raises:
             ValueError: the function has a jump.
+            PlanError: it takes more pieces than are tried.
         """
         ends = np.array(knots, dtype=np.float64)
         inner = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(pieces) / pieces
@@ -108,6 +111,11 @@ class Trajectory:
             begin, final = begins[is_poor], finals[is_poor]
             middle = 0.5 * (begin + final)
             begins = np.stack([begin, middle], axis=1).ravel()
+            if len(begins) > max(_MOST_PIECES, _MOST_HALVES * len(ends)):
+                raise PlanError(
+                    f"the orientations near {float(begins[0])!r} s turn too often: they take "
+                    f"{len(begins)} pieces and more, more pieces than are tried"
+                )
             finals = np.stack([middle, final], axis=1).ravel()
             # The error of a piece that is too large to be looked at says nothing of its halves.
             before = np.repeat(np.where(size > _LARGEST, np.inf, error)[is_poor], 2)
@@ -225,6 +233,8 @@ class Trajectory:
         breaks, pieces = self.breaks[low : high + 1].copy(), self.pieces[low:high].copy()
         for index, instants in {0: (begin, breaks[1]), len(pieces) - 1: (breaks[-2], end)}.items():
             part = max(instants[0], begin), min(instants[1], end)
+            if part == (breaks[index], breaks[index + 1]):
+                continue
             pieces[index] = _cut(pieces[index], breaks[index], breaks[index + 1], *part)
         breaks[0], breaks[-1] = begin, end
         inside = (self.knots > begin) & (self.knots < end)
@@ -313,7 +323,15 @@ def _correction(trajectory: Trajectory, index: int, order: int, wanted: Floats) 
     r = side ** np.arange(DEGREE + 1) @ trajectory.pieces[index, 4:].reshape(DEGREE + 1, 3)
     rate = 2.0 / float(np.diff(trajectory.breaks)[index])
     change = right_jacobian_inverse(r) @ (wanted - now) / rate**order
-    # Nothing but this derivative, and what is above it, changes at either end.
+    return np.outer(_pin(side, order), change).ravel()
+
+
+@cache
+def _pin(side: float, order: int) -> Floats:
+    """Return the powers of a polynomial that changes one derivative at an end.
+
+    Neither what is below that derivative there nor anything at the other end changes.
+    """
     ahead, fading = np.poly1d([1.0, -side]), np.poly1d([0.5 * side, 0.5]) ** 4
     shape = (ahead**order / math.factorial(order) * fading).coeffs[::-1]
-    return np.outer(np.append(shape, np.zeros(DEGREE + 1 - len(shape))), change).ravel()
+    return np.append(shape, np.zeros(DEGREE + 1 - len(shape)))

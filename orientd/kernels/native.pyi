@@ -15,7 +15,6 @@ def interpolate(
     start_known: int, end_known: int, is_near: bool,
     breaks: Floats, base: Floats, increments: Floats, values: Floats, /,
 ) -> bool: ...  # fmt: skip
-def put_table(breaks: Floats, base: Floats, increments: Floats, table: Floats, /) -> None: ...
 def linearise_effort(
     increments: Floats,
     window: Indices,
@@ -48,9 +47,6 @@ def sample_trajectory(
 ) -> int: ...
 
 # sampling.h
-def sample_cubic(
-    times: Floats, breaks: Floats, table: Floats, slack: float, out: Floats, /
-) -> int: ...
 
 # connectors.h
 def try_joins(
@@ -67,9 +63,9 @@ def leave(
     w: Floats, breaks: Floats, /,
 ) -> int: ...  # fmt: skip
 def sample_product(
-    times: Floats, breaks: Floats, base: Floats, axes: Floats, lengths: Floats,
-    values: Floats, rates: Floats, curvatures: Floats, slack: float, out: Floats, /,
-) -> int: ...  # fmt: skip
+    times: Floats, breaks: Floats, base: Floats, first: Indices, increments: Floats,
+    values: Floats, out: Floats, /,
+) -> None: ...  # fmt: skip
 def fill_basis(
     spans: Indices, knots: Floats, order: int,
     values: Floats, rates: Floats, curvatures: Floats, /,
@@ -114,9 +110,7 @@ def setpoint_extremes(
 ) -> tuple[float, int]: ...
 
 # clock.h, knot_times.h, profile.h
-def leave_rest(places: Floats, leaves: Floats, total: float, out: Floats, /) -> None: ...
-def put_node_times(places: Floats, values: Floats, slopes: Floats, times: Floats, /) -> None: ...
-def sample_clock(
+def time_map(
     times: Floats,
     places: Floats,
     values: Floats,

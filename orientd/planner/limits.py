@@ -295,26 +295,8 @@ class Limits:
         rise in two cycles at least, and the acceleration in a twentieth of one.  The servo does not
         find steps of the acceleration as small as those of very slow limits, which need more.
         """
-        steep = _STEEPEST / period
-        velocity = min(self.velocity, math.pi / period)
-        lowest = min(velocity, *self.axis_velocity)
-        is_slow = lowest * period < _SLOWLY * _LEAST_STEP
-        rise = (_SLOWLY if is_slow else _CYCLES_TO_RISE) * period
-        changed: dict[str, float | Triple] = {
-            "velocity": velocity,
-            "linear_acceleration": min(self.linear_acceleration, self.linear_velocity / rise),
-        }
-        for axis in ("", "axis_"):
-            speed, most, jerk = (getattr(self, axis + name) for name in ANGULAR)
-            if axis:
-                most = tuple(min(a, v / rise) for a, v in zip(most, speed, strict=True))
-                jerk = tuple(min(j, steep * a) for j, a in zip(jerk, most, strict=True))
-            else:
-                most = min(most, velocity / rise)
-                jerk = min(jerk, steep * most)
-            changed[axis + "acceleration"], changed[axis + "jerk"] = most, jerk
-        other = replace(self, **changed)  # type: ignore[arg-type]  # names and kinds go together
-        return self if other == self else other
+        found = _at_period(self, period)
+        return self if found == self else found
 
     def times(self, **factors: float) -> Limits:
         """Return the limits multiplied by factors, given by the names of :data:`UNITS`."""
@@ -349,6 +331,29 @@ DEFAULT_LIMITS = Limits(
 @lru_cache(maxsize=64)
 def _with_reserve(limits: Limits, share: float) -> Limits:
     return limits.times(acceleration=share, jerk=share, linear_acceleration=share)
+
+
+@lru_cache(maxsize=64)
+def _at_period(limits: Limits, period: float) -> Limits:
+    steep = _STEEPEST / period
+    velocity = min(limits.velocity, math.pi / period)
+    lowest = min(velocity, *limits.axis_velocity)
+    is_slow = lowest * period < _SLOWLY * _LEAST_STEP
+    rise = (_SLOWLY if is_slow else _CYCLES_TO_RISE) * period
+    changed: dict[str, float | Triple] = {
+        "velocity": velocity,
+        "linear_acceleration": min(limits.linear_acceleration, limits.linear_velocity / rise),
+    }
+    for axis in ("", "axis_"):
+        speed, most, jerk = (getattr(limits, axis + name) for name in ANGULAR)
+        if axis:
+            most = tuple(min(a, v / rise) for a, v in zip(most, speed, strict=True))
+            jerk = tuple(min(j, steep * a) for j, a in zip(jerk, most, strict=True))
+        else:
+            most = min(most, velocity / rise)
+            jerk = min(jerk, steep * most)
+        changed[axis + "acceleration"], changed[axis + "jerk"] = most, jerk
+    return replace(limits, **changed)  # type: ignore[arg-type]  # names and kinds go together
 
 
 @lru_cache(maxsize=64)

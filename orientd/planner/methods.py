@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from orientd.spelling import did_you_mean
 _SAME = 1e-9  # rad; keyframes nearer than this leave the axis of a turn open
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Ends:
     """Velocity and acceleration at both ends of a curve, body frame; ``None`` where not given.
 
@@ -48,7 +48,7 @@ class Ends:
     alpha_start: Floats | None = None
     leaves_freely: bool = False
 
-    @property
+    @cached_property
     def moves(self) -> tuple[bool, bool]:
         """Whether the first keyframe is passed in motion, and the last one."""
         starts = (self.omega_start, self.alpha_start)

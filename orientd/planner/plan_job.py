@@ -145,6 +145,12 @@ class PlanJob:
         )  # fmt: skip
 
     @property
+    def has_one_shape(self) -> bool:
+        """Whether another duration is the same curve at another rate."""
+        is_taken_over = self.start.is_position_moving and not self.request.approach
+        return not (is_taken_over or any(self.ends.moves))
+
+    @property
     def is_led_by_connector(self) -> bool:
         """Whether the lead-in goes from a motion, or to one."""
         is_moving = self.request.is_single or self.ends.moves[0] or not self.start.is_at_rest

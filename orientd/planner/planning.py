@@ -33,7 +33,7 @@ from orientd.planner.keyframes import at_rate, in_device_coordinates, with_least
 from orientd.planner.limits import ANGULAR, LONGEST, PERIODS, Limits
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath
-from orientd.planner.plan_job import PlanJob, Shape
+from orientd.planner.plan_job import PlanJob
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
 from orientd.planner.timing import (
     CAREFUL_JERK_SHARE,
@@ -311,12 +311,12 @@ def _along_curve(job: PlanJob, name: str, tried: _Tried) -> Iterator[_Attempt]:
             return
     quick = _Attempt("the quickest timing", partial(_as_quick_as_possible, job, name))
     yield quick
-    is_beyond = isinstance(tried.refused.get(quick.name), LimitError)
+    is_beyond = isinstance(tried.refused.get(quick.name), LimitError) and job.has_one_shape
     if is_beyond and job.shape(is_quick=True).has_chosen_times:
         other = partial(_as_quick_as_possible, job, name, by_chord=True)
         yield _Attempt("the quickest timing with times by chord", other, is_fallback=True)
     if tried.best is not None and request.total is None:
-        if _rests(job, job.shape(is_quick=True)) is not None:
+        if _rests(job) is not None:
             yield _Attempt(
                 "an even pace", partial(_even_within, even, name, tried.took), is_optional=True
             )
@@ -337,7 +337,7 @@ def _with_stops(job: PlanJob, name: str, tried: _Tried) -> Iterator[_Attempt]:
         best = tried.best
         took = math.inf if best is None else best.end_time - best.start_time
         stops = turns_with_stops(job.request, job.ends, job.start, job.limits, took, share)
-        if stops is None or stops.duration >= took:
+        if stops is None:
             return None
         motion = job.motion(stops, name)
         return motion.noted(STOPS) if len(job.request.keyframes) > 2 else motion
@@ -355,16 +355,20 @@ def _with_moving_ends(job: PlanJob, name: str, tried: _Tried) -> Iterator[_Attem
         yield _Attempt("an even pace", partial(_at_even_pace, job.evenly(), name), is_optional=True)
         if tried.best is not None:
             return
-    connectors, least = None, math.inf
-    try:
-        connectors = resting.quickest_connectors(job)
-        least = resting.least_with_connectors(job, connectors)
-    except PlanError as error:
-        tried.refused["connectors at the ends"] = error
-    longest = min(_FAR_LONGER * least, LONGEST)
+    least, most = resting.times_with_rests(job)
+    longest = min(_FAR_LONGER * most, LONGEST)
     curve = partial(_as_quick_as_possible, job, name, longest=longest)
     yield _Attempt("the quickest timing", curve)
-    if connectors is None or tried.took <= least or (total is not None and tried.best is not None):
+    if tried.best is not None:
+        took = tried.best.end_time - tried.best.start_time
+        if total is not None or took <= least:
+            return
+    try:
+        connectors = resting.quickest_connectors(job)
+    except PlanError as error:
+        tried.refused["connectors at the ends"] = error
+        return
+    if tried.took <= least + sum(connectors.durations):
         return
     if total is not None and connectors.has_no_rest:
         yield from _unhurried(job, total, name, tried)
@@ -493,14 +497,15 @@ def _evenly_paced(
     return found
 
 
-def _rests(job: PlanJob, shape: Shape) -> int | None:
+def _rests(job: PlanJob) -> int | None:
     """Return how often the quickest motion rests on its way along a curve, at its corners.
 
     Returns:
         ``None`` where it need not, not even at its ends.
     """
-    if not shape.path_request.has_one_shape:
+    if not job.has_one_shape:
         return None
+    shape = job.shape(is_quick=True)
     count = len(corners(shape.path.trajectory))
     is_free = job.request.total is None or shape.path.is_from_rest_to_rest
     return None if not count and is_free else count
@@ -508,7 +513,7 @@ def _rests(job: PlanJob, shape: Shape) -> int | None:
 
 def _even_without_rests(job: PlanJob, name: str) -> Motion | None:
     """Return the motion at an even pace, if the quickest one would have to rest on its way."""
-    if _rests(job, job.shape(is_quick=True)) is None:
+    if _rests(job) is None:
         return None
     return _at_even_pace(job.evenly(), name)
 
@@ -530,13 +535,13 @@ def _as_quick_as_possible(
         by_chord: whether the path is that of an even pace.
         longest: that the usual duration of a curve with a velocity at an end may be, s.
     """
-    shape = job.shape(is_quick=not by_chord)
-    if not shape.path_request.has_one_shape:
-        refusal.check_smooth(job.request, shape.path.continuity)
+    if not job.has_one_shape:
         # A velocity at an end is one at some duration: take the curve of the usual one.
+        refusal.check_smooth(job.request, job.shape(is_quick=False).path.continuity)
         path = _evenly_paced(job, job.leads_from, longest=longest)
-        return _timed(job, path, shape.profile, name, has_rests=False)
-    rests = _rests(job, shape)
+        return _timed(job, path, None, name, has_rests=False)
+    shape = job.shape(is_quick=not by_chord)
+    rests = _rests(job)
     motion = _timed(job, shape.path, shape.profile if rests is None else None, name)
     if not rests:
         return motion

@@ -17,7 +17,7 @@ import numpy as np
 from orientd.curves import Trajectory
 from orientd.planner import refusal
 from orientd.planner.connect import USUAL, WITHOUT_RESERVE, Connection, join, turn_to_stop
-from orientd.planner.limits import Limits
+from orientd.planner.limits import LONGEST, Limits
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath
 from orientd.planner.plan_job import PlanJob
@@ -163,12 +163,18 @@ def with_a_rest(job: PlanJob) -> list[Connectors]:
     return sorted(found, key=lambda one: sum(one.durations))
 
 
-def least_with_connectors(job: PlanJob, connectors: Connectors) -> float:
-    """Return what the motion takes at the least that stops at every keyframe in between, s."""
+def times_with_rests(job: PlanJob) -> tuple[float, float]:
+    """Return what a motion that stops at every keyframe takes, at the least and about, s.
+
+    The least is that of the turns from rest to rest alone.
+    """
+    keys, limits = job.request.keys, job.limits
     first, last = resting_keyframes(job)
-    keys = job.request.keys[first : last + 1]
-    stops = least_with_stops(keys, job.limits) if len(keys) > 1 else 0.0
-    return stops + sum(connectors.durations)
+    inner = keys[first : last + 1]
+    least = least_with_stops(inner, limits) if len(inner) > 1 else 0.0
+    stop = limits.velocity / limits.acceleration + limits.acceleration / limits.jerk
+    about = least_with_stops(keys, limits) + 2.0 * stop
+    return least, about if math.isfinite(about) else LONGEST
 
 
 def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> KeyframePath:

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import Indices, cumulative_basis
-from orientd.curves.families import KksBspline
 from orientd.curves.fitting.measured import Measured, clean
+from orientd.curves.products import KksBspline
 from orientd.errors import PlanError
 from orientd.rotation import Floats, align, angle, conjugate, exp, log, multiply, rotate, slerp
 

@@ -3,7 +3,7 @@ r"""The effort of a cumulative B-spline as a function of its increments, and wha
 The acceleration on a knot span depends on the increments of that span only, not on the orientation
 it starts from.  So with the increments :math:`w` as unknowns, the effort is a sum over spans of
 squares of few of them, and each keyframe is one equation, the telescoped product of
-:mod:`orientd.curves.construct.interpolation`.  A Gauss-Newton step :math:`\delta`, the minimum of
+:mod:`orientd.curves.interpolating`.  A Gauss-Newton step :math:`\delta`, the minimum of
 the linearised squares under the linearised equations :math:`A \delta = -c`, solves
 
 .. math:: \begin{pmatrix} J^T J & A^T \\ A & 0 \end{pmatrix}

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from orientd.curves.construct import (
     CumulativeBasis,
-    CumulativeCurve,
     Indices,
     cumulative_basis,
     outer_derivatives,
@@ -26,8 +25,9 @@ from orientd.curves.keyframes import (
     resolve_times,
 )
 from orientd.curves.optimal.effort_equations import EffortEquations, EndRows
-from orientd.curves.optimal.effort_search import least_effort
-from orientd.curves.optimal.effort_start import refined, search, start_path
+from orientd.curves.optimal.effort_search import least_effort, refined, search
+from orientd.curves.optimal.starts import start_path
+from orientd.curves.products import Product
 from orientd.errors import PlanError
 from orientd.rotation import Floats, angle, exp_half, multiply, rotate
 
@@ -47,7 +47,7 @@ End = tuple[Floats | None, Floats | None]
 """Angular velocity and acceleration that are given at an end."""
 
 
-class MinimumEffort(CumulativeCurve):
+class MinimumEffort(Product):
     r"""Pass through keyframes with little torque: of all splines on a grid the one of least effort.
 
     .. math:: q(t) = q_0 \prod_j \exp\bigl(w_j \tilde B_{j,k}(t)\bigr), \qquad
@@ -201,9 +201,9 @@ class _Posed:
             "continuity": self._smoothness,
         }
 
-    def curve(self, solved: Floats) -> CumulativeCurve:
+    def curve(self, solved: Floats) -> Product:
         """Return the curve of increments."""
-        return CumulativeCurve(**self.parts(solved))
+        return Product(**self.parts(solved))
 
 
 _WORSE = (

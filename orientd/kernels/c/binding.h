@@ -4,11 +4,11 @@
  * x an int64 array of one.  A capital letter means that it is written to.  Arrays are
  * C-contiguous; anything else is a TypeError.
  *
- *     KERNEL(sample_cubic) {
+ *     KERNEL(sample_trajectory) {
  *         TAKE("vvmdM");                   arguments are a[0].v, a[1].v, a[2].m ...
- *         CHECK(a[2].m.n == TABLE_ROWS);   a condition on shapes, or a ValueError
+ *         CHECK(a[2].m.m == PIECE);         a condition on shapes, or a ValueError
  *         index_t place;
- *         RUN(place = sample_cubic(...));  without the interpreter's lock; lets the arrays go
+ *         RUN(place = sample_trajectory(...));  without the interpreter's lock; lets the arrays go
  *         return PyLong_FromLongLong(place);
  *     }
  */

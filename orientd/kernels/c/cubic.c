@@ -148,16 +148,6 @@ INLINE index_t run_length(const double *times, index_t count, double start, doub
     return stop;
 }
 
-index_t span_of(double t, row_t breaks) {
-    const double *low = breaks.v;
-    for (index_t n = breaks.n - 1; n > 1;) {
-        index_t half = n / 2;
-        low = low[half] <= t ? low + half : low;
-        n -= half;
-    }
-    return low - breaks.v;
-}
-
 index_t sample_cubic(row_t times, row_t breaks, matrix_t table, double slack, matrix_t out) {
     index_t spans = table.m, span = 0;
     double first = breaks.v[0], last = breaks.v[breaks.n - 1];

@@ -45,18 +45,6 @@ KERNEL(interpolate) {
     return outcome(found);
 }
 
-KERNEL(put_table) {
-    TAKE("vmmM");
-    index_t spans = a[0].v.n - 1;
-    CHECK(spans > 0 && a[1].m.n == spans && a[1].m.m == 4 && are_vectors(a[2].m, spans + 2));
-    CHECK(a[3].m.n == TABLE_ROWS && a[3].m.m == spans);
-    int found;
-    RUN(found = put_table(a[0].v, a[1].m, a[2].m, a[3].m));
-    if (found == OUT_OF_MEMORY)
-        return PyErr_NoMemory();
-    Py_RETURN_NONE;
-}
-
 KERNEL(solve_banded) {
     TAKE("miiM");
     CHECK(a[1].i >= 0 && a[2].i >= 0 && a[0].m.n == a[1].i + a[2].i + 1 && a[3].m.n == a[0].m.m);
@@ -88,7 +76,6 @@ PyMethodDef interpolation_methods[] = {
     ENTRY(interpolate),
     ENTRY(linearise_effort),
     ENTRY(put_steps),
-    ENTRY(put_table),
     ENTRY(solve_banded),
     LAST_ENTRY,
 };

@@ -12,25 +12,17 @@ static bool is_basis(index_t spans, index_t m, tensor_t values, tensor_t rates,
            && is_tensor(curvatures, spans, m, most(m - 1, 1));
 }
 
-KERNEL(sample_cubic) {
-    TAKE("vvmdM");
-    CHECK(a[2].m.n == TABLE_ROWS && a[2].m.m > 0 && a[1].v.n == a[2].m.m + 1);
-    CHECK(a[4].m.n == 10 && a[4].m.m == a[0].v.n);
-    index_t place;
-    RUN(place = sample_cubic(a[0].v, a[1].v, a[2].m, a[3].d, a[4].m));
-    return PyLong_FromLongLong(place);
-}
-
 KERNEL(sample_product) {
-    TAKE("vvmtmtttdM");
-    index_t spans = a[1].v.n - 1, m = a[4].m.n;
-    CHECK(spans > 0 && m > 0 && a[2].m.n == 4 && a[2].m.m == spans && a[4].m.m == spans);
-    CHECK(is_tensor(a[3].t, m, 3, spans) && is_basis(spans, m, a[5].t, a[6].t, a[7].t));
-    CHECK(a[9].m.n == 10 && a[9].m.m == a[0].v.n);
-    index_t place;
-    RUN(place = sample_product(a[0].v, a[1].v, a[2].m, a[3].t, a[4].m, a[5].t, a[6].t, a[7].t,
-                               a[8].d, a[9].m));
-    return place == OUT_OF_MEMORY ? PyErr_NoMemory() : PyLong_FromLongLong(place);
+    TAKE("vvmxmtM");
+    index_t spans = a[1].v.n - 1, factors = a[5].t.m;
+    CHECK(spans > 0 && factors > 0 && a[5].t.n == spans && a[5].t.k > 0);
+    CHECK(a[2].m.n == spans && a[2].m.m == 4 && a[3].x.n == spans && a[4].m.m == 3);
+    for (index_t s = 0; s < spans; s++)
+        CHECK(a[3].x.v[s] >= 0 && a[3].x.v[s] <= a[4].m.n - factors);
+    CHECK(a[6].m.n == a[0].v.n && a[6].m.m == 4);
+    product_t product = {a[1].v, a[2].m, a[3].x, a[4].m, a[5].t};
+    RUN(sample_product(a[0].v, product, a[6].m));
+    Py_RETURN_NONE;
 }
 
 KERNEL(fill_basis) {
@@ -48,7 +40,6 @@ KERNEL(fill_basis) {
 }
 
 PyMethodDef sampling_methods[] = {
-    ENTRY(sample_cubic),
     ENTRY(sample_product),
     ENTRY(fill_basis),
     LAST_ENTRY,

@@ -37,19 +37,20 @@ int put_table(row_t breaks, matrix_t base, matrix_t increments, matrix_t table);
 
 /* product.c */
 
-/* Write what sample_cubic does for any number m of factors.
+/* A cumulative product of m factors with S spans. */
+typedef struct {
+    row_t breaks;        /* ends of the spans, s, shape (S + 1,) */
+    matrix_t base;       /* quaternions before the product of each span, shape (S, 4) */
+    indices_t first;     /* the first increment of each span, shape (S,) */
+    matrix_t increments; /* half-angle vectors, shape (n, 3) */
+    tensor_t values;     /* Bernstein coefficients of the basis functions, shape (S, m, degree + 1) */
+} product_t;
+
+/* Write orientations at instants in any order, shape (n, 4); instants beyond the ends are taken to be
+ * there.
  *
- * base: the quaternions before the product of each span, shape (4, S).
- * axes: unit axes of the factors, shape (m, 3, S).
- * lengths: their half angles, shape (m, S).
- * values: Bernstein coefficients of the basis functions, shape (S, m, m + 1).
- * rates: those of their derivatives, shape (S, m, m).
- * curvatures: those of their second derivatives, shape (S, m, max(m - 1, 1)).
- *
- * Return what sample_cubic does, or OUT_OF_MEMORY. */
-index_t sample_product(row_t times, row_t breaks, matrix_t base, tensor_t axes, matrix_t lengths,
-                       tensor_t values, tensor_t rates, tensor_t curvatures, double slack,
-                       matrix_t out);
+ * times: s, shape (n,). */
+void sample_product(row_t times, product_t product, matrix_t out);
 
 /* basis.c */
 

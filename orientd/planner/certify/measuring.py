@@ -14,7 +14,7 @@ from orientd.planner.path import Path
 from orientd.planner.recorded import HISTORY
 from orientd.rotation import Floats
 
-CHUNK = 8192
+CHUNK = 2048
 """Records looked at in one go, so that a long motion needs no more memory than a short one."""
 
 Setpoints = Callable[[int, int], tuple[Floats, Floats]]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orientd.planner.connect.leads import check_lead
 from orientd.planner.limits import Limits
@@ -16,9 +17,23 @@ from orientd.planner.path import DEGREE, Motion3, PositionPath, quintic
 from orientd.planner.request import State
 from orientd.rotation import Floats
 
+Booleans = NDArray[np.bool_]
+
 _GRID = 200
-_SHARES = np.linspace(0.0, 1.0, 33)
 _INDEX = np.arange(DEGREE + 1.0)
+_U = np.linspace(0.0, 1.0, 33)[:, None]
+# By the share of the duration: what the way, the velocity and the acceleration at the beginning
+# add to velocity and acceleration of a quintic that ends at rest.
+_RATES = (
+    30.0 * _U**2 * (1.0 - _U) ** 2,
+    1.0 - 18.0 * _U**2 + 32.0 * _U**3 - 15.0 * _U**4,
+    _U - 4.5 * _U**2 + 6.0 * _U**3 - 2.5 * _U**4,
+)
+_BENDS = (
+    60.0 * _U - 180.0 * _U**2 + 120.0 * _U**3,
+    -36.0 * _U + 96.0 * _U**2 - 60.0 * _U**3,
+    1.0 - 9.0 * _U + 18.0 * _U**2 - 10.0 * _U**3,
+)
 _MARGIN = 1.0 + 1e-9
 _ZERO = np.zeros(3)
 
@@ -45,7 +60,7 @@ def position_lead(
         return PositionPath.held(start.position)
     here: Motion3 = (start.position, start.velocity, start.acceleration)
     bounds = _bounds(here, limits)
-    if least > 0.0 and _keeps(_piece(here, target, least), least, bounds):
+    if least > 0.0 and _keeps(here, target, np.array([least]), bounds)[0]:
         return _path([(_piece(here, target, least), least)], start.position, target)
     pieces: list[tuple[Floats, float]] = []
     duration = _shortest(here, target, bounds, period)
@@ -87,14 +102,18 @@ def _bounds(here: Motion3, limits: Limits) -> tuple[float, float]:
     )
 
 
-def _keeps(piece: Floats, duration: float, bounds: tuple[float, float]) -> bool:
-    powers = (_SHARES[:, None] * duration) ** _INDEX
-    velocity = powers[:, :-1] @ (_INDEX[1:, None] * piece[1:])
-    push = powers[:, :-2] @ ((_INDEX[2:] * _INDEX[1:-1])[:, None] * piece[2:])
-    return bool(
-        np.all(np.linalg.norm(velocity, axis=1) <= bounds[0])
-        and np.all(np.linalg.norm(push, axis=1) <= bounds[1])
-    )
+def _keeps(
+    here: Motion3, target: Floats | None, durations: Floats, bounds: tuple[float, float]
+) -> Booleans:
+    """Return whether pieces of some durations keep the bounds, at points spread evenly."""
+    p, v, a = here
+    t = durations[:, None, None]
+    way = v * t / 2.0 + a * t**2 / 12.0 if target is None else target - p
+    velocity = way / t * _RATES[0] + v * _RATES[1] + a * t * _RATES[2]
+    push = way / t**2 * _BENDS[0] + v / t * _BENDS[1] + a * _BENDS[2]
+    speeds, pushes = (np.sqrt(np.einsum("tui,tui->tu", x, x)).max(1) for x in (velocity, push))
+    kept: Booleans = (speeds <= bounds[0]) & (pushes <= bounds[1])
+    return kept
 
 
 def _shortest(
@@ -107,9 +126,6 @@ def _shortest(
     check_lead("a move of the position", distance / bounds[0])
     scale = 2.0 * distance / bounds[0] + 3.0 * math.sqrt(distance / bounds[1])
     longest = max(1.5 * scale + 8.0 * speed / bounds[1] + 8.0 * period, 8.0 * period)
-    grid = np.unique(np.ceil(np.geomspace(period, longest, _GRID) / period - 1e-9))
-    for cycles in grid.tolist():
-        duration = cycles * period
-        if _keeps(_piece(here, target, duration), duration, bounds):
-            return float(duration)
-    return None
+    grid = np.unique(np.ceil(np.geomspace(period, longest, _GRID) / period - 1e-9)) * period
+    kept = np.flatnonzero(_keeps(here, target, grid, bounds))
+    return float(grid[kept[0]]) if len(kept) else None

@@ -7,7 +7,6 @@ from itertools import pairwise
 import numpy as np
 
 from orientd.curves import Trajectory
-from orientd.errors import PlanError
 from orientd.planner.connect.leads import approach
 from orientd.planner.limits import Limits
 from orientd.planner.methods import Ends
@@ -41,7 +40,7 @@ def turns_with_stops(
     shorter_than: float,
     jerk_share: float,
 ) -> KeyframePath | None:
-    """Return the turns from keyframe to keyframe, from rest to rest, where there are only such.
+    """Return the turns from keyframe to keyframe, from rest to rest, if they take less time.
 
     Where the curve has to turn on the spot, or nearly so, they are quicker.
 
@@ -50,27 +49,26 @@ def turns_with_stops(
         ends: velocities at the first and last keyframe.
         start: where the device is commanded to be.
         limits: to keep.
-        shorter_than: what may be left out at a glance is what takes longer, s.
+        shorter_than: the time to beat, s.
         jerk_share: of the jerk to use.
+
+    Raises:
+        PlanError: one of them takes longer than is planned.
     """
     is_plain = request.method == DEFAULT_METHOD and request.total is None
     is_held = request.positions is None and not request.turns.any()
-    moving = (ends.omega_start, ends.omega_end, ends.alpha_start)
-    if not (is_plain and is_held) or any(np.any(end) for end in moving if end is not None):
+    if not (is_plain and is_held) or any(ends.moves):
         return None
     if least_with_stops(request.keys, limits) >= shorter_than:
         return None
     parts: list[Trajectory] = []
     times = [0.0]
     for here, there in pairwise(request.keys):
-        try:
-            turn = approach(here, there, limits, jerk_share=jerk_share)
-        except PlanError:
-            return None
+        turn = approach(here, there, limits, jerk_share=jerk_share)
         if turn is not None:
             parts.append(turn.shifted(times[-1]))
         times.append(parts[-1].domain[1] if parts else 0.0)
-    if not parts:
+    if not parts or times[-1] >= shorter_than:
         return None
     held = PositionPath.held(start.position)
     return KeyframePath(Trajectory.joined(parts), held, np.array(times))

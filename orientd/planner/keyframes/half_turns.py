@@ -22,8 +22,10 @@ def half_turn_notes(request: MotionRequest, start: State, *, has_turns: bool) ->
     keys, turns, first = request.keys, request.turns, 0
     if request.approach and start.is_at_rest and request.omega_start is None:
         keys, turns, first = np.vstack([start.q, keys]), np.append(0, turns), -1
-    places = np.flatnonzero(are_half_turns(keys) & (turns[1:] == 0)).tolist()
-    notes = []
+    is_half = are_half_turns(keys)
+    if not is_half.any():
+        return []
+    places, notes = np.flatnonzero(is_half & (turns[1:] == 0)).tolist(), []
     for place in places[:_MOST]:
         pair, index = keys[place : place + 2], place + 1 + first
         is_approach = index == 0 and not request.is_single

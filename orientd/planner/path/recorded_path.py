@@ -99,9 +99,19 @@ class RecordedPath:
         """Return a copy of rows of the table."""
         return self.table[first : first + count].copy()
 
+    @property
+    def joints(self) -> Floats:
+        """Axis angles at the records, rad, shape ``(n, axes)``."""
+        joints: Floats = self.table[:, STATE_FLOATS:]
+        return joints
+
+    def joints_at(self, record: int) -> tuple[float, ...]:
+        """Return the axis angles at a record, rad, held beyond the first and the last."""
+        return tuple(self.joints[min(max(record, 0), len(self.table) - 1)].tolist())
+
     def joints_before(self, record: int) -> tuple[tuple[float, ...], ...]:
         """Return the axis angles of the three records before one, the oldest first."""
-        joints = np.concatenate([self.earlier, self.table[:, STATE_FLOATS:]])
+        joints = np.concatenate([self.earlier, self.joints])
         return tuple(map(tuple, joints[record : record + HISTORY].tolist()))
 
     def farthest_from(self, keys: Floats, times: Floats) -> float:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -259,12 +260,12 @@ class MotionRequest:
         usual: tuple[object, ...] = (None, False, {}, "body", "", "x", ())
         return name == "method" or getattr(self, name) not in usual
 
-    @property
+    @cached_property
     def omega_start(self) -> Floats | None:
         """The start velocity in the body frame of the first keyframe, rad/s."""
         return self._to_body(self.start_velocity, 0)
 
-    @property
+    @cached_property
     def omega_end(self) -> Floats | None:
         """The end velocity in the body frame of the last keyframe, rad/s."""
         return self._to_body(self.end_velocity, -1)

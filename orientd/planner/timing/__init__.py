@@ -12,7 +12,6 @@ from orientd.planner.timing.axis_turn import (
 )
 from orientd.planner.timing.by_parts import (
     corners,
-    least_with_rests,
     least_with_stops,
     quickest_by_parts,
 )

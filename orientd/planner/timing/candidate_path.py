@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orientd.curves import Trajectory
+from orientd.errors import PlanError
 from orientd.planner import refusal
 from orientd.planner.certify import Peaks, measure
 from orientd.planner.limits import STILL, Limits, is_still
@@ -194,7 +195,10 @@ class PathRequest:
         times[-1] = duration
         keys, turns = self.request.keys[self.kept], self.request.turns[self.kept]
         curve = build(self.request, keys, times[self.kept], turns, self.ends)
-        trajectory = curve.trajectory
+        try:
+            trajectory = curve.trajectory
+        except ValueError as error:
+            raise PlanError(f"{self.request.method} has no smooth curve here: {error}") from error
         if trajectory.domain != (0.0, duration):
             trajectory = trajectory.shifted(-trajectory.domain[0]).slowed(duration)
         return KeyframePath(trajectory, self._position_path(times[self.kept]), times)

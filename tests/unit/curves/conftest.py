@@ -14,8 +14,8 @@ import pytest
 
 from orientd import rotation
 from orientd.curves import METHODS, Curve
-from orientd.curves.construct import cumulative
 from orientd.curves.keyframes import resolve_times
+from orientd.curves.products import Product
 
 
 def keyframed(keys, times):
@@ -265,7 +265,7 @@ def met_keyframes(params):
 
 
 def pytest_generate_tests(metafunc):
-    for fixture, kind in (("example", Curve), ("product_example", cumulative.CumulativeCurve)):
+    for fixture, kind in (("example", Curve), ("product_example", Product)):
         if fixture not in metafunc.fixturenames:
             continue
         examples = [

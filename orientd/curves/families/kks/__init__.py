@@ -1,1 +1,0 @@
-"""The curves of Kim, Kim and Shin (1995): sums of cumulative bases."""
