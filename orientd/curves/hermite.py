@@ -7,9 +7,13 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.acceleration_integral import squared_acceleration
-from orientd.curves.construct.basis import CumulativeBasis, cumulative_basis
-from orientd.curves.construct.velocities import RULES, half_velocities
+from orientd.curves.construct import (
+    RULES,
+    CumulativeBasis,
+    cumulative_basis,
+    half_velocities,
+    squared_acceleration,
+)
 from orientd.curves.contract import takes_common_names
 from orientd.curves.keyframes import (
     ParameterError,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd import kernels
-from orientd.curves.construct.acceleration_integral import squared_acceleration
+from orientd.curves.construct import squared_acceleration
 from orientd.curves.contract import takes_common_names
 from orientd.curves.family import END_STATES
 from orientd.curves.keyframes import (

@@ -15,8 +15,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct.basis import CumulativeBasis, Indices, cumulative_basis
-from orientd.curves.construct.knots import inner_multiplicity, resolve_knots
+from orientd.curves.construct import (
+    CumulativeBasis,
+    Indices,
+    cumulative_basis,
+    inner_multiplicity,
+    resolve_knots,
+)
 from orientd.curves.contract import Curve, takes_common_names
 from orientd.curves.keyframes import (
     ParameterError,
@@ -98,6 +103,11 @@ class Product(Curve):
             np.ascontiguousarray(values),
         )
         self._ends = ends
+
+    @property
+    def parts(self) -> tuple[Floats, Indices, Floats, Floats]:
+        """What it is a product of, as for :meth:`_set`; not to be changed."""
+        return self._parts
 
     @property
     def increments(self) -> Floats:
