@@ -20,7 +20,6 @@ from orientd.planner.connect.quintic_connector import join
 from orientd.planner.limits import Limits, is_still
 from orientd.planner.path import PositionPath
 from orientd.planner.request import State
-from orientd.rotation import Floats
 
 _SLACK = 1e-9  # of a period
 _EASED = 0.993  # of the jerk, beyond which a stop would take far longer
@@ -178,33 +177,22 @@ def from_rest(
             raise PlanError(f"no run-up to the first keyframe: {error}") from error
         rest = run_up.ends()[0][1]
         run_up_cycles = round(run_up.duration / period)
-    cycles = approach_cycles(
-        start.q,
-        rest,
-        start.position,
-        first.position,
-        limits=limits,
-        period=period,
-        is_even=is_even,
-    )
+    turn = approach(start.q, rest, limits, is_even=is_even)
+    move = float(np.linalg.norm(first.position - start.position))
+    cycles = approach_cycles(turn, move, limits=limits, period=period)
     cycles = max(cycles, least - run_up_cycles)
     arrival = cycles * period
     parts = []
     if cycles:
-        parts.append(_waiting(approach(start.q, rest, limits, is_even=is_even), start.q, arrival))
+        # Nothing turns while only the position moves.
+        still = join(start.q, np.zeros((5, 3)), arrival)
+        parts.append(still if turn is None else turn.slowed(arrival))
     cycles += run_up_cycles
     if run_up is not None:
         parts.append(run_up.reversed().shifted(arrival))
     # The position arrives with the approach and waits while the orientation takes its run-up.
     positions = PositionPath.held(first.position).after_move_from(start.position, 0.0, arrival)
     return LeadIn(tuple(parts), cycles, positions)
-
-
-def _waiting(turn: Trajectory | None, q: Floats, arrival: float) -> Trajectory:
-    """Return a turn that takes longer, or none at all, while the position moves."""
-    if turn is None:
-        return join(q, np.zeros((5, 3)), arrival)
-    return turn.slowed(arrival)
 
 
 def _by_way_of_rest(

@@ -54,24 +54,18 @@ def lead_out(start: State, *, limits: Limits, period: float, may_ramp: bool = Fa
     )
 
 
-def approach_cycles(
-    q0: Floats,
-    q1: Floats,
-    p0: Floats,
-    p1: Floats,
-    *,
-    limits: Limits,
-    period: float,
-    is_even: bool = False,
-) -> int:
+def approach_cycles(turn: Trajectory | None, move: float, *, limits: Limits, period: float) -> int:
     """Return the fewest periods for a turn and a move from rest to rest; 0 if neither is needed.
 
-    The arguments are those of :func:`approach`, and the positions.
+    Args:
+        turn: the one of :func:`approach`.
+        move: of the position, m.
+        limits: to keep.
+        period: s.
 
     Raises:
         PlanError: it takes longer than is planned.
     """
-    turn, move = approach(q0, q1, limits, is_even=is_even), float(np.linalg.norm(p1 - p0))
     most = limits.with_reserve().linear_acceleration
     duration = max(
         0.0 if turn is None else turn.duration,

@@ -118,8 +118,9 @@ class Path:
         rows = self._rows(times)
         position, velocity = self.positions.sample(times)
         if not self.positions.is_held:
-            is_before, is_after = self._is_held(times)
-            velocity[is_before | is_after] = 0.0
+            # A position may begin in motion where the orientation begins at rest.
+            _, is_after = self._is_held(times)
+            velocity[(times < 0.0) | is_after] = 0.0
             position[is_after] = self.positions.last
         return PathSamples(rows[:4].T, rows[4:7].T, rows[7:].T, position, velocity)
 

@@ -120,7 +120,6 @@ def test_rest_needs_no_lead():
 
 
 HERE = np.array([1.0, 0.0, 0.0, 0.0])
-ORIGIN = np.zeros(3)
 
 
 @pytest.mark.parametrize("turn", [1e-6, 0.01, 1.0, 3.1])
@@ -129,7 +128,7 @@ def test_an_approach_keeps_the_limits_and_one_period_less_would_not(turn, name):
     ruckig = pytest.importorskip("ruckig")
     limits = LIMITS[name]
     there = exp([0.0, 0.0, turn])
-    cycles = approach_cycles(HERE, there, ORIGIN, ORIGIN, limits=LIMITS[name], period=PERIOD)
+    cycles = approach_cycles(approach(HERE, there, limits), 0.0, limits=limits, period=PERIOD)
     given = ruckig.InputParameter(1)
     given.current_position, given.target_position = [0.0], [turn]
     given.max_velocity = [limits.velocity]
@@ -144,12 +143,13 @@ def test_an_approach_keeps_the_limits_and_one_period_less_would_not(turn, name):
 
 def test_an_approach_is_long_enough_for_the_position_too():
     far = np.array([1.0, 0.0, 0.0])
-    cycles = approach_cycles(HERE, HERE, ORIGIN, far, limits=ARM, period=PERIOD)
+    cycles = approach_cycles(None, float(np.linalg.norm(far)), limits=ARM, period=PERIOD)
     assert cycles * PERIOD == pytest.approx(1.875 / ARM.linear_velocity, abs=PERIOD)
 
 
 def test_no_approach_is_needed_to_where_the_device_is():
-    assert approach_cycles(HERE, -HERE, ORIGIN, ORIGIN, limits=ARM, period=PERIOD) == 0
+    assert approach(HERE, -HERE, ARM) is None
+    assert approach_cycles(None, 0.0, limits=ARM, period=PERIOD) == 0
 
 
 def test_an_approach_takes_the_short_way_from_rest_to_rest():
@@ -168,7 +168,7 @@ def test_leads_that_would_take_days_are_refused(jerk):
     nowhere, omega = np.zeros(3), np.array([0.1, 0.0, 0.0])
     here, there = exp(nowhere), exp(omega)
     with pytest.raises(PlanError, match="at most 86400 s is planned"):
-        approach_cycles(here, there, nowhere, nowhere, limits=slow, period=PERIOD)
+        approach(here, there, slow)
     with pytest.raises(PlanError, match="at most 86400 s is planned"):
         lead_out(State(here, omega, nowhere, nowhere), limits=slow, period=PERIOD)
     start, end = State(here, omega, nowhere, nowhere), State.at_rest(there)

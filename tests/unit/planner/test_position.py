@@ -2,6 +2,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
+from orientd import rotation
+from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 from orientd.planner.path.position import PositionPath, position_path
 
 RANDOM = np.random.default_rng(11)
@@ -127,3 +129,14 @@ def test_a_move_before_the_path_brings_it_to_its_beginning(path):
 
 def test_no_move_is_put_before_a_path_that_is_there_already():
     assert PATH.after_move_from(PATH.first, 0.0, 0.0) is PATH
+
+
+def test_a_position_may_begin_in_motion_where_the_orientation_begins_at_rest():
+    keyframe = Keyframe(tuple(rotation.exp([0.1, 0.5, 0.1])), position=(0.1, -0.2, 0.1))
+    moving = State(
+        np.array([1.0, 0.0, 0.0, 0.0]), *np.zeros((3, 3)), velocity=np.array([0.05, 0.0, -0.02])
+    )
+    motion = plan(
+        MotionRequest([keyframe], approach=True), start=moving, limits=DEFAULT_LIMITS, period=0.002
+    )
+    assert motion.records(0, 1)[0, 13:16] == pytest.approx(moving.velocity, abs=1e-12)

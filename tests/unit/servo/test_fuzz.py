@@ -186,7 +186,7 @@ class Fuzz:
             try:
                 motion_queue.replace(motion, self.number, leave)
             except LateError as error:
-                self.counts["late: " + " ".join(w for w in str(error).split() if w.isalpha())] += 1
+                self.count_late(error)
 
     def burst(self):
         for _ in range(4):
@@ -222,7 +222,13 @@ class Fuzz:
         except PlanError:
             return
         self.number += 1
-        motion_queue.append(motion.recorded(), self.number, motion_queue.end(record))
+        try:
+            motion_queue.append(motion.recorded(), self.number, motion_queue.end(record))
+        except LateError as error:
+            self.count_late(error)
+
+    def count_late(self, error):
+        self.counts["late: " + " ".join(w for w in str(error).split() if w.isalpha())] += 1
 
     def stop(self):
         self.link.ask(Command.STOP)

@@ -69,9 +69,9 @@ def test_stops_are_drawn_from_motions_with_and_without_a_reserve():
 
 
 def check_optimal(ride, cycles):
-    """Check that a stop is hardly longer than the best that a search finds on the path."""
+    """Check that a stop is not much longer than the best that a search finds on the path."""
     search = ShortestStop(ride.motion, ride.record, ride.omega, ride.alpha, ride.velocity)
-    fewest = ceil(cycles / MOST) - 1
+    fewest = ceil(cycles / MOST_AT_A_REVERSAL) - 1
     place = ride.record, ride.motion.limits
     assert not search.finds_one(fewest, like=ride.rates[:cycles]), (cycles, fewest, place)
 
