@@ -17,7 +17,7 @@ from orientd.curves.construct.basis import cumulative_basis
 def assert_close(samples, others):
     """A trajectory is fitted to orientations, whose derivatives lose digits."""
     scale = max(1.0, np.abs(samples[1]).max())
-    sizes = 1e-12, 2e-10 * scale, 2e-8 * scale**2
+    sizes = 1e-12, 2e-10 * scale, 1e-7 * scale**2
     for part, other, size in zip(samples, others, sizes, strict=True):
         assert np.abs(part - other).max() <= size
 
