@@ -35,7 +35,7 @@ if TYPE_CHECKING:
         turns_name,
     )
     from orientd.curves.trajectory import PIECE, Trajectory
-    from orientd.curves.warped import TimeMap, places_of
+    from orientd.curves.warped import TimeMap
 
 __getattr__ = lazily(
     __name__,
@@ -85,9 +85,6 @@ __getattr__ = lazily(
             "turns_name",
         ),
         "orientd.curves.trajectory": ("PIECE", "Trajectory"),
-        "orientd.curves.warped": (
-            "TimeMap",
-            "places_of",
-        ),
+        "orientd.curves.warped": ("TimeMap",),
     },
 )

@@ -233,6 +233,8 @@ class Trajectory:
         breaks, pieces = self.breaks[low : high + 1].copy(), self.pieces[low:high].copy()
         for index, instants in {0: (begin, breaks[1]), len(pieces) - 1: (breaks[-2], end)}.items():
             part = max(instants[0], begin), min(instants[1], end)
+            if part == (breaks[index], breaks[index + 1]):
+                continue
             pieces[index] = _cut(pieces[index], breaks[index], breaks[index + 1], *part)
         breaks[0], breaks[-1] = begin, end
         inside = (self.knots > begin) & (self.knots < end)

@@ -110,9 +110,7 @@ def setpoint_extremes(
 ) -> tuple[float, int]: ...
 
 # clock.h, knot_times.h, profile.h
-def leave_rest(places: Floats, leaves: Floats, total: float, out: Floats, /) -> None: ...
-def put_node_times(places: Floats, values: Floats, slopes: Floats, times: Floats, /) -> None: ...
-def sample_clock(
+def time_map(
     times: Floats,
     places: Floats,
     values: Floats,

@@ -6,18 +6,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.construct import Path, squared_acceleration
-from orientd.curves.contract import Curve, Samples, takes_common_names
-from orientd.curves.interpolating import C2Cumulative
+from orientd.curves.contract import Curve, takes_common_names
 from orientd.curves.keyframes import check_aligned, check_end, increments, resolve_times
-from orientd.curves.optimal.relaxation import relaxed, spline_path
+from orientd.curves.optimal.minimum_effort import MinimumEffort
 from orientd.curves.optimal.shooting import Nodes, settled
+from orientd.curves.optimal.starts import spline_path, winding_path, winding_reaches
 from orientd.curves.rotation_vector import RotationVectorSpline
 from orientd.errors import PlanError
 from orientd.rotation import Floats
-
-COASTED = 10.0
-"""From this angle on, in rad, that an end velocity goes through in its interval, whole turns are
-tried."""
 
 LARGE = 2.0
 """Rad, from one keyframe to the next, from which there may be several stationary curves."""
@@ -83,22 +79,27 @@ class MinAcceleration(Curve):
         instants = resolve_times(times, q)
         first, _ = check_end(start, "start", omega_start)
         last, _ = check_end(end, "end", omega_end)
+        self._ends = tuple(
+            (omega, np.zeros(3) if omega is None else None) for omega in (first, last)
+        )
+        self._path = stationary_path(q, instants, first, last)
         super().__init__(knots=instants, continuity=2)
-        self._path = stationary_nodes(q, instants, first, last).path()
 
-    def _sample(self, times: Floats) -> Samples:
-        return self._path(times)
+    @property
+    def _end_states(self) -> tuple[tuple[Floats | None, Floats | None], ...]:
+        return self._ends
+
+    def _orientations(self, times: Floats) -> Floats:
+        return self._path(times)[0]
 
 
-def stationary_nodes(
-    q: Floats, instants: Floats, first: Floats | None, last: Floats | None
-) -> Nodes:
-    """Return states of the stationary curve, close together.
+def stationary_path(q: Floats, instants: Floats, first: Floats | None, last: Floats | None) -> Path:
+    """Return the stationary curve of least acceleration that is found.
 
-    Newton's method starts from the rotation-vector spline, for fast ends from the cumulative spline
-    with the best whole turns at its ends instead where that costs less.  Where a start leads
-    nowhere, or a step is so large that there may be several stationary curves, it is relaxed
-    towards a minimum too, and the better result counts.
+    Newton's method starts from the rotation-vector spline, and for fast ends from the cumulative
+    spline with the best whole turns at its ends, the one that costs less first.  If neither leads
+    anywhere, or a step is so large that there may be several stationary curves, it starts from the
+    spline of least effort too, and the best result counts.
 
     Args:
         q: keyframes, shape ``(n, 4)``.
@@ -109,57 +110,23 @@ def stationary_nodes(
     Raises:
         PlanError: Newton's method does not converge.
     """
-    guesses = [spline_path(RotationVectorSpline, q, instants, first, last)]
+    ends = (q, instants, first, last)
+    guesses = [spline_path(RotationVectorSpline, *ends)]
     if guesses[0] is None or any(winding_reaches(instants, first, last)):
-        guesses.append(winding_path(q, instants, first, last))
-    is_large = float(np.max(np.sum(increments(q) ** 2, axis=1))) > 0.25 * LARGE**2
+        guesses.append(winding_path(*ends))
     paths = [path for path in guesses if path is not None]
-    for path in sorted(paths, key=lambda path: squared_acceleration(path, instants)):
-        found = settled(path, q, instants, first, last)
-        if found is None or is_large:
-            near = relaxed(path, instants, first, last)
-            other = None if near is None else settled(near, q, instants, first, last)
-            both = [nodes for nodes in (found, other) if nodes is not None]
-            found = min(both, key=Nodes.squared_acceleration, default=None)
-        if found is not None:
-            return found
-    raise PlanError(
-        "no curve of least acceleration was found through the keyframes: Newton's method does "
-        "not converge, or only over more pieces than are tried; add keyframes, lower the end "
-        "velocities or make neighbouring intervals more alike"
-    )
-
-
-def winding_reaches(instants: Floats, first: Floats | None, last: Floats | None) -> list[int]:
-    """Return how many whole turns either way are worth trying in the first and last interval."""
-    ends = zip((first, last), np.diff(instants)[[0, -1]].tolist(), strict=True)
-    return [
-        0 if end is None else min(2, int(float(np.linalg.norm(end)) * h / COASTED))
-        for end, h in ends
-    ]
-
-
-def winding_path(
-    q: Floats, instants: Floats, first: Floats | None, last: Floats | None
-) -> Path | None:
-    """Return the cumulative spline with those whole turns in its end intervals that cost least.
-
-    A fast end that is not given the turns it would coast through has to wind back: that may cost
-    many times the acceleration.  The two ends are scanned one after the other.
-    """
-    turns = np.zeros(len(instants) - 1, dtype=np.intp)
-    best = spline_path(C2Cumulative, q, instants, first, last)
-    reaches = winding_reaches(instants, first, last)
-    if not any(reaches):
-        return best
-    least = np.inf if best is None else squared_acceleration(best, instants)
-    for place, reach in zip((0, -1), reaches, strict=True):
-        kept = turns
-        for count in (*range(-reach, 0), *range(1, reach + 1)):
-            tried = kept.copy()
-            tried[place] += count
-            path = spline_path(C2Cumulative, q, instants, first, last, turns=tried)
-            cost = np.inf if path is None else squared_acceleration(path, instants)
-            if cost < least:
-                best, least, turns = path, cost, tried
-    return best
+    paths.sort(key=lambda path: squared_acceleration(path, instants))
+    found = next(filter(None, (settled(path, *ends) for path in paths)), None)
+    is_large = float(np.max(np.sum(increments(q) ** 2, axis=1))) > 0.25 * LARGE**2
+    if found is None or is_large:
+        near = spline_path(MinimumEffort, *ends)
+        other = None if near is None else settled(near, *ends)
+        both = [nodes for nodes in (found, other) if nodes is not None]
+        found = min(both, key=Nodes.squared_acceleration, default=None)
+    if found is None:
+        raise PlanError(
+            "no curve of least acceleration was found through the keyframes: Newton's method does "
+            "not converge, or only over more pieces than are tried; add keyframes, lower the end "
+            "velocities or make neighbouring intervals more alike"
+        )
+    return found.path()

@@ -25,8 +25,8 @@ from orientd.curves.keyframes import (
     resolve_times,
 )
 from orientd.curves.optimal.effort_equations import EffortEquations, EndRows
-from orientd.curves.optimal.effort_search import least_effort
-from orientd.curves.optimal.effort_start import refined, search, start_path
+from orientd.curves.optimal.effort_search import least_effort, refined, search
+from orientd.curves.optimal.starts import start_path
 from orientd.curves.products import Product
 from orientd.errors import PlanError
 from orientd.rotation import Floats, angle, exp_half, multiply, rotate

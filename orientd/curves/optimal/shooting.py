@@ -1,22 +1,32 @@
-"""Multiple shooting for curves of least squared acceleration: Newton's method on states along them.
+r"""Curves of least squared acceleration: Newton's method on states along them (multiple shooting).
 
-The unknowns are orientation, angular velocity, acceleration and its rate at nodes so close together
-that one Taylor series (:mod:`orientd.curves.optimal.lie_quadratic`) spans each piece between them.
-Every piece must end in the state the next one starts from; at a keyframe the orientation is given
-and the rate of the acceleration may jump instead.  Solving for all states at once keeps every
-equation nearly linear, however often the curve turns between two keyframes.
+Between keyframes such a curve satisfies :math:`\Omega''' = \Omega'' \times \Omega` in the body
+frame (Noakes, Heinzinger and Paden, 1989, "Cubic splines on curved spaces"): the second derivative
+of the velocity stands still in the world frame.  With *p* the turn since the start of a piece,
+
+.. math:: p' = \tfrac12 p\, \Omega, \quad \Omega' = \alpha, \quad \alpha' = J, \quad
+          J' = J \times \Omega
+
+is solved by collocation at Gauss's nodes, whose equations Picard's iteration settles to rounding on
+a piece over which the curve turns by about a radian.
+
+The unknowns are orientation, angular velocity, acceleration and its rate *J* at nodes as close
+together as that.  Every piece must end in the state the next one starts from.  At a keyframe the
+orientation is given and *J* may jump instead.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from orientd.curves.construct import Path, solve_blocks, squared_acceleration
 from orientd.curves.contract import Samples
-from orientd.curves.optimal.lie_quadratic import STRIDE, LieQuadraticState, horner, series, shoot
+from orientd.curves.newton import Linearised, newton
 from orientd.rotation import (
     Floats,
     conjugate,
@@ -29,6 +39,14 @@ from orientd.rotation import (
     rotate,
 )
 
+STRIDE = 1.2
+"""How much may happen over a piece: velocity, root of acceleration and cube root of its rate,
+each times the duration, in rad."""
+
+PLACES = 14
+ROUNDS = 20
+"""Of Picard's iteration, of which each gains a power of the stride over its number."""
+
 ITERATIONS = 30
 REFINEMENTS = 4
 MOST_PIECES = 200
@@ -37,7 +55,97 @@ MOST_PIECES = 200
 ROUNDING = 1e-9
 """A Newton step as small as this one is the last."""
 
-SMALLEST_SHARE = 1.0 / 64.0
+FEW = 7
+"""Places, and rounds, for derivatives: good to 1e-6, which costs Newton's method no step."""
+
+
+def _integrals(count: int) -> Floats:
+    """Return what takes values at Gauss's nodes to the integrals up to each, from -1 on."""
+    nodes = legendre.leggauss(count)[0]
+    integrated = legendre.legval(nodes, legendre.legint(np.eye(count), lbnd=-1.0))
+    matrix: Floats = integrated.T @ np.linalg.inv(legendre.legvander(nodes, count - 1))
+    return matrix
+
+
+_NODES, _WEIGHTS = legendre.leggauss(PLACES)
+_TO_SERIES = np.linalg.inv(legendre.legvander(_NODES, PLACES - 1))
+"""From values at the nodes to the coefficients of their Legendre series."""
+
+_INTEGRALS, _FEW_INTEGRALS = _integrals(PLACES), _integrals(FEW)
+_FEW_NODES, _FEW_WEIGHTS = legendre.leggauss(FEW)
+_TO_FEW = legendre.legvander(_FEW_NODES, PLACES - 1) @ _TO_SERIES
+
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """The solution of the equations from a state at the start of each piece.
+
+    Attributes:
+        half: half the durations, s, shape ``(m, 1, 1)``.
+        turn: since the start, at the nodes, shape ``(m, PLACES, 4)``.
+        omega: angular velocity at the nodes, shape ``(m, PLACES, 3)``.
+        alpha: its rate.
+        jerk: the rate of that.
+        ends: turn, angular velocity, acceleration and its rate at the ends, shape ``(m, 13)``.
+    """
+
+    half: Floats
+    turn: Floats
+    omega: Floats
+    alpha: Floats
+    jerk: Floats
+    ends: Floats
+
+    @classmethod
+    def of(cls, parts: tuple[Floats, Floats, Floats], durations: Floats) -> Pieces:
+        """Return the pieces that begin with an angular velocity, acceleration and its rate."""
+        half = 0.5 * durations[:, None, None]
+        starts = [part[:, None] for part in parts]
+        omega, alpha, jerk = (np.repeat(part, PLACES, axis=1) for part in starts)
+        for _ in range(ROUNDS):
+            jerk = starts[2] + half * (_INTEGRALS @ _cross(jerk, omega))
+            alpha = starts[1] + half * (_INTEGRALS @ jerk)
+            omega = starts[0] + half * (_INTEGRALS @ alpha)
+        spin = np.concatenate([np.zeros_like(omega[..., :1]), 0.5 * omega], axis=-1)
+        still = np.array([1.0, 0.0, 0.0, 0.0])
+        turn = np.broadcast_to(still, spin.shape)
+        for _ in range(ROUNDS):
+            turn = still + half * (_INTEGRALS @ multiply(turn, spin))
+        rates = np.concatenate([multiply(turn, spin), alpha, jerk, _cross(jerk, omega)], axis=-1)
+        begun = np.concatenate([np.tile(still, (len(half), 1)), *parts], axis=-1)
+        ends = begun + half[:, 0] * (_WEIGHTS @ rates)
+        return cls(half, turn, omega, alpha, jerk, ends)
+
+    def derivatives(self) -> Floats:
+        """Return how the ends change with the state at the start, shape ``(m, 12, 9)``.
+
+        In rows stand the turn, as a body increment, velocity, acceleration and its rate, in columns
+        the last three.
+        """
+        starts = np.eye(9).reshape(3, 1, 3, 9)
+        by_omega, by_jerk = (_cross_matrices(_TO_FEW @ part) for part in (self.omega, self.jerk))
+        shape = (len(self.half), FEW, 3, 9)
+
+        def integrated(rate: Floats) -> Floats:
+            total: Floats = self.half * (_FEW_INTEGRALS @ rate.reshape(-1, FEW, 27))
+            return total.reshape(shape)
+
+        omega, alpha, jerk = (np.broadcast_to(start, shape) for start in starts)
+        for _ in range(FEW):
+            spun = by_jerk @ omega - by_omega @ jerk
+            jerk = starts[2] + integrated(spun)
+            alpha = starts[1] + integrated(jerk)
+            omega = starts[0] + integrated(alpha)
+        turn = integrated(omega)
+        for _ in range(FEW):
+            turn = integrated(omega - by_omega @ turn)
+        rates = (omega - by_omega @ turn, alpha, jerk, by_jerk @ omega - by_omega @ jerk)
+        gained = [np.einsum("p,mpic->mic", _FEW_WEIGHTS, rate) for rate in rates]
+        begun = np.concatenate([np.zeros((3, 9)), np.eye(9)])
+        changed: Floats = begun + self.half * np.concatenate(gained, axis=1)
+        return changed
 
 
 @dataclass(frozen=True)
@@ -63,10 +171,15 @@ class Nodes:
         omega, alpha, jerk = (part + step[:, 1 + k] for k, part in enumerate(self.parts))
         return Nodes(self.times, self.is_key, q, (omega, alpha, jerk))
 
+    def pieces(self) -> Pieces:
+        """Return the curve from each node to where the next one should be."""
+        omega, alpha, jerk = (part[:-1] for part in self.parts)
+        return Pieces.of((omega, alpha, jerk), np.diff(self.times))
+
     def is_close(self) -> bool:
-        """Tell whether the nodes are so close together that a series spans each piece."""
-        pace = LieQuadraticState(*(part[:-1] for part in self.parts)).pace() * np.diff(self.times)
-        return bool(np.max(pace) <= 1.5 * STRIDE)
+        """Tell whether the nodes are so close together that the collocation is exact."""
+        omega, alpha, jerk = (part[:-1] for part in self.parts)
+        return bool(np.max(_pace(omega, alpha, jerk) * np.diff(self.times)) <= 1.5 * STRIDE)
 
     def squared_acceleration(self) -> float:
         """Return the integral of squared angular acceleration."""
@@ -74,33 +187,33 @@ class Nodes:
 
     def path(self) -> NodesPath:
         """Return the curve through the nodes."""
-        turns, omegas, _, _ = series(*(part[:-1, :, None] for part in self.parts))
-        return NodesPath(self.times, self.q, turns[..., 0], omegas[..., 0])
+        found = self.pieces()
+        values = np.concatenate([found.turn, found.omega, found.alpha], axis=-1)
+        return NodesPath(self.times, self.q, _TO_SERIES @ values)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NodesPath:
-    """The curve through nodes, as a power series from each.
+    """The curve through nodes.
 
     Attributes:
         times: instants of the nodes, shape ``(m + 1,)``.
         q: orientations there, shape ``(m + 1, 4)``.
-        turns: coefficients of the turns from each node, the piece first.
-        omegas: those of the angular velocities.
+        series: Legendre coefficients of turn, angular velocity and acceleration on each piece,
+            shape ``(m, PLACES, 10)``.
     """
 
     times: Floats
     q: Floats
-    turns: Floats
-    omegas: Floats
+    series: Floats
 
     def __call__(self, times: Floats) -> Samples:
         """Return orientation, angular velocity and angular acceleration at *times*."""
         piece = np.searchsorted(self.times[1:-1], times, side="right")
-        elapsed = times - self.times[piece]
-        turn, _ = horner(self.turns[piece], elapsed)
-        omega_body, alpha_body = horner(self.omegas[piece], elapsed)
-        return normalize(multiply(self.q[piece], turn)), omega_body, alpha_body
+        begin, end = self.times[piece], self.times[piece + 1]
+        values = legendre.legvander((2.0 * times - begin - end) / (end - begin), PLACES - 1)
+        found = np.einsum("tp,tpc->tc", values, self.series[piece])
+        return normalize(multiply(self.q[piece], found[:, :4])), found[:, 4:7], found[:, 7:]
 
 
 def settled(
@@ -111,7 +224,15 @@ def settled(
         nodes = nodes_along(path, q, instants)
         if nodes is None:
             return None
-        found = _Equations(nodes, first, last).solve()
+        h = np.diff(nodes.times, append=2.0 * nodes.times[-1] - nodes.times[-2])[:, None]
+        found = newton(
+            _equations(first, last),
+            nodes,
+            move=Nodes.moved,
+            size=_turned_by(np.stack([np.ones_like(h), h, h**2, h**3], axis=1)),
+            tolerance=ROUNDING,
+            iterations=ITERATIONS,
+        )
         if found is None or found.is_close():
             return found
         path = found.path()
@@ -134,9 +255,7 @@ def nodes_along(path: Path, q: Floats, knots: Floats) -> Nodes | None:
     omega, alpha = (part.reshape(len(h), count + 1, 3) for part in (omega, alpha))
     jerk = np.diff(alpha, axis=1, append=2.0 * alpha[:, -1:] - alpha[:, -2:-1])
     jerk *= (count / h)[:, None, None]
-    pace = LieQuadraticState(*(part.reshape(-1, 3) for part in (omega, alpha, jerk))).pace()
-    fastest = pace.reshape(len(h), count + 1).max(axis=1)
-    pieces = np.maximum(np.ceil(h * fastest / STRIDE), 1.0)
+    pieces = np.maximum(np.ceil(h * _pace(omega, alpha, jerk).max(axis=1) / STRIDE), 1.0)
     if not pieces.sum() < MOST_PIECES * len(q):
         return None
     counts = pieces.astype(np.intp)
@@ -153,95 +272,80 @@ def nodes_along(path: Path, q: Floats, knots: Floats) -> Nodes | None:
     return Nodes(nodes, is_key, orientation, (omega, alpha, rate))
 
 
-class _Equations:
-    """What holds between the states at neighbouring nodes, scaled by the time between them."""
+def _pace(omega: Floats, alpha: Floats, jerk: Floats) -> Floats:
+    """Return what, times a duration, ``STRIDE`` is compared with, in 1/s."""
+    rates = (np.sqrt(np.sum(part * part, axis=-1)) for part in (omega, alpha, jerk))
+    fastest: Floats = np.max([rate ** (1.0 / k) for k, rate in enumerate(rates, 1)], axis=0)
+    return fastest
 
-    def __init__(self, nodes: Nodes, first: Floats | None, last: Floats | None) -> None:
-        self._nodes, self._first, self._last = nodes, first, last
-        self._h = np.diff(nodes.times)
 
-    def solve(self) -> Nodes | None:
-        """Return the solution near the nodes, or nothing where Newton's method does not settle."""
-        nodes = self._nodes
-        blocks, error = self._linearised(nodes)
-        for _ in range(ITERATIONS):
-            try:
-                step = -self._solve_linear(blocks, error)
-            except np.linalg.LinAlgError:
-                return None
-            size = self._size(step)
-            share = min(1.0, 1.0 / size) if size > 0.0 else 1.0
-            before = float(np.sum(error * error))
-            while True:
-                tried = nodes.moved(share * step)
-                blocks, error = self._linearised(tried)
-                if np.sum(error * error) <= (1.0 - 1e-3 * share) * before or size < ROUNDING:
-                    break
-                share *= 0.5
-                if not share >= SMALLEST_SHARE:
-                    return None
-            nodes = tried
-            if size < ROUNDING:
-                return nodes
-        return None
+def _turned_by(scale: Floats) -> Callable[[Floats], float]:
+    """Return the size of a step: its largest part, as a turn over the piece beside it."""
+    return lambda step: float(np.max(np.abs(step * scale)))
 
-    def _size(self, step: Floats) -> float:
-        """Return the largest part of a step, as a turn over the piece beside it."""
-        h = np.append(self._h, self._h[-1])[:, None]
-        return float(np.max(np.abs(step * np.stack([np.ones_like(h), h, h**2, h**3], axis=1))))
 
-    def _linearised(self, nodes: Nodes) -> tuple[Floats, Floats]:
-        """Return the derivatives of each piece's end ``(m, 12, 24)``, and all errors in order."""
-        h = self._h[:, None]
-        scale = h[..., None]
+def _cross(a: Floats, b: Floats) -> Floats:
+    """Return cross products, several times as fast as NumPy's for a few thousand vectors."""
+    product: Floats = a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
+    return product
+
+
+def _cross_matrices(v: Floats) -> Floats:
+    """Return the matrices of cross products ``v x``, shape ``(..., 3, 3)``."""
+    matrices: Floats = np.swapaxes(np.cross(v[..., None, :], np.eye(3)), -1, -2)
+    return matrices
+
+
+def _equations(first: Floats | None, last: Floats | None) -> Callable[[Nodes], Linearised]:
+    """Return what holds between the states at neighbouring nodes, scaled by the time between."""
+    at_start, at_end = 3 if first is not None else 6, 3 if last is not None else 6
+
+    def equations(nodes: Nodes) -> Linearised:
         omega, alpha, jerk = nodes.parts
-        turn, end, d_turn, d_end = shoot(
-            LieQuadraticState(omega[:-1], alpha[:-1], jerk[:-1]), self._h
-        )
-        reached = multiply(nodes.q[:-1], turn)
-        missed = 2.0 * log_half(multiply(conjugate(nodes.q[1:]), reached))
-        to_error = right_jacobian_inverse(missed)
-        back = np.swapaxes(rotate(conjugate(turn)[:, None], np.eye(3)), 1, 2)
-        is_key = nodes.is_key[1:, None]
-        blocks = np.zeros((len(h), 12, 24))
-        blocks[:, 0:3, 0:3] = to_error @ back
-        blocks[:, 0:3, 3:12] = to_error @ d_turn
-        blocks[:, 0:3, 12:15] = -left_jacobian_inverse(missed)
-        blocks[:, 3:6, 3:12] = scale * d_end.omega
-        blocks[:, 3:6, 15:18] = -scale * np.eye(3)
-        blocks[:, 6:9, 3:12] = scale**2 * d_end.alpha
-        blocks[:, 6:9, 18:21] = -(scale**2) * np.eye(3)
-        inner = np.where(is_key[..., None], 0.0, scale**3)
-        blocks[:, 9:12, 3:12] = inner * d_end.jerk
-        blocks[:, 9:12, 21:24] = -inner * np.eye(3)
-        blocks[:, 9:12, 12:15] = np.where(is_key[..., None], np.eye(3), 0.0)
+        pieces = nodes.pieces()
+        h = 2.0 * pieces.half[:, 0]
+        turn, reached = pieces.ends[:, :4], pieces.ends[:, 4:]
+        missed = 2.0 * log_half(multiply(conjugate(nodes.q[1:]), multiply(nodes.q[:-1], turn)))
+        jumps = np.where(nodes.is_key[1:, None], 0.0, h**3)
         error = np.concatenate(
             [
                 missed,
-                h * (end.omega - omega[1:]),
-                h**2 * (end.alpha - alpha[1:]),
-                np.where(is_key, 0.0, h**3 * (end.jerk - jerk[1:])),
+                h * (reached[:, :3] - omega[1:]),
+                h**2 * (reached[:, 3:6] - alpha[1:]),
+                jumps * (reached[:, 6:] - jerk[1:]),
             ],
             axis=1,
         )
-        at_start = alpha[0] if self._first is None else omega[0] - self._first
-        at_end = alpha[-1] if self._last is None else omega[-1] - self._last
-        return blocks, np.concatenate([np.zeros(3), at_start, error.ravel(), at_end])
+        begun = alpha[0] if first is None else omega[0] - first
+        ended = alpha[-1] if last is None else omega[-1] - last
+        errors = np.concatenate([np.zeros(3), begun, error.ravel(), ended])
 
-    def _solve_linear(self, blocks: Floats, error: Floats) -> Floats:
-        """Return the solution ``(m + 1, 4, 3)``; the last node has no rate of acceleration."""
-        count, size = len(blocks), len(error)
-        rows = 6 + 12 * np.arange(count)
-        head, tail = np.zeros((1, 12, 24)), np.zeros((1, 12, 24))
-        head[0, 0:3, 0:3] = np.eye(3)
-        place = 6 if self._first is None else 3
-        head[0, 3:6, place : place + 3] = np.eye(3)
-        place = 6 if self._last is None else 3
-        tail[0, 9:12, 12 + place : 15 + place] = np.eye(3)
-        solution = solve_blocks(
-            np.concatenate([head, blocks, tail]),
-            np.concatenate([[0], rows, [size - 12]]),
-            np.concatenate([[0], rows - 6, [size - 21]]),
-            error,
-        )
-        return np.append(solution, np.zeros(3)).reshape(-1, 4, 3)
+        def step() -> Floats:
+            scales = np.concatenate([h, h**2, jumps], axis=1).repeat(3, axis=1)[..., None]
+            change = pieces.derivatives()
+            to_error = right_jacobian_inverse(missed)
+            blocks = np.zeros((len(h), 12, 24))
+            blocks[:, 0:3, 0:3] = to_error @ np.swapaxes(
+                rotate(conjugate(turn)[:, None], np.eye(3)), 1, 2
+            )
+            blocks[:, 0:3, 3:12] = to_error @ change[:, :3]
+            blocks[:, 0:3, 12:15] = -left_jacobian_inverse(missed)
+            blocks[:, 3:12, 3:12] = scales * change[:, 3:]
+            blocks[:, 3:12, 15:24] = -scales * np.eye(9)
+            blocks[:, 9:12, 12:15] = np.where(nodes.is_key[1:, None, None], np.eye(3), 0.0)
+            head, tail = np.zeros((1, 12, 24)), np.zeros((1, 12, 24))
+            head[0, 0:3, 0:3] = head[0, 3:6, at_start : at_start + 3] = np.eye(3)
+            tail[0, 9:12, 12 + at_end : 15 + at_end] = np.eye(3)
+            rows, size = 6 + 12 * np.arange(len(h)), len(errors)
+            solution = solve_blocks(
+                np.concatenate([head, blocks, tail]),
+                np.concatenate([[0], rows, [size - 12]]),
+                np.concatenate([[0], rows - 6, [size - 21]]),
+                -errors,
+            )
+            # The last node has no rate of acceleration.
+            return np.append(solution, np.zeros(3)).reshape(-1, 4, 3)
+
+        return errors, step
+
+    return equations

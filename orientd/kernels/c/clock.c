@@ -123,8 +123,9 @@ static index_t element_of(double t, row_t times, index_t near) {
     return low;
 }
 
-void sample_clock(row_t times, row_t places, row_t values, row_t slopes, row_t leaves,
-                  row_t instants, matrix_t out) {
+void sample_clock(const clocked_t *clock, row_t instants, matrix_t out) {
+    row_t times = clock->times, places = clock->places, values = clock->values;
+    row_t slopes = clock->slopes, leaves = clock->leaves;
     double final = times.v[times.n - 1], total = places.v[places.n - 1];
     index_t e = 0;
     for (index_t i = 0; i < instants.n; i++) {
@@ -146,7 +147,7 @@ void sample_clock(row_t times, row_t places, row_t values, row_t slopes, row_t l
 static pace_t left(pace_t x, double place, double length) {
     double s[3];
     /* At rest itself, but for rounding, where the second derivative by x is infinite. */
-    leave(place < AT_REST * length ? 0.0 : place, length, s);
+    leave(place < AT_REST * fabs(length) ? 0.0 : place, length, s);
     return (pace_t){s[0], s[1] * x.rate, s[2] * x.rate * x.rate + s[1] * x.change};
 }
 
@@ -158,7 +159,7 @@ double put_paces(const clocked_t *clock, index_t e, double begin, double end,
     double middle = 0.5 * (begin + end), half = 0.5 * (end - begin);
     double since = middle - clock->times.v[e], until = clock->times.v[e + 1] - middle;
     pace_t here = after(sqrt(y[e]), 0.5 * slope[e], c, since);
-    if (x[e] + here.s < leaves[0]) {
+    if (x[e] + here.s < fabs(leaves[0])) {
         double base = left(here, x[e] + here.s, leaves[0]).s;
         for (int i = 0; i < count; i++) {
             pace_t pace = after(sqrt(y[e]), 0.5 * slope[e], c, since + half * points[i]);
@@ -170,18 +171,18 @@ double put_paces(const clocked_t *clock, index_t e, double begin, double end,
     /* Backwards from the end, so that what is left there has all its digits. */
     double ahead = total - x[e + 1], back = -0.5 * slope[e + 1];
     double last = ahead + after(sqrt(y[e + 1]), back, c, until).s;
-    if (last < leaves[1]) {
+    if (last < fabs(leaves[1])) {
         double base = left(here, last, leaves[1]).s;
         for (int i = 0; i < count; i++) {
             pace_t pace = after(sqrt(y[e + 1]), back, c, until - half * points[i]);
             pace = left(pace, ahead + pace.s, leaves[1]);
             paces[i] = (pace_t){base - pace.s, pace.rate, -pace.change};
         }
-        return total - 0.2 * (leaves[0] + leaves[1]) - base;
+        return total - leaving_gap(leaves[0]) - leaving_gap(leaves[1]) - base;
     }
     for (int i = 0; i < count; i++)
         paces[i] = after(here.rate, here.change, c, half * points[i]);
-    return x[e] + here.s - 0.2 * leaves[0];
+    return x[e] + here.s - leaving_gap(leaves[0]);
 }
 
 double time_of(const clocked_t *clock, double value) {

@@ -38,17 +38,14 @@ double leaving_gap(double length);
 /* Return x where the path's parameter, from 0 on, has a value. */
 double coordinate_of(double parameter, const double leaves[2], double total);
 
-/* Write the path's parameter and its first two derivatives by time.
- *
- * times, places, values, slopes: of the nodes.
- * leaves: as for leave_rest.
- * instants: in any order, held to where the clock runs, shape (m,).
- * out: receives them, shape (3, m). */
-void sample_clock(row_t times, row_t places, row_t values, row_t slopes, row_t leaves,
-                  row_t instants, matrix_t out);
-
 /* A clock: its nodes, and the lengths over which it leaves rest. */
 typedef struct { row_t times, places, values, slopes, leaves; } clocked_t;
+
+/* Write the path's parameter and its first two derivatives by time.
+ *
+ * instants: in any order, held to where the clock runs, shape (m,).
+ * out: receives them, shape (3, m). */
+void sample_clock(const clocked_t *clock, row_t instants, matrix_t out);
 
 /* A parameter and its first two derivatives by time. */
 typedef struct { double s, rate, change; } pace_t;

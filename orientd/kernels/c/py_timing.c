@@ -70,36 +70,23 @@ KERNEL(time_even) {
     return Py_BuildValue("(Ldd)", (long long)found.cycles, found.factor, found.coarse);
 }
 
-KERNEL(put_node_times) {
-    TAKE("vvvV");
-    index_t n = a[0].v.n;
-    CHECK(n > 1 && a[1].v.n == n && a[2].v.n == n && a[3].v.n == n);
-    RUN(put_node_times(a[0].v, a[1].v, a[2].v, a[3].v));
-    Py_RETURN_NONE;
-}
-
-KERNEL(leave_rest) {
-    TAKE("vvdM");
-    CHECK(a[1].v.n == 2 && is_matrix(a[3].m, 3, a[0].v.n));
-    RUN(leave_rest(a[0].v, a[1].v, a[2].d, a[3].m));
-    Py_RETURN_NONE;
-}
-
-KERNEL(sample_clock) {
+KERNEL(time_map) {
     TAKE("vvvvvvM");
-    index_t n = a[0].v.n;
-    CHECK(n > 1 && a[1].v.n == n && a[2].v.n == n && a[3].v.n == n);
-    CHECK(a[4].v.n == 2 && is_matrix(a[6].m, 3, a[5].v.n));
-    RUN(sample_clock(a[0].v, a[1].v, a[2].v, a[3].v, a[4].v, a[5].v, a[6].m));
+    index_t n = a[0].v.n, size = a[5].v.n;
+    CHECK(n > 1 && a[1].v.n == n && a[2].v.n == n && a[3].v.n == n && a[4].v.n == 2);
+    CHECK(is_matrix(a[6].m, 3, size) || is_matrix(a[6].m, 1, size));
+    clocked_t clock = {a[0].v, a[1].v, a[2].v, a[3].v, a[4].v};
+    if (a[6].m.n == 3)
+        RUN(sample_clock(&clock, a[5].v, a[6].m));
+    else
+        RUN(for (index_t i = 0; i < size; i++) a[6].m.v[i] = time_of(&clock, a[5].v.v[i]));
     Py_RETURN_NONE;
 }
 
 PyMethodDef timing_methods[] = {
     ENTRY(choose_knots),
     ENTRY(time_even),
+    ENTRY(time_map),
     ENTRY(time_quickest),
-    ENTRY(put_node_times),
-    ENTRY(leave_rest),
-    ENTRY(sample_clock),
     LAST_ENTRY,
 };

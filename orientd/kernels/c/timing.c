@@ -17,6 +17,8 @@ enum {
     REPAIRS = 4,            /* attempts to have no squared rate below zero between the nodes */
     PIECES_OF_INTERVAL = 10,
     FEWEST_PIECES = 100,    /* of all intervals together */
+    MANY_PARTS = 64,        /* of which each is found a little less exactly, in half the time */
+    FEWEST_OF_MANY = 60,
     LEAST_PIECES = 3,       /* of an interval where there are very many */
     MOST_ELEMENTS = 400000, /* more of them are not cut into narrower ones */
     MOST_CUTS = 4,          /* pieces of an element in one round */
@@ -240,15 +242,19 @@ static void slow_inside(const part_t *part, const mesh_t *mesh, double factor) {
     }
 }
 
-static index_t pieces_of(index_t intervals) {
+static bool is_one_of_many(const part_t *part) { return part->asked->edges.n > MANY_PARTS; }
+
+static index_t pieces_of(index_t intervals, bool is_one_of_many) {
+    index_t fewest = is_one_of_many ? FEWEST_OF_MANY : FEWEST_PIECES;
     if (intervals * PIECES_OF_INTERVAL > MOST_ELEMENTS)
         return most(LEAST_PIECES, MOST_ELEMENTS / intervals);
-    return most(PIECES_OF_INTERVAL, (FEWEST_PIECES + intervals - 1) / intervals);
+    return most(PIECES_OF_INTERVAL, (fewest + intervals - 1) / intervals);
 }
 
 /* Make a mesh of wide elements, which end where the formula of the path changes. */
 static bool first_mesh(const part_t *part, mesh_t *mesh) {
-    index_t intervals = part->knots.n - 1, pieces = pieces_of(intervals), e = 0;
+    index_t intervals = part->knots.n - 1, e = 0;
+    index_t pieces = pieces_of(intervals, is_one_of_many(part));
     if (!new_mesh(mesh, intervals * pieces))
         return false;
     double begin = 0.0, *x = row(mesh, PLACES);
@@ -525,7 +531,7 @@ static int polish(const part_t *part, mesh_t *mesh) {
         for (int order = 0; order < 3; order++)
             beyond = fmax(beyond, row(mesh, SHARES + order)[e]);
     index_t size = mesh->n + 2;
-    if (size >= MANY || !(beyond > (size < FEW ? WORTH_LITTLE : WORTH_MUCH)))
+    if (is_one_of_many(part) || size >= MANY || !(beyond > (size < FEW ? WORTH_LITTLE : WORTH_MUCH)))
         return PROFILE_FOUND;
     if (!new_mesh(&other, mesh->n))
         return OUT_OF_MEMORY;

@@ -61,11 +61,13 @@ class Profile:
         rows: as ``orientd/kernels/c/timing.h`` has them, shape ``(11, n + 2)``, read only.
         leaves: lengths over which the path leaves rest, shape ``(2,)``.
         moves: whether the path moves at its start and at its end.
+        span: path times where the part begins and ends that it is of, s.
     """
 
     rows: Floats
     leaves: Floats
     moves: tuple[bool, bool]
+    span: tuple[float, float]
 
     @property
     def duration(self) -> float:
@@ -77,10 +79,15 @@ class Profile:
         """The largest utilisation of velocity, acceleration and jerk in each element, (3, n)."""
         return self.rows[_SHARES:_AIMS, :-2]
 
+    @property
+    def slower(self) -> float:
+        """How much slower to be where some utilisation is above 1, as a factor; else 1."""
+        return max(1.0, float(np.max(self.shares.max(1) ** _ROOTS)))
+
     def clock(self) -> TimeMap:
-        """Return the path time by time."""
-        places, values, slopes = self.rows[_PLACES:_TIMES, :-1]
-        return TimeMap(places, values, slopes, self.leaves)
+        """Return the path time since the part begins by time."""
+        places, values, slopes, times = self.rows[_PLACES:, :-1]
+        return TimeMap(times, places, values, slopes, self.leaves)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,7 +102,7 @@ class QuickPath(KeyframePath):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Problem:
+class TimingProblem:
     """A path to be timed, and what is limited along it.
 
     Attributes:
@@ -111,7 +118,8 @@ class _Problem:
     share: float
 
     @classmethod
-    def of(cls, path: KeyframePath, limits: Limits, period: float, share: float) -> _Problem:
+    def of(cls, path: KeyframePath, limits: Limits, period: float, share: float) -> TimingProblem:
+        """Return the problem of a path that is to keep *limits*, of which a *share* is used."""
         return cls(Geometry.of(path), aimed_at(limits, share), period, share)
 
     def solved(
@@ -135,26 +143,56 @@ class _Problem:
         Raises:
             PlanError: there is none.
         """
+        known = _NOTHING if known is None else known
+        return self._profiles(self.geometry.ends, False, total, known, excess, slower)[0]
+
+    def solved_at_rest(self, edges: Floats) -> list[Profile]:
+        """Return the quickest profiles of the parts between *edges*, each from rest to rest.
+
+        Args:
+            edges: knots of the path, both ends included, s, shape ``(p + 1,)``.
+
+        Raises:
+            PlanError: there is none of some part.
+        """
+        return self._profiles(edges, True, 0.0, _NOTHING, 1.0, 1.0)
+
+    def _profiles(
+        self,
+        edges: Floats,
+        is_at_rest: bool,
+        total: float,
+        known: Floats,
+        excess: float,
+        slower: float,
+    ) -> list[Profile]:
         found = time_quickest(
             *self.geometry.orientation,
-            self.geometry.ends,
-            False,  # ends keep the velocity that they have
+            edges,
+            is_at_rest,
             *self.geometry.moves,
             limit_table(self.limits),
             np.array([self.limits.linear_velocity, self.limits.linear_acceleration]),
             self.share / GUARD_TOLERANCE,
             self.period,
             total,
-            _NOTHING if known is None else known,
+            known,
             excess,
             slower,
         )
         if isinstance(found, bool):
             why = "it would have to stand still on the way" if found else "the limits leave no way"
             raise PlanError(f"no quickest timing was found: {why}")
-        rows = np.frombuffer(found[0]).reshape(_ROWS, -1)
-        (part,) = np.frombuffer(found[1]).reshape(-1, _PART)
-        return Profile(rows, part[1:3], (bool(part[3]), bool(part[4])))
+        parts = np.frombuffer(found[1]).reshape(-1, _PART)
+        rows = np.split(
+            np.frombuffer(found[0]).reshape(_ROWS, -1),
+            np.cumsum(parts[:-1, 0].astype(np.intp) + 2),
+            axis=1,
+        )
+        return [
+            Profile(np.ascontiguousarray(some), part[1:3], (bool(part[3]), bool(part[4])), span)
+            for some, part, span in zip(rows, parts, parts[:, 5:].tolist(), strict=True)
+        ]
 
 
 def quickest(
@@ -185,7 +223,7 @@ def quickest(
     turn = turned_at_once(keyframe_path, limits, share) if guess is None else None
     if turn is not None:
         return turn
-    problem = _Problem.of(keyframe_path, limits, period, share)
+    problem = TimingProblem.of(keyframe_path, limits, period, share)
     if isinstance(guess, Profile):
         profile = problem.solved(guess.rows)
     else:
@@ -216,15 +254,14 @@ def lasting(
     if known is None or not any(known.moves):
         return quick.in_total(total)
     refusal.check_total(total, quick.duration)
-    problem, excess, slower = _Problem.of(keyframe_path, limits, period, SHARE), 1.0, 1.0
+    problem, excess, slower = TimingProblem.of(keyframe_path, limits, period, SHARE), 1.0, 1.0
     for _ in range(_MOST_PACES):
         profile = problem.solved(known.rows, excess=excess, slower=slower, total=total)
         if abs(profile.duration - total) <= _SAME * total:
-            retimed, over = _looked_at(
-                _retimed(keyframe_path, profile, total), limits, period, known.moves
-            )
+            path = retimed(keyframe_path, profile).slowed(total)
+            path, over = looked_at(path, limits, period, known.moves)
             if over <= 1.0:
-                return retimed
+                return path
             excess *= max(over, _ABOVE)
         else:
             slower *= (0.5 * (1.0 + _NEARLY) * total / profile.duration) ** _PACE_POWER
@@ -232,7 +269,11 @@ def lasting(
 
 
 def _kept(
-    keyframe_path: KeyframePath, problem: _Problem, profile: Profile, limits: Limits, period: float
+    keyframe_path: KeyframePath,
+    problem: TimingProblem,
+    profile: Profile,
+    limits: Limits,
+    period: float,
 ) -> KeyframePath:
     """Return the path at the speed of a profile, or as much slower as its records need it.
 
@@ -241,15 +282,16 @@ def _kept(
     """
     moves, excess = profile.moves, math.inf
     # Where nothing moves at the ends the same pace, a little slower, mends a little too much.
-    slower = 1.0 if any(moves) else float(np.max(profile.shares.max(1) ** _ROOTS))
+    slower = 1.0 if any(moves) else profile.slower
     for _ in range(_ATTEMPTS):
         # What goes on from an end that moves begins at a record.
-        duration = period * round(profile.duration / period) if moves[1] else profile.duration
-        quick = _retimed(keyframe_path, profile, duration)
+        quick = retimed(keyframe_path, profile)
+        if moves[1]:
+            quick = quick.slowed(period * round(profile.duration / period))
         if slower > 1.0:
             quick = quick.slowed(quick.duration * slower)
         refusal.check_duration(quick.duration)
-        quick, excess = _looked_at(quick, limits, period, moves)
+        quick, excess = looked_at(quick, limits, period, moves)
         if excess <= 1.0:
             return quick
         if excess <= _SLIGHT and not any(moves):
@@ -263,7 +305,7 @@ def _kept(
     raise PlanError(f"no quickest timing keeps the limits, by a factor of {excess:g}")
 
 
-def _looked_at(
+def looked_at(
     path: KeyframePath, limits: Limits, period: float, moves: tuple[bool, bool]
 ) -> tuple[KeyframePath, float]:
     """Return a path, with the peaks if it is held before and after, and how much slower to be."""
@@ -296,14 +338,22 @@ def _looked_at(
     return path, excess
 
 
-def _retimed(keyframe_path: KeyframePath, profile: Profile, duration: float) -> KeyframePath:
-    """Return the keyframe path at the speed of a profile, which takes *duration* seconds."""
-    clock = profile.clock()
-    quick = QuickPath(
-        clock.retimed(keyframe_path.trajectory),
-        repositioned(keyframe_path.positions, clock, clock.times),
-        clock.times_of(keyframe_path.times),
-        profile=profile,
-    )
-    # But for rounding it takes that long already.
-    return quick if quick.duration == duration else quick.slowed(duration)
+def retimed(keyframe_path: KeyframePath, profile: Profile) -> KeyframePath:
+    """Return the part of a keyframe path that a profile is of, timed by it, from time 0 on."""
+    clock, trajectory = profile.clock(), keyframe_path.trajectory
+    begin, end = profile.span
+    if (begin, end) != trajectory.domain:
+        trajectory = trajectory.restricted(begin, end)
+
+    def path_times(times: Floats) -> tuple[Floats, Floats, Floats]:
+        s, rate, change = clock(times)
+        return begin + s, rate, change
+
+    positions = repositioned(keyframe_path.positions, path_times, clock.times)
+    if not positions.is_held:
+        first, last = keyframe_path.positions.sample(np.array([begin, end]))[0]
+        positions = replace(positions, first=first, last=last)
+    times = clock.times_of(keyframe_path.times - begin)
+    # Corners are where parts meet, at rest.
+    smooth = replace(clock.retimed(trajectory), continuity=2)
+    return QuickPath(smooth, positions, times, profile=profile)

@@ -10,7 +10,10 @@ from planned import LIMITS, PERIOD, differences, rotations, times_of
 from orientd.curves import METHODS
 from orientd.errors import PlanError
 from orientd.planner import Keyframe, MotionRequest, State, plan
-from orientd.planner.timing.by_parts import RestingClock, corners
+from orientd.planner.path import PositionPath
+from orientd.planner.timing.by_parts import corners
+from orientd.planner.timing.candidate_path import KeyframePath
+from orientd.planner.timing.quickest_timing import TimingProblem, retimed
 from orientd.rotation import angle
 
 CORNERED = ("piecewise_slerp", "squad", "circular_blending", "shoemake_bezier", "nielson_shieh")
@@ -28,32 +31,45 @@ def curve(method, keys=KEYS):
     return METHODS[method](keys=np.array(keys), times=np.arange(len(keys), dtype=float))
 
 
-def part_of(method, begin, end):
-    """Return a part of a curve, and the same from rest to rest with its clock."""
-    part = curve(method).trajectory.restricted(begin, end)
-    clock = RestingClock.of(part)
-    return part, clock.retimed(part), clock
+def part_of(method, number):
+    """Return a curve as a path, and a part of it from rest to rest with its profile."""
+    whole = curve(method)
+    path = KeyframePath(whole.trajectory, PositionPath.held(np.zeros(3)), whole.knots)
+    problem = TimingProblem.of(path, LIMITS["arm"], PERIOD, 0.999)
+    profile = problem.solved_at_rest(whole.knots)[number]
+    return path, retimed(path, profile), profile
 
 
 @pytest.mark.parametrize("method", ["squad", "shoemake_bezier", "circular_blending"])
-@pytest.mark.parametrize(("begin", "end"), [(0.0, 1.0), (1.0, 2.0)])
-def test_a_part_is_the_curve_from_rest_to_rest(method, begin, end):
-    part, resting, clock = part_of(method, begin, end)
-    _, omega, alpha = resting.ends()
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_part_is_the_curve_from_rest_to_rest(method, number):
+    path, resting, profile = part_of(method, number)
+    _, omega, alpha = resting.trajectory.ends()
     assert np.abs(np.concatenate([omega, alpha])).max() < 1e-8
-    times = np.linspace(*resting.domain, 4001)
-    path_times, rate, change = clock(times)
-    q, turning, bending = part.sample(path_times)
+    times = np.linspace(*resting.trajectory.domain, 4001)
+    path_times, rate, change = profile.clock()(times)
+    last = np.nextafter(number + 1.0, 0.0)
+    q, turning, bending = path.trajectory.sample(np.minimum(number + path_times, last))
     expected = q, turning * rate[:, None], bending * rate[:, None] ** 2 + turning * change[:, None]
-    for found, wanted in zip(resting.sample(times), expected, strict=True):
-        assert np.abs(found - wanted).max() < 1e-8 * np.abs(wanted).max()
+    for found, wanted in zip(resting.trajectory.sample(times), expected, strict=True):
+        assert np.abs(found - wanted).max() < 5e-7 * np.abs(wanted).max()
 
 
 def test_a_part_knows_when_it_passes_a_path_time():
-    part, resting, clock = part_of("squad", 1.0, 2.0)
+    path, resting, profile = part_of("squad", 1)
     path_times = np.linspace(1.0, 2.0, 81)
-    found = resting.orientations(clock.times(path_times))
-    assert angle(found, part.orientations(path_times)).max() < 1e-7
+    found = resting.trajectory.orientations(profile.clock().times_of(path_times - 1.0))
+    assert angle(found, path.trajectory.orientations(path_times)).max() < 1e-7
+    assert resting.times.tolist()[:2] == [0.0, 0.0]
+    assert resting.times.tolist()[2:] == [resting.duration] * 3
+
+
+@pytest.mark.parametrize("method", ["squad", "piecewise_slerp"])
+def test_parts_of_many_are_hardly_slower_than_those_of_few(method):
+    keys = np.array(rotations(np.random.default_rng(5), 80, 0.5))
+    many = made(method, keys.tolist())
+    half = made(method, keys[:40].tolist()), made(method, keys[39:].tolist())
+    assert many.duration < 1.003 * sum(one.duration for one in half)
 
 
 def test_corners_are_where_a_derivative_has_a_step():

@@ -1,0 +1,123 @@
+"""Where the searches for the best curves begin: at splines with the same keyframes and ends."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+import numpy as np
+
+from orientd.curves.construct import Path, squared_acceleration
+from orientd.curves.contract import Curve
+from orientd.curves.interpolating import C2Cumulative
+from orientd.curves.rotation_vector import RotationVectorSpline
+from orientd.errors import PlanError
+from orientd.rotation import Floats
+
+COASTED = 10.0
+"""From this angle on, in rad, that an end velocity goes through in its interval, whole turns are
+tried."""
+
+Spline = TypeVar("Spline", bound=Curve)
+
+
+def spline_through(
+    family: type[Spline],
+    q: Floats,
+    instants: Floats,
+    first: Floats | None,
+    last: Floats | None,
+    **options: Any,  # noqa: ANN401 - of any family
+) -> Spline | None:
+    """Return a spline with the same keyframes and ends, if there is one.
+
+    Args:
+        family: of the spline.
+        q: orientations of the keyframes, their signs as the spline is to have them.
+        instants: of the keyframes, s.
+        first: body angular velocity at the first keyframe, rad/s; natural without it.
+        last: the same at the last keyframe.
+        options: of the family.
+    """
+    try:
+        spline = family(  # type: ignore[call-arg]  # which families of keyframes take
+            keys=q,
+            times=instants,
+            start="natural" if first is None else "clamped",
+            end="natural" if last is None else "clamped",
+            omega_start=first,
+            omega_end=last,
+            align=False,
+            **options,
+        )
+        spline.ends()  # of which a spline that spins too fast to be sampled has none
+    except (PlanError, ValueError):
+        return None
+    return spline
+
+
+def spline_path(
+    family: type[Curve],
+    q: Floats,
+    instants: Floats,
+    first: Floats | None,
+    last: Floats | None,
+    **options: Any,  # noqa: ANN401 - of any family
+) -> Path | None:
+    """Return the path of :func:`spline_through` keyframes, if there is one."""
+    spline = spline_through(family, q, instants, first, last, **options)
+    return None if spline is None else spline.evaluate
+
+
+def start_path(
+    q: Floats, instants: Floats, first: Floats | None, last: Floats | None
+) -> tuple[Path, Floats]:
+    """Return a curve near which to search, and the keyframes with the signs they have on it.
+
+    Raises:
+        PlanError: there is none.
+    """
+    path = winding_path(q, instants, first, last)
+    if path is None:
+        path = spline_path(RotationVectorSpline, q, instants, first, last)
+    if path is None:
+        raise PlanError(
+            "no curve was found through the keyframes near which to look for one of least effort: "
+            "add keyframes, lower the end velocities or make neighbouring intervals more alike"
+        )
+    signs = np.sign(np.sum(q * path(instants)[0], axis=1, keepdims=True))
+    return path, q * signs
+
+
+def winding_reaches(instants: Floats, first: Floats | None, last: Floats | None) -> list[int]:
+    """Return how many whole turns either way are worth trying in the first and last interval."""
+    ends = zip((first, last), np.diff(instants)[[0, -1]].tolist(), strict=True)
+    return [
+        0 if end is None else min(2, int(float(np.linalg.norm(end)) * h / COASTED))
+        for end, h in ends
+    ]
+
+
+def winding_path(
+    q: Floats, instants: Floats, first: Floats | None, last: Floats | None
+) -> Path | None:
+    """Return the cumulative spline with those whole turns in its end intervals that cost least.
+
+    A fast end that is not given the turns it would coast through has to wind back: that may cost
+    many times the acceleration.  The two ends are scanned one after the other.
+    """
+    turns = np.zeros(len(instants) - 1, dtype=np.intp)
+    best = spline_path(C2Cumulative, q, instants, first, last)
+    reaches = winding_reaches(instants, first, last)
+    if not any(reaches):
+        return best
+    least = np.inf if best is None else squared_acceleration(best, instants)
+    for place, reach in zip((0, -1), reaches, strict=True):
+        kept = turns
+        for count in (*range(-reach, 0), *range(1, reach + 1)):
+            tried = kept.copy()
+            tried[place] += count
+            path = spline_path(C2Cumulative, q, instants, first, last, turns=tried)
+            cost = np.inf if path is None else squared_acceleration(path, instants)
+            if cost < least:
+                best, least, turns = path, cost, tried
+    return best
