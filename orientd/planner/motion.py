@@ -244,7 +244,7 @@ class Motion(Drawable):
         times = self.period * np.arange(first, end, dtype=np.float64)
         rows: Floats = np.zeros((count, STATE_FLOATS))
         np.concatenate(path.sample(times), axis=1, out=rows[:, : STATE_FLOATS - 3])
-        rows[:, STATE_FLOATS - 3 :] = path.positions.push(times)
+        rows[:, STATE_FLOATS - 3 :] = path.positions.sample(times)[2]
         if count and end == self.record_count:
             rows[-1] = 0.0
             rows[-1, :4], rows[-1, 10:13] = path.last, path.positions.last

@@ -12,8 +12,10 @@ enum { NEWTON_STEPS = 40 };
 static pace_t after(double rate, double change, double c, double t) {
     double z = c * t * t, s, k;  /* sinh(w t) / w and (cosh(w t) - 1) / w^2, where c = w^2 */
     if (fabs(z) < SMALL) {
-        s = 1.0 + z / 6 * (1.0 + z / 20 * (1.0 + z / 42 * (1.0 + z / 72 * (1.0 + z / 110))));
-        k = 1.0 + z / 12 * (1.0 + z / 30 * (1.0 + z / 56 * (1.0 + z / 90 * (1.0 + z / 132))));
+        s = 1.0 + z * (1.0 / 6 + z * (1.0 / 120 + z * (1.0 / 5040 + z * (1.0 / 362880
+            + z * (1.0 / 39916800)))));
+        k = 1.0 + z * (1.0 / 12 + z * (1.0 / 360 + z * (1.0 / 20160 + z * (1.0 / 1814400
+            + z * (1.0 / 239500800)))));
         s *= t, k *= 0.5 * t * t;
     } else {
         double w = sqrt(fabs(c)), half = c > 0.0 ? sinh(0.5 * w * t) : sin(0.5 * w * t);

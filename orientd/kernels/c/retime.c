@@ -22,7 +22,7 @@ enum { MIDDLE = NODES + 1 };
 /* Rad, that rotation vectors between two orientations may be off by rounding. */
 #define ROUNDING 1e-14
 /* Rad, an error that is never taken for rounding, and how much halving lessens others at least. */
-#define COARSE 1e-12
+#define COARSE 2e-14
 #define GAIN 8.0
 /* Share of an element within which instants are the same. */
 #define SAME 1e-9
@@ -92,7 +92,7 @@ static bool append(table_t *table, source_t *source, const void *from, double be
         for (int i = NODES; i < POINTS; i++)
             missed = fmax(missed, apart(polynomial_at(c, PLACES[i]), wanted.r[i]));
         fits = missed <= MISSED * far + wanted.rounding
-            || (missed <= COARSE && missed * GAIN >= before);
+            || (missed <= COARSE + 8.0 * wanted.rounding && missed * GAIN >= before);
         put_vec(c, plus(vec_at(c), wanted.middle));
     }
     double middle = 0.5 * (begin + end);
@@ -198,8 +198,18 @@ static bool of_clock(const void *from, double begin, double end, wanted_t *wante
     wanted->base = quat_at(of->piece), wanted->middle = vec_at(c);
     wanted->rounding = 4e-16 * per_second * (of->first + middle) * norm(vec_at(c + 3));
     put_vec(c, vec(0.0, 0.0, 0.0));
+    double v[LANES], r[3][LANES];
+    for (int i = 0; i < LANES; i++)
+        v[i] = per_second * paces[least(i, POINTS - 1)].s;
+    for (int axis = 0; axis < 3; axis++) {
+        for (int i = 0; i < LANES; i++)
+            r[axis][i] = c[3 * DEGREE + axis];
+        for (int j = DEGREE - 1; j >= 0; j--)
+            for (int i = 0; i < LANES; i++)
+                r[axis][i] = fused(v[i], r[axis][i], c[3 * j + axis]);
+    }
     for (int i = 0; i < POINTS; i++)
-        wanted->r[i] = polynomial_at(c, per_second * paces[i].s);
+        wanted->r[i] = vec(r[0][i], r[1][i], r[2][i]);
     for (int side = 0; side < 2; side++) {
         pace_t pace = paces[side * (NODES - 1)];
         double v = per_second * pace.s, rate = half * per_second * pace.rate;

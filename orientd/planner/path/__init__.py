@@ -14,4 +14,3 @@ from orientd.planner.path.position import (
     quintic,
 )
 from orientd.planner.path.recorded_path import SAME_ANGLE, RecordedPath
-from orientd.planner.path.retimed_position import repositioned

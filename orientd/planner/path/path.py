@@ -116,7 +116,7 @@ class Path:
             ValueError: an instant is not a number.
         """
         rows = self._rows(times)
-        position, velocity = self.positions.sample(times)
+        position, velocity, _ = self.positions.sample(times)
         if not self.positions.is_held:
             # A position may begin in motion where the orientation begins at rest.
             _, is_after = self._is_held(times)

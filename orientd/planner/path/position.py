@@ -9,6 +9,7 @@ held.  A move between two points is the single piece of it,
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +23,9 @@ DEGREE = 5
 
 Motion3 = tuple[Floats, Floats, Floats]
 """Position, velocity and acceleration."""
+
+Clock = Callable[[Floats], tuple[Floats, Floats, Floats]]
+"""Gives a path time and its first two derivatives by another time: a ``TimeMap``, for example."""
 
 _STILL = np.zeros(3)
 
@@ -58,57 +62,50 @@ class PositionPath:
         """Whether nothing moves."""
         return len(self.coefficients) == 0
 
-    def sample(self, times: Floats) -> tuple[Floats, Floats]:
-        """Return positions and velocities at *times*, ``(n, 3)`` each."""
+    def sample(self, times: Floats) -> Motion3:
+        """Return positions, velocities and accelerations at *times*, ``(n, 3)`` each.
+
+        At a break they are those of the piece that begins there.
+        """
+        position, velocity, acceleration = np.zeros((3, len(times), 3))
         if self.is_held:
-            positions: Floats = np.empty((len(times), 3))
-            positions[:] = self.first
-            return positions, np.zeros((len(times), 3))
+            position[:] = self.first
+            return position, velocity, acceleration
         begin, end = self.breaks[0], self.breaks[-1]
         inside = np.clip(times, begin, end)
         piece = np.searchsorted(self.breaks[1:-1], inside, side="right")
         elapsed = (inside - self.breaks[piece])[:, None]
         c = self.coefficients[piece]
-        positions = np.zeros((len(times), 3))
-        velocities = np.zeros((len(times), 3))
         for power in range(DEGREE, -1, -1):
-            velocities = velocities * elapsed + positions
-            positions = positions * elapsed + c[:, power]
+            acceleration = acceleration * elapsed + 2.0 * velocity
+            velocity = velocity * elapsed + position
+            position = position * elapsed + c[:, power]
         is_before, is_after = times < begin, times >= end
         # Held means held: to the last digit, and without velocity.
-        positions[is_before], positions[is_after] = self.first, self.last
-        velocities[is_before | is_after] = 0.0
-        return positions, velocities
+        position[is_before], position[is_after] = self.first, self.last
+        velocity[is_before | is_after] = acceleration[is_before | is_after] = 0.0
+        return position, velocity, acceleration
 
-    def state(self, time: float) -> tuple[Floats, Floats, Floats]:
-        """Return position, velocity and acceleration at *time*, of the piece that begins there."""
-        if self.is_held or time < self.breaks[0] or time >= self.breaks[-1]:
-            is_before = not self.is_held and time < self.breaks[0]
-            return (self.first if is_before else self.last), np.zeros(3), np.zeros(3)
-        piece = int(np.searchsorted(self.breaks[1:-1], time, side="right"))
-        u, c = time - self.breaks[piece], self.coefficients[piece]
-        powers = u ** np.arange(DEGREE + 1.0)
-        index = np.arange(DEGREE + 1.0)
-        velocity = (index[1:] * powers[:-1]) @ c[1:]
-        acceleration = (index[2:] * index[1:-1] * powers[:-2]) @ c[2:]
-        return powers @ c, velocity, acceleration
+    def state(self, time: float) -> Motion3:
+        """Return position, velocity and acceleration at *time*, shape ``(3,)`` each."""
+        position, velocity, acceleration = self.sample(np.array([time]))
+        return position[0], velocity[0], acceleration[0]
 
-    def push(self, times: Floats) -> Floats:
-        """Return the accelerations at *times*, of the pieces that begin there, ``(n, 3)``."""
+    def retimed(self, clock: Clock, times: Floats) -> PositionPath:
+        """Return the same positions on another clock, quintic between *times* on that clock, s.
+
+        It may go on from a motion, and ends at rest.
+        """
         if self.is_held:
-            return np.zeros((len(times), 3))
-        inside = (times >= self.breaks[0]) & (times < self.breaks[-1])
-        piece = np.searchsorted(self.breaks[1:-1], times, side="right")
-        elapsed = (times - self.breaks[piece])[:, None]
-        c = self.coefficients[piece]
-        found = np.zeros((len(times), 3))
-        for power in range(DEGREE, 1, -1):
-            found = found * elapsed + power * (power - 1) * c[:, power]
-        return np.where(inside[:, None], found, 0.0)
-
-    def motion(self, times: Floats) -> tuple[Floats, Floats]:
-        """Return velocities and accelerations at *times*, ``(n, 3)`` each."""
-        return self.sample(times)[1], self.push(times)
+            return self
+        path_times, rate, change = clock(times)
+        rate, change = rate[:, None], np.nan_to_num(change)[:, None]
+        position, velocity, acceleration = self.sample(path_times)
+        acceleration = acceleration * rate**2 + velocity * change
+        velocity = velocity * rate
+        velocity[-1] = acceleration[-1] = 0.0
+        pieces = quintics(np.diff(times), position, velocity, acceleration)
+        return PositionPath(times, pieces, position[0], position[-1])
 
     def slowed(self, factor: float) -> PositionPath:
         """Return the same path *factor* times as slow."""

@@ -20,7 +20,7 @@ from orientd.kernels import time_quickest
 from orientd.planner import refusal
 from orientd.planner.certify import before, limit_table, measure_path
 from orientd.planner.limits import Limits
-from orientd.planner.path import Path, repositioned
+from orientd.planner.path import Path
 from orientd.planner.request import State
 from orientd.planner.timing.axis_turn import SHARE, VELOCITY_SHARE, turned_at_once
 from orientd.planner.timing.candidate_path import KeyframePath
@@ -349,10 +349,7 @@ def retimed(keyframe_path: KeyframePath, profile: Profile) -> KeyframePath:
         s, rate, change = clock(times)
         return begin + s, rate, change
 
-    positions = repositioned(keyframe_path.positions, path_times, clock.times)
-    if not positions.is_held:
-        first, last = keyframe_path.positions.sample(np.array([begin, end]))[0]
-        positions = replace(positions, first=first, last=last)
+    positions = keyframe_path.positions.retimed(path_times, clock.times)
     times = clock.times_of(keyframe_path.times - begin)
     # Corners are where parts meet, at rest.
     smooth = replace(clock.retimed(trajectory), continuity=2)
