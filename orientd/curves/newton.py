@@ -26,9 +26,6 @@ SUFFICIENT = 1e-3
 SMALLEST_SHARE = 1e-5
 """A damped step shorter than this share of Newton's means that the search is stuck."""
 
-CONTRACTION = 0.5
-"""A step must shrink so fast for the guess to count as near its solution."""
-
 SHARES = np.append(0.25 ** np.arange(13.0), 0.0)
 """Shares of a step that a descent tries all at once."""
 
@@ -57,6 +54,7 @@ def newton(
     iterations: int = 40,
     longest: float = 1.0,
     nearby: float | None = None,
+    contraction: float = 0.5,
 ) -> State | None:
     """Return the root that Newton's method reaches from a guess, or nothing if it does not settle.
 
@@ -69,8 +67,9 @@ def newton(
         iterations: at most.
         longest: steps are cut to this size, then halved until they lower the sum of squared errors.
         nearby: instead of that, take whole steps only, and refuse a guess from which the first is
-            longer than this or a later one longer than half of the one before.  A root found so is
+            longer than this, or a later one than its share of the one before.  A root found so is
             the one that belongs to the guess.
+        contraction: that share.
     """
     limit = np.inf if nearby is None else nearby
     error, solve = equations(guess)
@@ -97,7 +96,7 @@ def newton(
         if length <= tolerance:
             return guess
         if nearby is not None:
-            limit = max(CONTRACTION * length, tolerance)
+            limit = max(contraction * length, tolerance)
     return None
 
 

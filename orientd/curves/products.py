@@ -10,7 +10,6 @@ A length above pi is extra winding, which the control quaternions alone do not s
 from __future__ import annotations
 
 import math
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,15 +34,12 @@ from orientd.curves.keyframes import (
     increments,
     resolve_times,
 )
-from orientd.curves.trajectory import Trajectory
 from orientd.kernels import sample_product
 from orientd.rotation import Floats, between, conjugate, log_half, multiply, nearer_sign
 
 PATHS = ("short", "long", "as_is", "complement")
 _COINCIDENT = 1e-14
 
-_PIECES = ((0.01, 1), (0.1, 2))
-"""Rad of half angle up to which so many pieces of a trajectory for each span are good mostly."""
 
 EndState = tuple[Floats | None, Floats | None]
 """Body angular velocity, rad/s, and acceleration, rad/s^2, at an end; ``None`` where not given."""
@@ -105,21 +101,20 @@ class Product(Curve):
         self._ends = ends
 
     @property
+    def parts(self) -> tuple[Floats, Indices, Floats, Floats]:
+        """What it is a product of, as for :meth:`_set`; not to be changed."""
+        return self._parts
+
+    @property
     def increments(self) -> Floats:
         """Half-angle vectors from each control quaternion to the next; read only, ``(n, 3)``."""
         view = self._parts[2].view()
         view.setflags(write=False)
         return view
 
-    @cached_property
-    def trajectory(self) -> Trajectory:
-        """See :attr:`Curve.trajectory`: pieces as short as the largest increment calls for."""
-        largest = float(np.max(np.abs(self.increments), initial=0.0))
-        pieces = next((count for most, count in _PIECES if largest < most), 4)
-        fitted = Trajectory.fit(
-            self._orientations, self._knots, continuity=self.continuity, pieces=pieces
-        )
-        return fitted.pinned(*self._ends)
+    @property
+    def _end_states(self) -> tuple[EndState, EndState]:
+        return self._ends
 
     def _orientations(self, times: Floats) -> Floats:
         out: Floats = np.empty((len(times), 4))

@@ -138,7 +138,8 @@ def key_velocities(steps: Floats, h: Floats, first: Floats | None, last: Floats 
         ends = (None if end is None else scale * end for end in (first, last))
         return _Equations(scale * steps, h, *ends)
 
-    start = scaled(1.0).linear_solution()
+    # The spline of Euclidean space, which is what small steps come to.
+    start = scaled(1e-6).linear_solution() / 1e-6
     fastest = max(float(np.max(np.abs(start))), np.finfo(np.float64).tiny)
 
     def solve(scale: float, guess: Floats) -> Floats | None:
@@ -148,7 +149,8 @@ def key_velocities(steps: Floats, h: Floats, first: Floats | None, last: Floats 
             size=lambda step: float(np.max(np.abs(step))) / (scale * fastest),
             tolerance=1e-9,
             iterations=20,
-            longest=np.inf,
+            nearby=np.inf,
+            contraction=2.0,
         )
 
     omega_body, reached = homotopy(solve, np.zeros_like(start), start)

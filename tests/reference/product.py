@@ -1,37 +1,32 @@
 """A cumulative product, factor after factor, in plain NumPy.
 
-The formulas are those at the head of :mod:`orientd.curves.construct.cumulative`.
+The formulas are those at the head of :mod:`orientd.curves.products`; velocity and acceleration
+follow factor by factor (Sommer et al., 2020).
 """
 
 import numpy as np
+from scipy.interpolate import BPoly
 
-from orientd.curves.construct.basis import bernstein
 from orientd.rotation import conjugate, exp_half, multiply, rotate
 
 
 def sample(curve, times):
-    """What :meth:`CumulativeCurve.evaluate` returns at instants inside the domain, ``(n,)``."""
+    """What :meth:`Curve.evaluate` returns of a product at instants inside the domain, ``(n,)``."""
+    base, first, increments, values = curve.parts
     span = np.searchsorted(curve.knots[1:-1], times, side="right")
-    if curve.table is not None:
-        return _cubic(curve.table[:, span], times - curve.knots[span])
-    breaks, base, axes, lengths, *polynomials = curve.parts
-    u = (times - breaks[span]) / (breaks[span + 1] - breaks[span])
-    turns = [
-        lengths[:, span] * np.einsum("nmd,dn->mn", values[span], bernstein(values.shape[2] - 1, u))
-        for values in polynomials
-    ]
-    return product(base[:, span].T, axes[:, :, span].transpose(0, 2, 1), turns)
-
-
-def _cubic(constants, t):
-    factors = constants[4:].reshape(3, 7, -1)
-    a0, a1, a2, a3 = (factors[:, power] for power in range(4))
-    turns = [
-        a0 + t * (a1 + t * (a2 + t * a3)),
-        a1 + t * (2.0 * a2 + t * 3.0 * a3),
-        2.0 * a2 + t * 6.0 * a3,
-    ]
-    return product(constants[:4].T, factors[:, 4:].transpose(0, 2, 1), turns)
+    start, width = curve.knots[span], np.diff(curve.knots)[span]
+    turns = np.empty((3, values.shape[1], len(times)))
+    for s in np.unique(span):
+        here = span == s
+        for f in range(values.shape[1]):
+            polynomial = BPoly(values[s, f][:, None], [0.0, 1.0])
+            for order in range(3):
+                part = polynomial((times[here] - start[here]) / width[here], nu=order)
+                turns[order, f, here] = part / width[here] ** order
+    w = increments[first[span][:, None] + np.arange(values.shape[1])]
+    lengths = np.linalg.norm(w, axis=2)
+    axes = w / np.where(lengths > 0.0, lengths, 1.0)[..., None]
+    return product(base[span], axes.transpose(1, 0, 2), turns * lengths.T)
 
 
 def product(base, axes, turns):

@@ -163,7 +163,7 @@ class MinimumEffort(Product):
             with suppress(PlanError):
                 guess = refined(posed.curve(solved).evaluate, finer.knots, k)
                 posed, solved = finer, least_effort(finer.equations, guess)
-        super().__init__(**posed.parts(solved))
+        super().__init__(**posed.parts(solved), start=first, end=last)
 
 
 class _Posed:

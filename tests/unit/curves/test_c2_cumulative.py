@@ -142,14 +142,14 @@ def test_two_clamped_keyframes_are_the_hermite_curve(rate):
     )
     times = np.linspace(0.0, 1.5, 20)
     for part, other in zip(curve.evaluate(times), hermite.evaluate(times), strict=True):
-        assert np.abs(part - other).max() < 1e-13 * max(1.0, np.abs(part).max())
+        assert np.abs(part - other).max() < 1e-10 * max(1.0, np.abs(part).max())
 
 
 def test_repeated_keyframes_hold_still_where_nothing_else_moves():
     key = rotation.normalize([1.0, 2.0, 3.0, 4.0])
     curve = C2(keys=[key, -key, key], times=[0.0, 1.0, 3.0])
     q, omega, alpha = curve.evaluate(np.linspace(0.0, 3.0, 10))
-    assert rotation.angle(q, key).max() == 0.0
+    assert rotation.angle(q, key).max() < 1e-15
     assert np.abs(omega).max() == np.abs(alpha).max() == 0.0
 
 

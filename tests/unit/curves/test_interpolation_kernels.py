@@ -68,7 +68,7 @@ def test_effort_and_derivatives_are_those_of_numpy(
 @pytest.mark.parametrize("start", ENDS)
 @pytest.mark.parametrize("end", ENDS)
 @pytest.mark.parametrize("count", [2, 3, 4, 40])
-def test_the_table_is_that_of_the_cumulative_basis(random_keys, start, end, count):
+def test_the_functions_are_those_of_the_cumulative_basis(random_keys, start, end, count):
     rng = np.random.default_rng(count)
     given = {
         f"{quantity}_{side}": 0.3 * rng.normal(size=3)
@@ -79,26 +79,12 @@ def test_the_table_is_that_of_the_cumulative_basis(random_keys, start, end, coun
     curve = METHODS["c2_cumulative"](
         keys=random_keys(count, 0.7), times=times, start=start, end=end, **given
     )
-    breaks = curve.knots
+    breaks, (_, first, increments, values) = curve.knots, curve.parts
     knots = np.concatenate([np.repeat(breaks[0], 3), breaks, np.repeat(breaks[-1], 3)])
-    basis, table = cumulative_basis(knots, 4), curve.table
-    lengths = np.linalg.norm(curve.increments, axis=1)
-    change = np.diff(basis.curvatures, axis=2)[..., 0] / np.diff(breaks)[:, None]
-    for f in range(3):
-        length, rows = lengths[f : f + len(breaks) - 1], table[4 + 7 * f : 11 + 7 * f]
-        for row, part in zip(
-            rows,
-            (
-                basis.values[:, f, 0],
-                basis.rates[:, f, 0],
-                basis.curvatures[:, f, 0] / 2.0,
-                change[:, f] / 6.0,
-            ),
-            strict=False,
-        ):
-            assert row == pytest.approx(length * part, rel=1e-12, abs=1e-15 * np.abs(row).max())
-        part = curve.increments[f : f + len(length)]
-        assert np.abs((rows[4:] * length).T - part).max() <= 1e-15
+    basis = cumulative_basis(knots, 4)
+    assert values == pytest.approx(basis.values, rel=1e-13, abs=1e-15)
+    assert np.array_equal(first, basis.first - 1)
+    assert len(increments) == first[-1] + 3
 
 
 def test_steps_have_all_digits_at_both_sides_of_every_seam():
