@@ -131,7 +131,7 @@ void keep_last(block_t *block);
 /* Take the differences of a block, and note bounds of them, or the largest at the phases.
  *
  * period: from one record to the next, s.
- * past: as in setpoint_extremes.
+ * past: as in certify.
  * shift: what to add to a place in the block.
  * is_proof: whether bounds are wanted.
  * sight: zeros before the first block, where bounds are wanted. */
