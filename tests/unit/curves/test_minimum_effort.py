@@ -181,7 +181,7 @@ def test_the_torque_is_that_of_the_curve(random_keys):
     found, _ = torques(curve.increments[window], basis.at(span, t), INERTIA)
     _, omega, alpha = curve.evaluate(t)
     euler = alpha @ INERTIA + np.cross(omega, omega @ INERTIA)
-    assert found == pytest.approx(euler, abs=1e-12)
+    assert found == pytest.approx(euler, abs=1e-10)
 
 
 def test_no_small_change_of_a_curve_between_its_keyframes_lowers_the_effort(random_keys):
@@ -262,8 +262,8 @@ def test_it_is_as_smooth_at_the_keyframes_as_asked(random_keys, order, smoothnes
         ]
         # Coefficient n is that of derivative n + 2 of the orientation, times h^n / n!.
         jump = np.abs(sides[1] - sides[0]).max(axis=1) / np.abs(sides).max()
-        assert np.all(jump[: smoothness - 1] < 1e-9)
-        assert jump[smoothness - 1] > 1e-8
+        assert np.all(jump[: smoothness - 1] < 3e-8)
+        assert jump[smoothness - 1] > 1e-7
 
 
 @pytest.mark.parametrize("seed", range(3))
