@@ -12,8 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.curves.trajectory import PIECE, Trajectory
+from orientd.errors import PlanError
 from orientd.kernels import retime_trajectory, time_map
 from orientd.rotation import Floats
+
+_MOST_GROWTH = 256  # times the pieces that a retimed trajectory has at least
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,9 +55,15 @@ class TimeMap:
         """Return a trajectory run through as the parameter says, its time since it begins.
 
         Where the parameter leaves rest the orientations are at rest, too.
+
+        Raises:
+            PlanError: it would take far more pieces than the trajectory and the parameter have.
         """
         room, count = 2 * (len(self.times) + len(trajectory.breaks)), 0
+        most = _MOST_GROWTH * room
         while not count:
+            if room > most:
+                raise PlanError(f"a retimed curve would take more than {most} pieces")
             breaks, pieces = np.empty(room + 1), np.empty((room, PIECE))
             count = retime_trajectory(
                 trajectory.breaks, trajectory.pieces, *self._nodes, breaks, pieces

@@ -12,11 +12,14 @@ import numpy as np
 
 from orientd import kernels
 from orientd.curves import PIECE, Indices, Trajectory
+from orientd.errors import PlanError
 from orientd.planner.request import State
 from orientd.rotation import Floats
 
 FACTORS = 5
 STATE = 10
+
+_MOST_PIECES = 16_384  # of a trajectory of joins
 
 
 def joins(q: Floats, w: Floats, breaks: Floats) -> Trajectory:
@@ -26,10 +29,17 @@ def joins(q: Floats, w: Floats, breaks: Floats) -> Trajectory:
         q: orientations that they begin at, signs continuous, shape ``(n, 4)``.
         w: their half-angle increments, shape ``(n, 5, 3)``.
         breaks: when they begin, and when the last one ends, s, shape ``(n + 1,)``.
+
+    Raises:
+        PlanError: they turn too far for a table of moderate size.
     """
     room, count = 4 * len(q) + 12, 0
     q = np.ascontiguousarray(q)  # of a sample it is a column
     while not count:
+        if room > _MOST_PIECES:
+            raise PlanError(
+                f"a connector would take more than {_MOST_PIECES} pieces: it is too wild"
+            )
         ends, pieces = np.empty(room + 1), np.empty((room, PIECE))
         count, room = kernels.join_trajectory(q, w, breaks, ends, pieces), 4 * room
     return Trajectory(ends[: count + 1], pieces[:count], breaks)
