@@ -1,5 +1,6 @@
 /* Trajectories made without fitting orientations: of joins, and retimed by a clock; see
  * trajectory.h. */
+#include <float.h>
 #include <math.h>
 
 #include "clock.h"
@@ -145,6 +146,8 @@ static bool of_join(const void *from, double begin, double end, wanted_t *wanted
         at[i] = join_at(of->begin, &of->join, join_basis(u[i]));
     bool is_near = true;
     wanted->base = at[MIDDLE].q, wanted->middle = vec(0.0, 0.0, 0.0), wanted->rounding = ROUNDING;
+    for (int k = 0; k < FACTORS; k++)  /* angles of many turns have fewer digits */
+        wanted->rounding += 4.0 * DBL_EPSILON * of->join.length[k];
     for (int i = 0; i < POINTS; i++) {
         wanted->r[i] = times(2.0, logarithm(relative(wanted->base, at[i].q)));
         is_near &= norm(wanted->r[i]) <= LONGEST_TURN;
