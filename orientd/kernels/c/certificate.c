@@ -15,6 +15,7 @@ int certify(matrix_t rows, index_t past, measure_t how, extremes_t found, slowes
     /* What is less than the bounds so far need not be looked at closely. */
     for (index_t slot = 0; slot < 12; slot++)
         sight->known[slot / 4][slot % 4] = sqrt(found.squares[slot]) / (1.0 + SLACK);
+    sight->boxes = BOXES_AT_LEAST + BOXES_A_RECORD * rows.m;
     for (index_t read = 0; read < rows.m;) {
         index_t known = block.count, more = least(BLOCK - known, rows.m - read);
         for (index_t row = 0; row < rows.n; row++)

@@ -62,7 +62,8 @@ int least_rate(matrix_t velocity, matrix_t acceleration, row_t jerk, double most
  *     (10, n), the path between them counts, too.
  * past: how many accelerations, and twice as many velocities, are not to count as largest.
  * found: bounds of records before these, or zeros, where the bounds of both go.
- * unproven: receives the number of periods in which the path turns too far for a proof. */
+ * unproven: receives the number of periods in which the path turns too far for a proof, or where
+ *     none was found soon. */
 int certify(matrix_t rows, index_t past, measure_t how, extremes_t found, slowest_t *slowest,
             index_t *unproven);
 

@@ -250,7 +250,10 @@ static void note_bounds(const block_t *block, sight_t *sight, index_t first, ind
         double bound = bounds[i];
         if (!(bound <= cut_of(*known))) {
             double before = *known;
-            bound = enclose(block, &sight->segments, i, order, column, hulls[i], known);
+            bound = enclose(block, &sight->segments, i, order, column, hulls[i], known,
+                            &sight->boxes);
+            sight->unproven += bound == NOT_TIGHT;
+            bound = bound == NOT_TIGHT ? *known : bound;
             if (*known > before)
                 found.places[slot] = shift + i;
         }

@@ -111,15 +111,16 @@ typedef struct {
  * known: the largest that was found of each, which is a lower bound.
  * counts, windows: how many differences of an order there are on the records, and behind them.
  * first: from which record on there are the latter.
- * unproven: periods in which the path turns too far for a proof; differences there are looked at
- *     at the phases only. */
+ * unproven: periods in which the path turns too far for a proof, and bounds that were not tight when
+ *     no boxes were left; differences there are looked at at the phases only.
+ * boxes: of phases and rates that may still be looked at, so that every call ends soon. */
 typedef struct {
     lane_t q[PHASES][4];
     lanes_t rates[PHASES][3];
     lanes_t hulls[PHASE_NODES];
     double known[3][4];
     segments_t segments;
-    index_t counts[3], windows[3], first, unproven;
+    index_t counts[3], windows[3], first, unproven, boxes;
 } sight_t;
 
 /* Note how many of the first records have no velocity. */
@@ -218,14 +219,22 @@ INLINE double lowest_rate(reach_t reach, index_t order, double known) {
 
 /* enclosure.c */
 
+#define NOT_TIGHT -1.0
+
+/* Boxes that a call may look at. */
+enum { BOXES_AT_LEAST = 20000, BOXES_A_RECORD = 4 };
+
 /* Return a bound of a difference for every rate in [0, 1] and every phase behind a record.
  *
  * i: the record.
  * order: of the difference, 1 to 3.
  * column: 0 for the norm, 1 to 3 for a component.
  * hull: a bound for the rate 1.
- * known: the largest difference found, which is updated. */
+ * known: the largest difference found, which is updated.
+ * boxes: how many may be looked at, which is updated.
+ *
+ * Return the bound, or NOT_TIGHT if there were too few boxes. */
 double enclose(const block_t *block, const segments_t *segments, index_t i, index_t order,
-               int column, double hull, double *known);
+               int column, double hull, double *known, index_t *boxes);
 
 #endif

@@ -141,12 +141,14 @@ static difference_t difference_of(const block_t *block, const segments_t *segmen
 }
 
 double enclose(const block_t *block, const segments_t *segments, index_t i, index_t order,
-               int column, double hull, double *known) {
+               int column, double hull, double *known, index_t *boxes_left) {
     difference_t d = difference_of(block, segments, i, order, column);
     double bound = *known, low = lowest_rate(d.reach, order, *known);
     box_t boxes[STACK] = {{0.0, 1.0, low, 1.0}};
     int count = 1;
     for (int left = BOXES; count; left--) {
+        if (--*boxes_left < 0)
+            return NOT_TIGHT;
         box_t box = boxes[--count];
         double width = box.to - box.from, height = box.high - box.low;
         double middle = box.from + 0.5 * width;

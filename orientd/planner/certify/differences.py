@@ -73,7 +73,7 @@ class Extremes:
         places: where these are about, shape ``(3, 4)``.
         rate: the least brake rate, 1/s, where it is wanted.
         rate_place: which third difference sets it.
-        unproven: periods that turn too far for a proof.
+        unproven: places without a proof: periods that turn too far, and bounds that take too long.
     """
 
     largest: list[list[float]]

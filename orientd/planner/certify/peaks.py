@@ -34,7 +34,7 @@ class Peaks:
             none is limited by itself, as the next two.
         axis_acceleration: of the angular acceleration, rad/s^2.
         axis_jerk: of the angular jerk, rad/s^3.
-        unproven: periods that turn too far for a proof, where peaks are sampled.
+        unproven: places without a proof, where peaks are sampled.
     """
 
     velocity: Peak
