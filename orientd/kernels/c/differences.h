@@ -222,7 +222,7 @@ INLINE double lowest_rate(reach_t reach, index_t order, double known) {
 #define NOT_TIGHT -1.0
 
 /* Boxes that a call may look at. */
-enum { BOXES_AT_LEAST = 20000, BOXES_A_RECORD = 4 };
+enum { BOXES_AT_LEAST = 100000, BOXES_A_RECORD = 8 };
 
 /* Return a bound of a difference for every rate in [0, 1] and every phase behind a record.
  *

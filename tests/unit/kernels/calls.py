@@ -9,6 +9,10 @@ import numpy as np
 from orientd.curves import METHODS
 from orientd.errors import OrientdError
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
+from orientd.planner.certify.brake import brake_rate
+from orientd.planner.certify.limit_tables import limit_table
+from orientd.planner.connect.quintic_connector import try_joins
+from orientd.planner.recorded import states_between
 from orientd.rotation import exp, multiply
 
 LIMITS = Limits(2.0, 8.0, 200.0, 1.0, 10.0)
@@ -31,14 +35,19 @@ def make_calls():
         curve = family(keys=keyframes(count), times=np.arange(float(count)))
         curve.evaluate(np.linspace(*curve.domain, 50))
     start = State.at_rest(keyframes(2)[0])
+    rows = np.concatenate([keyframes(9), np.full((9, 6), 0.1)], axis=1)
+    states_between(rows[:-1], rows[1:], PERIOD, np.linspace(0.1, 0.9, 8))
+    brake_rate(rows[:, 4:7], rows[:, 7:10], np.full(9, 2.0), 8.0, 200.0)
+    ends = [(rows[k : k + 4, :4], rows[:4, 4:7], rows[:4, 7:10]) for k in (0, 1)]
+    try_joins(*ends, np.linspace(0.5, 2.0, 4), start, limit_table(LIMITS))
     many = [Keyframe(tuple(q.tolist())) for q in keyframes(6)]
     timed = [Keyframe(one.q, 2.0 * k) for k, one in enumerate(many)]
-    ends = {"start_velocity": (0.3, 0.0, 0.1), "end_velocity": (0.0, 0.2, 0.0)}
+    moving_ends = {"start_velocity": (0.3, 0.0, 0.1), "end_velocity": (0.0, 0.2, 0.0)}
     moving = planned(many, start).state_at(200)
     planned(many[-2:-1], moving)
     planned(many[::-1], moving)
-    planned(many[1:], start, **ends)
-    planned(timed[1:], start, **ends)
+    planned(many[1:], start, **moving_ends)
+    planned(timed[1:], start, **moving_ends)
     planned(many, start, pace="even")
     planned(many, start, method="squad")
     planned(many, start, method="piecewise_slerp")
