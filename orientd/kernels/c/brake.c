@@ -54,7 +54,7 @@ static void put_bounds(points_t at, double most, row_t worst) {
     }
     INDEPENDENT
     for (index_t i = 0; i < at.n; i++) {
-        double place = sqrt(fmax(1.0 - size[i] * scale, 0.0)) * cells;
+        double place = fmin(sqrt(fmax(1.0 - size[i] * scale, 0.0)), 1.0) * cells;
         int cell = (int)place;
         cell = cell < cells ? cell : cells - 1;
         double allowed = most * (table[cell] + (place - cell) * (table[cell + 1] - table[cell]));

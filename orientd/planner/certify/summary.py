@@ -68,8 +68,9 @@ def _notes(peaks: Peaks) -> tuple[str, ...]:
     if not peaks.unproven:
         return ()
     return (
-        f"peaks are sampled, not proven, in {peaks.unproven} places: these turn by more than 0.5 rad "
-        "a period, or a proof takes too long; at most 0.36 of a period lies between two samples",
+        f"peaks are sampled, not proven, in {peaks.unproven} places: these turn by more than "
+        "0.5 rad a period, or a proof takes too long; at most 0.36 of a period lies between two "
+        "samples",
     )
 
 
