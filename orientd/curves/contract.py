@@ -142,10 +142,6 @@ class Curve(Family, Drawable):
 
         This is what a family has to say; velocities and accelerations follow from it.
         """
-        return self._sample(times)[0]
-
-    def _sample(self, times: Floats) -> Samples:
-        """Return samples of a family that still differentiates by itself."""
         raise NotImplementedError
 
     def _inside(self, times: Floats) -> Floats:
