@@ -89,8 +89,13 @@ def described(certificate: AxisCertificate, options: GimbalOptions) -> list[str]
         speed, force = certificate.velocity[number], certificate.acceleration[number]
         low, high = certificate.travel[number]
         lines.append(
-            f"{axis.name}: {degrees(low):.1f} to {degrees(high):.1f} deg, at most "
+            f"{axis.name}: {_tenths(low)} to {_tenths(high)} deg, at most "
             f"{degrees(speed.value):.1f} deg/s at {speed.time:.3f} s (limit "
             f"{degrees(speed.limit):.1f}), {degrees(force.value):.0f} deg/s^2 at {force.time:.3f} s"
         )
     return lines
+
+
+def _tenths(angle: float) -> str:
+    """Return an angle in degrees with one decimal, and no sign of a zero."""
+    return f"{round(degrees(angle), 1) + 0.0:.1f}"

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from orientd.kernels import between
 from orientd.planner.limits import Limits
 from orientd.planner.request import State, Vector3
 from orientd.rotation import Floats
@@ -210,6 +209,9 @@ def states_between(here: Floats, there: Floats, period: Floats | float, shares: 
         period: from each to the next, s, one for all or shape ``(n,)``.
         shares: in [0, 1], shape ``(n,)``.
     """
+    # The daemon knows recorded motions and does without the kernels, which planners load.
+    from orientd.kernels import between
+
     found = np.empty(here.shape)
     between(
         np.ascontiguousarray(here),
