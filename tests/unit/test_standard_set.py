@@ -60,8 +60,8 @@ def test_published_results_are_what_the_families_do(sequence, families):
         for column in FIGURES:
             ours, theirs = result.get(column) or "0", expected.get(column) or "0"
             tolerance = SEARCHES.get(family, 1e-5)
-            # Six digits are published.
-            assert float(ours) == pytest.approx(float(theirs), rel=tolerance, abs=0.0), (
+            # Six digits are published; what is zero has the rounding of the fit.
+            assert float(ours) == pytest.approx(float(theirs), rel=tolerance, abs=1e-7), (
                 family,
                 column,
             )
