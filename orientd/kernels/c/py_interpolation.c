@@ -47,7 +47,8 @@ KERNEL(interpolate) {
 
 KERNEL(solve_banded) {
     TAKE("miiM");
-    CHECK(a[1].i >= 0 && a[2].i >= 0 && a[0].m.n == a[1].i + a[2].i + 1 && a[3].m.n == a[0].m.m);
+    CHECK(a[1].i >= 0 && a[2].i >= 0 && a[1].i < a[0].m.n);
+    CHECK(a[2].i == a[0].m.n - 1 - a[1].i && a[3].m.n == a[0].m.m);
     int found;
     RUN(found = solve_banded(a[0].m, a[1].i, a[2].i, a[3].m));
     return outcome(found);
