@@ -193,8 +193,9 @@ class RecordedMotion:
         u = where - first - index
         q: Floats = rows[index, :4]
         inner = np.flatnonzero(u > 0.0)
-        here, there = rows[index[inner], :10], rows[index[inner] + 1, :10]
-        q[inner] = states_between(here, there, self.facts.period, u[inner])[:, :4]
+        if len(inner):
+            here, there = rows[index[inner], :10], rows[index[inner] + 1, :10]
+            q[inner] = states_between(here, there, self.facts.period, u[inner])[:, :4]
         return q
 
 
@@ -209,7 +210,7 @@ def states_between(here: Floats, there: Floats, period: Floats | float, shares: 
         period: from each to the next, s, one for all or shape ``(n,)``.
         shares: in [0, 1], shape ``(n,)``.
     """
-    # The daemon knows recorded motions and does without the kernels, which planners load.
+    # The daemon measures recorded motions, and needs the kernels off the records only.
     from orientd.kernels import between
 
     found = np.empty(here.shape)
