@@ -13,13 +13,12 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.curves.axis_turn import AxisTurn
-    from orientd.curves.comparison.candidates import Candidate, compare, ranked
-    from orientd.curves.comparison.measure import MET, Figures, measure
+    from orientd.curves.comparison import MET, Candidate, Figures, compare, measure, ranked
     from orientd.curves.construct.basis import CumulativeBasis, Indices, cumulative_basis
     from orientd.curves.construct.knots import resolve_knots
     from orientd.curves.contract import Curve, Samples
     from orientd.curves.family import is_same
-    from orientd.curves.fitting.spline_fit import Fit, fit_orientations
+    from orientd.curves.fitting import Fit, fit_orientations
     from orientd.curves.hermite import KksHermite
     from orientd.curves.interpolating import C2Cumulative, KksInterpolating
     from orientd.curves.keyframes import ParameterError, check_keys, resolve_times
@@ -41,15 +40,13 @@ __getattr__ = lazily(
     __name__,
     {
         "orientd.curves.axis_turn": ("AxisTurn",),
-        "orientd.curves.comparison.candidates": (
-            "Candidate",
-            "compare",
-            "ranked",
-        ),
-        "orientd.curves.comparison.measure": (
+        "orientd.curves.comparison": (
             "MET",
+            "Candidate",
             "Figures",
+            "compare",
             "measure",
+            "ranked",
         ),
         "orientd.curves.construct.basis": (
             "CumulativeBasis",
@@ -62,10 +59,7 @@ __getattr__ = lazily(
             "Samples",
         ),
         "orientd.curves.family": ("is_same",),
-        "orientd.curves.fitting.spline_fit": (
-            "Fit",
-            "fit_orientations",
-        ),
+        "orientd.curves.fitting": ("Fit", "fit_orientations"),
         "orientd.curves.hermite": ("KksHermite",),
         "orientd.curves.interpolating": ("C2Cumulative", "KksInterpolating"),
         "orientd.curves.keyframes": (
