@@ -41,6 +41,10 @@ JOINTS = [
 TURNS = [(1, 200), (2, 150), (3, -120), (1, -90)]
 
 
+def measured_at(robot):
+    return robot.state().devices["arm"].cycle.feedback_time_ns
+
+
 @contextlib.contextmanager
 def cycles_of(daemon):
     """Gather every cycle, by a client of its own."""
@@ -163,6 +167,8 @@ def test_the_page_teaches_and_holds_the_arm_when_it_gives_up(arm):
         emulated.ask("push " + " ".join(map(repr, joints.tolist())) + " 0.3")
         emulated.wait_until(lambda state: np.allclose(state["actual_q"], joints, atol=1e-9))
         lesson.take()
+        taken = measured_at(robot)
+        until(lambda: measured_at(robot) > taken, "another measurement")
         lesson.take()
         lesson.remove()
         assert (lesson.count, "here &amp; now" in before) == (2, True)
