@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -23,15 +22,12 @@ from orientd.curves.keyframes import (
     resolve_times,
     with_turns,
 )
-from orientd.curves.products import EndState, Product
-from orientd.curves.trajectory import Trajectory
+from orientd.curves.products import Product
+from orientd.curves.trajectory import EndState
 from orientd.errors import PlanError
 from orientd.rotation import Floats
 
 ENDS = ("natural", "clamped", "state")
-
-_PIECES = ((0.01, 1), (0.1, 2))
-"""Rad of half angle up to which so many pieces of a trajectory for each span are good mostly."""
 
 _NO_STEPS: Floats = np.empty((0, 3))
 _FREE = np.zeros(3)
@@ -144,15 +140,6 @@ class Interpolating(Product):
         start, end = ((None, _FREE) if omega is None else (omega, alpha) for omega, alpha in ends)
         parts = base, np.arange(len(base)), vectors, values
         self._set(breaks, parts, values.shape[1] - 1, (start, end))
-
-    @cached_property
-    def trajectory(self) -> Trajectory:
-        """See :attr:`Curve.trajectory`: pieces as short as the largest increment calls for."""
-        largest = float(np.max(np.abs(self.increments)))
-        pieces = next((count for most, count in _PIECES if largest < most), 4)
-        orientations, continuity = self._orientations, self.continuity
-        fitted = Trajectory.fit(orientations, self._knots, continuity=continuity, pieces=pieces)
-        return fitted.pinned(*self._end_states)
 
 
 class C2Cumulative(Interpolating):

@@ -10,6 +10,7 @@ A length above pi is extra winding, which the control quaternions alone do not s
 from __future__ import annotations
 
 import math
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,15 +35,15 @@ from orientd.curves.keyframes import (
     increments,
     resolve_times,
 )
-from orientd.kernels import sample_product
+from orientd.curves.trajectory import EndState, Trajectory
 from orientd.rotation import Floats, between, conjugate, log_half, multiply, nearer_sign
 
 PATHS = ("short", "long", "as_is", "complement")
 _COINCIDENT = 1e-14
 
 
-EndState = tuple[Floats | None, Floats | None]
-"""Body angular velocity, rad/s, and acceleration, rad/s^2, at an end; ``None`` where not given."""
+_CUTS = ((0.01, 1), (0.1, 2))
+"""Rad of half angle up to which so many pieces of a trajectory for each span are good mostly."""
 
 _ANY: EndState = (None, None)
 
@@ -112,14 +113,14 @@ class Product(Curve):
         view.setflags(write=False)
         return view
 
-    @property
-    def _end_states(self) -> tuple[EndState, EndState]:
-        return self._ends
-
-    def _orientations(self, times: Floats) -> Floats:
-        out: Floats = np.empty((len(times), 4))
-        sample_product(np.ascontiguousarray(times), self._knots, *self._parts, out)
-        return out
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """See :attr:`Curve.trajectory`: pieces as short as the largest increment calls for."""
+        largest = float(np.max(np.abs(self._parts[2])))
+        cuts = next((count for most, count in _CUTS if largest < most), 4)
+        return Trajectory.of_product(
+            self._knots, self._parts, ends=self._ends, continuity=self.continuity, cuts=cuts
+        )
 
 
 class Slerp(Product):
