@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct import Indices, cumulative_basis
+from orientd.curves.basis import Indices, cumulative_basis
 from orientd.curves.fitting.measured import Measured, clean
 from orientd.curves.products import KksBspline
 from orientd.errors import PlanError
