@@ -14,10 +14,9 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd.curves.axis_turn import AxisTurn
     from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
-    from orientd.curves.comparison.candidates import Candidate, compare, ranked
-    from orientd.curves.comparison.measure import MET, Figures, measure
+    from orientd.curves.comparison import MET, Candidate, Figures, compare, measure, ranked
     from orientd.curves.contract import METHODS, Curve, is_same
-    from orientd.curves.fitting.spline_fit import Fit, fit_orientations
+    from orientd.curves.fitting import Fit, fit_orientations
     from orientd.curves.hermite import KksHermite
     from orientd.curves.interpolating import C2Cumulative, KksInterpolating
     from orientd.curves.keyframes import ParameterError, check_keys, resolve_knots, resolve_times
@@ -38,15 +37,13 @@ __getattr__ = lazily(
     __name__,
     {
         "orientd.curves.axis_turn": ("AxisTurn",),
-        "orientd.curves.comparison.candidates": (
-            "Candidate",
-            "compare",
-            "ranked",
-        ),
-        "orientd.curves.comparison.measure": (
+        "orientd.curves.comparison": (
             "MET",
+            "Candidate",
             "Figures",
+            "compare",
             "measure",
+            "ranked",
         ),
         "orientd.curves.basis": (
             "CumulativeBasis",
@@ -54,10 +51,7 @@ __getattr__ = lazily(
             "cumulative_basis",
         ),
         "orientd.curves.contract": ("METHODS", "Curve", "is_same"),
-        "orientd.curves.fitting.spline_fit": (
-            "Fit",
-            "fit_orientations",
-        ),
+        "orientd.curves.fitting": ("Fit", "fit_orientations"),
         "orientd.curves.hermite": ("KksHermite",),
         "orientd.curves.interpolating": ("C2Cumulative", "KksInterpolating"),
         "orientd.curves.keyframes": (

@@ -39,7 +39,6 @@ from orientd.rotation import (
     Floats,
     conjugate,
     exp_half,
-    left_jacobian_inverse,
     log_half,
     multiply,
     normalize,
@@ -428,7 +427,7 @@ def _equations(first: Floats | None, last: Floats | None) -> Callable[[Nodes], L
                 rotate(conjugate(turn)[:, None], np.eye(3)), 1, 2
             )
             blocks[:, 0:3, 3:12] = to_error @ change[:, :3]
-            blocks[:, 0:3, 12:15] = -left_jacobian_inverse(missed)
+            blocks[:, 0:3, 12:15] = -right_jacobian_inverse(-missed)
             blocks[:, 3:12, 3:12] = scales * change[:, 3:]
             blocks[:, 3:12, 15:24] = -scales * np.eye(9)
             blocks[:, 9:12, 12:15] = np.where(nodes.is_key[1:, None, None], np.eye(3), 0.0)

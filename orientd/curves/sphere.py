@@ -19,7 +19,6 @@ from orientd.rotation import (
     Floats,
     conjugate,
     exp_half,
-    left_jacobian_inverse,
     log_half,
     multiply,
     normalize,
@@ -154,7 +153,7 @@ def slerp_jacobians(p: Floats, q: Floats, u: Floats) -> tuple[Floats, Floats]:
     turn = exp_half(0.5 * u[:, None] * w)
     along = u[:, None, None] * right_jacobian(u[:, None] * w)
     back = np.swapaxes(rotate(conjugate(turn)[:, None], np.eye(3)), 1, 2)
-    return back - along @ left_jacobian_inverse(w), along @ right_jacobian_inverse(w)
+    return back - along @ right_jacobian_inverse(-w), along @ right_jacobian_inverse(w)
 
 
 class ComponentSpline(Through):
