@@ -24,9 +24,6 @@ from orientd.errors import PlanError
 from orientd.kernels import fit_trajectory, product_trajectory, sample_trajectory
 from orientd.rotation import Floats, right_jacobian_inverse
 
-EndState = tuple[Floats | None, Floats | None]
-"""Body angular velocity, rad/s, and acceleration, rad/s^2, at an end; ``None`` where not given."""
-
 Samples = tuple[Floats, Floats, Floats]
 """Orientation ``(n, 4)``, body angular velocity ``(n, 3)`` in rad/s, its rate ``(n, 3)``."""
 
@@ -44,6 +41,7 @@ _MOST_HALVINGS = 40
 _GAIN = 8.0  # by which halving a piece lessens its error at least
 _STALLED = (1, 1e-12), (3, 1e-8)  # halvings without that gain after which an error, rad, stays
 _MOST_PIECES, _MOST_HALVES = 100_000, 64  # in all, and of each interval between knots
+_FREE = (None, None), (None, None)
 _BLUR = 4.0 * float(np.finfo(np.float64).eps)
 _BLOCK = 4096  # pieces that are fitted at a time, so that memory stays bounded
 
@@ -137,7 +135,7 @@ class Trajectory:
         breaks: Floats,
         parts: tuple[Floats, NDArray[np.int64], Floats, Floats],
         *,
-        ends: tuple[EndState, EndState] = ((None, None), (None, None)),
+        ends: Sequence[tuple[Floats | None, Floats | None]] = _FREE,
         continuity: int = 2,
         cuts: int = 1,
         most: int = _MOST_PIECES,

@@ -112,7 +112,7 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
     freeze_garbage()
     ready = json.dumps({"scheduling": scheduling, "memory_locked": is_locked})
     memory.notes.publish(*pack_note(0, NoteKind.READY, 0, ready))
-    servo.teller.tell_notices()
+    servo.reports.publish_notices()
     try:
         timer = DeadlineTimer(settings.spin_ns)
         run_cycles(

@@ -22,8 +22,7 @@ from orientd.errors import (
     NotYetError,
     StateError,
 )
-from orientd.servo.arrival import Arrival
-from orientd.servo.device_teller import DeviceTeller
+from orientd.servo.device_reports import Arrival, DeviceReports
 from orientd.servo.path import PathPart, PathPoint
 from orientd.servo.setpoint_generator import SetpointGenerator
 from orientd.servo.state_table import Event, advance
@@ -71,7 +70,7 @@ class Servo:
         missed: deadlines that were skipped altogether.
         work_ns: how long the last cycle worked.
         setpoints: state, path, and what comes next.
-        teller: says what the driver has to say beside the cycles.
+        reports: what the driver says beside the cycles.
 
     Args:
         driver: an opened driver.
@@ -112,7 +111,7 @@ class Servo:
         self._taken = 0  # what was asked for before the process was ready counts
         self._stops = 0
         self._cycle_count = 0
-        self.teller = DeviceTeller(driver, memory, period_ns)
+        self.reports = DeviceReports(driver, memory, period_ns)
 
     @property
     def state(self) -> ServoState:
@@ -147,12 +146,12 @@ class Servo:
         except Exception as error:  # noqa: BLE001 - what others may write must not end the servo
             point = self._lose_path(error)
         if self.setpoints.pursuit.hindrance:
-            self.teller.tell_hindrance(self.setpoints.pursuit.hindrance, self._cycle_count)
+            self.reports.publish_hindrance(self.setpoints.pursuit.hindrance, self._cycle_count)
         is_written = self._is_enabled
         if is_written:
             try:
                 setpoint = tuple.__new__(Setpoint, (deadline_ns, *point))
-                if self.setpoints.is_following:
+                if self.setpoints.pursuit.is_on:
                     point = self.setpoints.confine(self._driver.follow(setpoint))
                 else:
                     self._driver.write(setpoint)
@@ -169,7 +168,7 @@ class Servo:
         """Look whether the axes are where the motion has ended; a fault where they do not come."""
         arrival = self._arrival
         if self.setpoints.state is not _HOLDING:
-            arrival.end()
+            arrival.is_awaited = False
             return
         try:
             measured_ns = self._feedback.time_ns if self._feedback else 0
@@ -179,7 +178,7 @@ class Servo:
             if problem:
                 raise AxisFaultError(problem)
         except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
-            arrival.end()
+            arrival.is_awaited = False
             self._take_fault(error)
 
     def request_end(self, reason: str) -> None:
@@ -331,7 +330,7 @@ class Servo:
                 self._driver.disable()
             self._driver.reset()
             setpoints.clear_fault()
-            self.teller.tell_notices()
+            self.reports.publish_notices()
         elif command is Command.SHUTDOWN:
             self._is_orderly = True
             self.request_end("the daemon asked for it")
@@ -433,4 +432,4 @@ class Servo:
         )
         ring.append(record)
         self._cycle_count += 1
-        self.teller.tell_health(self._cycle_count)
+        self.reports.publish_health(self._cycle_count)

@@ -13,8 +13,12 @@ from math import cbrt, inf, sqrt
 
 from orientd.driver import Vector3
 from orientd.floats import combine, norm
-from orientd.servo.double_s import stopping_angle
-from orientd.servo.motion_law import TrackingLimits, saturated, velocity_command
+from orientd.servo.motion_law import (
+    TrackingLimits,
+    saturated,
+    stopping_angle,
+    velocity_command,
+)
 
 NEAR = 0.3
 """Angle left up to which what has followed closely is corrected without hurry, rad."""

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.floats import combine, difference, exp, multiply, norm, normalize, plus
-from orientd.servo.double_s import stopping_angle
 from orientd.servo.motion_law import (
     TrackingLimits,
     advance,
@@ -17,11 +16,12 @@ from orientd.servo.motion_law import (
     loosened,
     saturated,
     softened,
+    stop_phases,
+    stopping_angle,
     times,
 )
 from orientd.servo.tracking.reference import Reference
 from orientd.servo.tracking.steering import AccelerationCap, position_command
-from orientd.servo.tracking.stop_ahead import AxisStop
 from orientd.servo.tracking.targets import JUMP, FilteredTarget, ReferenceState, Target
 from orientd.stream import ServoLimits
 
@@ -40,17 +40,37 @@ _DELAY_STEP = 1e-3
 
 
 class TrackPoint(NamedTuple):
-    """What one cycle commands.
-
-    Attributes:
-        q: orientation ``(w, x, y, z)``.
-        omega_body: angular velocity of the step to it, rad/s.
-        alpha_body: angular acceleration of the last two steps, rad/s^2.
-    """
+    """What one cycle commands: orientation, angular velocity (rad/s) and acceleration (rad/s^2)."""
 
     q: Quaternion
     omega_body: Vector3
     alpha_body: Vector3
+
+
+class AxisStop:
+    """A stop about one axis: its acceleration falls to a peak, stays there, and rises to zero.
+
+    Attributes:
+        seconds: how long it takes.
+    """
+
+    def __init__(self, axis: Vector3, speed: float, rate: float, limits: TrackingLimits) -> None:
+        """Begin at a *speed* about *axis* that changes at *rate*; rad/s and rad/s^2."""
+        self._axis, self._speed, self._rate = axis, speed, rate
+        phases = stop_phases(speed, rate, limits.acceleration, limits.jerk)
+        self._phases = tuple(zip(phases, (-limits.jerk, 0.0, limits.jerk), strict=True))
+        self.seconds = sum(phases)
+
+    def turn(self, since: float) -> Vector3:
+        """Return the rotation vector turned *since* the begin, s."""
+        angle, speed, rate = 0.0, self._speed, self._rate
+        for seconds, jerk in self._phases:
+            t = min(since, seconds)
+            angle += t * (speed + t * (0.5 * rate + t * jerk / 6.0))
+            speed += t * (rate + 0.5 * t * jerk)
+            rate += t * jerk
+            since -= t
+        return plus(ZERO, self._axis, angle)
 
 
 class Tracker:
@@ -165,13 +185,7 @@ class Tracker:
             return q, None
         axis = plus(ZERO, ahead, 1.0 / size)
         speed, rate = _dot(omega, axis), _dot(alpha, axis)
-        return q, AxisStop(
-            times(axis, self._units),
-            speed + 0.5 * h * rate,
-            rate,
-            limits.acceleration,
-            limits.jerk,
-        )
+        return q, AxisStop(times(axis, self._units), speed + 0.5 * h * rate, rate, limits)
 
     def _move(self, omega: Vector3, alpha: Vector3) -> TrackPoint:
         """Turn for a period; all in the law's units."""
@@ -205,7 +219,7 @@ class Tracker:
                 self._has_met = False
         if not self._has_met:
             self._has_met = norm(difference(self._q, found.q)) < _MET
-        is_order = last.estimate is not None or last.omega == ZERO
+        is_order = last.turning is not None or last.omega == ZERO
         self._home = last.target if self._has_met and is_order else None
 
     def _expired(self) -> ReferenceState | None:
