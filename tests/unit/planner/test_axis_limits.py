@@ -7,8 +7,9 @@ import pytest
 from planned import PERIOD, anywhere, random_request, times_of
 from scipy.spatial.transform import Rotation
 
+from orientd.config.presets import PRESETS
 from orientd.errors import LimitError, RequestError
-from orientd.planner import DEFAULT_LIMITS, PRESETS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify.differences import extremes
 from orientd.rotation import exp
 
