@@ -123,7 +123,7 @@ def test_a_stop_keeps_the_limits_where_the_path_comes_to_a_motion_that_brakes_ha
         for _ in range(cycles):
             ride.run()
         # While the stop is rolled out, from where the weaker brake would have led.
-        if not scaling.is_overridden:
+        if not scaling.plan:
             scaling.brake_rate = whole
         ride.come_to_rest()
         assert ride.rig.servo.state is ServoState.HOLDING, ride.rig.servo.setpoints.fault_text
