@@ -22,12 +22,12 @@ from orientd.planner.connect import (
     lead_in,
     position_lead,
 )
-from orientd.planner.keyframes import half_turn_notes
 from orientd.planner.limits import LONGEST, Limits, is_still
-from orientd.planner.methods import Ends, check_method
+from orientd.planner.methods import Ends, can_turn, check_method
 from orientd.planner.motion import Motion
 from orientd.planner.path import PositionPath, end_states
 from orientd.planner.request import MotionRequest, State
+from orientd.planner.resolve import half_turn_notes
 from orientd.planner.timing import (
     FirstProfile,
     Indices,
@@ -99,28 +99,28 @@ class PlanJob:
         """Check what can be checked before a curve is made."""
         limits = own.slowed(request.pace) if isinstance(request.pace, float | int) else own
         limits = limits.at_period(period)
-        method = check_method(request)
+        family = check_method(request)
         if request.limits is not None:
             refusal.check_present_rates(start, own, period)
         omega_start, omega_end = request.omega_start, request.omega_end
         alpha_start = None
         if not start.is_at_rest and not request.approach:
             # The motion takes over from another one that is still moving.
-            if method.has_velocities and omega_start is None:
+            if family.meets_end_velocities and omega_start is None:
                 omega_start = start.omega_body
-            if method.has_accelerations:
+            if family.meets_end_accelerations:
                 alpha_start = start.alpha_body
         refusal.check_end_velocities(omega_start, omega_end, limits)
         if not request.approach:
             # Every curve begins at its first keyframe, with the velocity that was asked for: none
             # need be made to see that the device is elsewhere.
             omega = start.omega_body
-            if method.has_velocities:
+            if family.meets_end_velocities:
                 omega = np.zeros(3) if omega_start is None else omega_start
             first = replace(start, q=request.keys[0], omega_body=omega)
             refusal.check_start(start, first, limits)
         ends = Ends(omega_start, omega_end, alpha_start)
-        has_turns = method.has_turns or request.is_single
+        has_turns = can_turn(family) or request.is_single
         notes = (*request.notes, *half_turn_notes(request, start, has_turns=has_turns))
         halt = position_lead(start, None, limits=limits, period=period)
         is_even = not request.is_quickest

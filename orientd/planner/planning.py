@@ -29,12 +29,12 @@ from orientd.planner.connect import (
     stops_take,
     turns_with_stops,
 )
-from orientd.planner.keyframes import at_rate, in_device_coordinates, with_least_roll, wound
 from orientd.planner.limits import ANGULAR, LONGEST, PERIODS, Limits
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath
 from orientd.planner.plan_job import PlanJob
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
+from orientd.planner.resolve import resolved
 from orientd.planner.timing import (
     CAREFUL_JERK_SHARE,
     LEAST_SHARE,
@@ -119,9 +119,7 @@ def plan(
         raise RequestError(
             "limits", "none are set, so there is no quickest motion: set one, or give times"
         )
-    turned = at_rate(in_device_coordinates(request, start), start, within)
-    request = with_least_roll(wound(turned, start), start)
-    job = PlanJob.of(request, start, within, period)
+    job = PlanJob.of(resolved(request, start, within), start, within, period)
     return _told_of_stops(_quickest(job, name))
 
 

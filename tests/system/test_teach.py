@@ -25,7 +25,7 @@ from harness import DaemonProcess, until
 
 from orientd import connect, motion_file
 from orientd.errors import DeviceError, OrientdError, StateError
-from orientd.rotation import angle, from_rotation_vector
+from orientd.rotation import angle, exp
 from orientd.rpc import Outcome
 from orientd.rpc import control_pb2 as pb
 from orientd.stream import ServoState, unpack_cycle
@@ -148,7 +148,7 @@ def test_an_arm_in_freedrive_is_taught_and_passes_every_pose_again(arm, tmp_path
         assert [one.name for one in request.keyframes] == ["pose 1", "pose 2", "pose 3"]
         sent = replay(daemon, robot, file)
     for truth in truths:
-        assert_passes(sent, from_rotation_vector(truth[3:]), truth[:3])
+        assert_passes(sent, exp(truth[3:]), truth[:3])
 
 
 def test_the_page_teaches_and_holds_the_arm_when_it_gives_up(arm):
