@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
-from orientd.planner.certify import OFF_GRID
+from orientd.planner.certify import OFF_GRID, Peaks, measure
 from orientd.planner.limits import Limits
-from orientd.planner.timing.candidate_path import KeyframePath
+from orientd.planner.recorded import HISTORY
+from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats
 from orientd.tolerances import GUARD_TOLERANCE
 
@@ -43,7 +44,7 @@ def factor_of_records(keyframe_path: KeyframePath, limits: Limits, period: float
     jerks :math:`f^3` times as small; jerks of a curve whose acceleration has steps are steps over a
     period, which shrink with :math:`f^2`.
     """
-    peaks, level = keyframe_path.peaks(period, limits), keyframe_path.continuity
+    peaks, level = _peaks(keyframe_path, limits, period), keyframe_path.trajectory.continuity
     bend, twist = OFF_GRID[level]
     spins, bends, twists = (share / GUARD_TOLERANCE for share in peaks.drawn)
     return max(
@@ -53,6 +54,27 @@ def factor_of_records(keyframe_path: KeyframePath, limits: Limits, period: float
         (math.cbrt if level >= 2 else math.sqrt)(max(twist * peaks.twists, twists)),
         peaks.linear_velocity.ratio,
         math.sqrt(peaks.linear_acceleration.ratio),
+    )
+
+
+def _peaks(keyframe_path: KeyframePath, limits: Limits, period: float) -> Peaks:
+    """Return the largest backward differences of a path alone, held where it begins or ends so."""
+
+    def setpoints(first: int, size: int) -> tuple[Floats, Floats]:
+        times = np.minimum(period * np.arange(first, first + size), keyframe_path.duration)
+        q = keyframe_path.trajectory.rows(times, np.empty((10, size))).T
+        return q, keyframe_path.positions.sample(times)[0]
+
+    is_held, holds_after = keyframe_path.held_ends(limits)
+    q, p = setpoints(0, 1)
+    before = np.repeat(q[:, :4], HISTORY, axis=0), np.repeat(p, HISTORY, axis=0)
+    return measure(
+        setpoints,
+        round(keyframe_path.duration / period) + 1,
+        period,
+        limits,
+        before=before if is_held else None,
+        holds_after=holds_after,
     )
 
 
