@@ -193,7 +193,7 @@ def _bent(
     return Law(cubic.first, second, (cx + c * x, cy + c * y, cz + c * z), step, 1.0 - w)
 
 
-_STANDING = Law(ZERO, ZERO, ZERO)
+STANDING = Law(ZERO, ZERO, ZERO)
 
 
 class Segment:
@@ -216,7 +216,7 @@ class Segment:
         self._end = end
         self._period = period
         self.turn = law_between(start, end, period)
-        self.travel = _STANDING
+        self.travel = STANDING
         p, q = start.position, end.position
         if p != q or not start.velocity == end.velocity == ZERO:
             x, y, z = start.velocity
@@ -256,7 +256,7 @@ class Segment:
             (vz - a * g + b * (x * f - y * e)) / h,
         )
         alpha = combine(start.alpha_body, 1.0 - u, self._end.alpha_body, u)
-        if self.travel is _STANDING:
+        if self.travel is STANDING:
             return PathPoint(q, omega, alpha, start.position, start.velocity)
         position = plus(start.position, self.travel.value(u), 1.0)
         return PathPoint(q, omega, alpha, position, plus(ZERO, self.travel.rate(u), 1.0 / h))
