@@ -27,7 +27,7 @@ from orientd.driver import ZERO, Vector3
 from orientd.floats import combine, norm, plus
 from orientd.servo.guard import Guard
 from orientd.servo.motion_law import stop_phases
-from orientd.servo.path.feasible_rates import Ahead, Past, joint_stop_time, nearest, released
+from orientd.servo.path.feasible_rates import Ahead, Past, nearest, released
 from orientd.servo.path.path_follower import PathFollower
 from orientd.servo.path.segment import STANDING, Segment
 from orientd.servo.path.time_scaling import TimeScaling
@@ -54,13 +54,7 @@ _NEAR = 2e-3  # records from a rate to the next guess; what is left of them is i
 
 
 class QuickStop:
-    """A stop of the time scaling that uses what the limits leave at each point of the path.
-
-    Args:
-        scaling: takes the rates of the stop once they are found.
-        follower: where the path is.
-        guard: what was written.
-    """
+    """A stop of the time scaling that uses what the limits leave at each point of the path."""
 
     def __init__(self, scaling: TimeScaling, follower: PathFollower, guard: Guard) -> None:
         self._scaling = scaling
@@ -78,11 +72,8 @@ class QuickStop:
     def seek(self, servo_limits: ServoLimits, *, may_end: bool) -> None:
         """Go on looking for a stop, as far as one cycle allows, and plan it once it is found.
 
-        To be called before every cycle of a stop that is not planned yet.
-
-        Args:
-            servo_limits: the limits.
-            may_end: whether the end of the path is as good as a stop before it.
+        To be called before every cycle of a stop that is not planned yet; *may_end* if the end of
+        the path is as good as a stop before it.
         """
         scaling, follower = self._scaling, self._follower
         self._servo_limits, self._may_end = servo_limits, may_end
@@ -132,7 +123,7 @@ class QuickStop:
         time = max(
             sum(stop_phases(speed, change, servo_limits.acceleration, servo_limits.jerk)),
             norm(guard.velocity) / servo_limits.linear_acceleration,
-            joint_stop_time(self._scaling.rate, servo_limits.joint_shares),
+            servo_limits.joint_shares.speed * self._scaling.rate,
         )
         cycles = max(time / self._scaling.period, self._expected)
         self._lead = ceil((_ALLOWANCE * cycles + _SPARE) / (self._steps - 1)) - 1

@@ -115,13 +115,7 @@ def hermite(way: Vector3, leave: Vector3, arrive: Vector3) -> Law:
 
 
 def law_between(start: PathPoint, end: PathPoint, period: float) -> Law:
-    """Return the rotation vector from one record towards the next, rad.
-
-    Args:
-        start: the earlier record's point.
-        end: the later record's point.
-        period: path time between them, s.
-    """
+    """Return the rotation vector from one record towards the next, rad."""
     x, y, z = turn = difference(start.q, end.q)
     a, b, c = start.omega_body
     vx, vy, vz = leave = (period * a, period * b, period * c)
@@ -197,16 +191,11 @@ STANDING = Law(ZERO, ZERO, ZERO)
 
 
 class Segment:
-    """The path between two neighbouring records.
+    """The path between two neighbouring records, *period* seconds of path time apart.
 
     Attributes:
         turn: rotation vector from the first of them, rad.
         travel: way of the position, m.
-
-    Args:
-        start: the earlier record's point.
-        end: the later record's point.
-        period: path time between them, s.
     """
 
     __slots__ = ("_end", "_period", "_start", "travel", "turn")
