@@ -8,8 +8,9 @@ from planned import PERIOD, anywhere, random_request, times_of
 from reference.differences import certified
 from scipy.spatial.transform import Rotation
 
+from orientd.config.presets import PRESETS
 from orientd.errors import LimitError, RequestError
-from orientd.planner import DEFAULT_LIMITS, PRESETS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.rotation import exp
 
 SQUAT = Limits.partial(velocity=[1.0, 2.0, 0.6], acceleration=[3.0, 8.0, 2.0], jerk=[60, 200, 90])
