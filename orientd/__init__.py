@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from orientd import curves
     from orientd.fleet.client import connect_fleet
     from orientd.planner.offline import plan_offline as plan
-    from orientd.planner.storage import load_motion
+    from orientd.planner.saved import load_motion
     from orientd.rotation.named import Quaternion
     from orientd.rpc.client import connect
     from orientd.rpc.reports import OnTarget
@@ -33,7 +33,7 @@ _HOMES = {
     "connect_fleet": ("orientd.fleet.client", "connect_fleet"),
     "OnTarget": ("orientd.rpc.reports", "OnTarget"),
     "Quaternion": ("orientd.rotation.named", "Quaternion"),
-    "load_motion": ("orientd.planner.storage", "load_motion"),
+    "load_motion": ("orientd.planner.saved", "load_motion"),
     "plan": ("orientd.planner.offline", "plan_offline"),
 }
 

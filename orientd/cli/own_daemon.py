@@ -36,7 +36,7 @@ def begun(config: Path) -> Iterator[Callable[[], None]]:
             stderr=errors,
             env=environment,
             # Ctrl-C is for whoever runs the daemon, and then ends it.
-            start_new_session=True,
+            process_group=0,
         )
     with process:
         try:

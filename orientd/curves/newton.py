@@ -13,6 +13,8 @@ from typing import TypeVar
 
 import numpy as np
 
+from orientd import kernels
+from orientd.curves.basis import Indices
 from orientd.rotation import Floats
 
 State = TypeVar("State")
@@ -98,38 +100,6 @@ def newton(
         if nearby is not None:
             limit = max(contraction * length, tolerance)
     return None
-
-
-def dense(
-    errors: Callable[[Floats], Floats], jacobian: Callable[[Floats], Floats] | None = None
-) -> Callable[[Floats], Linearised]:
-    """Return equations in a space of numbers, solved with a full matrix.
-
-    Args:
-        errors: as many numbers as the state has, shape ``(n,)``.
-        jacobian: their derivatives, shape ``(n, n)``; central differences without it.
-    """
-
-    def by_differences(x: Floats) -> Floats:
-        steps = np.cbrt(np.finfo(np.float64).eps) * np.maximum(1.0, np.abs(x))
-        columns = [
-            (errors(x + nudge) - errors(x - nudge)) / (2.0 * nudge[i])
-            for i, nudge in enumerate(np.diag(steps))
-        ]
-        matrix: Floats = np.stack(columns, axis=1)
-        return matrix
-
-    derivatives = by_differences if jacobian is None else jacobian
-
-    def equations(x: Floats) -> Linearised:
-        error = errors(x)
-
-        def step() -> Floats:
-            return np.asarray(np.linalg.solve(derivatives(x), -error), dtype=np.float64)
-
-        return error, step
-
-    return equations
 
 
 def homotopy(
@@ -249,3 +219,55 @@ def _all_shares(step: Floats) -> Floats:
     """Return every share of each step, one step after the other."""
     scaled: Floats = SHARES[:, None] * step[:, None]
     return scaled.reshape(-1, step.shape[1])
+
+
+def solve_blocks(blocks: Floats, rows: Indices, columns: Indices, right: Floats) -> Floats:
+    """Solve a square system whose matrix is a sum of small blocks near the diagonal.
+
+    Columns outside the matrix are dropped, so that the first and last keyframe need no blocks of
+    another shape.
+
+    Args:
+        blocks: shape ``(n, p, q)``.
+        rows: the first row of each block, shape ``(n,)``.
+        columns: the first column of each block; may lie outside the matrix.
+        right: the right side, shape ``(size,)`` or ``(size, k)``.
+
+    Returns:
+        The solution, shaped like *right*.  Time and memory grow linearly with *size*.
+
+    Raises:
+        numpy.linalg.LinAlgError: the matrix is singular.
+    """
+    size = len(right)
+    _, height, width = blocks.shape
+    lower = int(np.max(rows + height - 1 - np.maximum(columns, 0), initial=0))
+    upper = int(np.max(columns + width - 1 - rows, initial=0))
+    lower, upper = min(lower, size - 1), min(upper, size - 1)
+    band: Floats = np.zeros((lower + upper + 1, size))
+    for r in range(height):
+        for c in range(width):
+            row, column = rows + r, columns + c
+            inside = (column >= 0) & (column < size) & (row < size)
+            diagonal = upper + row - column
+            np.add.at(band, (diagonal[inside], column[inside]), blocks[inside, r, c])
+    return solve_banded(lower, upper, band, right)
+
+
+def solve_banded(lower: int, upper: int, band: Floats, right: Floats) -> Floats:
+    """Solve a banded system.
+
+    Args:
+        lower: how many diagonals below the main one.
+        upper: how many above it.
+        band: the diagonals from the uppermost to the lowest, an entry in its column, shape
+            ``(lower + upper + 1, size)``.
+        right: the right side, shape ``(size,)`` or ``(size, k)``.
+
+    Raises:
+        numpy.linalg.LinAlgError: the matrix is singular or not finite.
+    """
+    solution = np.array(right, dtype=np.float64)
+    if not kernels.solve_banded(band, lower, upper, solution.reshape(len(right), -1)):
+        raise np.linalg.LinAlgError("singular matrix")
+    return solution

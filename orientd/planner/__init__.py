@@ -14,19 +14,26 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
+    from orientd.driver import Quaternion, Vector3
     from orientd.planner.axis_path import reshaped
     from orientd.planner.blending import blend
     from orientd.planner.certify.certificate import Certificate, Peak
     from orientd.planner.device_planner import DevicePlanner
-    from orientd.planner.keyframes.placing import in_device_coordinates, report_frame
-    from orientd.planner.limits import ANGULAR, AXES, DEFAULT_LIMITS, NO_AXES, UNITS, Limits, Rate
+    from orientd.planner.limits import (
+        ANGULAR,
+        AXES,
+        DEFAULT_LIMITS,
+        NO_AXES,
+        UNITS,
+        Limits,
+        Rate,
+    )
     from orientd.planner.many import in_parallel, need_backend, plan_many
     from orientd.planner.methods import check_method, curve_of
     from orientd.planner.motion import Motion
     from orientd.planner.path.path import PathSamples
     from orientd.planner.path.position import position_path
     from orientd.planner.planning import plan
-    from orientd.planner.presets import PRESETS
     from orientd.planner.recorded import (
         HISTORY,
         Joints,
@@ -34,34 +41,27 @@ if TYPE_CHECKING:
         RecordedMotion,
         states_between,
     )
+    from orientd.planner.replay import plan_as_recorded, replay_request
     from orientd.planner.request import (
         DEFAULT_METHOD,
         Frame,
         Keyframe,
         MotionRequest,
         Pose,
-        Quaternion,
         State,
-        Vector3,
         named_frames,
     )
-    from orientd.planner.storage import plan_as_recorded, replay_request
+    from orientd.planner.resolve import in_device_coordinates, report_frame
     from orientd.planner.task import distinct, task_of
 
 __getattr__ = lazily(
     __name__,
     {
+        "orientd.driver": ("Quaternion", "Vector3"),
         "orientd.planner.axis_path": ("reshaped",),
         "orientd.planner.blending": ("blend",),
-        "orientd.planner.certify.certificate": (
-            "Certificate",
-            "Peak",
-        ),
+        "orientd.planner.certify.certificate": ("Certificate", "Peak"),
         "orientd.planner.device_planner": ("DevicePlanner",),
-        "orientd.planner.keyframes.placing": (
-            "in_device_coordinates",
-            "report_frame",
-        ),
         "orientd.planner.limits": (
             "ANGULAR",
             "AXES",
@@ -71,20 +71,12 @@ __getattr__ = lazily(
             "Limits",
             "Rate",
         ),
-        "orientd.planner.many": (
-            "in_parallel",
-            "need_backend",
-            "plan_many",
-        ),
-        "orientd.planner.methods": (
-            "check_method",
-            "curve_of",
-        ),
+        "orientd.planner.many": ("in_parallel", "need_backend", "plan_many"),
+        "orientd.planner.methods": ("check_method", "curve_of"),
         "orientd.planner.motion": ("Motion",),
         "orientd.planner.path.path": ("PathSamples",),
         "orientd.planner.path.position": ("position_path",),
         "orientd.planner.planning": ("plan",),
-        "orientd.planner.presets": ("PRESETS",),
         "orientd.planner.recorded": (
             "HISTORY",
             "Joints",
@@ -92,24 +84,17 @@ __getattr__ = lazily(
             "RecordedMotion",
             "states_between",
         ),
+        "orientd.planner.replay": ("plan_as_recorded", "replay_request"),
         "orientd.planner.request": (
             "DEFAULT_METHOD",
             "Frame",
             "Keyframe",
             "MotionRequest",
             "Pose",
-            "Quaternion",
             "State",
-            "Vector3",
             "named_frames",
         ),
-        "orientd.planner.storage": (
-            "plan_as_recorded",
-            "replay_request",
-        ),
-        "orientd.planner.task": (
-            "distinct",
-            "task_of",
-        ),
+        "orientd.planner.resolve": ("in_device_coordinates", "report_frame"),
+        "orientd.planner.task": ("distinct", "task_of"),
     },
 )

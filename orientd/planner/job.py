@@ -12,7 +12,7 @@ import numpy as np
 from orientd.curves import METHODS, Trajectory
 from orientd.errors import LimitError, PlanError
 from orientd.planner import refusal
-from orientd.planner.certify import before, measure_path, summed_up
+from orientd.planner.certify import before, measure, summed_up
 from orientd.planner.connect import (
     CONNECTIONS,
     USUAL,
@@ -23,12 +23,12 @@ from orientd.planner.connect import (
     lead_out,
     position_lead,
 )
-from orientd.planner.keyframes import half_turn_notes
 from orientd.planner.limits import LONGEST, Limits, is_still
-from orientd.planner.methods import Ends, build, check_method
+from orientd.planner.methods import Ends, build, can_turn, check_method
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath, end_states, position_path
 from orientd.planner.request import MotionRequest, State
+from orientd.planner.resolve import half_turn_notes
 from orientd.planner.timing import KeyframePath, Knots, aimed_at, chord_knots, chosen_knots
 from orientd.rotation import Floats
 from orientd.tolerances import GUARD_TOLERANCE
@@ -72,28 +72,28 @@ class PlanJob:
         """Check what can be checked before a curve is made."""
         limits = own.slowed(request.pace) if isinstance(request.pace, float | int) else own
         limits = limits.at_period(period)
-        method = check_method(request)
+        family = check_method(request)
         if request.limits is not None:
             refusal.check_present_rates(start, own, period)
         omega_start, omega_end = request.omega_start, request.omega_end
         alpha_start = None
         if not start.is_at_rest and not request.approach:
             # The motion takes over from another one that is still moving.
-            if method.has_velocities and omega_start is None:
+            if family.meets_end_velocities and omega_start is None:
                 omega_start = start.omega_body
-            if method.has_accelerations:
+            if family.meets_end_accelerations:
                 alpha_start = start.alpha_body
         refusal.check_end_velocities(omega_start, omega_end, limits)
         if not request.approach:
             # Every curve begins at its first keyframe, with the velocity that was asked for: none
             # need be made to see that the device is elsewhere.
             omega = start.omega_body
-            if method.has_velocities:
+            if family.meets_end_velocities:
                 omega = np.zeros(3) if omega_start is None else omega_start
             first = replace(start, q=request.keys[0], omega_body=omega)
             refusal.check_start(start, first, limits)
         ends = Ends(omega_start, omega_end, alpha_start)
-        has_turns = method.has_turns or request.is_single
+        has_turns = can_turn(family) or request.is_single
         notes = (*request.notes, *half_turn_notes(request, start, has_turns=has_turns))
         halt = position_lead(start, None, limits=limits, period=period)
         is_even = not request.is_quickest
@@ -359,13 +359,13 @@ def certified(
     begin, end = whole.times[[0, -1]].tolist()
     # Between the records any motion may go up to the limits, a timing of the user's on them, too;
     # the guard's tolerance is all that is left to brake with there.
-    peaks = measure_path(
+    peaks = measure(
         path,
         count,
         period,
         limits,
         before=before(start, period) if start.is_known else None,
-        brake_limits=limits.scaled(GUARD_TOLERANCE),
+        tolerance=GUARD_TOLERANCE,
     )
     place = refusal.Place(request, begin, end, whole.times)
     refusal.check_limits(peaks, place)
@@ -380,6 +380,6 @@ def certified(
         end_time=end,
         keyframe_times=whole.times,
         record_count=count,
-        certificate=summed_up(request, path, (begin, end), whole.times, peaks, period, limits),
+        certificate=summed_up(request, path, (begin, end), whole.times, peaks, period),
         before=start.before,
     )

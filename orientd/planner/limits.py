@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence, Sized
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from orientd.errors import RequestError
 from orientd.spelling import unknown_key
@@ -59,6 +59,12 @@ Rate = float | Sequence[float]
 NO_AXES: Triple = (math.inf, math.inf, math.inf)
 """Limits of three components of which none is limited by itself."""
 
+_TABLE = (
+    *((name, axis) for name in ANGULAR for axis in ("", *AXES)),
+    *((name, "") for name in UNITS if name not in ANGULAR),
+)
+"""Quantity and axis, empty for the norm, of each number of :meth:`Limits.numbers`."""
+
 
 @dataclass(frozen=True, slots=True)
 class Limits:
@@ -93,20 +99,16 @@ class Limits:
     axis_jerk: Triple = NO_AXES
 
     def __post_init__(self) -> None:
-        for name, unit in UNITS.items():
+        for name in UNITS:
             limit = getattr(self, name)
             if not isinstance(limit, int | float):
                 raise TypeError(
                     f"{name} must be a number, got {limit!r}; Limits.partial takes three, too"
                 )
+        for (name, axis), limit in zip(_TABLE, self.numbers(), strict=True):
             if not limit > 0.0:
-                raise ValueError(f"{name} must be positive, got {limit} {unit}")
-        for name in ANGULAR:
-            for axis, limit in zip(AXES, self.axes(name), strict=True):
-                if not limit > 0.0:
-                    raise ValueError(
-                        f"{name} about {axis} must be positive, got {limit} {UNITS[name]}"
-                    )
+                of = f"{name} about {axis}" if axis else name
+                raise ValueError(f"{of} must be positive, got {limit} {UNITS[name]}")
 
     @classmethod
     def partial(
@@ -123,14 +125,9 @@ class Limits:
         >>> Limits.partial(velocity=1.0).jerk
         inf
         """
-        rates: dict[str, Rate] = {
-            "velocity": velocity,
-            "acceleration": acceleration,
-            "jerk": jerk,
-            "linear_velocity": linear_velocity,
-            "linear_acceleration": linear_acceleration,
-        }
-        return _UNLIMITED.with_rates(rates)
+        return Limits(
+            math.inf, math.inf, math.inf, linear_velocity, linear_acceleration
+        ).with_rates({"velocity": velocity, "acceleration": acceleration, "jerk": jerk})
 
     def with_rates(self, rates: Mapping[str, Rate]) -> Limits:
         """Return these limits with those of *rates* in place of their own.
@@ -159,6 +156,15 @@ class Limits:
                 if name in ANGULAR:
                     changes[f"axis_{name}"] = NO_AXES
         return replace(self, **changes)  # type: ignore[arg-type]  # names and kinds go together
+
+    def numbers(self) -> tuple[float, ...]:
+        """Return all limits: norm, x, y and z of each of :data:`ANGULAR`, then the linear ones."""
+        return (
+            *(self.velocity, *self.axis_velocity),
+            *(self.acceleration, *self.axis_acceleration),
+            *(self.jerk, *self.axis_jerk),
+            *(self.linear_velocity, self.linear_acceleration),
+        )
 
     def axes(self, name: str) -> Triple:
         """Return the limits of the components of one of :data:`ANGULAR`."""
@@ -201,14 +207,12 @@ class Limits:
             RequestError: a limit is too low or too high, or permits more than half a turn in a
                 cycle, which a device cannot tell from less of a turn the other way.
         """
-        for name, unit in UNITS.items():
-            axes = self.axes(name) if name in ANGULAR else ()
-            for limit in (getattr(self, name), *axes):
-                if math.isfinite(limit) and not LOWEST <= limit <= HIGHEST:
-                    raise RequestError(
-                        f"limits.{name}",
-                        f"must be within {LOWEST:g} and {HIGHEST:g} {unit}, got {limit:g}",
-                    )
+        for (name, _), limit in zip(_TABLE, self.numbers(), strict=True):
+            if math.isfinite(limit) and not LOWEST <= limit <= HIGHEST:
+                raise RequestError(
+                    f"limits.{name}",
+                    f"must be within {LOWEST:g} and {HIGHEST:g} {UNITS[name]}, got {limit:g}",
+                )
         most = math.pi / period
         if math.isfinite(self.velocity) and self.velocity > most:
             raise RequestError(
@@ -216,14 +220,6 @@ class Limits:
                 f"must be at most half a turn in a cycle, {most:.6g} rad/s with a period of "
                 f"{period:g} s, got {self.velocity:g}",
             )
-
-    def within(self, other: Limits) -> bool:
-        """Return whether every limit is at most as high as the one of *other*."""
-        return all(getattr(self, name) <= getattr(other, name) for name in UNITS) and all(
-            mine <= theirs
-            for name in ANGULAR
-            for mine, theirs in zip(self.axes(name), other.axes(name), strict=True)
-        )
 
     def narrowed(self, request: Limits | None) -> Limits:
         """Return these limits of a device, lowered to those of a request.
@@ -236,32 +232,18 @@ class Limits:
         """
         if request is None:
             return self
-        lowered: dict[str, float | Triple] = {}
-        for name, unit in UNITS.items():
-            asked, allowed = getattr(request, name), getattr(self, name)
-            axes = request.axes(name) if name in ANGULAR else NO_AXES
-            if axes == NO_AXES and asked > allowed and math.isfinite(asked):
+        lowered = []
+        for (name, axis), own, asked in zip(_TABLE, self.numbers(), request.numbers(), strict=True):
+            allowed = min(own, getattr(self, name))
+            is_implied = not axis and name in ANGULAR and request.axes(name) != NO_AXES
+            if asked > allowed and math.isfinite(asked) and not is_implied:
+                field, about = (f"[{AXES.index(axis)}]", f" about {axis}") if axis else ("", "")
                 raise RequestError(
-                    f"limits.{name}",
-                    f"must be at most the device's {allowed:g} {unit}, got {asked:g}",
+                    f"limits.{name}{field}",
+                    f"must be at most the device's {allowed:g} {UNITS[name]}{about}, got {asked:g}",
                 )
-            lowered[name] = min(asked, allowed)
-        for name in ANGULAR:
-            lowered[f"axis_{name}"] = self._narrowed_axes(name, request.axes(name))
-        return Limits(**lowered)  # type: ignore[arg-type]  # names and kinds go together
-
-    def _narrowed_axes(self, name: str, asked: Triple) -> Triple:
-        own, norm = self.axes(name), getattr(self, name)
-        for index, axis in enumerate(AXES):
-            allowed = min(own[index], norm)
-            if asked[index] > allowed and math.isfinite(asked[index]):
-                raise RequestError(
-                    f"limits.{name}[{index}]",
-                    f"must be at most the device's {allowed:g} {UNITS[name]} about {axis}, "
-                    f"got {asked[index]:g}",
-                )
-        x, y, z = map(min, own, asked)
-        return x, y, z
+            lowered.append(min(own, asked))
+        return _of(lowered)
 
     def with_reserve(self, share: float = ACCELERATION_RESERVE) -> Limits:
         """Return the limits for timings of the planner's own making.
@@ -272,11 +254,11 @@ class Limits:
         Args:
             share: of acceleration and jerk that the timing may use.
         """
-        return _with_reserve(self, share)
+        return self.times(acceleration=share, jerk=share, linear_acceleration=share)
 
     def scaled(self, factor: float) -> Limits:
         """Return every limit multiplied by *factor*."""
-        return _scaled(self, factor)
+        return self.times(**dict.fromkeys(UNITS, factor))
 
     def slowed(self, speed: float) -> Limits:
         """Return the limits under which motions run *speed* times as fast."""
@@ -295,27 +277,41 @@ class Limits:
         rise in two cycles at least, and the acceleration in a twentieth of one.  The servo does not
         find steps of the acceleration as small as those of very slow limits, which need more.
         """
-        found = _at_period(self, period)
-        return self if found == self else found
+        return _at_period(self, period)
 
     def times(self, **factors: float) -> Limits:
         """Return the limits multiplied by factors, given by the names of :data:`UNITS`."""
-        changed: dict[str, float | Triple] = {}
-        for entry in fields(self):
-            limit, factor = getattr(self, entry.name), factors.get(_quantity(entry.name), 1.0)
-            if isinstance(limit, tuple):
-                x, y, z = limit
-                changed[entry.name] = factor * x, factor * y, factor * z
-            else:
-                changed[entry.name] = factor * limit
-        return Limits(**changed)  # type: ignore[arg-type]  # names and kinds go together
+        return _times(self, tuple(factors.items()))
 
 
-def _quantity(field: str) -> str:
-    return field.removeprefix("axis_")
+def _of(numbers: Sequence[float]) -> Limits:
+    """Return the limits of which :meth:`Limits.numbers` are these."""
+    v, a, j = numbers[:4], numbers[4:8], numbers[8:12]
+    axes: list[Any] = [tuple(one[1:]) for one in (v, a, j)]
+    return Limits(v[0], a[0], j[0], numbers[12], numbers[13], *axes)
 
 
-_UNLIMITED = Limits(math.inf, math.inf, math.inf, math.inf, math.inf)
+@lru_cache(maxsize=256)
+def _times(limits: Limits, factors: tuple[tuple[str, float], ...]) -> Limits:
+    # A plan asks for the same few again and again.
+    by = dict(factors)
+    numbers = limits.numbers()
+    return _of(
+        [by.get(name, 1.0) * limit for (name, _), limit in zip(_TABLE, numbers, strict=True)]
+    )
+
+
+@lru_cache(maxsize=256)
+def _at_period(limits: Limits, period: float) -> Limits:
+    own = limits.numbers()
+    speeds = (min(own[0], math.pi / period), *own[1:4])
+    is_slow = min(speeds) * period < _SLOWLY * _LEAST_STEP
+    rise = (_SLOWLY if is_slow else _CYCLES_TO_RISE) * period
+    most = [min(a, v / rise) for a, v in zip(own[4:8], speeds, strict=True)]
+    jerks = [min(j, _STEEPEST / period * a) for j, a in zip(own[8:12], most, strict=True)]
+    found = _of((*speeds, *most, *jerks, own[12], min(own[13], own[12] / rise)))
+    return limits if found == limits else found
+
 
 DEFAULT_LIMITS = Limits(
     velocity=2.5,
@@ -325,40 +321,6 @@ DEFAULT_LIMITS = Limits(
     linear_acceleration=10.0,
 )
 """Where a configuration says nothing; the angular ones are those of the Franka Research 3."""
-
-
-# A plan asks for the same few again and again.
-@lru_cache(maxsize=64)
-def _with_reserve(limits: Limits, share: float) -> Limits:
-    return limits.times(acceleration=share, jerk=share, linear_acceleration=share)
-
-
-@lru_cache(maxsize=64)
-def _at_period(limits: Limits, period: float) -> Limits:
-    steep = _STEEPEST / period
-    velocity = min(limits.velocity, math.pi / period)
-    lowest = min(velocity, *limits.axis_velocity)
-    is_slow = lowest * period < _SLOWLY * _LEAST_STEP
-    rise = (_SLOWLY if is_slow else _CYCLES_TO_RISE) * period
-    changed: dict[str, float | Triple] = {
-        "velocity": velocity,
-        "linear_acceleration": min(limits.linear_acceleration, limits.linear_velocity / rise),
-    }
-    for axis in ("", "axis_"):
-        speed, most, jerk = (getattr(limits, axis + name) for name in ANGULAR)
-        if axis:
-            most = tuple(min(a, v / rise) for a, v in zip(most, speed, strict=True))
-            jerk = tuple(min(j, steep * a) for j, a in zip(jerk, most, strict=True))
-        else:
-            most = min(most, velocity / rise)
-            jerk = min(jerk, steep * most)
-        changed[axis + "acceleration"], changed[axis + "jerk"] = most, jerk
-    return replace(limits, **changed)  # type: ignore[arg-type]  # names and kinds go together
-
-
-@lru_cache(maxsize=64)
-def _scaled(limits: Limits, factor: float) -> Limits:
-    return limits.times(**dict.fromkeys(UNITS, factor))
 
 
 def is_still(omega: Floats, alpha: Floats, limits: Limits) -> bool:

@@ -1,15 +1,13 @@
-"""From a request to the curve of its method, and what a method can be asked for.
+"""From a request to the curve of its method, and what is wrong with one that asks for more.
 
-What keyframes, times and conditions at the ends are to a family says :mod:`orientd.curves.roles`,
-for the planner as for everybody else; here is what a request may ask of it, and what is wrong with
-one that asks for more.
+What keyframes, times and conditions at the ends are to a family says :mod:`orientd.curves.roles`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
@@ -58,86 +56,52 @@ class Ends:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Method:
-    """What a family of curves can be asked for in a request.
-
-    Attributes:
-        is_pair: whether it takes exactly two keyframes.
-        has_velocities: whether end velocities can be prescribed.
-        has_accelerations: whether the acceleration at the start can be, too.
-        has_turns: whether it can make whole turns.
-        options: what the user may set.
-    """
-
-    is_pair: bool
-    has_velocities: bool
-    has_accelerations: bool
-    has_turns: bool
-    options: tuple[str, ...]
-
-
-@lru_cache(maxsize=256)
-def method_of(name: str) -> Method | None:
-    """Return what a method can be asked for; ``None`` if there is no such method."""
-    family = METHODS.get(name)
-    if family is None:
-        return None
-    return Method(
-        is_pair=is_pair(family),
-        has_velocities=family.meets_end_velocities,
-        has_accelerations=family.meets_end_accelerations,
-        has_turns=turns_name(family) is not None,
-        options=options_of(family),
-    )
-
-
-def check_method(request: MotionRequest) -> Method:
-    """Return what the request's method can be asked for, if the method can do what is asked.
+def check_method(request: MotionRequest) -> type[Curve]:
+    """Return the family of the request's method, if it can do what is asked.
 
     Raises:
         RequestError: there is no such method, it takes another number of keyframes, it cannot make
             turns or prescribe velocities that are asked for, or an option is not one of its own.
     """
     name = request.method
-    method = method_of(name)
-    if method is not None and request.is_single:
-        # There is no curve of the method's; the way to the keyframe is the planner's.
-        return method
-    if method is None:
+    family = METHODS.get(name)
+    if family is None:
         raise RequestError("method", f"unknown method {name!r}{did_you_mean(name, METHODS)}")
-    if method.is_pair and len(request.keyframes) != 2:
+    if request.is_single:
+        # There is no curve of the method's; the way to the keyframe is the planner's.
+        return family
+    if is_pair(family) and len(request.keys) != 2:
         raise RequestError(
             "keyframes",
-            f"{name} takes exactly 2, got {len(request.keyframes)}; {DEFAULT_METHOD} takes more",
-        )
-    if not method.has_turns and request.turns.any():
-        index = int(np.argmax(request.turns != 0))
-        able = _names(lambda method: method.has_turns)
-        raise RequestError(
-            f"keyframes[{index}].turns", f"{name} cannot make whole turns; {able} can"
+            f"{name} takes exactly 2, got {len(request.keys)}; {DEFAULT_METHOD} takes more",
         )
     if request.turns.any():
-        _check_axes(request)
-    for field, velocity in (
-        ("start_velocity", request.start_velocity),
-        ("end_velocity", request.end_velocity),
-    ):
-        if velocity is not None and any(velocity) and not method.has_velocities:
-            able = _names(lambda method: method.has_velocities)
+        _check_turns(request, family)
+    for field in ("start_velocity", "end_velocity"):
+        if any(getattr(request, field) or ()) and not family.meets_end_velocities:
+            able = _names(lambda one: one.meets_end_velocities)
             raise RequestError(field, f"{name} cannot prescribe velocities at its ends; {able} can")
     for option in request.options:
-        if option not in method.options:
+        taken = options_of(family)
+        if option not in taken:
             raise RequestError(
                 f"options.{option}",
-                f"unknown option of {name}{did_you_mean(option, method.options)}; "
-                f"it takes {', '.join(method.options)}",
+                f"unknown option of {name}{did_you_mean(option, taken)}; "
+                f"it takes {', '.join(taken)}",
             )
-    return method
+    return family
 
 
-def _check_axes(request: MotionRequest) -> None:
+def can_turn(family: type[Curve]) -> bool:
+    """Return whether a family can make whole turns."""
+    return turns_name(family) is not None
+
+
+def _check_turns(request: MotionRequest, family: type[Curve]) -> None:
     turned = np.flatnonzero(request.turns)
+    if not can_turn(family):
+        problem = f"{request.method} cannot make whole turns; {_names(can_turn)} can"
+        raise RequestError(f"keyframes[{turned[0]}].turns", problem)
     steps = angle(request.keys[turned - 1], request.keys[turned])
     if np.any(steps <= _SAME) and "axis" not in request.options:
         index = int(turned[int(np.argmax(steps <= _SAME))])
@@ -149,9 +113,7 @@ def _check_axes(request: MotionRequest) -> None:
 
 
 def build(request: MotionRequest, keys: Floats, times: Floats, turns: Turns, ends: Ends) -> Curve:
-    """Return the curve of a request.
-
-    Ends whose velocities are not given are those of a device that holds.
+    """Return the curve of a request; an end without a velocity is that of a device that holds.
 
     Args:
         request: for the method and its options.
@@ -193,18 +155,22 @@ def curve_of(request: MotionRequest, task: CurveTask) -> Curve:
             f"{request.method} {error}; kks_bspline takes any",
         ) from error
     except PlanError as error:
-        raise PlanError(f"{request.method} cannot join these keyframes: {error}") from error
+        raise _cannot_join(request, error) from error
     except ParameterError as error:
         if error.parameter in request.options:
             raise RequestError(f"options.{error.parameter}", str(error)) from error
         if error.parameter in ("keys", "control"):
             raise RequestError("keyframes", f"{request.method}: {error}") from error
-        raise PlanError(f"{request.method} cannot join these keyframes: {error}") from error
+        raise _cannot_join(request, error) from error
     except ValueError as error:
-        raise PlanError(f"{request.method} cannot join these keyframes: {error}") from error
+        raise _cannot_join(request, error) from error
 
 
-def _names(is_able: Callable[[Method], bool]) -> str:
-    able = [name for name in METHODS if (method := method_of(name)) and is_able(method)]
+def _cannot_join(request: MotionRequest, error: Exception) -> PlanError:
+    return PlanError(f"{request.method} cannot join these keyframes: {error}")
+
+
+def _names(is_able: Callable[[type[Curve]], bool]) -> str:
+    able = [name for name, family in METHODS.items() if is_able(family)]
     *most, last = able
     return f"{', '.join(most)} and {last}" if most else last

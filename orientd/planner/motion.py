@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from orientd.curves import is_same
 from orientd.drawing import Drawable
+from orientd.driver import Vector3
 from orientd.planner.certify import Certificate, before
 from orientd.planner.limits import Limits
 from orientd.planner.path import Path, PathSamples, RecordedPath
@@ -19,7 +20,7 @@ from orientd.planner.recorded import (
     MotionFacts,
     RecordedMotion,
 )
-from orientd.planner.request import MotionRequest, State, Vector3
+from orientd.planner.request import MotionRequest, State
 from orientd.planner.saving import write_archive
 from orientd.rotation import Floats, to_scipy
 from orientd.stream import NO_SHARES, PATH_FLOATS, JointShares

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.errors import RequestError
-from orientd.planner.keyframes import in_device_coordinates
 from orientd.planner.limits import DEFAULT_LIMITS, Limits, Rate
 from orientd.planner.motion import Motion
 from orientd.planner.planning import plan
 from orientd.planner.request import Keyframe, MotionRequest, State
+from orientd.planner.resolve import in_device_coordinates
 from orientd.rotation import Quaternion, is_rotation, unnamed
 from orientd.spelling import unknown_key
 

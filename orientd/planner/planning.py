@@ -19,11 +19,11 @@ from orientd.errors import LimitError, PlanError, RequestError, StartError
 from orientd.planner import refusal, resting
 from orientd.planner.connect import CONNECTIONS, WITHOUT_RESERVE, approach
 from orientd.planner.job import PlanJob
-from orientd.planner.keyframes import at_rate, in_device_coordinates, with_least_roll, wound
 from orientd.planner.limits import ANGULAR, LONGEST, PERIODS, UNITS, Limits
 from orientd.planner.motion import Motion
 from orientd.planner.path import PositionPath
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
+from orientd.planner.resolve import resolved
 from orientd.planner.timing import (
     LEAST_SHARE,
     LONGEST_STOP,
@@ -108,9 +108,8 @@ def plan(
         raise RequestError(
             "limits", "none are set, so there is no quickest motion: set one, or give times"
         )
-    turned = at_rate(in_device_coordinates(request, start), start, within)
-    request = with_least_roll(wound(turned, start), start)
-    return _told_of_stops(_quickest(PlanJob.of(request, start, within, period), name))
+    job = PlanJob.of(resolved(request, start, within), start, within, period)
+    return _told_of_stops(_quickest(job, name))
 
 
 @dataclass(slots=True)

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from orientd.driver import Vector3
 from orientd.planner.limits import Limits
-from orientd.planner.request import State, Vector3
+from orientd.planner.request import State
 from orientd.rotation import Floats
 from orientd.stream import NO_SHARES, PATH_FLOATS, JointShares
 

@@ -31,16 +31,16 @@ _QUANTITIES = {
 }
 
 
+_ABOUT = ("", *(f" about {axis}" for axis in AXES))
+"""What is limited of each: the norm and the components."""
+
+
 class TotalError(PlanError):
     """The keyframes take longer than the duration that was asked for."""
 
 
 def check_total(total: float, least: float) -> None:
-    """Refuse a duration that is shorter than the quickest, or too long to plan.
-
-    Raises:
-        PlanError: it is.
-    """
+    """Raise :class:`TotalError` for a duration shorter than the quickest, s; or for one of days."""
     check_duration(total)
     if total < least * (1.0 - _ROUNDING):
         raise TotalError(
@@ -48,76 +48,14 @@ def check_total(total: float, least: float) -> None:
         )
 
 
-def check_end_velocities(
-    omega_start: Floats | None, omega_end: Floats | None, limits: Limits
-) -> None:
-    """Refuse velocities at the ends that are above the limit by themselves.
-
-    Raises:
-        LimitError: one of them is.
-    """
-    for name, omega in (("start_velocity", omega_start), ("end_velocity", omega_end)):
-        if omega is None:
-            continue
-        components = omega.tolist()
-        # Unlike the root of the sum of squares, it overflows for no velocity that can be written.
-        speeds = {"angular velocity": (math.hypot(*components), limits.velocity)}
-        for axis, component, limit in zip(AXES, components, limits.axis_velocity, strict=True):
-            speeds[f"angular velocity about {axis}"] = abs(component), limit
-        for quantity, (speed, limit) in speeds.items():
-            if speed > limit * (1.0 + _ROUNDING):
-                raise LimitError(
-                    quantity, speed, limit, 0.0, UNITS["velocity"], f"{name} asks for it"
-                )
-
-
-def check_present_rates(start: State, limits: Limits, period: float) -> None:
-    """Refuse limits that the present motion is beyond already, by more than a cycle can mend.
-
-    A motion is held to one set of limits from its first record on, and so are the stops on its
-    path: nothing of it could brake above them.
-
-    Raises:
-        LimitError: it is; the message says what to do.
-    """
-    soon = {
-        "velocity": (start.omega_body, limits.acceleration * period),
-        "acceleration": (start.alpha_body, 2.0 * limits.jerk * period),
-    }
-    for name, (vector, change) in soon.items():
-        bounds = [(_QUANTITIES[name], float(np.linalg.norm(vector)), getattr(limits, name))]
-        sizes = np.abs(vector).tolist()
-        for axis, size, most in zip(AXES, sizes, limits.axes(name), strict=True):
-            bounds.append((f"{_QUANTITIES[name]} about {axis}", size, most))
-        for quantity, size, most in bounds:
-            if size - change > most * (1.0 + _ROUNDING):
-                raise LimitError(
-                    quantity,
-                    size,
-                    most,
-                    0.0,
-                    UNITS[name],
-                    "the device moves like that already: stop it first, which it does within its "
-                    "own limits, or ask for no lower limit than that",
-                )
-
-
 def check_duration(duration: float) -> None:
-    """Refuse motions that would take days.
-
-    Raises:
-        PlanError: it is longer than allowed.
-    """
+    """Raise :class:`.PlanError` for motions that would take days."""
     if not duration <= LONGEST:
         raise PlanError(f"the keyframes take {duration:.6g} s, at most {LONGEST:g} s is planned")
 
 
 def check_intervals(times: Floats) -> None:
-    """Refuse keyframes that follow one another at once.
-
-    Raises:
-        PlanError: an interval is shorter than any clock could tell.
-    """
+    """Raise :class:`.PlanError` for an interval shorter than any clock could tell."""
     steps = np.diff(times)
     index = int(np.argmin(steps))
     if not steps[index] >= SHORTEST_INTERVAL:
@@ -127,22 +65,49 @@ def check_intervals(times: Floats) -> None:
         )
 
 
-def check_continuity(request: MotionRequest) -> None:
-    """Refuse to find times for a curve whose velocity jumps: only standing still would do.
+def check_end_velocities(
+    omega_start: Floats | None, omega_end: Floats | None, limits: Limits
+) -> None:
+    """Raise :class:`.LimitError` for a velocity at an end that is above the limit by itself."""
+    for name, omega in (("start_velocity", omega_start), ("end_velocity", omega_end)):
+        if omega is not None:
+            _check_rate("velocity", omega, limits, 0.0, f"{name} asks for it")
 
-    Raises:
-        PlanError: the method is such a one.
+
+def check_present_rates(start: State, limits: Limits, period: float) -> None:
+    """Raise :class:`.LimitError` if the present motion is beyond by more than a cycle can mend.
+
+    A motion is held to one set of limits from its first record on, and so are the stops on its
+    path: nothing of it could brake above them.
     """
+    advice = (
+        "the device moves like that already: stop it first, which it does within its own limits, "
+        "or ask for no lower limit than that"
+    )
+    _check_rate("velocity", start.omega_body, limits, limits.acceleration * period, advice)
+    _check_rate("acceleration", start.alpha_body, limits, 2.0 * limits.jerk * period, advice)
+
+
+def _check_rate(name: str, vector: Floats, limits: Limits, change: float, advice: str) -> None:
+    """Refuse a rate whose norm or a component is above its limit by more than *change*."""
+    components = vector.tolist()
+    # Unlike the root of the sum of squares, hypot overflows for no rate that can be written.
+    sizes = math.hypot(*components), *map(abs, components)
+    allowed = getattr(limits, name), *limits.axes(name)
+    for axis, size, most in zip(_ABOUT, sizes, allowed, strict=True):
+        if size - change > most * (1.0 + _ROUNDING):
+            quantity = _QUANTITIES[name] + axis
+            raise LimitError(quantity, size, most, 0.0, UNITS[name], advice)
+
+
+def check_continuity(request: MotionRequest) -> None:
+    """Raise :class:`.PlanError` for a curve whose velocity jumps: only standing still would do."""
     if _has_jumps(request):
         raise PlanError(f"no duration keeps the limits: {_JUMPS}")
 
 
 def check_smooth(request: MotionRequest, continuity: int) -> None:
-    """Refuse to find a pace for a curve whose acceleration has steps at any pace.
-
-    Raises:
-        PlanError: it has.
-    """
+    """Raise :class:`.PlanError` for a curve whose acceleration has steps at any pace."""
     if continuity < 2:
         raise PlanError(
             f"the quickest pace needs a curve whose acceleration is continuous; {request.method} "
@@ -151,20 +116,18 @@ def check_smooth(request: MotionRequest, continuity: int) -> None:
 
 
 def check_start(start: State, first: State, limits: Limits) -> None:
-    """Refuse a motion that does not begin where the device is commanded to be.
+    """Raise :class:`.StartError` if a motion does not begin where the device is commanded to be.
 
     Args:
         start: where the device is commanded to be.
         first: the state at the first keyframe.
         limits: for what counts as the same acceleration.
-
-    Raises:
-        StartError: they differ; the message names what differs and by how much.
     """
     turn = float(angle(start.q, first.q))
-    move = float(np.linalg.norm(start.position - first.position))
-    velocity = float(np.linalg.norm(start.omega_body - first.omega_body))
-    acceleration = float(np.linalg.norm(start.alpha_body - first.alpha_body))
+    move, velocity, acceleration = (
+        math.dist(getattr(start, name).tolist(), getattr(first, name).tolist())
+        for name in ("position", "omega_body", "alpha_body")
+    )
     different = []
     if not turn <= SAME_ORIENTATION:
         different.append(f"orientation by {turn:.6g} rad ({math.degrees(turn):.4g} deg)")
@@ -174,12 +137,11 @@ def check_start(start: State, first: State, limits: Limits) -> None:
         different.append(f"angular velocity by {velocity:.6g} rad/s")
     if not acceleration <= max(SAME_ACCELERATION * min(limits.acceleration, 1e3), SAME_VELOCITY):
         different.append(f"angular acceleration by {acceleration:.6g} rad/s^2")
-    if not different:
-        return
-    raise StartError(
-        "the first keyframe differs from the state the device is commanded to be in: "
-        f"{', '.join(different)}; `approach: true` would lead in"
-    )
+    if different:
+        raise StartError(
+            "the first keyframe differs from the state the device is commanded to be in: "
+            f"{', '.join(different)}; `approach: true` would lead in"
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -213,11 +175,7 @@ class Place:
 
 
 def of_attempts(refused: Mapping[str, PlanError]) -> PlanError:
-    """Return the refusal of a motion that was planned in several ways.
-
-    Args:
-        refused: refusals by the names of the attempts, in order.
-    """
+    """Return the refusal of a motion that was planned in several ways, by their names, in order."""
     errors = list(refused.values())
     # That one attempt takes longer than was asked for says less than why the others were refused.
     error = next((one for one in reversed(errors) if not isinstance(one, TotalError)), errors[-1])
@@ -242,12 +200,7 @@ def of_any_duration(start: State, limits: Limits) -> PlanError:
 
 
 def of_duration(total: float, possible: list[float]) -> PlanError:
-    """Return the refusal of a duration that lies between others that are possible.
-
-    Args:
-        total: that was asked for, s.
-        possible: longer ones, s.
-    """
+    """Return the refusal of a duration, s, that lies between others that are possible."""
     problem = f"no motion of {total:g} s was found that keeps the velocities at both ends"
     longer = min((one for one in possible if one > total), default=None)
     return PlanError(f"{problem}; ask for {longer:.6g} s or more" if longer else problem)
@@ -269,26 +222,16 @@ def of_slow_stop(stop_time: float, longest: float, share: float) -> PlanError:
 
 
 def check_limits(peaks: Peaks, place: Place) -> None:
-    """Refuse a motion that breaks a limit.
-
-    Raises:
-        LimitError: it does; of several broken ones the one that is broken most is named.
-    """
+    """Raise :class:`.LimitError` for a motion that breaks a limit, named by the one broken most."""
     broken: list[tuple[float, str, str, Peak]] = []
     for name, unit in UNITS.items():
-        found: list[tuple[str, Peak]] = [(_QUANTITIES[name], getattr(peaks, name))]
-        if name in ANGULAR:
-            of_axes: tuple[Peak, ...] = getattr(peaks, f"axis_{name}")
-            found += [
-                (f"{_QUANTITIES[name]} about {axis}", peak)
-                for axis, peak in zip(AXES, of_axes, strict=False)
-            ]
-        for quantity, peak in found:
+        of_axes: tuple[Peak, ...] = getattr(peaks, f"axis_{name}") if name in ANGULAR else ()
+        for axis, peak in zip(_ABOUT, (getattr(peaks, name), *of_axes), strict=False):
             # Written so that a NaN counts as broken.  Off the records the guard's tolerance is
             # what keeps a motion on its path.
             if not (peak.planned_ratio <= 1.0 + _ROUNDING and peak.ratio <= GUARD_TOLERANCE):
                 ratio = peak.ratio if math.isfinite(peak.ratio) else math.inf
-                broken.append((ratio, quantity, unit, peak))
+                broken.append((ratio, _QUANTITIES[name] + axis, unit, peak))
     if not broken:
         return
     _, quantity, unit, peak = max(broken, key=lambda entry: entry[0])
@@ -302,12 +245,9 @@ def check_limits(peaks: Peaks, place: Place) -> None:
 
 
 def check_stop(peaks: Peaks, place: Place) -> None:
-    """Refuse a motion so near its limits that it could hardly be stopped on its path.
+    """Raise :class:`.LimitError` for a motion that could hardly be stopped on its path.
 
     Timings of the planner's own keep their reserve, and then the device is as slow as it is.
-
-    Raises:
-        LimitError: a stop would take too long.
     """
     slowest = SLOWEST_STOP if place.request.times is not None else math.inf
     stop_time = 1.0 / peaks.brake_rate if peaks.brake_rate > 0.0 else math.inf

@@ -1,4 +1,4 @@
-"""Write a motion to one file; see :mod:`orientd.planner.storage.saved` for what is in it."""
+"""Write a motion to one file; see :mod:`orientd.planner.saved` for what is in it."""
 
 from __future__ import annotations
 

@@ -9,20 +9,12 @@ from orientd.rotation.convert import (
     from_axis_angle,
     from_euler,
     from_matrix,
-    from_rotation_vector,
     from_scipy,
-    to_axis_angle,
     to_euler,
     to_matrix,
-    to_rotation_vector,
     to_scipy,
 )
-from orientd.rotation.jacobian import (
-    left_jacobian,
-    left_jacobian_inverse,
-    right_jacobian,
-    right_jacobian_inverse,
-)
+from orientd.rotation.jacobian import right_jacobian, right_jacobian_inverse
 from orientd.rotation.named import Quaternion, is_rotation, unnamed
 from orientd.rotation.quaternion import (
     HALF_TURN,

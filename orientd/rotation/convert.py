@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.rotation.quaternion import Floats, check_unit, components, exp, exp_half, log, multiply
+from orientd.rotation.quaternion import Floats, check_unit, components, exp_half, multiply, rotate
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -23,28 +23,15 @@ def to_matrix(q: ArrayLike) -> Floats:
 
     Nielson (1993) writes points as rows, so his eq. (9) is the transpose of this.
 
-    Args:
-        q: unit quaternions, shape ``(..., 4)``.
-
     Returns:
         Matrices, shape ``(..., 3, 3)``, with ``matrix @ p`` the rotated point.
 
     Raises:
-        ValueError: the last axis does not have length 4, or a norm is not 1 within 1e-6.
+        ValueError: a norm is not 1 within 1e-6.
     """
     q = check_unit(q)
-    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
-    matrix: Floats = np.empty((*q.shape[:-1], 3, 3))
-    matrix[..., 0, 0] = 1.0 - 2.0 * (y * y + z * z)
-    matrix[..., 0, 1] = 2.0 * (x * y - w * z)
-    matrix[..., 0, 2] = 2.0 * (x * z + w * y)
-    matrix[..., 1, 0] = 2.0 * (x * y + w * z)
-    matrix[..., 1, 1] = 1.0 - 2.0 * (x * x + z * z)
-    matrix[..., 1, 2] = 2.0 * (y * z - w * x)
-    matrix[..., 2, 0] = 2.0 * (x * z - w * y)
-    matrix[..., 2, 1] = 2.0 * (y * z + w * x)
-    matrix[..., 2, 2] = 1.0 - 2.0 * (x * x + y * y)
-    return matrix
+    # Its columns are the rotated axes.
+    return np.swapaxes(rotate(q[..., None, :], np.eye(3)), -1, -2)
 
 
 def from_matrix(matrix: ArrayLike, tolerance: float = 1e-6) -> Floats:
@@ -93,48 +80,6 @@ def from_matrix(matrix: ArrayLike, tolerance: float = 1e-6) -> Floats:
     return q
 
 
-def to_rotation_vector(q: ArrayLike) -> Floats:
-    """Return rotation vectors in radians, not longer than pi: :func:`log` of checked quaternions.
-
-    Raises:
-        ValueError: the last axis does not have length 4, or a norm is not 1 within 1e-6.
-    """
-    return log(check_unit(q))
-
-
-def from_rotation_vector(rotation_vector: ArrayLike) -> Floats:
-    """Return the unit quaternions of rotation vectors in radians.
-
-    Raises:
-        ValueError: the last axis does not have length 3, or a component is not finite.
-    """
-    vector = np.asarray(rotation_vector, dtype=np.float64)
-    if not np.all(np.isfinite(vector)):
-        raise ValueError("rotation_vector must be finite")
-    return exp(vector)
-
-
-def to_axis_angle(q: ArrayLike) -> tuple[Floats, Floats]:
-    """Return the axis and the angle of unit quaternions.
-
-    Args:
-        q: unit quaternions, shape ``(..., 4)``.
-
-    Returns:
-        Unit axes, shape ``(..., 3)``, and angles in ``[0, pi]`` radians, shape ``(...)``.  The
-        identity, which has no axis, gets the x axis.
-
-    Raises:
-        ValueError: the last axis does not have length 4, or a norm is not 1 within 1e-6.
-    """
-    vector = log(check_unit(q))
-    largest = np.max(np.abs(vector), axis=-1, keepdims=True)
-    is_turned = largest > 0.0
-    scaled = np.where(is_turned, vector, [1.0, 0.0, 0.0]) / np.where(is_turned, largest, 1.0)
-    length = np.sqrt(np.sum(scaled * scaled, axis=-1, keepdims=True))
-    return scaled / length, (length * largest)[..., 0]
-
-
 def from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Floats:
     """Return the unit quaternions of turns about axes.
 
@@ -147,7 +92,7 @@ def from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Floats:
         Unit quaternions, shape ``(..., 4)``.
 
     Raises:
-        ValueError: an axis is zero or not finite, or its last axis does not have length 3.
+        ValueError: an axis is zero or not finite.
     """
     axis = components(axis, 3, "axis")
     largest = np.max(np.abs(axis), axis=-1, keepdims=True)
@@ -262,7 +207,7 @@ def to_scipy(q: ArrayLike) -> Rotation:
     """Return a :class:`scipy.spatial.transform.Rotation`, whose quaternions have *w* last.
 
     Raises:
-        ValueError: the last axis does not have length 4, or a norm is not 1 within 1e-6.
+        ValueError: a norm is not 1 within 1e-6.
     """
     from scipy.spatial.transform import Rotation
 

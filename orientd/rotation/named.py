@@ -75,10 +75,7 @@ def unnamed(value: Any) -> Any:  # noqa: ANN401 - whatever a parameter may be
         return np.array([value.w, value.x, value.y, value.z], dtype=np.float64)
     if is_rotation(value):
         return from_scipy(value)
-    if isinstance(value, list | tuple) and any(map(_is_named, value)):
-        return np.array([unnamed(entry) for entry in value])
+    entries = value if isinstance(value, list | tuple) else ()
+    if any(isinstance(entry, Quaternion) or is_rotation(entry) for entry in entries):
+        return np.array([unnamed(entry) for entry in entries])
     return value
-
-
-def _is_named(value: object) -> bool:
-    return isinstance(value, Quaternion) or is_rotation(value)

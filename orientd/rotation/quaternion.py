@@ -1,5 +1,9 @@
 """The algebra of unit quaternions: product, exponential, logarithm, slerp, sign alignment.
 
+Quaternions *p* and *q* are ``(w, x, y, z)`` in the last axis, shape ``(..., 4)``; vectors have
+shape ``(..., 3)``.  Leading axes are broadcast, results are new arrays, and every function raises
+:class:`ValueError` for an array whose last axis has another length.
+
 Two scalings of the tangent space live here.  :func:`exp` and :func:`log` take rotation vectors
 (the physical angle times the axis); :func:`exp_half` and :func:`log_half` are the exponential and
 the logarithm of the quaternion algebra itself, with half the physical angle, as Kim, Kim and Shin
@@ -29,11 +33,7 @@ _TINY = 1e-140
 
 
 def components(values: ArrayLike, length: int, name: str) -> Floats:
-    """Return an array of *length* components in its last axis.
-
-    Raises:
-        ValueError: the last axis has another length.
-    """
+    """Return an array of *length* components in its last axis."""
     array = np.asarray(values, dtype=np.float64)
     if array.ndim == 0 or array.shape[-1] != length:
         raise ValueError(
@@ -47,16 +47,7 @@ def multiply(p: ArrayLike, q: ArrayLike) -> Floats:
 
     The product rotates by *q* first and by *p* second: ``R(pq) = R(p) R(q)`` on column vectors.
     Nielson (1993) prints the last component with the wrong sign of ``q_z r_z``; this is Hamilton's.
-
-    Args:
-        p: quaternions ``(w, x, y, z)``, shape ``(..., 4)``.
-        q: quaternions, shape ``(..., 4)``, broadcast against *p*.
-
-    Returns:
-        The products, shape ``(..., 4)``.  Not normalised.
-
-    Raises:
-        ValueError: a last axis does not have length 4.
+    The product is not normalised.
     """
     p = components(p, 4, "p")
     q = components(q, 4, "q")
@@ -71,11 +62,7 @@ def multiply(p: ArrayLike, q: ArrayLike) -> Floats:
 
 
 def conjugate(q: ArrayLike) -> Floats:
-    """Return the conjugate, which is the inverse of a unit quaternion.
-
-    Raises:
-        ValueError: the last axis of *q* does not have length 4.
-    """
+    """Return the conjugate, which is the inverse of a unit quaternion."""
     opposite: Floats = components(q, 4, "q") * np.array([1.0, -1.0, -1.0, -1.0])
     return opposite
 
@@ -84,7 +71,7 @@ def normalize(q: ArrayLike) -> Floats:
     """Return quaternions scaled to unit norm, with their signs kept.
 
     Raises:
-        ValueError: the last axis does not have length 4, or a norm is zero or not finite.
+        ValueError: a norm is zero or not finite.
     """
     q = components(q, 4, "q")
     scale = np.max(np.abs(q), axis=-1, keepdims=True)
@@ -98,12 +85,7 @@ def normalize(q: ArrayLike) -> Floats:
 def check_unit(q: ArrayLike) -> Floats:
     """Return quaternions normalised, refusing those that were not unit ones to begin with.
 
-    Args:
-        q: quaternions, shape ``(..., 4)``.
-
-    Returns:
-        The quaternions scaled to unit norm to rounding, shape ``(..., 4)``; those that have it
-        as they are, to the last digit.
+    Those that are unit to rounding stay as they are, to the last digit.
 
     Raises:
         ValueError: a component is not finite, or a norm is off by more than 1e-6.
@@ -122,18 +104,7 @@ def check_unit(q: ArrayLike) -> Floats:
 
 
 def rotate(q: ArrayLike, v: ArrayLike) -> Floats:
-    """Return vectors rotated by unit quaternions, the vector part of ``q v q*``.
-
-    Args:
-        q: unit quaternions, shape ``(..., 4)``.
-        v: vectors, shape ``(..., 3)``, broadcast against *q*.
-
-    Returns:
-        The rotated vectors, shape ``(..., 3)``.
-
-    Raises:
-        ValueError: a last axis has the wrong length.
-    """
+    """Return vectors rotated by unit quaternions, the vector part of ``q v q*``."""
     q = components(q, 4, "q")
     v = components(v, 3, "v")
     w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
@@ -157,16 +128,6 @@ def between(p: ArrayLike, q: ArrayLike) -> Floats:
     .. math:: \operatorname{vec}(p^* q) = \operatorname{vec}\bigl(p^* (q \mp p)\bigr),
 
     which subtraction gives without rounding, where the products of the components would cancel.
-
-    Args:
-        p: unit quaternions, shape ``(..., 4)``.
-        q: unit quaternions, shape ``(..., 4)``, broadcast against *p*.
-
-    Returns:
-        Unit quaternions, shape ``(..., 4)``.
-
-    Raises:
-        ValueError: a last axis does not have length 4.
     """
     p = components(p, 4, "p")
     q = components(q, 4, "q")
@@ -182,15 +143,6 @@ def exp_half(v: ArrayLike) -> Floats:
     .. math:: \exp(v) = (\cos\|v\|,\; \sin\|v\| \; v / \|v\|)
 
     The rotation it stands for has twice the angle :math:`\|v\|` (Kim, Kim and Shin, 1995, sec. 3).
-
-    Args:
-        v: half-angle vectors, shape ``(..., 3)``; any length.
-
-    Returns:
-        Unit quaternions, shape ``(..., 4)``.
-
-    Raises:
-        ValueError: the last axis does not have length 3.
     """
     v = components(v, 3, "v")
     length = np.sqrt(np.sum(v * v, axis=-1))
@@ -208,16 +160,7 @@ def log_half(q: ArrayLike) -> Floats:
 
     No sign is flipped, so the length is in :math:`[0, \pi]` and the physical angle in
     :math:`[0, 2\pi]` (Kim, Kim and Shin, 1995, sec. 3).  The scale of *q* does not matter.
-
-    Args:
-        q: quaternions, shape ``(..., 4)``.
-
-    Returns:
-        Half-angle vectors, shape ``(..., 3)``.  The logarithm of ``(-1, 0, 0, 0)``, whose axis is
-        not defined, is :math:`(\pi, 0, 0)`.
-
-    Raises:
-        ValueError: the last axis does not have length 4.
+    The logarithm of ``(-1, 0, 0, 0)``, whose axis is not defined, is :math:`(\pi, 0, 0)`.
     """
     q = components(q, 4, "q")
     w, v = q[..., 0], q[..., 1:]
@@ -234,16 +177,9 @@ def log_half(q: ArrayLike) -> Floats:
 
 
 def exp(rotation_vector: ArrayLike) -> Floats:
-    """Return the unit quaternion of a rotation vector.
+    """Return the unit quaternion of a rotation vector: axis times physical angle, rad.
 
-    Args:
-        rotation_vector: axis times physical angle in radians, shape ``(..., 3)``; any length.
-
-    Returns:
-        Unit quaternions, shape ``(..., 4)``, with non-negative scalar part for angles up to pi.
-
-    Raises:
-        ValueError: the last axis does not have length 3.
+    The scalar part is not negative for angles up to pi; any length will do.
     """
     return exp_half(0.5 * components(rotation_vector, 3, "rotation_vector"))
 
@@ -256,15 +192,7 @@ def log(q: ArrayLike) -> Floats:
     both ends, so no series expansion is needed.
 
     .. math:: r = 2 \operatorname{atan2}(\|v\|, |w|) \; \operatorname{sgn}(w) \; v / \|v\|
-
-    Args:
-        q: unit quaternions ``(w, x, y, z)``, shape ``(..., 4)``.  Their scale does not matter.
-
-    Returns:
-        Rotation vectors in radians, shape ``(..., 3)``.  For a half turn the axis is ``+v``.
-
-    Raises:
-        ValueError: the last axis does not have length 4.
+    The scale of *q* does not matter.  For a half turn the axis is ``+v``.
     """
     q = components(q, 4, "q")
     return 2.0 * log_half(np.where(q[..., :1] < 0.0, -q, q))
@@ -273,15 +201,7 @@ def log(q: ArrayLike) -> Floats:
 def power(q: ArrayLike, exponent: ArrayLike) -> Floats:
     """Return a real power of unit quaternions, ``exp_half(exponent * log_half(q))``.
 
-    Args:
-        q: unit quaternions, shape ``(..., 4)``, taken with the sign they have.
-        exponent: real numbers, broadcast against the leading axes of *q*.
-
-    Returns:
-        Unit quaternions, shape ``(..., 4)``.
-
-    Raises:
-        ValueError: the last axis of *q* does not have length 4.
+    Each is taken with the sign it has; exponents are broadcast against the leading axes of *q*.
     """
     return exp_half(np.asarray(exponent, dtype=np.float64)[..., None] * log_half(q))
 
@@ -294,17 +214,6 @@ def slerp(p: ArrayLike, q: ArrayLike, u: ArrayLike) -> Floats:
     Both quaternions are taken with the signs they have, and *u* may be any real number: a slerp
     that flips signs inside makes every construction built from it discontinuous (Schlag, 1991,
     needs *u* outside ``[0, 1]`` too).
-
-    Args:
-        p: unit quaternions, shape ``(..., 4)``.
-        q: unit quaternions, shape ``(..., 4)``.
-        u: parameters, broadcast against the leading axes.
-
-    Returns:
-        Unit quaternions, shape ``(..., 4)``.
-
-    Raises:
-        ValueError: a last axis does not have length 4.
     """
     return multiply(p, power(between(p, q), u))
 
@@ -314,9 +223,6 @@ def angle(p: ArrayLike, q: ArrayLike) -> Floats:
 
     It is twice the angle between two unit vectors, by the arc tangent of their difference and their
     sum, which keeps its digits everywhere (Kahan 2006, sec. 12).
-
-    Raises:
-        ValueError: a last axis does not have length 4.
     """
     p = components(p, 4, "p")
     q = components(q, 4, "q")
@@ -344,11 +250,7 @@ def nearer_sign(w: float, x: float, y: float, z: float) -> float:
 
 
 def are_half_turns(qs: ArrayLike) -> NDArray[np.bool_]:
-    """Return for each step of a sequence whether it is a half turn, shape ``(..., n - 1)``.
-
-    Args:
-        qs: unit quaternions, shape ``(..., n, 4)``.
-    """
+    """Return for each step of a sequence, shape ``(..., n, 4)``, whether it is a half turn."""
     qs = components(qs, 4, "qs")
     is_half: NDArray[np.bool_] = (
         np.abs(np.sum(qs[..., 1:, :] * qs[..., :-1, :], axis=-1)) <= HALF_TURN
@@ -366,11 +268,8 @@ def align(qs: ArrayLike) -> Floats:
     Args:
         qs: unit quaternions, shape ``(..., n, 4)``.
 
-    Returns:
-        The aligned sequence, same shape.
-
     Raises:
-        ValueError: the last axis does not have length 4, or there is no sequence axis.
+        ValueError: there is no sequence axis.
     """
     qs = components(qs, 4, "qs")
     if qs.ndim < 2:

@@ -87,7 +87,7 @@ def attribute_lines(of: type) -> dict[str, str]:
 
 
 def _fields(of: type) -> tuple[Field, ...]:
-    hints, lines = get_type_hints(of), attribute_lines(of)
+    hints, lines = get_type_hints(of, localns={"Limits": Limits}), attribute_lines(of)
     return tuple(
         _field(entry, hints[entry.name], lines.get(entry.name, ""))
         for entry in fields(of)

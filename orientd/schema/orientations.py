@@ -12,7 +12,7 @@ import numpy as np
 from orientd import plain_values as plain
 from orientd.errors import RequestError
 from orientd.planner import Quaternion
-from orientd.rotation import Floats, from_euler, from_matrix, from_rotation_vector
+from orientd.rotation import Floats, exp, from_euler, from_matrix
 
 Written = tuple[str, Any]
 """An orientation as it is written: its form, and what its reader in :data:`FORMS` returns."""
@@ -122,7 +122,7 @@ def quaternions(written: Sequence[Written]) -> list[Quaternion]:
         RequestError: one is none, for example a matrix that is no rotation.
     """
     found: list[Any] = [q for _, q in written]
-    _convert(found, written, "rotation_vector", from_rotation_vector)
+    _convert(found, written, "rotation_vector", exp)
     _convert(found, written, "matrix", from_matrix)
     for index, (form, euler) in enumerate(written):
         if form == "euler":

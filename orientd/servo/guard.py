@@ -2,23 +2,25 @@
 
 It differentiates backwards, as a device does: the rotation vector from the previous setpoint to
 this one over the period is the velocity, the change of that the acceleration, the change of that
-the jerk.  A setpoint that breaks a limit is not written; :meth:`Guard.soft_stop` then brings the
-device to rest from what *was* written, inside the limits, wherever that leaves it.
+the jerk.  A setpoint that breaks a limit is not written; the device then comes to rest from what
+*was* written.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from math import ceil, sqrt
-
 from orientd.driver import ZERO, Quaternion, Vector3
-from orientd.floats import difference, exp, multiply, norm, normalize, plus
-from orientd.servo.motion_law import halt, loosened, with_gains
+from orientd.floats import combine, difference, norm, plus
 from orientd.stream import ServoLimits
 from orientd.tolerances import GUARD_TOLERANCE
 
 _ROUNDING = 4e-15
 """Rounding of a difference of two orientations, rad; it is divided by the period's powers."""
+
+_QUANTITIES = (
+    ("angular velocity", "rad/s"),
+    ("angular acceleration", "rad/s^2"),
+    ("angular jerk", "rad/s^3"),
+)
 
 
 class Guard:
@@ -57,6 +59,12 @@ class Guard:
             self.alpha, self.omega = (-x / h, -y / h, -z / h), ZERO
         self.velocity = ZERO
 
+    def take(self, q: Quaternion, position: Vector3) -> None:
+        """Take a setpoint of a stop off the path, whose law keeps the limits as well as it can."""
+        omega, velocity = self.rates(q, position)
+        self.alpha = combine(omega, 1.0 / self.period, self.omega, -1.0 / self.period)
+        self.q, self.omega, self.position, self.velocity = q, omega, position, velocity
+
     def admit(self, q: Quaternion, position: Vector3, servo_limits: ServoLimits) -> str:
         """Take a setpoint if it keeps *servo_limits*.
 
@@ -79,9 +87,9 @@ class Guard:
             and u * u + v * v + w * w <= acceleration
             and x * x + y * y + z * z <= jerk
         ):
-            return _explain((norm(omega), norm(alpha), norm((x, y, z))), servo_limits)
+            return _beyond_norms((omega, alpha, (x, y, z)), servo_limits)
         if servo_limits.has_axes:
-            problem = _beyond_axes(omega, alpha, (x, y, z), servo_limits, h)
+            problem = _beyond_axes((omega, alpha, (x, y, z)), servo_limits, h)
             if problem:
                 return problem
         if position != self.position or self.velocity != ZERO:
@@ -103,11 +111,11 @@ class Guard:
 
     def _admit_position(self, position: Vector3, servo_limits: ServoLimits) -> str:
         h, rounding = self.period, _ROUNDING / self.period
-        velocity = plus(plus(ZERO, position, 1.0 / h), self.position, -1.0 / h)
+        velocity = combine(position, 1.0 / h, self.position, -1.0 / h)
         speed, change = norm(velocity), norm(plus(velocity, self.velocity, -1.0)) / h
-        problem = _beyond("velocity", speed, servo_limits.linear_velocity, "m/s", rounding)
+        problem = _beyond("velocity", "m/s", speed, servo_limits.linear_velocity, rounding)
         problem = problem or _beyond(
-            "acceleration", change, servo_limits.linear_acceleration, "m/s^2", rounding / h
+            "acceleration", "m/s^2", change, servo_limits.linear_acceleration, rounding / h
         )
         if not problem:
             self.position, self.velocity = position, velocity
@@ -116,79 +124,17 @@ class Guard:
     def rates(self, q: Quaternion, position: Vector3) -> tuple[Vector3, Vector3]:
         """Return angular velocity and velocity, rad/s and m/s, of a step to there."""
         h, (x, y, z) = self.period, difference(self.q, q)
-        velocity = plus(plus(ZERO, position, 1.0 / h), self.position, -1.0 / h)
-        return (x / h, y / h, z / h), velocity
-
-    def soft_stop(self, servo_limits: ServoLimits) -> Iterator[tuple[Quaternion, Vector3]]:
-        """Yield setpoints that come to rest from what was last written, off the path if need be.
-
-        As quickly as the norms allow; where components are limited by themselves, along a profile
-        that is longer and keeps both.  The guard's own state follows.
-        """
-        if servo_limits.has_axes:
-            yield from self._profiled_stop(servo_limits)
-            return
-        limits = with_gains(
-            self.period, servo_limits.velocity, servo_limits.acceleration, servo_limits.jerk
-        )
-        while not self.is_at_rest:
-            omega, _ = halt(self.omega, self.alpha, loosened(limits, self.omega, self.alpha))
-            yield self._step(omega, self._braked(servo_limits))
+        return (x / h, y / h, z / h), combine(position, 1.0 / h, self.position, -1.0 / h)
 
     def braked_position(self, servo_limits: ServoLimits) -> Vector3:
         """Return the next position on the quickest way to rest along a straight line."""
-        return plus(self.position, self._braked(servo_limits), self.period)
-
-    def _braked(self, servo_limits: ServoLimits) -> Vector3:
-        """Return the velocity of the next step of that."""
         speed, brake = norm(self.velocity), servo_limits.linear_acceleration * self.period
-        return plus(ZERO, self.velocity, 1.0 - brake / speed) if speed > brake else ZERO
-
-    def _profiled_stop(self, servo_limits: ServoLimits) -> Iterator[tuple[Quaternion, Vector3]]:
-        """Yield setpoints that first take the acceleration away, then the velocity.
-
-        The acceleration falls as fast as the jerk limit allows, the velocity along
-        ``1 - 3t^2 + 2t^3`` in the shortest whole number of cycles inside the limits.
-        """
-        h = self.period
-        ramp = ceil(_share(self.alpha, servo_limits.jerk, servo_limits.axis_jerk) / h)
-        alpha, omega = self.alpha, self.omega
-        for k in range(1, ramp + 1):
-            share = 1.0 - k / ramp
-            omega = plus(omega, alpha, share * h)
-            yield self._step(omega, self.velocity)
-        velocity = self.velocity
-        cycles = ceil(
-            max(
-                1.5 * _share(omega, servo_limits.acceleration, servo_limits.axis_acceleration) / h,
-                sqrt(6.0 * _share(omega, servo_limits.jerk, servo_limits.axis_jerk)) / h,
-                1.5 * norm(velocity) / (servo_limits.linear_acceleration * h),
-                1.0,
-            )
-        )
-        for k in range(1, cycles + 1):
-            t = k / cycles
-            share = 1.0 - t * t * (3.0 - 2.0 * t)
-            yield self._step(plus(ZERO, omega, share), plus(ZERO, velocity, share))
-        self.omega = self.alpha = self.velocity = ZERO
-
-    def _step(self, omega: Vector3, velocity: Vector3) -> tuple[Quaternion, Vector3]:
-        h = self.period
-        self.alpha = plus(plus(ZERO, omega, 1.0 / h), self.omega, -1.0 / h)
-        self.q = normalize(multiply(self.q, exp(plus(ZERO, omega, h))))
-        self.position = plus(self.position, velocity, h)
-        self.omega, self.velocity = omega, velocity
-        return self.q, self.position
-
-
-def _share(vector: Vector3, limit: float, axes: Vector3) -> float:
-    """Return how long a limited rate needs for a change by *vector* along itself, s."""
-    x, y, z = vector
-    return max(norm(vector) / limit, abs(x) / axes[0], abs(y) / axes[1], abs(z) / axes[2])
+        share = 1.0 - brake / speed if speed > brake else 0.0
+        return plus(self.position, self.velocity, share * self.period)
 
 
 def _beyond(
-    name: str, size: float, limit: float, unit: str, slack: float = 0.0, axis: str = ""
+    name: str, unit: str, size: float, limit: float, slack: float = 0.0, axis: str = ""
 ) -> str:
     """Say that a quantity is beyond its limit, if it is; no number is beyond it, too."""
     if size <= limit * GUARD_TOLERANCE + slack:
@@ -196,36 +142,30 @@ def _beyond(
     return f"{name} {size:.6g} {unit}{axis}, the limit is {limit:.6g} {unit}"
 
 
+def _beyond_norms(rates: tuple[Vector3, Vector3, Vector3], servo_limits: ServoLimits) -> str:
+    """Say which norm is too large: the lowest derivative, whose excess causes the others."""
+    limits = servo_limits.velocity, servo_limits.acceleration, servo_limits.jerk
+    for names, vector, limit in zip(_QUANTITIES, rates, limits, strict=True):
+        problem = _beyond(*names, norm(vector), limit)
+        if problem:
+            return problem
+    return "a limit by the rounding of its differences"
+
+
 def _beyond_axes(
-    omega: Vector3, alpha: Vector3, jerk: Vector3, servo_limits: ServoLimits, h: float
+    rates: tuple[Vector3, Vector3, Vector3], servo_limits: ServoLimits, h: float
 ) -> str:
-    """Return which component is too large, the lowest derivative first, or an empty string."""
+    """Say which component is too large, the lowest derivative first, if any is."""
     slack = _ROUNDING / h
-    for name, vector, limits, unit in (
-        ("angular velocity", omega, servo_limits.axis_velocity, "rad/s"),
-        ("angular acceleration", alpha, servo_limits.axis_acceleration, "rad/s^2"),
-        ("angular jerk", jerk, servo_limits.axis_jerk, "rad/s^3"),
-    ):
-        x, y, z = vector
-        a, b, c = limits
+    axes = servo_limits.axis_velocity, servo_limits.axis_acceleration, servo_limits.axis_jerk
+    for names, (x, y, z), (a, b, c) in zip(_QUANTITIES, rates, axes, strict=True):
         if not (
             abs(x) <= a * GUARD_TOLERANCE + slack
             and abs(y) <= b * GUARD_TOLERANCE + slack
             and abs(z) <= c * GUARD_TOLERANCE + slack
         ):
-            parts = zip(map(abs, vector), limits, "xyz", strict=True)
+            parts = (abs(x), a, "x"), (abs(y), b, "y"), (abs(z), c, "z")
             size, limit, axis = max(parts, key=lambda part: part[0] / part[1])
-            return _beyond(name, size, limit, unit, slack, f" about {axis}")
+            return _beyond(*names, size, limit, slack, f" about {axis}")
         slack /= h
     return ""
-
-
-def _explain(reached: tuple[float, float, float], servo_limits: ServoLimits) -> str:
-    """Say which quantity is too large: the lowest derivative, whose excess causes the others."""
-    velocity, acceleration, jerk = reached
-    return (
-        _beyond("angular velocity", velocity, servo_limits.velocity, "rad/s")
-        or _beyond("angular acceleration", acceleration, servo_limits.acceleration, "rad/s^2")
-        or _beyond("angular jerk", jerk, servo_limits.jerk, "rad/s^3")
-        or "a limit by the rounding of its differences"
-    )

@@ -6,19 +6,20 @@ in its own frame.  All limits are Euclidean norms, so that nothing depends on a 
 components have limits of their own, the law works in scaled coordinates whose ball lies inside all
 of them (:func:`limits_of`): a straight way to the target stays straight.
 
-Between samples this chain is the same as an integrator with constant jerk, for the shifted
-quantities ``omega - h alpha / 2`` and ``e + h omega - h^2 alpha / 6`` (e: what is left to turn);
-with them the formulas of continuous time are exact at any rate.
+About one axis a stop in whole cycles changes the velocity by *c*, *c - d*, *c - 2d*, ... (*d* is
+what the jerk allows): :func:`first_change`.  Between samples this chain is the same as an
+integrator with constant jerk, for the shifted quantities ``omega - h alpha / 2`` and ``e + h omega
+- h^2 alpha / 6`` (e: what is left to turn); with them the formulas of continuous time are exact at
+any rate: :func:`stop_phases`, :func:`stopping_angle`.
 """
 
 from __future__ import annotations
 
-from math import cbrt, sqrt
+from math import cbrt, floor, sqrt
 from typing import NamedTuple
 
 from orientd.driver import ZERO, Vector3
 from orientd.floats import norm, plus
-from orientd.servo.double_s import first_change
 from orientd.stream import ServoLimits
 
 PRECISION = 1e-3
@@ -40,6 +41,7 @@ EVENLY = 2.0
 LEAST = 1e-9
 """The least that a limit counts as, so that none divides by zero."""
 
+_STRAIGHT = 1e-6  # sine of an angle
 _STILL = 1e-12
 """What counts as no velocity, rad/s: a thousandth of what the guard takes for rounding."""
 
@@ -75,34 +77,61 @@ class TrackingLimits(NamedTuple):
     calm: float
 
 
-def with_gains(period: float, velocity: float, acceleration: float, jerk: float) -> TrackingLimits:
-    """Return limits with the gains for a target at rest: the last stretch is *PRECISION* long."""
-    velocity, acceleration = max(velocity, LEAST), max(acceleration, LEAST)
-    # A jerk that needs fewer than two cycles for the whole acceleration gains no time, and a stop
-    # in whole cycles keeps less well to what is predicted of it.
-    jerk = min(max(jerk, LEAST), acceleration / (2.0 * period))
-    approach = min(cbrt(jerk / PRECISION), sqrt(acceleration / PRECISION), QUICKEST / period)
-    return TrackingLimits(
-        period, velocity, acceleration, jerk, approach, RATIO * approach, 0.8, 0.0
-    )
-
-
 def limits_of(servo_limits: ServoLimits, period: float) -> tuple[TrackingLimits, Vector3]:
     """Return *servo_limits* for the law, and the units along the axes in which they hold.
 
     An ellipsoid inside the limits of norm and components; along the axis that may move most it
-    gives nothing away, along others as much as their limits are out of proportion.
+    gives nothing away, along others as much as their limits are out of proportion.  The gains are
+    those for a target at rest: the last stretch is *PRECISION* long.
     """
     norms = servo_limits.velocity, servo_limits.acceleration, servo_limits.jerk
-    if not servo_limits.has_axes:
-        return with_gains(period, *norms), (1.0, 1.0, 1.0)
-    axes = servo_limits.axis_velocity, servo_limits.axis_acceleration, servo_limits.axis_jerk
-    balls = [max(LEAST, min(most, max(each))) for most, each in zip(norms, axes, strict=True)]
-    x, y, z = (
-        max(LEAST, min(1.0, *(part / ball for part, ball in zip(parts, balls, strict=True))))
-        for parts in zip(*axes, strict=True)
+    units = (1.0, 1.0, 1.0)
+    if servo_limits.has_axes:
+        axes = servo_limits.axis_velocity, servo_limits.axis_acceleration, servo_limits.axis_jerk
+        balls = [max(LEAST, min(most, max(each))) for most, each in zip(norms, axes, strict=True)]
+        x, y, z = (
+            max(LEAST, min(1.0, *(part / ball for part, ball in zip(parts, balls, strict=True))))
+            for parts in zip(*axes, strict=True)
+        )
+        norms, units = (balls[0], balls[1], balls[2]), (x, y, z)
+    velocity, acceleration, jerk = (max(limit, LEAST) for limit in norms)
+    # A jerk that needs fewer than two cycles for the whole acceleration gains no time, and a stop
+    # in whole cycles keeps less well to what is predicted of it.
+    jerk = min(jerk, acceleration / (2.0 * period))
+    approach = min(cbrt(jerk / PRECISION), sqrt(acceleration / PRECISION), QUICKEST / period)
+    limits = TrackingLimits(
+        period, velocity, acceleration, jerk, approach, RATIO * approach, 0.8, 0.0
     )
-    return with_gains(period, *balls), (x, y, z)
+    return limits, units
+
+
+def limits_in_plane(servo_limits: ServoLimits, omega: Vector3, alpha: Vector3) -> ServoLimits:
+    """Return norms that keep the limits of components, too, in the plane of two vectors.
+
+    A stop from the angular velocity *omega* and acceleration *alpha* stays in that plane.
+    """
+    if not servo_limits.has_axes:
+        return servo_limits
+    (a, b, c), (x, y, z) = omega, alpha
+    normal = (b * z - c * y, c * x - a * z, a * y - b * x)
+    size = norm(normal)
+    if size > _STRAIGHT * norm(omega) * norm(alpha):
+        parts = [sqrt(max(1.0 - (part / size) ** 2, 0.0)) for part in normal]
+    else:
+        line = max(omega, alpha, key=norm)
+        parts = [abs(part) / (norm(line) or 1.0) for part in line]
+
+    def within(most: float, axes: Vector3) -> float:
+        return min([most, *(axis / part for axis, part in zip(axes, parts, strict=True) if part)])
+
+    return ServoLimits(
+        within(servo_limits.velocity, servo_limits.axis_velocity),
+        within(servo_limits.acceleration, servo_limits.axis_acceleration),
+        within(servo_limits.jerk, servo_limits.axis_jerk),
+        servo_limits.linear_velocity,
+        servo_limits.linear_acceleration,
+        servo_limits.brake_rate,
+    )
 
 
 def softened(limits: TrackingLimits, delay: float) -> TrackingLimits:
@@ -121,10 +150,65 @@ def softened(limits: TrackingLimits, delay: float) -> TrackingLimits:
     return limits._replace(approach=approach, settle=settle, share=share, calm=calm)
 
 
-def run_out(value: float, step: float) -> float:
-    """Return how much velocity (over h) is still gained while *value* ramps down to zero."""
-    m = int(value / step)
-    return m * (value - 0.5 * step * (m + 1))
+def first_change(total: float, step: float) -> float:
+    """Return the change with which a velocity begins to change by *total* without excess.
+
+    The changes *c, c-d, c-2d, ...* of the cycles to come cover ``(n+1)(c - d n/2)``,
+    ``n = floor(c/d)``.
+
+    Args:
+        total: of all the changes; not negative.
+        step: *d*, how much the jerk lets the change differ from one cycle to the next.
+    """
+    left = total / step
+    whole = floor(0.5 * (sqrt(1.0 + 8.0 * left) - 1.0))
+    return (left / (whole + 1) + 0.5 * whole) * step
+
+
+def run_out(change: float, step: float) -> float:
+    """Return the sum of the changes *c - d, c - 2d, ...* that follow the *change* c."""
+    m = int(change / step)
+    return m * (change - 0.5 * step * (m + 1))
+
+
+def stop_phases(
+    speed: float, rate: float, acceleration: float, jerk: float
+) -> tuple[float, float, float]:
+    """Return for how long a stop's acceleration falls, stays and rises, s.
+
+    Args:
+        speed: not negative, or becoming so before the acceleration has run out.
+        rate: at which the speed changes at first.
+        acceleration: limit.
+        jerk: limit.
+    """
+    square = max(jerk * speed + 0.5 * rate * rate, 0.0)
+    peak = min(sqrt(square), acceleration)
+    held = (square - peak * peak) / (peak * jerk) if peak > 0.0 else 0.0
+    return max((rate + peak) / jerk, 0.0), held, peak / jerk
+
+
+def stopping_angle(speed: float, rate: float, acceleration: float, jerk: float) -> float:
+    """Return how far a motion about one axis still turns if it stops as soon as it can, rad.
+
+    Args:
+        speed: rad/s, of either sign.
+        rate: its acceleration, rad/s^2.
+        acceleration: limit, rad/s^2.
+        jerk: limit, rad/s^3.
+    """
+    if speed + 0.5 * rate * abs(rate) / jerk < 0.0:
+        return -stopping_angle(-speed, -rate, acceleration, jerk)
+    # As stop_phases() says, in one piece: the tracker asks several times a cycle.
+    square = max(jerk * speed + 0.5 * rate * rate, 0.0)
+    peak = min(sqrt(square), acceleration)
+    t = (rate + peak) / jerk
+    last = 0.5 * peak * peak / jerk
+    angle = t * (speed + t * (0.5 * rate - jerk * t / 6.0)) + last * peak / (3.0 * jerk)
+    if peak == acceleration:
+        speed += 0.5 * (rate * rate - peak * peak) / jerk
+        angle += 0.5 * (speed * speed - last * last) / peak
+    return angle
 
 
 def loosened(limits: TrackingLimits, omega: Vector3, alpha: Vector3) -> TrackingLimits:

@@ -22,8 +22,7 @@ from orientd.errors import (
     NotYetError,
     StateError,
 )
-from orientd.servo.arrival import Arrival
-from orientd.servo.device_teller import DeviceTeller
+from orientd.servo.device_reports import Arrival, DeviceReports
 from orientd.servo.path import PathPart, PathPoint
 from orientd.servo.setpoint_generator import SetpointGenerator
 from orientd.servo.state_table import Event, advance
@@ -62,6 +61,18 @@ PARENT_CHECK = 8
 _NO_FEEDBACK = Feedback(0, IDENTITY)
 
 
+def fault_of(error: Exception) -> Fault:
+    """Return the fault that an error of a driver means."""
+    for kind, fault in (
+        (FeedbackError, Fault.FEEDBACK_STALE),
+        (LinkError, Fault.LINK_LOST),
+        (DeviceFaultError, Fault.DEVICE_FAULT),
+    ):
+        if isinstance(error, kind):
+            return fault
+    return Fault.INTERNAL
+
+
 class Servo:
     """One device, and who speaks with it.
 
@@ -71,7 +82,7 @@ class Servo:
         missed: deadlines that were skipped altogether.
         work_ns: how long the last cycle worked.
         setpoints: state, path, and what comes next.
-        teller: says what the driver has to say beside the cycles.
+        reports: what the driver says beside the cycles.
 
     Args:
         driver: an opened driver.
@@ -112,7 +123,7 @@ class Servo:
         self._taken = 0  # what was asked for before the process was ready counts
         self._stops = 0
         self._cycle_count = 0
-        self.teller = DeviceTeller(driver, memory, period_ns)
+        self.reports = DeviceReports(driver, memory, period_ns)
 
     @property
     def state(self) -> ServoState:
@@ -147,12 +158,12 @@ class Servo:
         except Exception as error:  # noqa: BLE001 - what others may write must not end the servo
             point = self._lose_path(error)
         if self.setpoints.pursuit.hindrance:
-            self.teller.tell_hindrance(self.setpoints.pursuit.hindrance, self._cycle_count)
+            self.reports.publish_hindrance(self.setpoints.pursuit.hindrance, self._cycle_count)
         is_written = self._is_enabled
         if is_written:
             try:
                 setpoint = tuple.__new__(Setpoint, (deadline_ns, *point))
-                if self.setpoints.is_following:
+                if self.setpoints.pursuit.is_on:
                     point = self.setpoints.confine(self._driver.follow(setpoint))
                 else:
                     self._driver.write(setpoint)
@@ -169,7 +180,7 @@ class Servo:
         """Look whether the axes are where the motion has ended; a fault where they do not come."""
         arrival = self._arrival
         if self.setpoints.state is not _HOLDING:
-            arrival.end()
+            arrival.is_awaited = False
             return
         try:
             measured_ns = self._feedback.time_ns if self._feedback else 0
@@ -179,7 +190,7 @@ class Servo:
             if problem:
                 raise AxisFaultError(problem)
         except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
-            arrival.end()
+            arrival.is_awaited = False
             self._take_fault(error)
 
     def request_end(self, reason: str) -> None:
@@ -243,16 +254,12 @@ class Servo:
 
     def _take_fault(self, error: Exception) -> None:
         """Turn what a driver raised into a fault: at once, or after a stop on the path."""
-        if isinstance(error, FeedbackError):
-            self.setpoints.brake(Fault.FEEDBACK_STALE, str(error))
-        elif isinstance(error, LinkError):
-            self._fail(Fault.LINK_LOST, str(error))
-        elif isinstance(error, AxisFaultError):
-            self.setpoints.brake(Fault.DEVICE_FAULT, str(error))
-        elif isinstance(error, DeviceFaultError):
-            self._fail(Fault.DEVICE_FAULT, str(error))
+        fault = fault_of(error)
+        text = f"{type(error).__name__}: {error}" if fault is Fault.INTERNAL else str(error)
+        if isinstance(error, (FeedbackError, AxisFaultError)):
+            self.setpoints.brake(fault, text)
         else:
-            self._fail(Fault.INTERNAL, f"{type(error).__name__}: {error}")
+            self._fail(fault, text)
 
     # Commands
 
@@ -331,7 +338,7 @@ class Servo:
                 self._driver.disable()
             self._driver.reset()
             setpoints.clear_fault()
-            self.teller.tell_notices()
+            self.reports.publish_notices()
         elif command is Command.SHUTDOWN:
             self._is_orderly = True
             self.request_end("the daemon asked for it")
@@ -433,4 +440,4 @@ class Servo:
         )
         ring.append(record)
         self._cycle_count += 1
-        self.teller.tell_health(self._cycle_count)
+        self.reports.publish_health(self._cycle_count)

@@ -1,18 +1,19 @@
 """The setpoint generator: state, path and limits, and the next setpoint of whatever moves.
 
-It streams a path, follows targets, and comes to rest on the path or, where that cannot be, off it;
-all pass the guard.  :mod:`orientd.servo.servo` reads, writes and speaks with the daemon.
+It streams a path, follows targets, and comes to rest on the path or, where that cannot be, off it.
+:mod:`orientd.servo.servo` reads, writes and speaks with the daemon.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 
 from orientd.driver import IDENTITY, ZERO, Driver, Quaternion, Vector3
 from orientd.errors import Fault, NotYetError
 from orientd.floats import combine, difference, norm
 from orientd.servo.guard import Guard
+from orientd.servo.motion_law import limits_in_plane
 from orientd.servo.path import (
     PathFollower,
     PathPart,
@@ -23,11 +24,12 @@ from orientd.servo.path import (
 )
 from orientd.servo.state_table import Event, advance
 from orientd.servo.tracking import TargetFollower
-from orientd.servo.watchdog import Stalls
+from orientd.servo.watchdog import longest_gap_ns
 from orientd.stream import UNKNOWN, ServoLimits, ServoState, SharedMemory
 
 # Looking a member up in its enumeration takes longer than comparing it.
 _STREAMING, _STOPPING, _TRACKING = ServoState.STREAMING, ServoState.STOPPING, ServoState.TRACKING
+_MOVING = (_STREAMING, _STOPPING, _TRACKING)
 _NO_FAULT = Fault.NONE
 
 _NO_LIMITS = ServoLimits(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
@@ -46,7 +48,7 @@ class SetpointGenerator:
         time_scaling: how fast the path is run through.
         follower: where on the path the setpoint is.
         is_from_rest: whether motion goes on from rest with this cycle, after a stall.
-        pursuit: the targets that it follows.
+        pursuit: the targets that it follows, or a stop off the path, which has none.
     """
 
     def __init__(
@@ -58,42 +60,47 @@ class SetpointGenerator:
         stall_ns: int,
         on_fault: Callable[[Fault, str], None],
     ) -> None:
-        """Hold still.
-
-        Args:
-            driver: says how fast it lets a path be run through.
-            memory: the rings of the path and of targets.
-            period_ns: cycle period.
-            stall_ns: longest time without a cycle after which a motion goes on by itself.
-            on_fault: is told of every fault when the state becomes that.
-        """
+        """Hold still; after *stall_ns* without a cycle no motion goes on by itself."""
         period = period_ns * 1e-9
         self.state = ServoState.IDLE
         self.fault = Fault.NONE
         self.fault_text = ""
         self.motion = 0
         self.last = PathPoint(IDENTITY, ZERO, ZERO, ZERO, ZERO)
+        self.is_from_rest = False
         self.time_scaling = TimeScaling(period)
         self.follower = PathFollower(memory.path, period, _NO_LIMITS)
         self._guard = Guard(period)
         self._quick_stop = QuickStop(self.time_scaling, self.follower, self._guard)
         self.pursuit = TargetFollower(memory.targets, self._guard, driver)
-        self._stalls = Stalls(period_ns, stall_ns)
         self._driver = driver
         self._on_fault = on_fault
-        self._period_ns = period_ns
+        self._period_ns, self._stall_ns = period_ns, stall_ns
+        self._gap_ns = longest_gap_ns(period_ns)
         self._servo_limits = _NO_LIMITS
         self._speed = 0.0
         self._start_ns = UNKNOWN
-        self._is_waiting = False
-        self._escape: Iterator[tuple[Quaternion, Vector3]] | None = None
-        self._moved_ns, self._sent, self._is_there, self.is_from_rest = 0, IDENTITY, False, False
+        self._is_waiting = self._is_off_path = self._is_there = False
+        self._moved_ns, self._sent = 0, IDENTITY
 
     @property
     def is_moving(self) -> bool:
         """Whether setpoints change."""
-        state = self.state
-        return state is _STREAMING or state is _STOPPING or state is _TRACKING
+        return self.state in _MOVING
+
+    def step(self, deadline_ns: int, now_ns: int) -> PathPoint:
+        """Return the setpoint of the cycle that was due at *deadline_ns* and runs at *now_ns*."""
+        gap_ns, self._moved_ns = now_ns - self._moved_ns, now_ns
+        self.is_from_rest = gap_ns > self._gap_ns and self.state in _MOVING
+        if self.is_from_rest:
+            self._go_on_from_rest(gap_ns)
+        if self.state not in _MOVING:
+            self.last = self._hold()
+        elif self.pursuit.is_on:
+            self.last = self._follow(deadline_ns)
+        else:
+            self.last = self._move(deadline_ns)
+        return self.last
 
     def _hold(self) -> PathPoint:
         """Return the last setpoint once more, at rest."""
@@ -101,30 +108,11 @@ class SetpointGenerator:
         last = self.last
         return PathPoint(last.q, ZERO, ZERO, last.position, ZERO)
 
-    def step(self, deadline_ns: int, now_ns: int) -> PathPoint:
-        """Return the setpoint of the cycle that was due at *deadline_ns* and runs at *now_ns*."""
-        gap_ns, self._moved_ns = now_ns - self._moved_ns, now_ns
-        self.is_from_rest = gap_ns > self._stalls.shortest_ns and self.is_moving
-        if self.is_from_rest:
-            self._go_on_from_rest(gap_ns)
-        state = self.state  # not is_moving: a call
-        if state is _STREAMING or state is _STOPPING or state is _TRACKING:
-            point = self._move(deadline_ns)
-        else:
-            point = self._hold()
-        self.last = point
-        return point
-
     def anchor(self, q: Quaternion, position: Vector3) -> None:
         """Begin at rest at *q* and *position*."""
         self.last = PathPoint(q, ZERO, ZERO, position, ZERO)
         self._guard.anchor(q, position)
         self.time_scaling.halt()
-
-    @property
-    def is_following(self) -> bool:
-        """Whether targets are followed, or anything comes to rest that is on no planned path."""
-        return self.pursuit.is_on or self._escape is not None
 
     def confine(self, q: Quaternion) -> PathPoint:
         """Take note that *q* was sent in place of the last setpoint; return what was sent."""
@@ -146,8 +134,8 @@ class SetpointGenerator:
     def halt(self) -> None:
         """Come to rest as fast as the limits allow, wherever that leaves the path."""
         self.stop(Event.HALT)
-        if self.is_moving and self._escape is None and not self.pursuit.is_on:
-            self._begin_escape()
+        if self.is_moving and not self.pursuit.is_on:
+            self._leave()
 
     def clear_fault(self) -> None:
         """Leave the fault behind."""
@@ -180,7 +168,7 @@ class SetpointGenerator:
         scaling, brake_rate = self.time_scaling, part.servo_limits.brake_rate
         if not brake_rate > 0.0:
             return f"brake rate must be positive, got {brake_rate!r}"
-        if scaling.is_overridden or (not scaling.is_steady and brake_rate < scaling.brake_rate):
+        if scaling.plan or (not scaling.is_steady and brake_rate < scaling.brake_rate):
             raise NotYetError("the speed is changing")
         problem = self.follower.splice(part)
         if not problem:
@@ -191,15 +179,25 @@ class SetpointGenerator:
     def track(self, part: PathPart) -> None:
         """Follow targets from here on, whatever moves at present."""
         following = advance(self.state, Event.TRACK)
-        guard = self._guard
         self.time_scaling.halt()
         # Where a narrower limit is broken already, what there is of it is taken away.
-        speed = max(part.servo_limits.linear_velocity, norm(guard.velocity))
-        self._servo_limits = replace(part.servo_limits, linear_velocity=speed)
+        speed = max(part.servo_limits.linear_velocity, norm(self._guard.velocity))
+        self._pursue(replace(part.servo_limits, linear_velocity=speed), self._guard.q)
         self.motion = part.number
-        self._sent, self._is_there = guard.q, False
-        self.pursuit.begin(part.servo_limits)
         self.state = following
+
+    def _pursue(self, servo_limits: ServoLimits, sent: Quaternion) -> None:
+        """Go on from what was written without the path; *sent* is what the axes made of that."""
+        self._servo_limits = servo_limits
+        self._is_off_path, self._is_there, self._sent = False, False, sent
+        self.pursuit.begin(servo_limits)
+
+    def _leave(self) -> None:
+        """Come to rest without the path, as near to that as the device's axes can."""
+        guard = self._guard
+        limits = limits_in_plane(self._servo_limits, guard.omega, guard.alpha)
+        self._pursue(limits, self.last.q)
+        self._is_off_path = True
 
     def stop(self, event: Event) -> None:
         """Begin to come to rest, on the path or away from the target."""
@@ -218,12 +216,19 @@ class SetpointGenerator:
         else:
             self.fail(fault, text)
 
+    def leave_path(self, fault: Fault, text: str) -> PathPoint:
+        """Begin to come to rest without the path; return the first setpoint of that."""
+        self.brake(fault, text)
+        if not self.is_moving:
+            return self._hold()
+        self._leave()
+        return self._follow(UNKNOWN)
+
     def fail(self, fault: Fault, text: str) -> bool:
         """Be in *fault* now; return whether that is new."""
         if self.state is ServoState.FAULT and self.fault is fault:
             return False
         self.fault, self.fault_text = fault, text
-        self._escape = None
         self.pursuit.end()
         self.time_scaling.halt()
         self.state = advance(self.state, Event.FAIL)
@@ -233,11 +238,7 @@ class SetpointGenerator:
     # The next setpoint
 
     def _move(self, deadline_ns: int) -> PathPoint:
-        """Return the next setpoint of a motion or of a stop."""
-        if self._escape is not None:
-            return self._step_off_path()
-        if self.pursuit.is_on:
-            return self._follow(deadline_ns)
+        """Return the next setpoint of a motion, or of a stop on its path."""
         scaling, follower, share = self.time_scaling, self.follower, 1.0
         if self.state is _STREAMING:
             speed = self._speed * self._driver.speed_scaling
@@ -253,23 +254,19 @@ class SetpointGenerator:
             if not follower.reaches(scaling.braking_cycles):
                 self.brake(Fault.PATH_STARVED, "the daemon did not deliver the path in time")
         before, part = scaling.rate, follower.part
-        if scaling.is_overridden or scaling.target == 0.0 < before:
-            rate = self._quick_stop.advance(self._servo_limits, may_end=self.state is _STOPPING)
-        else:
-            rate = scaling.advance()
+        if scaling.target == 0.0 < before and not scaling.plan:
+            self._quick_stop.seek(self._servo_limits, may_end=self.state is _STOPPING)
+        rate = scaling.advance()
         try:
-            path, place = follower.look(rate * share)
-            servo_limits = self._servo_limits if place.part is part else place.part.servo_limits
-            problem = self._guard.admit(path.q, path.position, servo_limits)
+            path = follower.advance(rate * share)
         except StarvedError as error:
             return self.leave_path(Fault.PATH_STARVED, str(error))
-        follower.move(place)
         if follower.part is not part:
             self._adopt(follower.part)
+        problem = self._guard.admit(path.q, path.position, self._servo_limits)
         if problem:
             return self.leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
         if follower.is_at_end:
-            scaling.halt()
             self._finish(Event.FINISH if self.state is _STREAMING else Event.REST)
             return path
         if self.state is _STOPPING and scaling.is_at_rest and before == 0.0:
@@ -296,29 +293,31 @@ class SetpointGenerator:
         period_ns = self._period_ns
         return min((deadline_ns + period_ns - self._start_ns) / period_ns, 1.0)
 
-    def _go_on_from_rest(self, stall_ns: int) -> None:
+    def _go_on_from_rest(self, gap_ns: int) -> None:
         """Have what moved go on from where the device has come to rest, if it may."""
         guard = self._guard
         guard.anchor(guard.q, guard.position)
         self.time_scaling.halt()
-        self._escape = None
-        problem = self._stalls.complain(stall_ns)
         if self.state is _STOPPING:
             self._finish(Event.REST)
-        elif problem:
-            self.pursuit.end()
-            self.fail(Fault.SERVO_STALLED, problem)
+        elif gap_ns > self._stall_ns:
+            self.fail(
+                Fault.SERVO_STALLED,
+                f"the servo process did not run for {gap_ns * 1e-9:.3f} s, at most "
+                f"{self._stall_ns * 1e-9:g} s are allowed in motion",
+            )
         elif self.state is _TRACKING:
             self.pursuit.tracker.rest(guard.q)
 
     def _follow(self, deadline_ns: int) -> PathPoint:
-        """Return the next setpoint on the way to a target, or to rest."""
+        """Return the next setpoint on the way to a target, or to rest off the path."""
         pursuit, guard = self.pursuit, self._guard
         point, position = pursuit.step(
             deadline_ns, self._servo_limits, is_stopping=self.state is not _TRACKING
         )
-        problem = guard.admit(point.q, position, self._servo_limits)
-        if problem:
+        if self._is_off_path:
+            guard.take(point.q, position)
+        elif problem := guard.admit(point.q, position, self._servo_limits):
             return self.leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
         is_at_rest = pursuit.tracker.is_at_rest and guard.velocity == ZERO
         if self.state is _STOPPING and is_at_rest and self._is_there:
@@ -327,29 +326,6 @@ class SetpointGenerator:
             guard.anchor(self._sent, position)
             return PathPoint(self._sent, ZERO, ZERO, position, ZERO)
         return PathPoint(point.q, point.omega_body, point.alpha_body, position, guard.velocity)
-
-    def leave_path(self, fault: Fault, text: str) -> PathPoint:
-        """Begin to come to rest without the path."""
-        self.brake(fault, text)
-        self._begin_escape()
-        return self._step_off_path()
-
-    def _begin_escape(self) -> None:
-        """Come to rest from what was written, as near to that as the device's axes can."""
-        self._escape = self._guard.soft_stop(self._servo_limits)
-        self._sent, self._is_there = self.last.q, False
-
-    def _step_off_path(self) -> PathPoint:
-        guard = self._guard
-        step = next(self._escape, None) if self._escape is not None else None
-        if step is None:
-            if self._is_there:
-                self._escape = None
-                self._finish(Event.REST)
-                # Axes that could not get there hold where they could.
-                guard.anchor(self._sent, guard.position)
-            return PathPoint(guard.q, ZERO, ZERO, guard.position, ZERO)
-        return PathPoint(step[0], guard.omega, guard.alpha, step[1], guard.velocity)
 
     def _finish(self, event: Event) -> None:
         """Go to rest: into holding, or into the fault that made the stop necessary."""
@@ -372,5 +348,5 @@ class SetpointGenerator:
         slowest, shares = follower.slowest_brake_rate, follower.joint_shares
         if shares != self._servo_limits.joint_shares:
             self._servo_limits = replace(follower.part.servo_limits, joint_shares=shares)
-        if not scaling.is_overridden and (scaling.is_steady or slowest > scaling.brake_rate):
+        if not scaling.plan and (scaling.is_steady or slowest > scaling.brake_rate):
             scaling.brake_rate = slowest

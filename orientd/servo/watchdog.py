@@ -48,15 +48,9 @@ class ServoWatchdog:
         self._stall_end_ns = 0
 
     def notice(self, deadline_ns: int, heartbeat_ns: int, measured_ns: int) -> bool:
-        """Note the deadlines that were missed before this one.
+        """Note the deadlines missed before this one; return whether anything may be wrong.
 
-        Args:
-            deadline_ns: of the cycle that begins.
-            heartbeat_ns: when the daemon was last heard of.
-            measured_ns: when the newest feedback was measured; 0 without any.
-
-        Returns:
-            Whether there may be anything to complain of.
+        *measured_ns* is when the newest feedback was measured, 0 without any.
         """
         missed_ns = deadline_ns - self._deadline_ns - self._period_ns
         if missed_ns > self._period_ns // 2 and self._deadline_ns:
@@ -95,23 +89,6 @@ class ServoWatchdog:
         return silence_ns - self._stall_ns if heard_ns < self._stall_end_ns else silence_ns
 
 
-class Stalls:
-    """What is a stall, and what to say of it.
-
-    Attributes:
-        shortest_ns: time from one cycle to the next above which it is one.
-    """
-
-    def __init__(self, period_ns: int, longest_ns: int) -> None:
-        """Expect a cycle every *period_ns*; see :class:`WatchdogTimeouts`."""
-        self.shortest_ns = max(SHORTEST_NS, FEWEST_PERIODS * period_ns)
-        self._longest_ns = longest_ns
-
-    def complain(self, stall_ns: int) -> str:
-        """Return what is wrong with a stall, or nothing where motion may go on by itself."""
-        if stall_ns <= self._longest_ns:
-            return ""
-        return (
-            f"the servo process did not run for {stall_ns * 1e-9:.3f} s, at most "
-            f"{self._longest_ns * 1e-9:g} s are allowed in motion"
-        )
+def longest_gap_ns(period_ns: int) -> int:
+    """Return the time from one cycle to the next above which the process has stalled, ns."""
+    return max(SHORTEST_NS, FEWEST_PERIODS * period_ns)

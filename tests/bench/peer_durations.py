@@ -27,7 +27,7 @@ def walks():
 def through(peer, vectors):
     """Return the seconds from rest at the first of some orientations to rest at the last."""
     if peer is Orientd:
-        keys = [tuple(q) for q in rotation.from_rotation_vector(vectors).tolist()]
+        keys = [tuple(q) for q in rotation.exp(vectors).tolist()]
         request = MotionRequest([Keyframe(key) for key in keys])
         return plan(request, start=State.at_rest(keys[0]), limits=LIMITS, period=PERIOD).duration
     if peer is Ruckig:
@@ -35,7 +35,7 @@ def through(peer, vectors):
         return sum(peer.go(a, b).duration for a, b in pairwise(vectors))
     if peer is Toppra:
         return peer.through(vectors).duration
-    turns = rotation.to_scipy(rotation.from_rotation_vector(vectors))
+    turns = rotation.to_scipy(rotation.exp(vectors))
     steps = (turns[:-1].inv() * turns[1:]).magnitude()
     times = np.concatenate([[0.0], np.cumsum(steps)])
     spline = RotationSpline(times, turns)

@@ -58,12 +58,12 @@ class Orientd:
 
     @classmethod
     def go(cls, start, aim):
-        here = State.at_rest(rotation.from_rotation_vector(start))
+        here = State.at_rest(rotation.exp(start))
         return cls.aimed(aim, here)
 
     @staticmethod
     def aimed(aim, start):
-        keyframe = Keyframe(tuple(rotation.from_rotation_vector(aim).tolist()))
+        keyframe = Keyframe(tuple(rotation.exp(aim).tolist()))
         return plan(MotionRequest([keyframe]), start=start, limits=LIMITS, period=PERIOD)
 
     @staticmethod
@@ -112,7 +112,7 @@ class Ruckig:
     @staticmethod
     def setpoints(found, end=None):
         times = np.arange(0.0, found.duration if end is None else end, PERIOD)
-        return rotation.from_rotation_vector([found.at_time(t)[0] for t in times])
+        return rotation.exp([found.at_time(t)[0] for t in times])
 
     @classmethod
     def redirected(cls, start, aim, second):
@@ -158,7 +158,7 @@ class Toppra:
     @staticmethod
     def setpoints(found, end=None):
         times = np.arange(0.0, found.duration if end is None else end, PERIOD)
-        return rotation.from_rotation_vector(found(times))
+        return rotation.exp(found(times))
 
     @classmethod
     def redirected(cls, start, aim, second):
@@ -246,7 +246,7 @@ def same_curve(peer):
     limits = DEFAULT_LIMITS.with_rates(most)
     random = np.random.default_rng(5)
     turns = np.cumsum(random.normal(size=(8, 3)) * 0.3, axis=0)
-    keys = [tuple(q) for q in rotation.from_rotation_vector(turns - turns[0]).tolist()]
+    keys = [tuple(q) for q in rotation.exp(turns - turns[0]).tolist()]
     keyframes, start = [Keyframe(key) for key in keys], State.at_rest(keys[0])
     if peer is Orientd:
         request = MotionRequest(keyframes)

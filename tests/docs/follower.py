@@ -149,7 +149,7 @@ class Follower:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=log,
-                start_new_session=True,
+                process_group=0,
             )
         self._terminals.append(process)
         said, end = b"", time.monotonic() + PATIENCE

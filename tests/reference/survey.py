@@ -8,6 +8,7 @@ import numpy as np
 
 from orientd.planner.certify import OFF_GRID, Peaks, measure
 from orientd.planner.limits import Limits
+from orientd.planner.path import Path
 from orientd.planner.recorded import HISTORY
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats
@@ -47,11 +48,12 @@ def factor_of_records(keyframe_path: KeyframePath, limits: Limits, period: float
     peaks, level = _peaks(keyframe_path, limits, period), keyframe_path.trajectory.continuity
     bend, twist = OFF_GRID[level]
     spins, bends, twists = (share / GUARD_TOLERANCE for share in peaks.drawn)
+    spun, bent, twisted = peaks.planned
     return max(
-        peaks.spins,
+        spun,
         spins,
-        math.sqrt(max(bend * peaks.bends, bends)),
-        (math.cbrt if level >= 2 else math.sqrt)(max(twist * peaks.twists, twists)),
+        math.sqrt(max(bend * bent, bends)),
+        (math.cbrt if level >= 2 else math.sqrt)(max(twist * twisted, twists)),
         peaks.linear_velocity.ratio,
         math.sqrt(peaks.linear_acceleration.ratio),
     )
@@ -60,21 +62,16 @@ def factor_of_records(keyframe_path: KeyframePath, limits: Limits, period: float
 def _peaks(keyframe_path: KeyframePath, limits: Limits, period: float) -> Peaks:
     """Return the largest backward differences of a path alone, held where it begins or ends so."""
 
-    def setpoints(first: int, size: int) -> tuple[Floats, Floats]:
-        times = np.minimum(period * np.arange(first, first + size), keyframe_path.duration)
-        q = keyframe_path.trajectory.rows(times, np.empty((10, size))).T
-        return q, keyframe_path.positions.sample(times)[0]
-
+    path = Path(keyframe_path.trajectory, keyframe_path.positions)
     is_held, holds_after = keyframe_path.held_ends(limits)
-    q, p = setpoints(0, 1)
-    before = np.repeat(q[:, :4], HISTORY, axis=0), np.repeat(p, HISTORY, axis=0)
+    before = np.tile(path.first, (HISTORY, 1)), np.tile(path.positions.first, (HISTORY, 1))
     return measure(
-        setpoints,
+        path,
         round(keyframe_path.duration / period) + 1,
         period,
         limits,
         before=before if is_held else None,
-        holds_after=holds_after,
+        rests=(is_held, holds_after),
     )
 
 

@@ -118,6 +118,14 @@ def test_a_killed_daemon_does_not_keep_the_next_from_starting(tmp_path):
         assert daemon.end() == 0
 
 
+def test_a_servo_is_out_of_reach_of_the_terminal_and_in_the_session_of_its_daemon(tmp_path):
+    # The kernel shares processor time by session; in one of its own a servo has waited for 1 s.
+    with DaemonProcess(tmp_path / "daemon") as daemon:
+        servo = daemon.device().servo_pid
+        assert os.getsid(servo) == os.getsid(daemon.process.pid)
+        assert os.getpgid(servo) == servo
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_stops_the_motion_on_its_path_and_leaves_nothing(tmp_path, number):
     with DaemonProcess(tmp_path / "daemon") as daemon:

@@ -5,7 +5,7 @@ import pytest
 
 from orientd import planner
 from orientd.errors import OrientdError
-from orientd.rotation import from_rotation_vector
+from orientd.rotation import exp
 
 plots = pytest.importorskip("orientd.plots")
 
@@ -14,7 +14,7 @@ START = (1.0, 0.0, 0.0, 0.0)
 
 def motion(count=3):
     turns = np.cumsum(np.tile([0.05, 0.02, 0.1], (count, 1)), axis=0)
-    keyframes = [planner.Keyframe(tuple(q)) for q in from_rotation_vector(turns)]
+    keyframes = [planner.Keyframe(tuple(q)) for q in exp(turns)]
     request = planner.MotionRequest(keyframes, approach=True)
     return planner.plan(
         request,
@@ -34,7 +34,7 @@ def test_a_motion_is_drawn(tmp_path, count):
 @pytest.mark.parametrize("has_feedback", [True, False])
 def test_what_was_sent_is_drawn(tmp_path, has_feedback):
     times = np.arange(0.0, 1.0, 0.002)
-    q = from_rotation_vector(np.outer(times, [0.0, 0.0, 0.5]))
+    q = exp(np.outer(times, [0.0, 0.0, 0.5]))
     omega = np.tile([0.0, 0.0, 0.5], (len(times), 1))
     traces = plots.Traces(
         times, q, omega, 0.0 * omega, np.array([0.0, 0.998]), q[[0, -1]], 2.5, 17.0

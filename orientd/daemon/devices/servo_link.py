@@ -94,7 +94,9 @@ class ServoLink:
                 [sys.executable, "-m", "orientd.servo", str(self.memory.descriptor)],
                 stdin=subprocess.PIPE,
                 pass_fds=[self.memory.descriptor],
-                start_new_session=True,
+                # Out of the reach of a Ctrl-C, yet in the daemon's session: the kernel shares
+                # processor time by session (autogroup), and one by itself was kept waiting for 1 s.
+                process_group=0,
                 cwd="/",
             )
         except OSError as error:

@@ -148,7 +148,7 @@ class FleetLink:
                 sys.executable, "-m", "orientd.fleet", str(theirs.fileno()),
                 stdin=asyncio.subprocess.DEVNULL,
                 pass_fds=(theirs.fileno(),),
-                start_new_session=True,
+                process_group=0,
                 cwd="/",
             )  # fmt: skip
         reader, self._writer = await asyncio.open_connection(sock=ours)

@@ -131,7 +131,7 @@ class StopWay:
                 [sys.executable, "-m", "orientd.daemon.stops", *map(str, descriptors)],
                 stdin=subprocess.DEVNULL,
                 pass_fds=descriptors,
-                start_new_session=True,
+                process_group=0,
                 cwd="/",
             )
         self._link = ours

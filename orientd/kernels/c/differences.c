@@ -13,22 +13,6 @@
 /* From a largest square to the same on the records alone. */
 enum { ON_RECORDS = 12 };
 
-void note_unknown(block_t *block) {
-    block->unknown = 0;
-    while (block->has_rates && block->unknown < block->count
-           && isnan(block->rows[4][block->unknown]))
-        block->unknown++;
-}
-
-void keep_last(block_t *block) {
-    index_t kept = least(block->count, KEPT);
-    for (index_t row = 0; row < (block->has_rates ? 10 : 4); row++)
-        memmove(block->rows[row], block->rows[row] + block->count - kept,
-                (size_t)kept * sizeof(double));
-    block->unknown = most(block->unknown - (block->count - kept), 0);
-    block->count = kept;
-}
-
 /* Write the rotation vectors between setpoints, and return how many are too large for that. */
 static index_t turn_near(double (*restrict q)[BLOCK], index_t count, lanes_t *restrict omega) {
     index_t large = 0;
@@ -199,9 +183,7 @@ INLINE void put_bounds(const sight_t *sight, index_t begin, index_t order, int c
         double near = most_of(known, hull + (1.0 - low) * (fall + reach.slope));
         crude = near < crude ? near : crude;
         hulls[i] = hull;
-        bool is_proven = speed <= LARGEST_TURN;
-        double bound = is_growing(segments, i, order, column, reach) ? hull : crude;
-        bounds[i] = is_proven ? bound : found;
+        bounds[i] = speed <= LARGEST_TURN ? crude : found;
     }
 }
 
@@ -222,32 +204,66 @@ static void note(double size, double *square) {
         *square = size * size;
 }
 
+/* Return whether some vectors are larger than a size, or not numbers, but for rounding. */
+INLINE bool is_any_above(const lanes_t *vectors, index_t begin, index_t end, int column, double size) {
+    double square = size * size * (1.0 - 1e-15);
+    index_t above = 0;
+    INDEPENDENT
+    for (index_t i = begin; i < end; i++) {
+        vec_t v = at(vectors, i);
+        double one = column == 0 ? dot(v, v) : column == 1 ? v.x * v.x
+                   : column == 2 ? v.y * v.y : v.z * v.z;
+        above += !(one <= square);
+    }
+    return above > 0;
+}
+
+/* The same for any column, each with a loop of its own. */
+static bool are_above(const lanes_t *vectors, index_t begin, index_t end, int column, double size) {
+    switch (column) {
+    case 0: return is_any_above(vectors, begin, end, 0, size);
+    case 1: return is_any_above(vectors, begin, end, 1, size);
+    case 2: return is_any_above(vectors, begin, end, 2, size);
+    default: return is_any_above(vectors, begin, end, 3, size);
+    }
+}
+
 /* Note the differences of a kind on the records, and at the phases behind them. */
 static void note_found(sight_t *sight, index_t first, index_t order, int column, index_t shift,
-                       extremes_t found) {
+                       extremes_t *found) {
     index_t slot = 4 * (order - 1) + column;
     double *known = &sight->known[order - 1][column];
-    for (index_t i = first; i < sight->counts[order - 1]; i++)
-        note(size_of(at(&sight->rates[0][order - 1], i), column), found.squares + ON_RECORDS + slot);
+    double *on_records = found->squares + ON_RECORDS + slot;
+    const lanes_t *rates = &sight->rates[0][order - 1];
+    if (are_above(rates, first, sight->counts[order - 1], column, sqrt(*on_records)))
+        for (index_t i = first; i < sight->counts[order - 1]; i++)
+            note(size_of(at(rates, i), column), on_records);
     for (index_t phase = 0; phase < (sight->windows[order - 1] > 0 ? PHASES : 1); phase++) {
         index_t end = phase ? sight->windows[order - 1] : sight->counts[order - 1];
-        for (index_t i = phase ? most(first, sight->first) : first; i < end; i++) {
-            double size = size_of(at(&sight->rates[phase][order - 1], i), column);
+        index_t begin = phase ? most(first, sight->first) : first;
+        rates = &sight->rates[phase][order - 1];
+        if (!are_above(rates, begin, end, column, *known))
+            continue;
+        for (index_t i = begin; i < end; i++) {
+            double size = size_of(at(rates, i), column);
             if (!(size <= *known) && *known < INFINITY)
-                *known = size, found.places[slot] = shift + i;
+                *known = size, found->places[slot] = (double)(shift + i + order);
         }
     }
 }
 
 /* Note bounds of the differences of a kind. */
 static void note_bounds(const block_t *block, sight_t *sight, index_t first, index_t order,
-                        int column, index_t shift, extremes_t found) {
+                        int column, index_t shift, extremes_t *found) {
     lane_t hulls, bounds;
     double *known = &sight->known[order - 1][column];
     index_t slot = 4 * (order - 1) + column;
     put_bounds_of(sight, sight->first, order, column, *known, hulls, bounds);
     for (index_t i = most(first, sight->first); i < sight->windows[order - 1]; i++) {
         double bound = bounds[i];
+        if (!(bound <= cut_of(*known))
+            && is_growing(&sight->segments, i, order, column, reach_of(&sight->segments, i, order, column)))
+            bound = hulls[i];
         if (!(bound <= cut_of(*known))) {
             double before = *known;
             bound = enclose(block, &sight->segments, i, order, column, hulls[i], known,
@@ -255,17 +271,18 @@ static void note_bounds(const block_t *block, sight_t *sight, index_t first, ind
             sight->unproven += bound == NOT_TIGHT;
             bound = bound == NOT_TIGHT ? *known : bound;
             if (*known > before)
-                found.places[slot] = shift + i;
+                found->places[slot] = (double)(shift + i + order);
         }
-        note(bound, found.squares + slot);
+        note(bound, found->squares + slot);
     }
 }
 
 void take_differences(const block_t *block, double period, index_t past, bool with_axes,
-                      bool is_proof, index_t shift, sight_t *sight, extremes_t found) {
+                      bool is_proof, sight_t *sight, extremes_t *found) {
+    index_t shift = block->first;
     for (index_t order = 1; order <= 3; order++) {
         sight->counts[order - 1] = most(block->count - order, 0);
-        sight->windows[order - 1] = block->has_rates ? most(block->count - 1 - order, 0) : 0;
+        sight->windows[order - 1] = block->unknown < block->count ? most(block->count - 1 - order, 0) : 0;
     }
     sight->first = least(block->unknown, sight->windows[0]);
     if (block->count < 2)
@@ -289,10 +306,10 @@ void take_differences(const block_t *block, double period, index_t past, bool wi
         for (int column = 0; column < (with_axes ? 4 : 1); column++) {
             index_t first = (3 - order) * past, slot = 4 * (order - 1) + column;
             if (!is_proof)
-                sight->known[order - 1][column] = sqrt(found.squares[slot]);
+                sight->known[order - 1][column] = sqrt(found->squares[slot]);
             note_found(sight, first, order, column, shift, found);
             if (is_proof)
                 note_bounds(block, sight, first, order, column, shift, found);
-            note(sight->known[order - 1][column], found.squares + slot);
+            note(sight->known[order - 1][column], found->squares + slot);
         }
 }

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from orientd import kernels
-from orientd.curves import PIECE, Indices, Trajectory
+from orientd.curves import Indices, Trajectory
 from orientd.errors import PlanError
 from orientd.planner.certify import limit_table
 from orientd.planner.limits import LONGEST, Limits
@@ -29,6 +29,8 @@ CONNECTOR_RESERVE = 0.96
 
 _MOST_PIECES = 16_384  # of a trajectory of joins
 _MOST_JOINS = 36
+# Sums of Bernstein polynomials of degree 5, each from one on to the last.
+_BASIS = np.tri(FACTORS, FACTORS + 1, k=0)[::-1, ::-1].copy()
 _TURN_SLACK = 1.001  # times the turn that a connector may make, for rounding
 _TRIES, _FEWEST = 60, 2  # durations of a join onto a curve, and the fewest cycles of one
 
@@ -37,23 +39,18 @@ def joins(q: Floats, w: Floats, breaks: Floats) -> Trajectory:
     """Return joins end to end; where they meet, velocity and acceleration are to be the same.
 
     Args:
-        q: orientations that they begin at, signs continuous, shape ``(n, 4)``.
+        q: orientations that they begin at, shape ``(n, 4)``.
         w: their half-angle increments, shape ``(n, 5, 3)``.
         breaks: when they begin, and when the last one ends, s, shape ``(n + 1,)``.
 
     Raises:
         PlanError: they turn too far for a table of moderate size.
     """
-    room, count = 4 * len(q) + 12, 0
-    q = np.ascontiguousarray(q)  # of a sample it is a column
-    while not count:
-        if room > _MOST_PIECES:
-            raise PlanError(
-                f"a connector would take more than {_MOST_PIECES} pieces: it is too wild"
-            )
-        ends, pieces = np.empty(room + 1), np.empty((room, PIECE))
-        count, room = kernels.join_trajectory(q, w, breaks, ends, pieces), 4 * room
-    return Trajectory(ends[: count + 1], pieces[:count], breaks)
+    first = FACTORS * np.arange(len(q))
+    values = np.repeat(_BASIS[None], len(q), axis=0)
+    return Trajectory.of_product(
+        breaks, (np.ascontiguousarray(q), first, w.reshape(-1, 3), values), most=_MOST_PIECES
+    )
 
 
 def join(q: Floats, w: Floats, duration: float) -> Trajectory:

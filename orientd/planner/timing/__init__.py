@@ -18,8 +18,6 @@ from orientd.planner.timing.knots import (
     Knots,
     chord_knots,
     chosen_knots,
-    move_lengths,
-    radians_per_metre,
     turn_lengths,
 )
 from orientd.planner.timing.profiles import (

@@ -23,15 +23,15 @@ of its limit, which must not exceed 1.
 
 from __future__ import annotations
 
-from math import atanh, inf, sqrt
+from math import inf, sqrt
 from typing import NamedTuple
 
-from orientd.driver import Vector3
-from orientd.servo.double_s import first_change
+from orientd.driver import ZERO, Vector3
+from orientd.floats import plus
+from orientd.servo.motion_law import first_change
 from orientd.stream import JointShares, ServoLimits
 
 _LEAST_RELEASE = 0.3
-_MOST_BENT = 0.9999  # of a joint's acceleration; with more a stop would take for ever
 _STILL = 1e-9  # rad/s: where the path stands still by itself, its rate does not matter
 
 
@@ -73,17 +73,10 @@ def allowed(
     servo_limits: ServoLimits,
     period: float,
     share: float,
-    jerk_share: float,
 ) -> tuple[float, float]:
     """Return the least and the largest rate inside the limits; least > largest if there is none.
 
-    Args:
-        past: the cycle before.
-        ahead: what a rate leads to.
-        servo_limits: the limits.
-        period: between the two, s.
-        share: part of the limits of acceleration that may be used; not of the joints' own.
-        jerk_share: part of the limits of jerk that may be used.
+    Of the limits of acceleration and of jerk a *share* may be used, of the joints' own all.
     """
     x, y, z = ahead.omega
     a, b, c = ahead.bend
@@ -92,31 +85,26 @@ def allowed(
     # In units of velocity: the differences times the powers of the period.
     gx, gy, gz = a - u, b - v, c - w
     kx, ky, kz = gx - ax * period, gy - ay * period, gz - az * period
-    most, most_jerk = share * period, jerk_share * period * period
-    low, high = _ball(gx, gy, gz, x, y, z, most * servo_limits.acceleration)
-    least, largest = _ball(kx, ky, kz, x, y, z, most_jerk * servo_limits.jerk)
-    low, high = max(low, least), min(high, largest)
+    most, most_jerk = share * period, share * period * period
+    intervals = [
+        _ball(gx, gy, gz, x, y, z, most * servo_limits.acceleration),
+        _ball(kx, ky, kz, x, y, z, most_jerk * servo_limits.jerk),
+    ]
     if servo_limits.has_axes:
         for axes, factor, base in (
             (servo_limits.axis_acceleration, most, (gx, gy, gz)),
             (servo_limits.axis_jerk, most_jerk, (kx, ky, kz)),
         ):
             for limit, start, slope in zip(axes, base, (x, y, z), strict=True):
-                if limit < inf:
-                    least, largest = _ball(start, 0.0, 0.0, slope, 0.0, 0.0, factor * limit)
-                    low, high = max(low, least), min(high, largest)
-    if ahead.velocity != (0.0, 0.0, 0.0):
+                intervals.append(_ball(start, 0.0, 0.0, slope, 0.0, 0.0, factor * limit))
+    if ahead.velocity != ZERO:
         x, y, z = ahead.velocity
-        a, b, c = ahead.shift
-        u, v, w = past.velocity
-        least, largest = _ball(
-            a - u, b - v, c - w, x, y, z, most * servo_limits.linear_acceleration
-        )
-        low, high = max(low, least), min(high, largest)
+        a, b, c = plus(ahead.shift, past.velocity, -1.0)
+        intervals.append(_ball(a, b, c, x, y, z, most * servo_limits.linear_acceleration))
     if servo_limits.joint_shares.speed > 0.0:
-        least, largest = _within_joints(past.rate, servo_limits.joint_shares, period)
-        low, high = max(low, least), min(high, largest)
-    return low, high
+        intervals.append(_within_joints(past.rate, servo_limits.joint_shares, period))
+    lows, highs = zip(*intervals, strict=True)
+    return max(lows), min(highs)
 
 
 def _within_joints(rate: float, shares: JointShares, period: float) -> tuple[float, float]:
@@ -132,23 +120,13 @@ def _within_joints(rate: float, shares: JointShares, period: float) -> tuple[flo
     return rate - left / speed, rate + gain
 
 
-def joint_stop_time(rate: float, shares: JointShares) -> float:
-    """Return how long a stop takes at least for the joints' sake, s.
-
-    The rate falls by ``(1 - a r^2) / v`` a second.
-    """
-    root = sqrt(min(shares.acceleration, _MOST_BENT))
-    share = root * min(rate, 1.0)
-    return shares.speed * (atanh(share) / root if share > _STILL else rate)
-
-
 def released(
     past: Past, ahead: Ahead, servo_limits: ServoLimits, period: float, share: float
 ) -> float:
     """Return the least rate from which speed and acceleration can still reach zero together.
 
-    It falls as :func:`~orientd.servo.double_s.first_change` says, by what the jerk allows along the
-    path.
+    It falls as :func:`~orientd.servo.motion_law.first_change` says, by what the jerk allows along
+    the path.
 
     Args:
         past: the cycle before.
@@ -172,19 +150,12 @@ def released(
     turn = 3.0 * sqrt(max(ax * ax + ay * ay + az * az - along * along, 0.0)) * along
     across = min(abs(turn) / speed, jerk) if speed > _STILL else 0.0
     jerk = max(sqrt(jerk * jerk - across * across), _LEAST_RELEASE * jerk)
-    jerk = min(jerk, jerk_along(servo_limits, (x, y, z)))
+    if servo_limits.has_axes:
+        for limit, part in zip(servo_limits.axis_jerk, (x, y, z), strict=True):
+            if part != 0.0:
+                jerk = min(jerk, limit / abs(part))
     step = share * jerk * period * period
     return (speed - first_change(speed, step) - (a * x + b * y + c * z)) / path_speed
-
-
-def jerk_along(servo_limits: ServoLimits, direction: Vector3) -> float:
-    """Return the largest jerk along a direction, a unit vector, that the limits allow."""
-    jerk = servo_limits.jerk
-    if servo_limits.has_axes:
-        for limit, part in zip(servo_limits.axis_jerk, direction, strict=True):
-            if limit < inf and part != 0.0:
-                jerk = min(jerk, limit / abs(part))
-    return jerk
 
 
 def nearest(
@@ -194,8 +165,8 @@ def nearest(
 
     The share of the limits is exceeded, up to all of them, where nothing else is left.
     """
-    for part, jerk_part in ((share, share), (share, 1.0), (1.0, 1.0)):
-        low, high = allowed(past, ahead, servo_limits, period, part, jerk_part)
+    for part in (share, 1.0):
+        low, high = allowed(past, ahead, servo_limits, period, part)
         low, high = max(low, 0.0), min(high, 1.0)
         if low <= high:
             return min(max(wanted, low), high)

@@ -14,13 +14,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
-from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Vector3
 from orientd.errors import OrientdError
 from orientd.floats import difference, norm, plus
-from orientd.servo.path.path_point import PathPoint, point_of
-from orientd.servo.path.segment import Segment
+from orientd.servo.path.segment import PathPoint, Segment, point_of
 from orientd.stream import HEAD, UNKNOWN, JointShares, RecordRing, ServoLimits
 from orientd.tolerances import NORM_TOLERANCE
 
@@ -62,22 +60,6 @@ class PathPart:
     final: int = UNKNOWN
 
 
-class PathPlace(NamedTuple):
-    """A place on the path.
-
-    Attributes:
-        record: at or before it.
-        fraction: how far beyond that, in [0, 1).
-        part: the motion that it belongs to.
-        is_end: whether it is the last record of all.
-    """
-
-    record: int
-    fraction: float
-    part: PathPart
-    is_end: bool
-
-
 class PathFollower:
     """A position on the path ring.
 
@@ -96,7 +78,6 @@ class PathFollower:
         self.part = PathPart(0, 0, servo_limits)
         self.is_at_end = False
         self.revision = 0
-        self._reached = UNKNOWN
         self._ahead: list[PathPart] = []
         self._ring = ring
         self._period = period
@@ -119,7 +100,6 @@ class PathFollower:
         self.revision += 1
         self._ahead.clear()
         self.index, self.fraction, self.is_at_end = part.first, 0.0, False
-        self._reached = UNKNOWN
         self._load(part.first)
         self._ring.words[TAIL_WORD] = part.first
 
@@ -145,7 +125,6 @@ class PathFollower:
         if problem:
             return problem
         self._ahead = [*parts[1 : place + 1], part]
-        self._reached = UNKNOWN
         self.revision += 1
         return ""
 
@@ -169,17 +148,12 @@ class PathFollower:
 
     def reaches(self, records: int) -> bool:
         """Whether the motion's end, or at least so many records beyond here, are in the ring."""
-        if self.index + records <= self._reached:
-            return True
-        last, here, ahead = self._ring.head - 1, self.index, 0
+        last, here = self._ring.head - 1, self.index
         for part in self._ahead:
-            ahead += part.leave - here
+            records -= part.leave - here
             here = part.first
-        self._reached = self.index + ahead + last - here
-        if self.index + records <= self._reached:
-            return True
         # Behind the end may lie what the servo has not heard of yet.
-        return UNKNOWN != self._final <= last
+        return records <= last - here or UNKNOWN != self._final <= last
 
     def records_left(self) -> float:
         """Return the records from here to the end of the last part; infinity if it is not known."""
@@ -205,23 +179,23 @@ class PathFollower:
             return None
         return self.peek(index)
 
-    def look(self, records: float) -> tuple[PathPoint, PathPlace]:
-        """Return the point so many records from here, at most beyond the next one, and stay here.
+    def advance(self, records: float) -> PathPoint:
+        """Go so many records on, at most beyond the next one, and return the point there.
 
         The last record of a motion is never passed, unless another part begins there.
 
         Raises:
-            StarvedError: the path ends before that without being at rest.
+            StarvedError: the path ends before that without being at rest; nothing has moved.
         """
-        index, fraction, part = self.index, self.fraction + records, self.part
-        if self._ahead and index == self._ahead[0].leave:
-            part = self._ahead[0]
-            index = part.first
+        index, fraction, part, following = self.index, self.fraction + records, self.part, None
+        if self._ahead:
+            following = self._ahead[0]
+            if index == following.leave:
+                part, index = following, following.first
         if fraction >= 1.0:
             index, fraction = index + 1, fraction - 1.0
-            if part is self.part and self._ahead and index == self._ahead[0].leave:
-                part = self._ahead[0]
-                index = part.first
+            if following is not None and part is not following and index == following.leave:
+                part, index = following, following.first
         is_end = False
         if part is (self._ahead[-1] if self._ahead else self.part):
             final = self._final
@@ -229,26 +203,20 @@ class PathFollower:
                 index, fraction, is_end = final, 0.0, True
         if index != self._loaded:
             self._load(index)
-        place = tuple.__new__(
-            PathPlace, (index, fraction, part, is_end)
-        )  # a call less than Place()
-        if fraction == 0.0:
-            return self._point, place
-        if self._segment is None:  # else kept from the last time
-            end = self.peek(index + 1)
-            if end is None:
-                raise StarvedError(f"path record {index + 1} is not in the ring")
-            self._segment = Segment(self._point, end, self._period)
-        return self._segment.at(fraction), place
-
-    def move(self, place: PathPlace) -> None:
-        """Go to where :meth:`look` has found a point."""
-        self.index, self.fraction, part, self.is_at_end = place
+        point = self._point
+        if fraction != 0.0:
+            if self._segment is None:  # else kept from the last time
+                end = self.peek(index + 1)
+                if end is None:
+                    raise StarvedError(f"path record {index + 1} is not in the ring")
+                self._segment = Segment(point, end, self._period)
+            point = self._segment.at(fraction)
+        self.index, self.fraction, self.is_at_end = index, fraction, is_end
         if part is not self.part:
             self.part = part
-            self._reached = UNKNOWN
             del self._ahead[0]
-        self._ring.words[TAIL_WORD] = self.index
+        self._ring.words[TAIL_WORD] = index
+        return point
 
     def _load(self, index: int) -> None:
         point = self.peek(index)

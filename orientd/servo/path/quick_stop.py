@@ -6,26 +6,35 @@ the place where the device is (:mod:`orientd.servo.path.feasible_rates`), down t
 deceleration in which velocity and acceleration reach zero together.
 
 This law sees one cycle and could run into a place from which no rate keeps the limits.  So the
-servo rolls the whole stop out first, cycle by cycle over the records that are in the ring
-(:mod:`orientd.servo.path.stop_rollout`), and carries out only a stop that has come to rest there.
-Until then the certified law brakes, which always works, and from each of its cycles the servo tries
-again.  Before a place where the path turns back no stop may be possible: then the device passes it,
-braking, and stops behind it.  A long stop takes several cycles to roll out and begins where the
-certified law will be by then.
+servo rolls the whole stop out first, cycle by cycle over the records that are in the ring, and
+carries out only a stop that has come to rest there.  Until then the certified law brakes, which
+always works, and from each of its cycles the servo tries again.  Before a place where the path
+turns back no stop may be possible: then the device passes it, braking, and stops behind it.  A long
+stop takes several cycles to roll out and begins where the certified law will be by then.
+
+Every cycle is played through as the guard will see it.  A difference of the guard's is the
+difference of the path's rotation vector at two places (what does not commute is of the third order
+in the period); its slope by the rate is the velocity at the second.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from copy import copy
 from math import ceil
 
-from orientd.floats import norm
-from orientd.servo.double_s import stop_time
+from orientd.driver import ZERO, Vector3
+from orientd.floats import combine, norm, plus
 from orientd.servo.guard import Guard
-from orientd.servo.path.feasible_rates import Past, joint_stop_time
+from orientd.servo.motion_law import stop_phases
+from orientd.servo.path.feasible_rates import Ahead, Past, nearest, released
 from orientd.servo.path.path_follower import PathFollower
-from orientd.servo.path.stop_rollout import RolloutOutcome, StopRollout
+from orientd.servo.path.segment import STANDING, Segment
 from orientd.servo.path.time_scaling import TimeScaling
 from orientd.stream import ServoLimits
+
+SHARE = 0.998
+"""Part of the limits that a quick stop uses; the rest is for what its model leaves out."""
 
 RELEASES = (0.985, 0.9)
 """Parts of the jerk with which the terminal deceleration begins, tried in turn."""
@@ -37,16 +46,15 @@ FEWEST_STEPS = 8
 
 _ALLOWANCE = 1.15  # times the cycles expected
 _SPARE = 4.0  # cycles more than that
+_LONGER = 1.5  # times the cycles that were not enough
+_REST = Ahead(ZERO, ZERO, ZERO, ZERO)
+_STILL = 1e-9
+_ATTEMPTS = 6
+_NEAR = 2e-3  # records from a rate to the next guess; what is left of them is its square
 
 
 class QuickStop:
-    """A stop of the time scaling that uses what the limits leave at each point of the path.
-
-    Args:
-        scaling: the stop overrides it while it lasts.
-        follower: where the path is.
-        guard: what was written.
-    """
+    """A stop of the time scaling that uses what the limits leave at each point of the path."""
 
     def __init__(self, scaling: TimeScaling, follower: PathFollower, guard: Guard) -> None:
         self._scaling = scaling
@@ -56,84 +64,151 @@ class QuickStop:
         self._moves = -1
         self._tries = 0
         self._expected = 0.0
-        self._rollout: StopRollout | None = None
+        # The rollout: its rates, the certified law's first, and where the follower has come since.
+        self._rollout: Iterator[bool] | None = None
         self._rates: list[float] = []
+        self._lead = self._begun = self._revision = self._here = self._passed = 0
 
-    def advance(self, servo_limits: ServoLimits, *, may_end: bool) -> float:
-        """Advance the time scaling by one cycle of a stop and return the new rate.
+    def seek(self, servo_limits: ServoLimits, *, may_end: bool) -> None:
+        """Go on looking for a stop, as far as one cycle allows, and plan it once it is found.
 
-        Args:
-            servo_limits: the limits.
-            may_end: whether the end of the path is as good as a stop before it.
+        To be called before every cycle of a stop that is not planned yet; *may_end* if the end of
+        the path is as good as a stop before it.
         """
-        scaling = self._scaling
+        scaling, follower = self._scaling, self._follower
+        self._servo_limits, self._may_end = servo_limits, may_end
         if scaling.moves != self._moves:
             # Something else has moved it since: this is another stop.
-            self._tries, self._expected, self._rollout, self._rates = 0, 0.0, None, []
-        if not self._rates:
-            self._roll_out(servo_limits, may_end=may_end)
-        if self._rates:
-            rate = self._rates.pop()
-            scaling.override(rate, is_last=rate == 0.0 and not self._rates)
+            self._tries, self._expected, self._rollout = 0, 0.0, None
+        elif self._rollout and (
+            self._rates[scaling.moves - self._begun - 1] != scaling.rate
+            or self._revision != follower.revision
+        ):
+            # The path, or how fast it may be left, is no longer what was rolled out.
+            self._rollout = None
+        self._moves = scaling.moves + 1
+        if follower.index != self._here:
+            self._passed, self._here = self._passed + 1, follower.index
+        self._left = follower.fraction + follower.records_left()
+        is_over = self._roll_out()
+        if self._rollout is None or scaling.moves < self._begun + self._lead:
+            return
+        self._rollout = None
+        if is_over:
+            scaling.plan = self._rates[self._lead :][::-1]
         else:
-            scaling.advance()
-        self._moves = scaling.moves
-        return scaling.rate
+            self._expected = _LONGER * len(self._rates)
 
-    def _roll_out(self, servo_limits: ServoLimits, *, may_end: bool) -> None:
-        """Go on with the rollout, or begin others, as far as one cycle allows."""
-        rollout, left = self._rollout, self._steps
-        if rollout and rollout.has_left(self._scaling.rate):
-            # The path has come to a motion whose certified law brakes harder.
-            rollout = None
+    def _roll_out(self) -> bool:
+        """Go on with the rollout, or begin others; return whether one has come to its end."""
+        left = self._steps
         while left > 0:
-            rollout = rollout or self._begin(servo_limits)
-            left -= rollout.go_on(servo_limits, left, may_end=may_end)
-            if rollout.outcome is not RolloutOutcome.FAILED:
-                break
-            rollout = None
+            rollout = self._rollout = self._rollout or self._begin()
+            for is_over in rollout:
+                left -= 1
+                if is_over or left <= 0:
+                    return is_over
+            # It has failed.
+            self._rollout = None
             self._tries += 1
             left -= 1
-        self._rollout = rollout
-        if rollout is None:
-            return
-        if rollout.outcome is RolloutOutcome.UNFINISHED:
-            cycles = self._remaining(rollout.past, servo_limits)
-            if cycles >= self._steps * (rollout.lead - rollout.taken):
-                # It will not be over in time: begin later.
-                found = len(rollout.rates) - rollout.lead + cycles
-                self._expected = max(found, _ALLOWANCE * self._expected)
-                self._rollout = None
-        elif rollout.taken == rollout.lead:
-            self._rollout = None
-            self._rates = rollout.rates[rollout.lead :][::-1]
-            if rollout.outcome is RolloutOutcome.REST:
+        return False
+
+    def _begin(self) -> Iterator[bool]:
+        """Begin a rollout that is over when the certified law is where it begins."""
+        guard, servo_limits = self._guard, self._servo_limits
+        # The cycles that a stop takes at least, were its path straight.
+        speed = norm(guard.omega)
+        change = _dot(guard.omega, guard.alpha) / speed if speed > 0.0 else 0.0
+        time = max(
+            sum(stop_phases(speed, change, servo_limits.acceleration, servo_limits.jerk)),
+            norm(guard.velocity) / servo_limits.linear_acceleration,
+            servo_limits.joint_shares.speed * self._scaling.rate,
+        )
+        cycles = max(time / self._scaling.period, self._expected)
+        self._lead = ceil((_ALLOWANCE * cycles + _SPARE) / (self._steps - 1)) - 1
+        self._begun, self._revision = self._scaling.moves, self._follower.revision
+        self._here, self._passed, self._rates = self._follower.index, 0, []
+        return self._rolled_out(RELEASES[self._tries % len(RELEASES)] * SHARE)
+
+    def _rolled_out(self, release: float) -> Iterator[bool]:
+        """Roll out a stop from before the present cycle, cycle by cycle, as the guard will see it.
+
+        After the cycles of the certified law come those of the least rate.
+
+        Args:
+            release: part of the jerk with which the terminal deceleration begins.
+
+        Yields:
+            Whether it is over, at rest or at the end of the path; nothing more once it has failed.
+        """
+        scaling, follower, guard = copy(self._scaling), self._follower, self._guard
+        h, n, rates = scaling.period, 1.0 / scaling.period, self._rates
+        past = Past(guard.omega, guard.alpha, guard.velocity, scaling.rate)
+        guess = scaling.rate + scaling.acceleration * h
+        index, fraction, start, following = 0, follower.fraction, self._segment(0), self._segment(1)
+        is_over = False
+        while start is not None:
+            is_free = len(rates) >= self._lead
+            rate = min(max(guess, 0.0), 1.0) if is_free else scaling.advance()
+            if index + fraction + rate >= self._passed + self._left:
+                rates.append(rate)
+                is_over = self._may_end
+                break
+            turned, travelled = start.turn.value(fraction), start.travel.value(fraction)
+            for _ in range(_ATTEMPTS):
+                u, there, came, drift = fraction + rate, start, turned, travelled
+                if u >= 1.0:
+                    if following is None:
+                        return
+                    u, there = u - 1.0, following
+                    came = plus(turned, start.turn.value(1.0), -1.0)
+                    drift = plus(travelled, start.travel.value(1.0), -1.0)
+                omega, slope = combine(there.turn.value(u), n, came, -n), there.turn.rate(u)
+                velocity = push = ZERO
+                if start.travel is not STANDING or there.travel is not STANDING:
+                    velocity = combine(there.travel.value(u), n, drift, -n)
+                    push = there.travel.rate(u)
+                if not is_free:
+                    break
+                slope, push = plus(ZERO, slope, n), plus(ZERO, push, n)
+                ahead = Ahead(slope, plus(omega, slope, -rate), push, plus(velocity, push, -rate))
+                wanted = released(past, ahead, self._servo_limits, h, release)
+                found = nearest(past, ahead, self._servo_limits, h, SHARE, wanted)
+                if found is None:
+                    return
+                error, rate = abs(found - rate), found
+                if error < _NEAR:
+                    omega, velocity = plus(ahead.bend, slope, rate), plus(ahead.shift, push, rate)
+                    break
+            else:
+                return
+            is_over = is_free and rate <= _STILL
+            rate = 0.0 if is_over else rate
+            guess = 2.0 * rate - past.rate
+            past = Past(omega, combine(omega, n, past.omega, -n), velocity, rate)
+            rates.append(rate)
+            if is_over:
+                if nearest(past, _REST, self._servo_limits, h, 1.0, 0.0) is None:
+                    return  # at rest, but not without its acceleration
                 # One cycle more at rest: a resumption that began at once would add its own jerk to
                 # that of the last step.
-                self._rates.insert(0, 0.0)
-        rollout.taken += 1
+                rates.append(0.0)
+                break
+            fraction += rate
+            if fraction >= 1.0:
+                index, fraction = index + 1, fraction - 1.0
+                start, following = following, self._segment(index + 1)
+            yield False
+        while is_over:
+            yield True
 
-    def _begin(self, servo_limits: ServoLimits) -> StopRollout:
-        """Begin a rollout that is over when the certified law is where it begins."""
-        guard = self._guard
-        past = Past(guard.omega, guard.alpha, guard.velocity, self._scaling.rate)
-        cycles = max(self._remaining(past, servo_limits), self._expected)
-        return StopRollout(
-            self._scaling,
-            self._follower,
-            guard,
-            lead=ceil((_ALLOWANCE * cycles + _SPARE) / (self._steps - 1)) - 1,
-            release=RELEASES[self._tries % len(RELEASES)],
-        )
+    def _segment(self, index: int) -> Segment | None:
+        """Return the path from a record of the rollout to the next; ``None`` beyond the last."""
+        ahead = index - self._passed
+        start, end = self._follower.peek_ahead(ahead), self._follower.peek_ahead(ahead + 1)
+        return None if start is None or end is None else Segment(start, end, self._scaling.period)
 
-    def _remaining(self, past: Past, servo_limits: ServoLimits) -> float:
-        """Return the cycles that a stop takes at least, were its path straight."""
-        speed = norm(past.omega)
-        (x, y, z), (u, v, w) = past.omega, past.alpha
-        rate = (x * u + y * v + z * w) / speed if speed > 0.0 else 0.0
-        time = max(
-            stop_time(speed, rate, servo_limits.acceleration, servo_limits.jerk),
-            norm(past.velocity) / servo_limits.linear_acceleration,
-            joint_stop_time(past.rate, servo_limits.joint_shares),
-        )
-        return time / self._scaling.period
+
+def _dot(a: Vector3, b: Vector3) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

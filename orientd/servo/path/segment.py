@@ -28,16 +28,41 @@ The file ``kernels/c/between.h`` has the same law with the same order of operati
 from __future__ import annotations
 
 from math import copysign, cos, inf, sin, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from orientd.driver import ZERO, Quaternion, Vector3
-from orientd.floats import difference, multiply
-from orientd.servo.path.path_point import PathPoint
+from orientd.floats import combine, difference, multiply, plus
 
 LEAST_STEP = 2e-7
 """Least step of the acceleration that is looked for, rad in a period squared."""
 
 _SEAM = 0.0625  # rad^2, below which a series replaces the quotient that cancels
+
+
+class PathPoint(NamedTuple):
+    """A point of the path with its derivatives by path time.
+
+    Attributes:
+        q: orientation ``(w, x, y, z)``.
+        omega_body: angular velocity, rad/s.
+        alpha_body: angular acceleration, rad/s^2.
+        position: m.
+        velocity: m/s.
+    """
+
+    q: Quaternion
+    omega_body: Vector3
+    alpha_body: Vector3
+    position: Vector3
+    velocity: Vector3
+
+
+def point_of(record: tuple[Any, ...]) -> PathPoint:
+    """Return the point that a path record (its fields, in order) describes."""
+    # Neither slices nor a call of PathPoint(): this happens every cycle.
+    _, w, x, y, z, a, b, c, d, e, f, p, q, r, s, t, u = record
+    parts = (w, x, y, z), (a, b, c), (d, e, f), (p, q, r), (s, t, u)
+    return tuple.__new__(PathPoint, parts)
 
 
 class Law(NamedTuple):
@@ -61,13 +86,7 @@ class Law(NamedTuple):
         """Return the vector at *u*, which is zero at 0."""
         (ax, ay, az), (bx, by, bz), (cx, cy, cz), (dx, dy, dz), place = self
         over = u - place
-        if over <= 0.0:
-            return (
-                u * (ax + u * (bx + u * cx)),
-                u * (ay + u * (by + u * cy)),
-                u * (az + u * (bz + u * cz)),
-            )
-        bend = 0.5 * over * over
+        bend = 0.5 * over * over if over > 0.0 else 0.0
         return (
             u * (ax + u * (bx + u * cx)) + bend * dx,
             u * (ay + u * (by + u * cy)) + bend * dy,
@@ -77,28 +96,11 @@ class Law(NamedTuple):
     def rate(self, u: float) -> Vector3:
         """Return the derivative of the vector by *u*."""
         (ax, ay, az), (bx, by, bz), (cx, cy, cz), (dx, dy, dz), place = self
-        over, two, three = u - place, 2.0 * u, 3.0 * u * u
-        if over <= 0.0:
-            return (
-                ax + two * bx + three * cx,
-                ay + two * by + three * cy,
-                az + two * bz + three * cz,
-            )
+        over, two, three = max(u - place, 0.0), 2.0 * u, 3.0 * u * u
         return (
             ax + two * bx + three * cx + over * dx,
             ay + two * by + three * cy + over * dy,
             az + two * bz + three * cz + over * dz,
-        )
-
-    def scaled(self, factor: float) -> Law:
-        """Return the law of the vector times a factor."""
-        (a, b, c), (d, e, f), (g, h, i), (x, y, z), place = self
-        return Law(
-            (factor * a, factor * b, factor * c),
-            (factor * d, factor * e, factor * f),
-            (factor * g, factor * h, factor * i),
-            (factor * x, factor * y, factor * z),
-            place,
         )
 
 
@@ -113,13 +115,7 @@ def hermite(way: Vector3, leave: Vector3, arrive: Vector3) -> Law:
 
 
 def law_between(start: PathPoint, end: PathPoint, period: float) -> Law:
-    """Return the rotation vector from one record towards the next, rad.
-
-    Args:
-        start: the earlier record's point.
-        end: the later record's point.
-        period: path time between them, s.
-    """
+    """Return the rotation vector from one record towards the next, rad."""
     x, y, z = turn = difference(start.q, end.q)
     a, b, c = start.omega_body
     vx, vy, vz = leave = (period * a, period * b, period * c)
@@ -191,80 +187,65 @@ def _bent(
     return Law(cubic.first, second, (cx + c * x, cy + c * y, cz + c * z), step, 1.0 - w)
 
 
-def turned(q: Quaternion, law: Law, u: float, period: float) -> tuple[Quaternion, Vector3]:
-    """Return the orientation a share *u* of the way along a law, and the angular velocity there.
-
-    Args:
-        q: the orientation of the record.
-        law: from that record on, rad.
-        u: in [0, 1].
-        period: s.
-    """
-    x, y, z = law.value(u)
-    vx, vy, vz = law.rate(u)
-    square = x * x + y * y + z * z
-    angle = sqrt(square)
-    half = 0.5 * angle
-    c = cos(half)
-    s = sin(half) / angle if angle > 0.0 else 0.5
-    # J_r(r) v = v - a r x v + b r x (r x v)
-    a = 2.0 * s * s
-    if square < _SEAM:
-        b = 1.0 / 6.0 + square * (
-            -1.0 / 120.0
-            + square * (1.0 / 5040.0 + square * (-1.0 / 362880.0 + square * (1.0 / 39916800.0)))
-        )
-    else:
-        b = (1.0 - 2.0 * s * c) / square
-    e, f, g = (y * vz - z * vy, z * vx - x * vz, x * vy - y * vx)
-    omega = (
-        (vx - a * e + b * (y * g - z * f)) / period,
-        (vy - a * f + b * (z * e - x * g)) / period,
-        (vz - a * g + b * (x * f - y * e)) / period,
-    )
-    return multiply(q, (c, s * x, s * y, s * z)), omega
+STANDING = Law(ZERO, ZERO, ZERO)
 
 
 class Segment:
-    """The path between two neighbouring records.
+    """The path between two neighbouring records, *period* seconds of path time apart.
 
-    Args:
-        start: the earlier record's point.
-        end: the later record's point.
-        period: path time between them, s.
+    Attributes:
+        turn: rotation vector from the first of them, rad.
+        travel: way of the position, m.
     """
 
-    __slots__ = ("_end", "_period", "_travel", "_turn", "start")
+    __slots__ = ("_end", "_period", "_start", "travel", "turn")
 
     def __init__(self, start: PathPoint, end: PathPoint, period: float) -> None:
-        self.start = start
+        self._start = start
         self._end = end
         self._period = period
-        self._turn = law_between(start, end, period)
-        self._travel: Law | None = None
+        self.turn = law_between(start, end, period)
+        self.travel = STANDING
         p, q = start.position, end.position
         if p != q or not start.velocity == end.velocity == ZERO:
             x, y, z = start.velocity
             u, v, w = end.velocity
-            self._travel = hermite(
+            self.travel = hermite(
                 (q[0] - p[0], q[1] - p[1], q[2] - p[2]),
                 (period * x, period * y, period * z),
                 (period * u, period * v, period * w),
             )
 
     def at(self, u: float) -> PathPoint:
-        """Return the point at the fraction *u* of the segment, in [0, 1)."""
-        start = self.start
+        """Return the point at the share *u* of the period, in [0, 1)."""
+        start, h = self._start, self._period
         if u == 0.0:
             return start
-        v, h = 1.0 - u, self._period
-        q, omega = turned(start.q, self._turn, u, h)
-        a, b = start.alpha_body, self._end.alpha_body
-        alpha = (a[0] * v + b[0] * u, a[1] * v + b[1] * u, a[2] * v + b[2] * u)
-        position, velocity = start.position, start.velocity
-        if self._travel is not None:
-            p, (x, y, z) = position, self._travel.value(u)
-            position = (p[0] + x, p[1] + y, p[2] + z)
-            x, y, z = self._travel.rate(u)
-            velocity = (x / h, y / h, z / h)
-        return PathPoint(q, omega, alpha, position, velocity)
+        x, y, z = self.turn.value(u)
+        vx, vy, vz = self.turn.rate(u)
+        square = x * x + y * y + z * z
+        angle = sqrt(square)
+        half = 0.5 * angle
+        c = cos(half)
+        s = sin(half) / angle if angle > 0.0 else 0.5
+        q = multiply(start.q, (c, s * x, s * y, s * z))
+        # J_r(r) v = v - a r x v + b r x (r x v)
+        a = 2.0 * s * s
+        if square < _SEAM:
+            b = 1.0 / 6.0 + square * (
+                -1.0 / 120.0
+                + square * (1.0 / 5040.0 + square * (-1.0 / 362880.0 + square * (1.0 / 39916800.0)))
+            )
+        else:
+            b = (1.0 - 2.0 * s * c) / square
+        e, f, g = (y * vz - z * vy, z * vx - x * vz, x * vy - y * vx)
+        omega = (
+            (vx - a * e + b * (y * g - z * f)) / h,
+            (vy - a * f + b * (z * e - x * g)) / h,
+            (vz - a * g + b * (x * f - y * e)) / h,
+        )
+        alpha = combine(start.alpha_body, 1.0 - u, self._end.alpha_body, u)
+        if self.travel is STANDING:
+            return PathPoint(q, omega, alpha, start.position, start.velocity)
+        position = plus(start.position, self.travel.value(u), 1.0)
+        return PathPoint(q, omega, alpha, position, plus(ZERO, self.travel.rate(u), 1.0 / h))

@@ -25,15 +25,14 @@ from math import dist
 
 from orientd.driver import ZERO, Vector3
 from orientd.floats import combine, difference, exp, multiply, norm, normalize, plus
-from orientd.servo.tracking.arrivals import Arrivals
 from orientd.servo.tracking.targets import (
     FilteredTarget,
     ReferenceState,
     Target,
+    carried_on,
     continued,
     filtered,
     joined,
-    place_of,
 )
 from orientd.tolerances import NORM_TOLERANCE
 
@@ -61,6 +60,12 @@ LONGEST_DELAY_NS = 150_000_000
 GROWTH = 0.1
 """How fast the delay grows when targets are staler than ever, seconds per second."""
 
+RECOVERY = 0.01
+"""How fast the delay shrinks again, seconds per second."""
+
+SPARE = 1.3
+"""How long ago the motion is read, in times of how stale targets have been."""
+
 STEADY = 0.04
 """For so long the acceleration that carries a motion on is averaged at least, s."""
 
@@ -70,11 +75,54 @@ STEADIER = 1.2
 SETTLING = 0.008
 """Time in which the law follows an acceleration, s."""
 
-SPARE = 1.3
-"""How long ago the motion is read, in times of how stale targets have been."""
+UNEVEN = 1.25
+"""How many times the usual gap between arrivals, and two cycles more, an even stream may take."""
 
-RECOVERY = 0.01
-"""How fast the delay shrinks again, seconds per second."""
+SILENT = 4.0
+"""After how many times the usual gap, and :data:`SILENT_NS` more, an uneven stream has ceased."""
+
+SILENT_NS = 50_000_000
+
+PAUSE_NS = 250_000_000
+"""What comes so long after the time of the newest target begins anew, and tells of no usual gap."""
+
+USUAL = 0.05
+"""Share of the last gap in what counts as the usual one."""
+
+FORGETTING = 0.01
+"""By which share of a gap the longest one is forgotten."""
+
+
+class Arrivals:
+    """The gaps between arrivals; targets that arrive together count as one."""
+
+    def __init__(self, period_ns: float) -> None:
+        self._period_ns = period_ns
+        self._arrived_ns = 0
+        self._gap_ns = self._longest_ns = 0.0
+
+    def note(self, newest_ns: int | None, now_ns: int) -> None:
+        """Note that a target arrives; *newest_ns* is the time of the newest of those before."""
+        gap_ns = now_ns - self._arrived_ns
+        self._arrived_ns = now_ns
+        if newest_ns is None or gap_ns <= 0:
+            return
+        if now_ns - newest_ns > max(PAUSE_NS, SILENT * self._gap_ns + SILENT_NS):
+            return
+        self._gap_ns += (USUAL if self._gap_ns else 1.0) * (gap_ns - self._gap_ns)
+        self._longest_ns = max(gap_ns, self._longest_ns - FORGETTING * gap_ns)
+
+    @property
+    def are_uneven(self) -> bool:
+        """Whether some targets were lost or late lately."""
+        return self._longest_ns > UNEVEN * self._gap_ns + 2.0 * self._period_ns
+
+    def have_ceased(self, now_ns: int) -> bool:
+        """Whether the next target is overdue."""
+        silence_ns = now_ns - self._arrived_ns
+        if self.are_uneven:
+            return silence_ns > SILENT * self._gap_ns + SILENT_NS
+        return silence_ns > UNEVEN * self._gap_ns + 2.0 * self._period_ns
 
 
 class Reference:
@@ -98,6 +146,11 @@ class Reference:
     def is_disturbed(self) -> bool:
         """Whether some targets were lost or late lately."""
         return self._arrivals.are_uneven
+
+    @property
+    def awaits(self) -> bool:
+        """Whether there is a target whose time has not passed."""
+        return bool(self._targets)
 
     def clear(self) -> None:
         """Forget every target."""
@@ -137,7 +190,7 @@ class Reference:
         self._arrivals.note(self._newest_ns, now_ns)
         if self._newest_ns is None or time_ns > self._newest_ns:
             self._newest_ns = time_ns
-        targets.insert(place, FilteredTarget(target, target.q, ZERO, ZERO, True, None, None))
+        targets.insert(place, FilteredTarget(target, target.q, ZERO, ZERO, begins=True))
         self._unfiltered = min(self._unfiltered, place)
         return ""
 
@@ -169,11 +222,6 @@ class Reference:
                 return place if before_ns < time_ns else 0
         return 0
 
-    @property
-    def awaits(self) -> bool:
-        """Whether there is a target whose time has not passed."""
-        return bool(self._targets)
-
     def at(self, now_ns: int) -> ReferenceState | None:
         """Return the motion at *now_ns*, or ``None`` without a live target."""
         targets = self._targets
@@ -189,12 +237,14 @@ class Reference:
         To be asked after :meth:`at` for the same instant.
         """
         last = self.last
-        if last is None or last.position is None or last.target.position is None:
+        if last is None or last.travelling is None or last.target.position is None:
             return None
         is_end = last is self._targets[-1] and self._arrivals.have_ceased(now_ns)
         if is_end or self._is_concluded:
             return last.target.position, ZERO
-        return place_of(last.position, (now_ns - last.target.time_ns) * 1e-9)
+        found, since = last.travelling, (now_ns - last.target.time_ns) * 1e-9
+        way, velocity = carried_on(found.velocity, found.acceleration, since)
+        return plus(last.position, way, 1.0), velocity
 
     def end(self, now_ns: int) -> tuple[Target, float] | None:
         """Return the target that is known to be the last, and the time left to it, s.
@@ -207,7 +257,7 @@ class Reference:
         left_ns = newest.target.time_ns - now_ns
         if left_ns <= 0:
             return None
-        if newest.estimate is None:
+        if newest.turning is None:
             is_end = newest.omega == ZERO
         else:
             is_end = self._arrivals.have_ceased(now_ns)
@@ -242,7 +292,7 @@ class Reference:
             targets.popleft()
         newest = targets[-1]
         stale_ns = now_ns - newest.target.time_ns
-        if newest.estimate is not None and stale_ns >= 0 and self._arrivals.have_ceased(now_ns):
+        if newest.turning is not None and stale_ns >= 0 and self._arrivals.have_ceased(now_ns):
             return self._at_rest(newest)
         delay_ns = self._delay_by(stale_ns)
         while (

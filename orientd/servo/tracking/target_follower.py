@@ -11,14 +11,13 @@ a step and a stop from it, a part of the step is tried, and braking in the end.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import dist, sqrt
+from math import ceil, dist, sqrt
 
-from orientd.driver import ZERO, Driver, Quaternion, Vector3
-from orientd.floats import combine, norm, plus
+from orientd.driver import ZERO, ComingPose, Driver, Quaternion, Vector3
+from orientd.floats import combine, exp, multiply, norm, plus
 from orientd.servo.guard import Guard
-from orientd.servo.tracking.stop_ahead import coming
 from orientd.servo.tracking.targets import Target
-from orientd.servo.tracking.tracker import Tracker, TrackPoint
+from orientd.servo.tracking.tracker import AxisStop, Tracker, TrackPoint
 from orientd.stream import RecordRing, ServoLimits
 
 TARGETS_PER_CYCLE = 8
@@ -37,6 +36,9 @@ BRAKING = 0.7
 """Part of the acceleration that the way to rest is reckoned with; the rest is for what the target
 does meanwhile."""
 
+MOST = 12
+"""At how many instants of a stop the axes are looked at, at most: in every cycle of a short one."""
+
 SHARES = ((0.3, 0.3), (0.06, 0.06), (0.3, None), (None, 0.3))
 """How much of the change of speed towards a target, of orientation and position, is tried if the
 axes cannot follow it whole; ``None`` brakes."""
@@ -52,13 +54,7 @@ class TargetFollower:
     """
 
     def __init__(self, ring: RecordRing, guard: Guard, driver: Driver) -> None:
-        """Follow nothing yet.
-
-        Args:
-            ring: targets as they arrive.
-            guard: what was written.
-            driver: may look at what is coming.
-        """
+        """Follow nothing yet: targets come by *ring*; *driver* may look at what is coming."""
         self.is_on = False
         self.hindrance = ""
         self.tracker = Tracker(guard.period)
@@ -91,10 +87,7 @@ class TargetFollower:
     ) -> tuple[TrackPoint, Vector3]:
         """Return what the cycle due at *now_ns* commands, and its position, m.
 
-        Args:
-            now_ns: monotonic clock.
-            servo_limits: limits.
-            is_stopping: whether it comes to rest, whatever targets arrive.
+        If *is_stopping* it comes to rest, whatever targets arrive.
         """
         guard = self._guard
         if not is_stopping:
@@ -118,18 +111,10 @@ class TargetFollower:
 
     def _look_ahead(self, q: Quaternion, position: Vector3, servo_limits: ServoLimits) -> str:
         """Return why the axes cannot follow a setpoint and a stop from it, or nothing."""
-        guard = self._guard
-        _, velocity = guard.rates(q, position)
-        return self._driver.foresee(
-            coming(
-                q,
-                position,
-                velocity,
-                self.tracker.stop_ahead(),
-                acceleration=servo_limits.linear_acceleration,
-                period=guard.period,
-            )
-        )
+        _, velocity = self._guard.rates(q, position)
+        stop = self.tracker.stop_ahead()
+        acceleration, h = servo_limits.linear_acceleration, self._guard.period
+        return self._driver.foresee(_coming(q, position, velocity, stop, acceleration, h))
 
     def _position(self, servo_limits: ServoLimits) -> Vector3 | None:
         """Return the next position, m; ``None`` if it is to come to rest, wherever that is."""
@@ -187,7 +172,7 @@ def approach(
         way: from the position to the target's, m.
         velocity: of the last step, m/s; inside the limits.
         goal_velocity: the target's, m/s.
-        servo_limits: limits.
+        servo_limits: the limits.
         period: of a cycle, s.
     """
     left, fastest = norm(way), servo_limits.linear_velocity
@@ -204,15 +189,46 @@ def approach(
 
 
 def stopping_distance(speed: float, acceleration: float) -> float:
-    """Return from how far away :func:`approach` brakes to a target at rest, m.
-
-    Args:
-        speed: m/s.
-        acceleration: limit, m/s^2.
-    """
+    """Return from how far away :func:`approach` brakes to a target at rest, m."""
     brake = BRAKING * acceleration
     linear = brake / (CLOSING * CLOSING)
     return speed / CLOSING if speed < CLOSING * linear else 0.5 * (speed * speed / brake + linear)
+
+
+def _coming(
+    q: Quaternion,
+    position: Vector3,
+    velocity: Vector3,
+    stop: tuple[Quaternion, AxisStop | None],
+    acceleration: float,
+    period: float,
+) -> list[ComingPose]:
+    """Return a setpoint, the first cycle of a stop from it, and poses further on the way to rest.
+
+    *velocity* is that of the step to the setpoint, *stop* what :meth:`Tracker.stop_ahead` says, and
+    *acceleration* that with which the position comes to rest, m/s^2.
+    """
+    poses = [ComingPose(period, q, position)]
+    q, turning = stop
+    speed = norm(velocity)
+    if turning is None and speed == 0.0:
+        return poses
+    change = acceleration * period
+    velocity = plus(ZERO, velocity, 1.0 - change / speed) if speed > change else ZERO
+    position, speed = plus(position, velocity, period), max(speed - change, 0.0)
+    poses.append(ComingPose(period, q, position))
+    # The velocity of a step is that of its middle, and the next one is slower already.
+    running = max(speed / acceleration - 0.5 * period, 0.0)
+    share = running * acceleration / speed if speed > 0.0 else 0.0
+    longest = max(running, turning.seconds if turning is not None else 0.0, period)
+    count = min(ceil(longest / period), MOST)
+    for k in range(1, count + 1):
+        since = longest * k / count
+        there = q if turning is None else multiply(q, exp(turning.turn(since)))
+        left = 1.0 - since / running if since < running else 0.0
+        along = 0.5 * running * share * (1.0 - left * left)
+        poses.append(ComingPose(longest / count, there, plus(position, velocity, along)))
+    return poses
 
 
 def _given(vector: Sequence[float]) -> Vector3 | None:

@@ -18,10 +18,9 @@ one that stands still.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import exp as exp_of
 from math import sqrt
-from typing import Generic, NamedTuple, TypeVar
+from typing import NamedTuple
 
 from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import combine, difference, exp, multiply, norm, normalize, plus
@@ -72,98 +71,6 @@ ANY_VELOCITY = 2.0
 ANY_ACCELERATION = 10.0
 """The same of its acceleration, rad/s^2 or m/s^2."""
 
-Place = TypeVar("Place", Quaternion, Vector3)
-
-
-class Space(NamedTuple, Generic[Place]):
-    """Where samples lie.
-
-    Attributes:
-        moved: returns a place moved by a vector, in its own frame.
-        way: returns the vector from a place to another.
-    """
-
-    moved: Callable[[Place, Vector3], Place]
-    way: Callable[[Place, Place], Vector3]
-
-
-class Estimate(NamedTuple, Generic[Place]):
-    """What is believed of the target at the time of a sample.
-
-    Attributes:
-        place: orientation ``(w, x, y, z)``, or position, m.
-        velocity: in the orientation's own frame, rad/s, or m/s.
-        acceleration: rad/s^2, or m/s^2.
-        covariance: of place, velocity and acceleration along any axis: the upper triangle by rows.
-        noise: variance of a sample.
-        surprise: how far the sample was from what was expected.
-        begins: whether the sample was not expected at all: a motion begins there, at rest.
-    """
-
-    place: Place
-    velocity: Vector3
-    acceleration: Vector3
-    covariance: tuple[float, float, float, float, float, float]
-    noise: float
-    surprise: Vector3
-    begins: bool
-
-
-def _turned(q: Quaternion, step: Vector3) -> Quaternion:
-    return normalize(multiply(q, exp(step)))
-
-
-ORIENTATIONS = Space[Quaternion](_turned, difference)
-POSITIONS = Space[Vector3](lambda p, step: plus(p, step, 1.0), lambda p, q: plus(q, p, -1.0))
-
-
-def begun(place: Place, noise: float = FIRST_NOISE * FIRST_NOISE) -> Estimate[Place]:
-    """Return what is believed of a target of which there is one sample, *place*."""
-    v, a = ANY_VELOCITY * ANY_VELOCITY, ANY_ACCELERATION * ANY_ACCELERATION
-    return Estimate(place, ZERO, ZERO, (noise, 0.0, 0.0, v, 0.0, a), noise, ZERO, True)
-
-
-def updated(
-    before: Estimate[Place], told: Place, seconds: float, space: Space[Place]
-) -> Estimate[Place]:
-    """Return what is believed once *told* has come, *seconds* after the sample before."""
-    if seconds > LONGEST:
-        return begun(told, before.noise)
-    t = seconds
-    half = 0.5 * t * t
-    velocity, acceleration = before.velocity, before.acceleration
-    expected = space.moved(before.place, combine(velocity, t, acceleration, half))
-    # F P F^T + Q for F = [[1, t, t^2/2], [0, 1, t], [0, 0, 1]]; Bar-Shalom, Li and Kirubarajan,
-    # Estimation with Applications to Tracking and Navigation (2001), 6.2.3.
-    p, pv, pa, v, va, w = before.covariance
-    s = JERK * t
-    p += t * (2.0 * pv + t * (pa + v + t * (va + 0.25 * t * w))) + s * t**4 / 20.0
-    pv += t * (pa + v + t * (1.5 * va + 0.5 * t * w)) + s * t**3 / 8.0
-    pa += t * (va + 0.5 * t * w) + s * t * t / 6.0
-    v += t * (2.0 * va + t * w) + s * t * t / 3.0
-    va += t * w + 0.5 * s * t
-    w += s
-    surprise = space.way(expected, told)
-    total = p + before.noise
-    size = norm(surprise)
-    if size > GATE * sqrt(3.0 * total) + AGILITY * half:
-        return begun(told, before.noise)
-    agreement = sum(x * y for x, y in zip(surprise, before.surprise, strict=True))
-    cosine = agreement / (size * norm(before.surprise) + NO_SURPRISE * NO_SURPRISE)
-    noise = before.noise * exp_of(-LEARNING * cosine)
-    noise = min(max(noise, LEAST_NOISE * LEAST_NOISE), MOST_NOISE * MOST_NOISE)
-    # The gains: how much of the surprise each of the three takes.
-    g, h, k = p / total, pv / total, pa / total
-    return Estimate(
-        space.moved(expected, plus(ZERO, surprise, g)),
-        plus(plus(velocity, acceleration, t), surprise, h),
-        plus(acceleration, surprise, k),
-        (p - g * p, pv - g * pv, pa - g * pa, v - h * pv, va - h * pa, w - k * pa),
-        noise,
-        surprise,
-        False,
-    )
-
 
 class Target(NamedTuple):
     """Where the device should be at an instant, and how it should turn there.
@@ -184,6 +91,78 @@ class Target(NamedTuple):
     position: Vector3 | None = None
 
 
+class Estimate(NamedTuple):
+    """What is believed of a motion at the time of a sample, whether it turns or travels.
+
+    Attributes:
+        velocity: in the orientation's own frame, rad/s, or m/s.
+        acceleration: rad/s^2, or m/s^2.
+        covariance: of place, velocity and acceleration along any axis: the upper triangle by rows.
+        noise: variance of a sample.
+        surprise: how far the sample was from what was expected.
+        gain: part of that by which the place was corrected.
+        begins: whether the sample was not expected at all: a motion begins there, at rest.
+    """
+
+    velocity: Vector3
+    acceleration: Vector3
+    covariance: tuple[float, float, float, float, float, float]
+    noise: float
+    surprise: Vector3
+    gain: float
+    begins: bool
+
+    def step(self, t: float) -> Vector3:
+        """Return the way that is expected in *t* seconds from the sample on."""
+        return combine(self.velocity, t, self.acceleration, 0.5 * t * t)
+
+
+def begun(noise: float = FIRST_NOISE * FIRST_NOISE) -> Estimate:
+    """Return what is believed of a motion of which there is one sample."""
+    v, a = ANY_VELOCITY * ANY_VELOCITY, ANY_ACCELERATION * ANY_ACCELERATION
+    return Estimate(ZERO, ZERO, (noise, 0.0, 0.0, v, 0.0, a), noise, ZERO, 1.0, True)
+
+
+def updated(before: Estimate, surprise: Vector3, t: float) -> Estimate:
+    """Return what is believed once a sample has come.
+
+    Args:
+        before: what was believed at the sample before.
+        surprise: how far the sample is from what was expected, rad or m.
+        t: time between the samples, s.
+    """
+    if t > LONGEST:
+        return begun(before.noise)
+    # F P F^T + Q for F = [[1, t, t^2/2], [0, 1, t], [0, 0, 1]]; Bar-Shalom, Li and Kirubarajan,
+    # Estimation with Applications to Tracking and Navigation (2001), 6.2.3.
+    p, pv, pa, v, va, w = before.covariance
+    s = JERK * t
+    p += t * (2.0 * pv + t * (pa + v + t * (va + 0.25 * t * w))) + s * t**4 / 20.0
+    pv += t * (pa + v + t * (1.5 * va + 0.5 * t * w)) + s * t**3 / 8.0
+    pa += t * (va + 0.5 * t * w) + s * t * t / 6.0
+    v += t * (2.0 * va + t * w) + s * t * t / 3.0
+    va += t * w + 0.5 * s * t
+    w += s
+    total, size = p + before.noise, norm(surprise)
+    if size > GATE * sqrt(3.0 * total) + 0.5 * AGILITY * t * t:
+        return begun(before.noise)
+    agreement = sum(x * y for x, y in zip(surprise, before.surprise, strict=True))
+    cosine = agreement / (size * norm(before.surprise) + NO_SURPRISE * NO_SURPRISE)
+    noise = before.noise * exp_of(-LEARNING * cosine)
+    noise = min(max(noise, LEAST_NOISE * LEAST_NOISE), MOST_NOISE * MOST_NOISE)
+    # The gains: how much of the surprise each of the three takes.
+    g, h, k = p / total, pv / total, pa / total
+    return Estimate(
+        plus(plus(before.velocity, before.acceleration, t), surprise, h),
+        plus(before.acceleration, surprise, k),
+        (p - g * p, pv - g * pv, pa - g * pa, v - h * pv, va - h * pa, w - k * pa),
+        noise,
+        surprise,
+        g,
+        False,
+    )
+
+
 class FilteredTarget(NamedTuple):
     """A target and what the filter makes of it.
 
@@ -193,8 +172,9 @@ class FilteredTarget(NamedTuple):
         omega: angular velocity in its own frame, rad/s.
         alpha: angular acceleration up to there, rad/s^2.
         begins: whether it begins something, and is not joined to those before.
-        estimate: what is known of orientation and velocity if it came without one.
-        position: what is known of that, if it came with one.
+        turning: what is believed of its orientation if it came without velocity.
+        position: where it is, m, if it came with a position.
+        travelling: what is believed of that.
     """
 
     target: Target
@@ -202,8 +182,9 @@ class FilteredTarget(NamedTuple):
     omega: Vector3
     alpha: Vector3
     begins: bool
-    estimate: Estimate[Quaternion] | None
-    position: Estimate[Vector3] | None
+    turning: Estimate | None = None
+    position: Vector3 = ZERO
+    travelling: Estimate | None = None
 
 
 class ReferenceState(NamedTuple):
@@ -230,42 +211,55 @@ def filtered(before: FilteredTarget | None, target: Target) -> FilteredTarget:
         target: normalised.
     """
     seconds = 0.0 if before is None else (target.time_ns - before.target.time_ns) * 1e-9
-    position: Estimate[Vector3] | None = None
-    if target.position is not None:
-        if before is None or before.position is None:
-            position = begun(target.position)
-        else:
-            position = updated(before.position, target.position, seconds, POSITIONS)
-    if target.omega_body is None:
-        if before is None or before.estimate is None:
-            found = begun(target.q)
-        else:
-            found = updated(before.estimate, target.q, seconds, ORIENTATIONS)
-        omega = found.velocity if norm(found.velocity) > STILL else ZERO
-        begins = before is None or ZERO in (omega, before.omega) or found.begins
-        alpha = ZERO if begins else found.acceleration
-        return FilteredTarget(target, found.place, omega, alpha, begins, found, position)
-    omega = target.omega_body
+    found = _turned(before, target, seconds)
+    place = target.position
+    if place is None:
+        return found
+    travelling = begun()
+    if before is not None and before.travelling is not None:
+        expected = plus(before.position, before.travelling.step(seconds), 1.0)
+        surprise = plus(place, expected, -1.0)
+        travelling = updated(before.travelling, surprise, seconds)
+        place = plus(expected, surprise, travelling.gain)
+    return found._replace(position=place, travelling=travelling)
+
+
+def _turned(before: FilteredTarget | None, target: Target, seconds: float) -> FilteredTarget:
+    q, omega = target.q, target.omega_body
+    if omega is None:
+        turning = begun()
+        if before is not None and before.turning is not None:
+            expected = multiply(before.q, exp(before.turning.step(seconds)))
+            surprise = difference(expected, q)
+            turning = updated(before.turning, surprise, seconds)
+            q = normalize(multiply(expected, exp(plus(ZERO, surprise, turning.gain))))
+        omega = turning.velocity if norm(turning.velocity) > STILL else ZERO
+        begins = before is None or ZERO in (omega, before.omega) or turning.begins
+        alpha = ZERO if begins else turning.acceleration
+        return FilteredTarget(target, q, omega, alpha, begins, turning)
     if before is not None and omega != ZERO != before.omega:
         there = multiply(before.q, exp(combine(before.omega, 0.5 * seconds, omega, 0.5 * seconds)))
-        surprise = difference(there, target.q)
+        surprise = difference(there, q)
         if norm(surprise) <= JUMP:
             alpha = combine(omega, 1.0 / seconds, before.omega, -1.0 / seconds)
             share = seconds / (seconds + TRUST)
             q = normalize(multiply(there, exp(plus(ZERO, surprise, share))))
-            return FilteredTarget(target, q, omega, alpha, False, None, position)
-    return FilteredTarget(target, target.q, omega, ZERO, True, None, position)
+            return FilteredTarget(target, q, omega, alpha, begins=False)
+    return FilteredTarget(target, q, omega, ZERO, begins=True)
+
+
+def carried_on(velocity: Vector3, acceleration: Vector3, since: float) -> tuple[Vector3, Vector3]:
+    """Return way and velocity *since* the last target, s, with its velocity and acceleration."""
+    bent = min(since, BENT)
+    way = combine(velocity, since, acceleration, bent * (since - 0.5 * bent))
+    return way, plus(velocity, acceleration, bent)
 
 
 def continued(here: FilteredTarget, since: float) -> ReferenceState:
     """Return the motion *since* the last target, s."""
-    bent = min(since, BENT)
-    turn = combine(here.omega, since, here.alpha, bent * (since - 0.5 * bent))
-    return ReferenceState(
-        multiply(here.q, exp(turn)),
-        plus(here.omega, here.alpha, bent),
-        here.alpha if bent < BENT else ZERO,
-    )
+    turn, omega = carried_on(here.omega, here.alpha, since)
+    alpha = here.alpha if since < BENT else ZERO
+    return ReferenceState(multiply(here.q, exp(turn)), omega, alpha)
 
 
 def joined(here: FilteredTarget, there: FilteredTarget, since: float) -> ReferenceState:
@@ -280,10 +274,3 @@ def joined(here: FilteredTarget, there: FilteredTarget, since: float) -> Referen
     q = multiply(q, exp(plus(ZERO, gap, u * u * (3.0 - 2.0 * u))))
     omega = plus(plus(omega, alpha, since), gap, 6.0 * u * (1.0 - u) / span)
     return ReferenceState(q, omega, alpha)
-
-
-def place_of(found: Estimate[Vector3], since: float) -> tuple[Vector3, Vector3]:
-    """Return position and velocity *since* a target, m and m/s."""
-    bent = min(since, BENT)
-    way = combine(found.velocity, since, found.acceleration, bent * (since - 0.5 * bent))
-    return plus(found.place, way, 1.0), plus(found.velocity, found.acceleration, bent)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from math import inf, pi
+from math import inf
 from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.floats import combine, difference, exp, multiply, norm, normalize, plus
-from orientd.servo.double_s import stopping_angle
 from orientd.servo.motion_law import (
     TrackingLimits,
     advance,
@@ -17,17 +16,14 @@ from orientd.servo.motion_law import (
     loosened,
     saturated,
     softened,
+    stop_phases,
+    stopping_angle,
     times,
 )
 from orientd.servo.tracking.reference import Reference
 from orientd.servo.tracking.steering import AccelerationCap, position_command
-from orientd.servo.tracking.stop_ahead import AxisStop
 from orientd.servo.tracking.targets import JUMP, FilteredTarget, ReferenceState, Target
 from orientd.stream import ServoLimits
-
-_SEAM = 0.2
-"""How far past half a turn the way once taken is kept, rad: a target there must not turn us back
-and forth."""
 
 _MET = 0.02
 """How near the device has come to what it follows when it has met it, rad."""
@@ -40,17 +36,37 @@ _DELAY_STEP = 1e-3
 
 
 class TrackPoint(NamedTuple):
-    """What one cycle commands.
-
-    Attributes:
-        q: orientation ``(w, x, y, z)``.
-        omega_body: angular velocity of the step to it, rad/s.
-        alpha_body: angular acceleration of the last two steps, rad/s^2.
-    """
+    """What one cycle commands: orientation, angular velocity (rad/s) and acceleration (rad/s^2)."""
 
     q: Quaternion
     omega_body: Vector3
     alpha_body: Vector3
+
+
+class AxisStop:
+    """A stop about one axis: its acceleration falls to a peak, stays there, and rises to zero.
+
+    Attributes:
+        seconds: how long it takes.
+    """
+
+    def __init__(self, axis: Vector3, speed: float, rate: float, limits: TrackingLimits) -> None:
+        """Begin at a *speed* about *axis* that changes at *rate*; rad/s and rad/s^2."""
+        self._axis, self._speed, self._rate = axis, speed, rate
+        phases = stop_phases(speed, rate, limits.acceleration, limits.jerk)
+        self._phases = tuple(zip(phases, (-limits.jerk, 0.0, limits.jerk), strict=True))
+        self.seconds = sum(phases)
+
+    def turn(self, since: float) -> Vector3:
+        """Return the rotation vector turned *since* the begin, s."""
+        angle, speed, rate = 0.0, self._speed, self._rate
+        for seconds, jerk in self._phases:
+            t = min(since, seconds)
+            angle += t * (speed + t * (0.5 * rate + t * jerk / 6.0))
+            speed += t * (rate + 0.5 * t * jerk)
+            rate += t * jerk
+            since -= t
+        return plus(ZERO, self._axis, angle)
 
 
 class Tracker:
@@ -84,11 +100,7 @@ class Tracker:
     ) -> None:
         """Begin from what was last commanded, moving or at rest, without any target.
 
-        Args:
-            q: orientation last commanded.
-            omega_body: angular velocity of the step to it, rad/s.
-            alpha_body: change from the step before over the period, rad/s^2.
-            servo_limits: what to keep.  What moves faster than that is slowed down first.
+        The rates are backward differences.  What moves faster than the limits is slowed down first.
         """
         self._limits, self._units = limits_of(servo_limits, self._period)
         # The law's state is in its own units.
@@ -98,7 +110,6 @@ class Tracker:
         self._reference.clear()
         self._cap.release()
         self._before, self._wish = (self._q, self._omega, self._alpha), self._alpha
-        self._way = ZERO
         self._forget()
         self.is_at_rest = omega_body == ZERO == alpha_body
         self._soften(0.0)
@@ -132,7 +143,6 @@ class Tracker:
         # State and target of the same instant, that of the last setpoint.
         found = self._found(now_ns - self._period_ns)
         if found is None:
-            self._way = ZERO
             if self._omega == ZERO == self._alpha:
                 self.is_at_rest = not self._reference.awaits
                 self._before, self._wish = (self._q, ZERO, ZERO), ZERO
@@ -165,13 +175,7 @@ class Tracker:
             return q, None
         axis = plus(ZERO, ahead, 1.0 / size)
         speed, rate = _dot(omega, axis), _dot(alpha, axis)
-        return q, AxisStop(
-            times(axis, self._units),
-            speed + 0.5 * h * rate,
-            rate,
-            limits.acceleration,
-            limits.jerk,
-        )
+        return q, AxisStop(times(axis, self._units), speed + 0.5 * h * rate, rate, limits)
 
     def _move(self, omega: Vector3, alpha: Vector3) -> TrackPoint:
         """Turn for a period; all in the law's units."""
@@ -205,7 +209,7 @@ class Tracker:
                 self._has_met = False
         if not self._has_met:
             self._has_met = norm(difference(self._q, found.q)) < _MET
-        is_order = last.estimate is not None or last.omega == ZERO
+        is_order = last.turning is not None or last.omega == ZERO
         self._home = last.target if self._has_met and is_order else None
 
     def _expired(self) -> ReferenceState | None:
@@ -237,7 +241,7 @@ class Tracker:
         units, cap = self._units, self._cap
         # The velocity of a step is that of its middle.
         middle = divided(plus(found.omega, found.alpha, -0.5 * self._period), units)
-        turn, alpha = divided(self._turn(found.q), units), divided(found.alpha, units)
+        turn, alpha = divided(difference(self._q, found.q), units), divided(found.alpha, units)
         if found.omega == ZERO:
             cap.release()
             return position_command(turn, self._omega, self._alpha, middle, alpha, self._limits)[0]
@@ -261,15 +265,6 @@ class Tracker:
 
     def _soften(self, delay: float) -> None:
         self._soft, self._soft_for = softened(self._limits, delay), delay
-
-    def _turn(self, q: Quaternion) -> Vector3:
-        """Return the way to *q*: the shorter one, unless the longer one is as good and begun."""
-        turn = difference(self._q, q)
-        angle = norm(turn)
-        if angle > pi - _SEAM and _dot(turn, self._way) < 0.0:
-            turn = plus(ZERO, turn, 1.0 - 2.0 * pi / angle)
-        self._way = turn
-        return turn
 
 
 def _dot(a: Vector3, b: Vector3) -> float:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from orientd.curves import METHODS
-from orientd.curves.comparison.measure import Figures, measure
+from orientd.curves.comparison import Figures, measure
 from orientd.curves.roles import CurveTask, make_curve
 from orientd.errors import PlanError
 from orientd.rotation import exp, multiply

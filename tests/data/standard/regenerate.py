@@ -16,7 +16,7 @@ import numpy as np
 
 from orientd import motion_file
 from orientd.curves import METHODS
-from orientd.curves.comparison.measure import measure
+from orientd.curves.comparison import measure
 from orientd.curves.roles import make_curve
 from orientd.errors import PlanError
 from orientd.planner.task import task_of

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from orientd.curves import METHODS
-from orientd.curves.comparison.candidates import COLUMNS, compare, ranked
-from orientd.curves.comparison.measure import measure
+from orientd.curves.comparison import COLUMNS, compare, measure, ranked
 from orientd.curves.roles import CurveTask, averaged_knots, make_curve, parameters
 from orientd.rotation import angle, exp, multiply
 

@@ -7,7 +7,7 @@ import pytest
 from hand_held import DROPOUT, recorded, truth
 
 from orientd import rotation
-from orientd.curves.fitting.spline_fit import fit_orientations
+from orientd.curves.fitting import fit_orientations
 from orientd.errors import PlanError
 
 DEGREE = math.radians(1.0)

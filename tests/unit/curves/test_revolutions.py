@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orientd.curves import METHODS
-from orientd.curves.comparison.measure import measure
+from orientd.curves.comparison import measure
 from orientd.curves.roles import CurveTask
 from orientd.rotation import angle, exp, normalize
 

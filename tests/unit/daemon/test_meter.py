@@ -19,7 +19,7 @@ def motion():
     turns = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.3], [0.0, 0.2, 0.5]])
     keyframes = [
         planner.Keyframe(tuple(q), time=time)
-        for q, time in zip(rotation.from_rotation_vector(turns), (0.0, 0.5, 1.0007), strict=True)
+        for q, time in zip(rotation.exp(turns), (0.0, 0.5, 1.0007), strict=True)
     ]
     request = planner.MotionRequest(
         keyframes, start_velocity=(0.1, 0.2, 0.3), end_velocity=(0.4, -0.3, 0.2), approach=True
@@ -66,7 +66,7 @@ def test_stops_for_a_stall_are_counted_and_not_differentiated(motion, sizes):
     turned = 0.5 * rate * (np.arange(51) * PERIOD) ** 2
     turns = np.zeros((103, 3))
     turns[2:53, 2], turns[52:, 2] = turned, turned[-1] + turned
-    cycles["sent_q"] = rotation.from_rotation_vector(turns)
+    cycles["sent_q"] = rotation.exp(turns)
     assert measure(motion, cycles, sizes).acceleration == pytest.approx(0.05 / PERIOD, rel=0.05)
     cycles["flags"][53] |= CycleFlag.FROM_REST
     found = measure(motion, cycles, sizes)

@@ -40,7 +40,7 @@ def link():
 
 
 def turn(angle, start=(1.0, 0.0, 0.0, 0.0)):
-    q = rotation.multiply(start, rotation.from_rotation_vector(np.array([0.0, 0.0, angle])))
+    q = rotation.multiply(start, rotation.exp(np.array([0.0, 0.0, angle])))
     request = planner.MotionRequest([planner.Keyframe(tuple(q))], pace="even")
     start = planner.State.at_rest(start)
     return planner.plan(

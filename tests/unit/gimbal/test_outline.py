@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from reference.gimbal import jacobian
 
-from orientd.rotation.convert import from_rotation_vector
+from orientd.rotation import exp
 from orientd.rotation.quaternion import rotate
 from orientd_dynamixel.kinematics import Gimbal
 from orientd_dynamixel.outline import outline
@@ -35,7 +35,7 @@ def test_rings_are_joined_by_pins():
 
 
 def test_the_mount_turns_all_of_it():
-    mount = tuple(from_rotation_vector([0.3, -1.0, 0.2]).tolist())
+    mount = tuple(exp([0.3, -1.0, 0.2]).tolist())
     plain, mounted = drawn(Gimbal("ZYX"), ANGLES), drawn(Gimbal("ZYX", mount=mount), ANGLES)
     for one, other in zip(plain, mounted, strict=True):
         for line, turned in zip(one, other, strict=True):

@@ -9,7 +9,7 @@ import numpy as np
 import orientd
 from orientd.errors import OrientdError
 from orientd.motion_file import parse
-from orientd.rotation import exp, multiply, to_matrix, to_rotation_vector
+from orientd.rotation import exp, log, multiply, to_matrix
 
 FORMS = ("quaternion", "rotation_vector", "matrix")
 
@@ -19,7 +19,7 @@ def form_of(q, form):
     if form == "quaternion":
         return {"quaternion": {name: round(float(c), 8) for name, c in zip("wxyz", q, strict=True)}}
     if form == "rotation_vector":
-        return {"rotation_vector": to_rotation_vector(q).tolist()}
+        return {"rotation_vector": log(q).tolist()}
     return {"matrix": to_matrix(q).tolist()}
 
 

@@ -42,7 +42,7 @@ WORST = {
 def effort(monkeypatch):
     """Count curves, and records that are looked at."""
     spent = {"curves": 0, "records": 0}
-    path, time_even, measure_path = PlanJob.path, even.time_even, job.measure_path
+    path, time_even, measure = PlanJob.path, even.time_even, job.measure
 
     def counted_core(*arguments):
         spent["curves"] += 1
@@ -56,11 +56,11 @@ def effort(monkeypatch):
 
     def counted_measure(whole, count, *arguments, **options):
         spent["records"] += count
-        return measure_path(whole, count, *arguments, **options)
+        return measure(whole, count, *arguments, **options)
 
     monkeypatch.setattr(PlanJob, "path", counted_core)
     monkeypatch.setattr(even, "time_even", counted_time_even)
-    monkeypatch.setattr(job, "measure_path", counted_measure)
+    monkeypatch.setattr(job, "measure", counted_measure)
     return spent
 
 

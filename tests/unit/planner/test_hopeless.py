@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from orientd.curves.interpolating import C2Cumulative
-from orientd.curves.optimal.min_acceleration import MinAcceleration
+from orientd.curves.min_acceleration import MinAcceleration
 from orientd.errors import OrientdError, PlanError
 from orientd.planner import (
     DEFAULT_LIMITS,

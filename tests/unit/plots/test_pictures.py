@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from orientd.curves import METHODS
-from orientd.curves.comparison.candidates import compare, ranked
+from orientd.curves.comparison import compare, ranked
 from orientd.curves.roles import CurveTask, make_curve
 from orientd.errors import OrientdError
 from orientd.planner import Limits
-from orientd.rotation import angle, exp, from_rotation_vector, rotate
+from orientd.rotation import angle, exp, rotate
 
 pytest.importorskip("matplotlib")
 
@@ -92,7 +92,7 @@ def test_what_is_behind_the_sphere_is_drawn_as_hidden():
     axes = new_figure(3.0, 3.0).subplots()
     view = Viewpoint(elevation=0.0, azimuth=0.0)
     # About the upright axis the x tip turns from the front to the back.
-    q = from_rotation_vector(np.outer(np.linspace(0.0, np.pi, 200), [0.0, 0.0, 1.0]))
+    q = exp(np.outer(np.linspace(0.0, np.pi, 200), [0.0, 0.0, 1.0]))
     draw_triads(axes, q, q[[0, -1]], style=plots.triads.TriadStyle(view=view))
     lines = {line.get_gid(): line for line in axes.get_lines()}
     front = lines["trace-x"].get_xydata()
@@ -247,12 +247,12 @@ def test_a_folder_that_cannot_be_made_is_said(tmp_path):
 
 
 def test_a_curve_of_two_keyframes_a_moment_apart_is_drawn(tmp_path):
-    keys = from_rotation_vector(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1e-9]]))
+    keys = exp(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1e-9]]))
     task = CurveTask(keys, np.array([0.0, 1e-3]))
     assert "trace-x" in ids(svg(plots.draw_traces, tmp_path, traces("slerp", task), title="tiny"))
 
 
 def test_many_keyframes_are_drawn(tmp_path):
     turns = np.outer(np.arange(150), [0.02, 0.01, 0.03])
-    task = CurveTask(from_rotation_vector(turns), np.arange(150.0))
+    task = CurveTask(exp(turns), np.arange(150.0))
     assert "trace-x" in ids(svg(plots.draw_traces, tmp_path, traces("squad", task), title="many"))

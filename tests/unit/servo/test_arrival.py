@@ -7,7 +7,7 @@ from rig import PERIOD_NS, Rig, turn
 
 from orientd.driver import AxisGap
 from orientd.errors import Fault
-from orientd.servo.arrival import ARRIVAL_NS, Arrival
+from orientd.servo.device_reports import ARRIVAL_NS, Arrival
 from orientd.stream import Command, CycleFlag, ServoState
 
 DEGREE = math.pi / 180

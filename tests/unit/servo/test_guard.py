@@ -4,16 +4,29 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rig import PERIOD, TERMS, peaks
+from rig import PERIOD, TERMS, Rig, peaks
 from scipy.spatial.transform import Rotation
 
 from orientd.driver import ZERO
 from orientd.floats import exp, multiply
 from orientd.servo.guard import Guard
+from orientd.servo.motion_law import limits_in_plane
+from orientd.servo.tracking import TargetFollower
 from orientd.stream import JointShares, ServoLimits
 from orientd.stream.records import LIMIT_FLOATS
 
 Q = (1.0, 0.0, 0.0, 0.0)
+
+
+def stop_off_path(guard, servo_limits):
+    """Yield the setpoints of a stop from what the guard has taken, without path or targets."""
+    rig = Rig()
+    follower = TargetFollower(rig.memory.targets, guard, rig.driver)
+    follower.begin(limits_in_plane(servo_limits, guard.omega, guard.alpha))
+    while not (follower.tracker.is_at_rest and guard.velocity == ZERO):
+        point, position = follower.step(0, servo_limits, is_stopping=True)
+        guard.take(point.q, position)
+        yield point.q, position
 
 
 def turning(guard, alpha, cycles):
@@ -35,7 +48,7 @@ def turning(guard, alpha, cycles):
 def test_a_soft_stop_keeps_every_limit_and_ends_at_rest(alpha, cycles):
     guard = Guard(PERIOD)
     sent = turning(guard, alpha, cycles)
-    sent += [q for q, _ in guard.soft_stop(TERMS)]
+    sent += [q for q, _ in stop_off_path(guard, TERMS)]
     velocity, acceleration, jerk = peaks(np.array(sent))
     assert velocity <= TERMS.velocity * 1.001
     assert acceleration <= TERMS.acceleration * 1.001
@@ -99,7 +112,7 @@ def test_a_soft_stop_keeps_the_limits_of_every_axis(alpha):
     servo_limits = replace(ABOUT_Z, axis_jerk=(8000.0, 8000.0, 120.0))
     guard = Guard(PERIOD)
     sent = turning(guard, alpha, 40)
-    sent += [q for q, _ in guard.soft_stop(servo_limits)]
+    sent += [q for q, _ in stop_off_path(guard, servo_limits)]
     quaternions = Rotation.from_quat(np.array(sent)[:, [1, 2, 3, 0]])
     omega = (quaternions[:-1].inv() * quaternions[1:]).as_rotvec() / PERIOD
     omega = np.concatenate([omega, np.zeros((3, 3))])
@@ -325,7 +338,7 @@ def test_a_position_stops_along_a_line_as_quickly_as_it_may():
     assert guard.braked_position(TERMS) == pytest.approx(
         (1.0 + 0.3 * 0.96 * PERIOD, 0.0, 0.4 * 0.96 * PERIOD)
     )
-    places = [place for _, place in guard.soft_stop(TERMS)]
+    places = [place for _, place in stop_off_path(guard, TERMS)]
     assert len(places) == 25
     speeds = np.linalg.norm(np.diff([(1.0, 0.0, 0.0), *places], axis=0), axis=1) / PERIOD
     np.testing.assert_allclose(speeds, np.linspace(0.48, 0.0, 25), atol=1e-9)
@@ -336,44 +349,41 @@ AXES = (1e9, 1e9, 1e9)
 
 
 @pytest.mark.parametrize(
-    ("limits", "omega", "alpha", "velocity", "cycles"),
+    ("limits", "omega", "alpha", "velocity", "most"),
     [
-        # 20 rad/s^2 away at 401 rad/s^3, or 201 along one axis: 25 and 50 cycles, and 0.48 and
-        # 0.98 rad/s that were added meanwhile.
-        ({"jerk": 401.0}, ZERO, (0.0, 12.0, 16.0), ZERO, 25 + 43),
-        ({"axis_jerk": (201.0, 1e9, 1e9)}, ZERO, (20.0, 0.0, 0.0), ZERO, 50 + 86),
-        # 1.5 times a velocity over an acceleration.
-        ({"acceleration": 5.01}, (0.6, 0.8, 0.0), ZERO, ZERO, 150),
-        ({"axis_acceleration": (1e9, 4.01, 1e9)}, (0.6, -0.8, 0.0), ZERO, ZERO, 150),
-        ({"axis_acceleration": (1e9, 1e9, 5.01)}, (0.0, 0.0, -1.0), ZERO, ZERO, 150),
-        # The root of 6 times a velocity over a jerk.
-        ({"jerk": 150.1}, (0.0, 1.0, 0.0), ZERO, ZERO, 100),
-        # 1.5 times the velocity of the position over its acceleration.
-        ({"linear_acceleration": 2.0}, ZERO, ZERO, (0.0, 0.3, 0.4), 188),
-        # Never less than one.
-        ({}, ZERO, ZERO, ZERO, 1),
+        # 20 rad/s^2 away at 401 rad/s^3, or 201 along one axis: 25 and 50 cycles; then the velocity
+        # that was added meanwhile.
+        ({"jerk": 401.0}, ZERO, (0.0, 12.0, 16.0), ZERO, 68),
+        ({"axis_jerk": (201.0, 1e9, 1e9)}, ZERO, (20.0, 0.0, 0.0), ZERO, 136),
+        # A velocity over an acceleration.
+        ({"acceleration": 5.01}, (0.6, 0.8, 0.0), ZERO, ZERO, 104),
+        ({"axis_acceleration": (1e9, 4.01, 1e9)}, (0.6, -0.8, 0.0), ZERO, ZERO, 130),
+        ({"axis_acceleration": (1e9, 1e9, 5.01)}, (0.0, 0.0, -1.0), ZERO, ZERO, 104),
+        # Twice the root of a velocity over a jerk.
+        ({"jerk": 150.1}, (0.0, 1.0, 0.0), ZERO, ZERO, 84),
+        # The velocity of the position over its acceleration.
+        ({"linear_acceleration": 2.0}, ZERO, ZERO, (0.0, 0.3, 0.4), 126),
     ],
 )
 def test_a_stop_with_limits_of_components_is_as_long_as_they_ask_for(
-    limits, omega, alpha, velocity, cycles
+    limits, omega, alpha, velocity, most
 ):
     limits = {"axis_velocity": AXES, **limits}
     servo_limits = replace(ServoLimits(1e9, 1e9, 1e9, 1e9, 1e9, 4.0), **limits)
     guard = Guard(PERIOD)
     guard.omega, guard.alpha, guard.velocity = omega, alpha, velocity
-    sent = list(guard.soft_stop(servo_limits))
-    assert len(sent) == cycles
-    assert (guard.omega, guard.alpha, guard.velocity) == (ZERO, ZERO, ZERO)
+    sent = list(stop_off_path(guard, servo_limits))
+    assert len(sent) <= most
     assert (guard.q, guard.position) == sent[-1]
     places = np.array([ZERO, *(place for _, place in sent)])
     q = np.array([Q, *(q for q, _ in sent)])
     turns = Rotation.from_quat(q[:, [1, 2, 3, 0]])
-    for rate, before, most in (
+    for rate, before, most_push in (
         (np.diff(places, axis=0) / PERIOD, velocity, servo_limits.linear_acceleration),
         ((turns[:-1].inv() * turns[1:]).as_rotvec() / PERIOD, omega, servo_limits.acceleration),
     ):
         pushes = np.diff(np.vstack([before, rate]), axis=0) / PERIOD
-        assert np.linalg.norm(pushes, axis=1).max() <= most * 1.001 + 20.0 * bool(any(alpha))
+        assert np.linalg.norm(pushes, axis=1).max() <= most_push * 1.001
         assert np.linalg.norm(rate[-1]) <= 1e-9
 
 

@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 from orientd.errors import OrientdError
 from orientd.planner import Keyframe, MotionRequest, plan
 from orientd.planner import State as PlannedState
-from orientd.servo.path.path_point import point_of
-from orientd.servo.path.segment import Segment
+from orientd.servo.path.segment import Segment, point_of
 from orientd.tolerances import GUARD_TOLERANCE
 
 NAMES = ("velocity", "acceleration", "jerk")

@@ -6,7 +6,7 @@ from rig import PERIOD, PERIOD_NS, TERMS, Rig, peaks, turn
 
 from orientd import rotation
 from orientd.errors import Fault
-from orientd.servo.watchdog import SHORTEST_NS, Stalls
+from orientd.servo.watchdog import SHORTEST_NS, longest_gap_ns
 from orientd.stream import (
     GIVEN_UP_WORD,
     NOT_GIVEN,
@@ -163,7 +163,7 @@ def test_stall_at_rest_is_none_of_anybodys_business(state):
 
 
 def test_a_cycle_or_two_of_a_slow_device_are_no_stall():
-    assert Stalls(25_000_000, 10**9).shortest_ns == 3 * 25_000_000
+    assert longest_gap_ns(25_000_000) == 3 * 25_000_000
     assert PERIOD_NS < SHORTEST_NS
 
 

@@ -15,14 +15,14 @@ TURNS = [[0.0, 0.0, 0.0], [0.5, -0.3, 0.4], [0.2, 0.6, 1.1], [-0.5, 0.4, 1.7]]
 
 @pytest.fixture(scope="module")
 def motion():
-    keys = rotation.from_rotation_vector(TURNS)
+    keys = rotation.exp(TURNS)
     request = MotionRequest(keyframes=[Keyframe(q=tuple(q)) for q in keys.tolist()], approach=True)
     start = State.at_rest((1.0, 0.0, 0.0, 0.0))
     return planner.plan(request, start=start, limits=DEFAULT_LIMITS, period=0.002)
 
 
 def test_tips_are_the_columns_of_the_matrices():
-    q = rotation.from_rotation_vector(TURNS)
+    q = rotation.exp(TURNS)
     matrices = rotation.to_matrix(q)
     for axis in range(3):
         assert geometry.tips(q)[axis] == pytest.approx(matrices[:, :, axis])
@@ -32,7 +32,7 @@ def test_tips_are_the_columns_of_the_matrices():
 def test_keyframes_are_where_they_were_asked_for(motion, rate_hz):
     samples = reporting.samples_of(motion, rate_hz)
     found = geometry.keyframe_orientations(reporting.plan_of(motion), samples)
-    errors = rotation.angle(found, rotation.from_rotation_vector(TURNS))
+    errors = rotation.angle(found, rotation.exp(TURNS))
     # Between samples the angular velocity is taken as constant.
     assert errors.max() < DEFAULT_LIMITS.acceleration / 8.0 / rate_hz**2
 

@@ -8,7 +8,7 @@ import pytest
 from tracking_world import NS, World, angle, servo_limits
 
 from orientd.floats import difference, exp, multiply, norm
-from orientd.servo.double_s import stopping_angle
+from orientd.servo.motion_law import stopping_angle
 from orientd.servo.tracking import Target
 
 LIMITS = servo_limits(2.5, 17.0, 8500.0)

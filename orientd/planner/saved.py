@@ -108,16 +108,15 @@ def _motion(header: dict[str, Any], arrays: dict[str, Any]) -> Motion:
 
 def _request(given: dict[str, Any]) -> MotionRequest:
     keyframes = [
-        Keyframe(
-            tuple(one["q"]),
-            one["time"],
-            None if one["position"] is None else tuple(one["position"]),
-            one["turns"],
-        )
+        Keyframe(**one | {"q": tuple(one["q"]), "position": _place(one["position"])})
         for one in given["keyframes"]
     ]
     limits = None if given["limits"] is None else _limits(given["limits"])
     return MotionRequest(**{**given, "keyframes": keyframes, "limits": limits})
+
+
+def _place(position: list[float] | None) -> Any:  # noqa: ANN401 - three numbers, if any
+    return position and tuple(position)
 
 
 def _limits(given: dict[str, Any]) -> Limits:

@@ -16,15 +16,13 @@ _MOST_ATTEMPTS = 40
 
 
 class Planned(Protocol):
-    """What planning says of the times of a motion."""
+    """A plan with the times of its first and last control orientation, s from the beginning."""
 
     @property
-    def start_time(self) -> float:
-        """When the first control orientation is reached, s from the beginning."""
+    def start_time(self) -> float: ...  # noqa: D102 - said above
 
     @property
-    def end_time(self) -> float:
-        """When the last one is reached."""
+    def end_time(self) -> float: ...  # noqa: D102 - said above
 
 
 Plan = TypeVar("Plan", bound=Planned)
@@ -41,21 +39,16 @@ def replay_request(
             makes it as short as the limits permit.
         pace: ``"even"`` keeps the proportions of what was recorded; without *slower* only.
     """
-    times = fit.times - fit.times[0]
+    times = [None] * len(fit.control)
+    if slower is not None:
+        times = (slower * (fit.times - fit.times[0])).tolist()
     keyframes = [
-        Keyframe((w, x, y, z), None if slower is None else time)
-        for (w, x, y, z), time in zip(
-            fit.control.tolist(), ((slower or 1.0) * times).tolist(), strict=True
-        )
+        Keyframe((w, x, y, z), time)
+        for (w, x, y, z), time in zip(fit.control.tolist(), times, strict=True)
     ]
     knots = (fit.knots - fit.knots[0]).tolist()
-    return MotionRequest(
-        keyframes,
-        method="kks_bspline",
-        approach=True,
-        options={"knots": knots},
-        pace=pace,
-    )
+    options = {"knots": knots}
+    return MotionRequest(keyframes, method="kks_bspline", approach=True, options=options, pace=pace)
 
 
 def plan_as_recorded(
@@ -76,12 +69,13 @@ def plan_as_recorded(
     quickest = plan(replay_request(fit, pace="even"))
     recorded = float(np.ptp(fit.times))
     slower = max(1.0, (quickest.end_time - quickest.start_time) / recorded)
-    for _ in range(_MOST_ATTEMPTS - 1):
+    slowest = slower * _STEP ** (_MOST_ATTEMPTS - 1)
+    while True:
         request = replay_request(fit, slower=slower)
         try:
             return plan(request), request, slower
         except LimitError:
             # Where it ends with a velocity, its lead-out may want more time than its curve.
+            if slower > slowest:
+                raise
             slower *= _STEP
-    request = replay_request(fit, slower=slower)
-    return plan(request), request, slower

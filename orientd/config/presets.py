@@ -1,6 +1,6 @@
 """Limits of devices that have published figures, by name, with where the figures are from.
 
-A preset says only what its source says; the rest is left to :data:`DEFAULT_LIMITS`.  Figures of a
+A preset says only what its source says; the rest is left to :data:`.DEFAULT_LIMITS`.  Figures of a
 maker bound what the device can do, not what is safe in front of people.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from orientd.planner.limits import DEFAULT_LIMITS, Limits, Rate
+from orientd.planner import DEFAULT_LIMITS, Limits, Rate
 
 _NO_LOAD_SHARE = 0.8  # of a servo's no-load speed; under load it is slower
 _RPM = math.tau / 60.0

@@ -18,11 +18,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct import Indices, cumulative_basis
-from orientd.curves.fitting.measured import Measured, clean
+from orientd.curves.basis import Indices, cumulative_basis
 from orientd.curves.products import KksBspline
 from orientd.errors import PlanError
 from orientd.rotation import Floats, align, angle, conjugate, exp, log, multiply, rotate, slerp
+
+FEWEST = 8
+"""Samples that a fit needs."""
+
+_NORMS = (0.5, 2.0)
+_WILD = 6.0
+"""Standard deviations of the noise, beyond which a sample is wild."""
+
+_LEAST_WILD = 2e-3
+"""rad; nearer than this to its neighbours no sample is wild, however little noise there is."""
+
+_PASSES = 20
+_GAUSSIAN = 1.4826  # standard deviations in a median of absolute deviations
 
 ORDER = 4
 DEFAULT_TOLERANCE = math.radians(1.0)
@@ -42,12 +54,29 @@ _LONGEST_STEP = 1.0
 _FEWEST = 4
 """Samples in a span that may be cut in two."""
 
-_SMOOTHING = 1e-7
-_SECOND_DIFFERENCE = np.array([1.0, -2.0, 1.0])
+_SMOOTHING, _RIDGE = 1e-7, 1e-9
+"""Weight of squared second differences, and of what nothing else determines, of the largest sum."""
 _ITERATIONS = 12
 _ROUNDS = 24
 _APART = 5
 """Knots between two that are taken out at a time: a knot is felt four spans away."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measured:
+    """Samples of an orientation.
+
+    Attributes:
+        times: increasing, s, shape ``(n,)``.
+        q: unit quaternions, the signs of neighbours alike, shape ``(n, 4)``.
+        noise: standard deviation of the noise about each axis, rad.
+        left_out: samples that were missing, repeated or wild.
+    """
+
+    times: Floats
+    q: Floats
+    noise: float
+    left_out: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -233,27 +262,26 @@ class _Fitter:
         the curve by :math:`\sum_j B_j(t)\, \delta_j`, but for the curvature of the group: the
         steps to the solution are those of a linear fit, repeated.
         """
-        from scipy.linalg import solveh_banded
+        from scipy.sparse import csr_array, diags, identity
+        from scipy.sparse.linalg import splu
 
         times, q = self.samples.times, self.samples.q
         knots = np.concatenate([np.repeat(breaks[0], 3), breaks, np.repeat(breaks[-1], 3)])
-        weights, first = _weights(knots, times)
         fit = Fit(np.empty((len(breaks) + 2, 4)), knots, self.samples, np.empty(0), self.averaged)
         control = self._guess(fit.times, before)
-        band = _normal_matrix(weights, first, len(control))
-        scale = float(band[-1].max())
+        count = len(control)
+        weights = csr_array(_weights(knots, times), shape=(len(times), count))
+        bends = diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(count - 2, count))
+        normal = weights.T @ weights
+        scale = float(normal.diagonal().max())
         stiffness = _SMOOTHING * scale
-        differences = np.repeat(_SECOND_DIFFERENCE[:, None], len(control) - 2, axis=1)
-        bending = _normal_matrix(differences, np.arange(len(control) - 2), len(control))
-        band = band + stiffness * bending
-        band[-1] += 1e-9 * scale
+        solve = splu(
+            (normal + stiffness * (bends.T @ bends) + _RIDGE * scale * identity(count)).tocsc()
+        ).solve
         residuals = self._residuals(control, knots)
         for _ in range(_ITERATIONS):
-            right = np.zeros((len(control), 3))
-            for k in range(ORDER):
-                np.add.at(right, first + k, weights[k][:, None] * residuals)
-            right -= stiffness * _bending(control)
-            delta = solveh_banded(band, right, check_finite=False)
+            turns = log(multiply(control[1:], conjugate(control[:-1])))
+            delta = solve(weights.T @ residuals - stiffness * (bends.T @ np.diff(turns, axis=0)))
             control = multiply(exp(delta), control)
             residuals = self._residuals(control, knots)
             if float(np.abs(delta).max()) < 1e-3 * self.target:
@@ -284,6 +312,16 @@ class _Fitter:
         return float(np.sum(angle(q[1:], q[:-1])))
 
 
+def _weights(knots: Floats, times: Floats) -> tuple[Floats, Indices, Indices]:
+    """Return the B-splines at *times*, a row for each: values, columns and where rows begin."""
+    basis = cumulative_basis(knots, ORDER)
+    span = np.clip(np.searchsorted(basis.breaks, times, side="right") - 1, 0, len(basis.breaks) - 2)
+    sums = np.vstack([np.ones(len(times)), basis.at(span, times)[0], np.zeros(len(times))])
+    columns = (basis.first[span] - 1)[:, None] + np.arange(ORDER)
+    begins = ORDER * np.arange(len(times) + 1)
+    return (sums[:-1] - sums[1:]).T.ravel(), columns.ravel(), begins
+
+
 def averages(vectors: Floats, count: int) -> Floats:
     """Return the mean of each vector and its neighbours, *count* in all, fewer at the ends."""
     half = count // 2
@@ -307,37 +345,71 @@ def _is_short(control: Floats) -> bool:
     return bool(np.all(angle(control[1:], control[:-1]) <= 1.5 * _LONGEST_STEP))
 
 
-def _weights(knots: Floats, times: Floats) -> tuple[Floats, Indices]:
-    """Return the four B-splines that are not zero at each instant, and the first one's number."""
-    basis = cumulative_basis(knots, ORDER)
-    breaks = basis.breaks
-    span = np.clip(np.searchsorted(breaks, times, side="right") - 1, 0, len(breaks) - 2)
-    sums = basis.at(span, times)[0]
-    rows = np.concatenate([np.ones((1, len(times))), sums, np.zeros((1, len(times)))])
-    return rows[:-1] - rows[1:], basis.first[span] - 1
+def clean(times: ArrayLike, q: ArrayLike) -> Measured:
+    """Return samples in order, without those that are missing, repeated or wild.
 
-
-def _normal_matrix(weights: Floats, first: Indices, count: int) -> Floats:
-    """Return the upper band of the sum of outer products, shape ``(4, count)``.
+    A sample is held against the cubic through two neighbours on either side; a wild one is further
+    from it than the noise of all explains.
 
     Args:
-        weights: neighbouring entries of the vectors, at most four, shape ``(k, n)``.
-        first: the place of the first of them in each vector, shape ``(n,)``.
-        count: entries of a vector, most of them zero.
+        times: s, shape ``(n,)``, in any order.
+        q: orientations ``(w, x, y, z)`` of either sign, shape ``(n, 4)``.
+
+    Raises:
+        ValueError: the shapes are not as said.
+        PlanError: fewer than :data:`FEWEST` samples are left.
     """
-    band = np.zeros((ORDER, count))
-    for row in range(len(weights)):
-        for column in range(row, len(weights)):
-            product = weights[row] * weights[column]
-            np.add.at(band[ORDER - 1 - (column - row)], first + column, product)
-    return band
+    instants, found = np.asarray(times, dtype=np.float64), np.asarray(q, dtype=np.float64)
+    if instants.ndim != 1 or found.shape != (len(instants), 4):
+        raise ValueError(
+            f"times and q must have shapes (n,) and (n, 4), got {instants.shape} and {found.shape}"
+        )
+    given = len(instants)
+    with np.errstate(over="ignore"):  # what is out of all range is left out
+        norms = np.sqrt(np.sum(found * found, axis=-1))
+    is_there = np.isfinite(instants) & (norms > _NORMS[0]) & (norms < _NORMS[1])
+    instants, found = instants[is_there], found[is_there] / norms[is_there, None]
+    instants, order = np.unique(instants, return_index=True)
+    found = found[order]
+    noise = 0.0
+    for _ in range(_PASSES):
+        if len(instants) < FEWEST:
+            raise PlanError(f"a fit needs at least {FEWEST} samples, got {len(instants)}")
+        misses, spread = _misses(instants, found)
+        noise = _GAUSSIAN * float(np.median(np.abs(misses / spread[:, None])))
+        size = np.sqrt(np.sum(misses**2, axis=-1))
+        excess = size / np.maximum(_WILD * noise * spread, _LEAST_WILD)
+        # The neighbours of a wild sample miss their cubics too, but by less.
+        around = np.lib.stride_tricks.sliding_window_view(np.pad(excess, 2), 5).max(axis=1)
+        is_wild = (excess > 1.0) & (excess >= around)
+        if not is_wild.any():
+            break
+        keep = np.ones(len(instants), dtype=bool)
+        keep[2:-2] = ~is_wild
+        # The two outermost have no cubic of their own: whether it is they that are wild or the next
+        # one cannot be said, and if they stayed the next ones would go one after the other.
+        keep[:2] &= not is_wild[0]
+        keep[-2:] &= not is_wild[-1]
+        instants, found = instants[keep], found[keep]
+    return Measured(instants, align(found), noise, given - len(instants))
 
 
-def _bending(control: Floats) -> Floats:
-    """Return the gradient of half the squares of second differences, by control quaternion."""
-    turns = log(multiply(control[1:], conjugate(control[:-1])))
-    bends = np.diff(turns, axis=0)
-    gradient: Floats = np.zeros((len(control), 3))
-    for k, factor in enumerate(_SECOND_DIFFERENCE):
-        gradient[k : k + len(bends)] += factor * bends
-    return gradient
+def _misses(times: Floats, q: Floats) -> tuple[Floats, Floats]:
+    """Return by how much samples miss the cubic through their neighbours, two on either side.
+
+    Returns:
+        Turns in rad, shape ``(n - 4, 3)``, and how much noise is amplified in each, ``(n - 4,)``.
+    """
+    count = len(times) - 4
+    here = slice(2, 2 + count)
+    places = (0, 1, 3, 4)
+    nodes = np.stack([times[k : k + count] for k in places]) - times[here]
+    miss: Floats = np.zeros((count, 3))
+    squares = np.ones(count)
+    for k, place in enumerate(places):
+        others = [j for j in range(4) if j != k]
+        weight = np.prod([nodes[j] / (nodes[j] - nodes[k]) for j in others], axis=0)
+        turn = log(multiply(conjugate(q[here]), q[place : place + count]))
+        miss += weight[:, None] * turn
+        squares += weight**2
+    return miss, np.sqrt(squares)

@@ -1,1 +1,0 @@
-"""Fit a curve to orientations that were measured."""

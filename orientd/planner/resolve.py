@@ -1,0 +1,321 @@
+"""What a request means once it is known where the device is: frames, rates, rolls, whole turns.
+
+All of it is done on the arrays of the request.  :func:`resolved` leaves nothing open: keyframes are
+orientations and positions of the flange in the world, with a roll, and with others on the way where
+a single one has whole turns.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from orientd.driver import Vector3
+from orientd.errors import RequestError, StartError
+from orientd.planner.limits import Limits
+from orientd.planner.request import Frame, Keyframe, MotionRequest, Pose, State
+from orientd.rotation import (
+    HALF_TURN,
+    Floats,
+    align,
+    are_half_turns,
+    between,
+    conjugate,
+    exp,
+    log_half,
+    multiply,
+    normalize,
+    rotate,
+)
+
+_DEVICE = Frame()
+_X = np.array([1.0, 0.0, 0.0])
+
+_OPPOSITE = 1e-12
+"""Square of the sine of the angle below which two directions have no common normal."""
+_NO_AXIS = 1e-6
+"""A turn this small has no axis to add whole turns about, rad."""
+_WINDING_STEP, _RATE_STEP = math.pi / 3, 2.0
+"""From one keyframe to the next on the way of whole turns, and of a turn at a rate, rad."""
+_PEAK_ACCELERATION, _PEAK_JERK = 1.875, 5.78
+"""Of the quintic from rest to a velocity, in velocities a duration, and a squared one."""
+_SAME_RATE = 1e-6
+"""How far from a rate a device turns at it already, rad/s, and rad/s^2 of its acceleration."""
+_SHARE = 0.5
+"""Of the limits, to be used while the rate is taken up: the lead-in may be quicker, not shorter."""
+_MOST_NOTES = 3
+"""Half turns that have a note each; the others are counted."""
+
+
+def resolved(request: MotionRequest, start: State, limits: Limits) -> MotionRequest:
+    """Return *request* with nothing left open.
+
+    Args:
+        request: with the frames that it names.
+        start: where the device is commanded to be.
+        limits: to keep.
+
+    Raises:
+        RequestError: there is no such frame, or a turn at a rate has keyframes, velocities of its
+            own or no duration.
+        StartError: whole turns to a single keyframe begin in motion, or have no axis.
+    """
+    request = at_rate(in_device_coordinates(request, start), start, limits)
+    return _wound(_with_least_roll(request, start), start)
+
+
+def report_frame(request: MotionRequest) -> Frame | None:
+    """Return the frame that reports of a motion are in: its own, or the only one of its keyframes.
+
+    ``None`` are the coordinates of the device.
+
+    Raises:
+        RequestError: there is no such frame.
+    """
+    name = request.frame
+    if not name:
+        names = {keyframe.frame for keyframe in request.keyframes}
+        name = names.pop() if len(names) == 1 else ""
+    return _named(request.frames, name, "frame") if name else None
+
+
+def in_device_coordinates(request: MotionRequest, start: State | None) -> MotionRequest:
+    """Return the same request as the device takes it: the flange in the world.
+
+    Where a keyframe only says where to point, its roll is chosen here, since what points is an axis
+    of its frame's tool.
+
+    Args:
+        request: with the frames that it names.
+        start: where the device is commanded to be; ``None`` where that is not known.
+
+    Raises:
+        RequestError: there is no such frame; or a keyframe is relative, and *start* is not known.
+    """
+    given = request.keyframes
+    is_framed = request.frame or any(one.frame or one.relative for one in given)
+    if not (request.frames or is_framed):
+        return request
+    frames = [
+        _named(request.frames, one.frame or request.frame, f"keyframes[{index}].frame")
+        for index, one in enumerate(given)
+    ]
+    q_world_base, base = _stacked([frame.base for frame in frames])
+    q_flange_tool, tool = _stacked([frame.tool for frame in frames])
+    relative = np.flatnonzero([one.relative for one in given])
+    if len(relative):
+        if start is None:
+            problem = "where the device is, is not known here"
+            raise RequestError(f"keyframes[{relative[0]}].relative", problem)
+        q_world_base[relative] = multiply(start.q, q_flange_tool[relative])
+        base[relative] = start.position + rotate(start.q, tool[relative])
+    q_world_tool = multiply(q_world_base, request.keys)
+    keys = normalize(multiply(q_world_tool, conjugate(q_flange_tool)))
+    axes = rotate(q_flange_tool, _pointing(request))
+    keys = _rolled(request, keys, start, axes, rotate(q_world_tool, _X))
+    positions = request.positions
+    if positions is not None:
+        positions = base + rotate(q_world_base, positions) - rotate(keys, tool)
+    is_body = request.velocity_frame == "body"
+    by, own = (q_flange_tool, frames[0].tool) if is_body else (q_world_base, frames[0].base)
+    return _at(
+        request,
+        keys,
+        positions,
+        frame="",
+        frames={},
+        start_velocity=_turned(by[0], request.start_velocity),
+        end_velocity=_turned(by[-1], request.end_velocity),
+        rate=_turned(np.array(own.q), request.rate),
+    )
+
+
+def at_rate(request: MotionRequest, start: State, limits: Limits) -> MotionRequest:
+    """Return *request* with the keyframes of a turn at its rate, if it has one.
+
+    The first is where the rate is reached, so far ahead that the device need not swing back; a
+    device that turns at it already goes on from where it is.
+
+    Raises:
+        RequestError: it has keyframes or velocities of its own, or no duration.
+    """
+    if request.rate is None:
+        return request
+    if not request.is_single:
+        raise RequestError("rate", "turns from wherever the device is; give no keyframes")
+    if request.end_velocity is not None:
+        raise RequestError("end_velocity", "a turn at a rate ends at rest; give none")
+    if request.total is None:
+        raise RequestError(
+            "duration",
+            "expected the seconds for which to turn at the rate; "
+            "`orientd turn` without one turns until it is stopped",
+        )
+    omega = np.array(request.rate)
+    if request.velocity_frame == "world":
+        omega = rotate(conjugate(start.q), omega)
+    speed = float(np.linalg.norm(omega))
+    if speed == 0.0:
+        raise RequestError("rate", "expected a velocity to turn with, got 0")
+    apart = [*(start.omega_body - omega), *start.alpha_body, *start.velocity, *start.acceleration]
+    goes_on = max(map(abs, apart)) < _SAME_RATE
+    ramp = 0.0
+    if not goes_on:
+        ramp = max(
+            _PEAK_ACCELERATION * speed / (_SHARE * limits.acceleration),
+            math.sqrt(_PEAK_JERK * speed / (_SHARE * limits.jerk)),
+        )
+    count = max(1, math.ceil(speed * request.total / _RATE_STEP))
+    times = request.total * np.arange(count + 1) / count
+    passed = multiply(start.q, exp((0.5 * ramp + times)[:, None] * omega))
+    return replace(
+        request, keyframes=_keyframes(passed, times), start_velocity=request.rate,
+        end_velocity=request.rate, rate=None, duration=None, pace=None, approach=not goes_on,
+    )  # fmt: skip
+
+
+def pointed(q: Floats, axis: Floats, direction: Floats) -> Floats:
+    """Return the orientation that the least turn leads to from *q*, with *axis* in a direction."""
+    points = rotate(q, axis)
+    if float(np.sum((points + direction) ** 2)) < _OPPOSITE:
+        # Half a turn, about whatever axis.
+        across = np.cross(points, np.eye(3)[int(np.argmin(np.abs(points)))])
+        least = np.concatenate([[0.0], across / np.linalg.norm(across)])
+    else:
+        half = (points + direction) / np.linalg.norm(points + direction)
+        least = np.concatenate([[float(points @ half)], np.cross(points, half)])
+    turned = multiply(least, q)
+    found: Floats = turned / np.linalg.norm(turned)
+    return found
+
+
+def half_turn_notes(request: MotionRequest, start: State, *, has_turns: bool) -> list[str]:
+    """Return notes on half turns for the certificate: the way taken, and how to take the other."""
+    keys, places = request.keys, []
+    if len(keys) > 1:
+        is_half = are_half_turns(keys) & (request.turns[1:] == 0)
+        places = (np.flatnonzero(is_half) + 1).tolist()
+    is_led = request.approach and start.is_at_rest and request.omega_start is None
+    if is_led and not request.turns[0] and abs(float(start.q @ keys[0])) <= HALF_TURN:
+        places.insert(0, 0)
+    notes = []
+    for index in places[:_MOST_NOTES]:
+        is_approach = index == 0 and not request.is_single
+        way = "`turns: -1` there" if has_turns and not is_approach else "a keyframe on the way"
+        axis = _axis_in_words(keys[index - 1] if index else start.q, keys[index])
+        notes.append(
+            f"keyframes[{index}] is half a turn away: turned about {axis} in the body frame; {way} "
+            "chooses the other way"
+        )
+    if len(places) > _MOST_NOTES:
+        more = len(places) - _MOST_NOTES
+        notes.append(f"{more} more keyframes are half a turn from the one before")
+    return notes
+
+
+def _wound(request: MotionRequest, start: State) -> MotionRequest:
+    """Return *request* with keyframes on the way, where its only one has whole turns."""
+    if not (request.is_single and request.turns[0]):
+        return request
+    if not start.is_at_rest:
+        raise StartError("whole turns to a single keyframe begin at rest")
+    shortest = 2.0 * log_half(between(*align([start.q, request.keys[0]])))
+    size = float(np.linalg.norm(shortest))
+    if size < _NO_AXIS:
+        raise StartError("the device is there already: nothing says about which axis to turn")
+    whole = shortest * (1.0 + 2.0 * math.pi * int(request.turns[0]) / size)
+    count = math.ceil(float(np.linalg.norm(whole)) / _WINDING_STEP)
+    passed = multiply(start.q, exp(whole * np.linspace(0.0, 1.0, count + 1)[:-1, None]))
+    last = replace(request.keyframes[0], turns=0)
+    return replace(request, keyframes=[*_keyframes(passed), last], approach=False)
+
+
+def _with_least_roll(request: MotionRequest, start: State) -> MotionRequest:
+    """Return *request* with the roll of its keyframes, where that is free.
+
+    Each is the one that the least turn leads to from the one before: the roll is carried along, and
+    nothing turns about the axis that points.
+    """
+    if not any(keyframe.free_roll for keyframe in request.keyframes):
+        return request
+    axes = np.tile(_pointing(request), (len(request.keys), 1))
+    keys = _rolled(request, request.keys, start, axes, rotate(request.keys, _X))
+    return _at(request, keys, request.positions)
+
+
+def _rolled(
+    request: MotionRequest, keys: Floats, start: State | None, axes: Floats, directions: Floats
+) -> Floats:
+    """Return *keys* with a roll where it is free, the *axes* of those in the *directions*."""
+    keys = keys.copy()
+    before = keys[0] if start is None else start.q
+    for index, keyframe in enumerate(request.keyframes):
+        if keyframe.free_roll:
+            keys[index] = pointed(before, axes[index], directions[index])
+        before = keys[index]
+    return keys
+
+
+def _pointing(request: MotionRequest) -> Floats:
+    axis: Floats = np.eye(3)["xyz".index(request.pointing_axis)]
+    return axis
+
+
+def _keyframes(keys: Floats, times: Floats | None = None) -> list[Keyframe]:
+    seconds = [None] * len(keys) if times is None else times.tolist()
+    return [
+        Keyframe((w, x, y, z), t) for (w, x, y, z), t in zip(keys.tolist(), seconds, strict=True)
+    ]
+
+
+def _at(
+    request: MotionRequest,
+    keys: Floats,
+    positions: Floats | None,
+    **changes: Any,  # noqa: ANN401 - the arguments of a request
+) -> MotionRequest:
+    """Return *request* with its keyframes elsewhere, in the coordinates of the device."""
+    places = np.zeros((len(keys), 3)) if positions is None else positions
+    keyframes = [
+        Keyframe((w, x, y, z), one.time, one.position and (a, b, c), one.turns, name=one.name)
+        for one, (w, x, y, z), (a, b, c) in zip(
+            request.keyframes, keys.tolist(), places.tolist(), strict=True
+        )
+    ]
+    return replace(request, keyframes=keyframes, **changes)
+
+
+def _named(frames: Mapping[str, Frame], name: str, field: str) -> Frame:
+    """Return a frame by its name; empty is the device's own."""
+    if not name:
+        return _DEVICE
+    if name not in frames:
+        known = ", ".join(frames)
+        expected = f"expected one of {known}" if known else "there are no frames here"
+        raise RequestError(field, f"{expected}, got {name!r}")
+    return frames[name]
+
+
+def _stacked(poses: Sequence[Pose]) -> tuple[Floats, Floats]:
+    return np.array([pose.q for pose in poses]), np.array([pose.position for pose in poses])
+
+
+def _turned(q: Floats, velocity: Vector3 | None) -> Vector3 | None:
+    if velocity is None:
+        return None
+    x, y, z = rotate(q, velocity).tolist()
+    return x, y, z
+
+
+def _axis_in_words(before: Floats, here: Floats) -> str:
+    """Return the axis of the half turn from one orientation to another."""
+    axis = between(*align([before, here]))[1:]
+    axis /= np.linalg.norm(axis)
+    largest = int(np.argmax(np.abs(axis)))
+    if abs(abs(axis[largest]) - 1.0) < 1e-6:
+        return ("+" if axis[largest] > 0.0 else "-") + "xyz"[largest]
+    return "[" + ", ".join(f"{part:.4g}" for part in np.round(axis, 6)) + "]"
