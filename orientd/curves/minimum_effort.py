@@ -20,8 +20,8 @@ each with more weight than its multiplier has (the exact penalty of Han, 1977).
 
 The search begins at a cumulative spline in finer knots.  A cumulative spline is not one over finer
 knots, as it would be in Euclidean space, but close to one.  Its control quaternions are estimated
-from the curve and its acceleration.  If the estimate misses the keyframes by far, the spline of the
-finer knots passes through points of the curve instead.
+from the curve and its acceleration.  If nothing is found from there, the spline of the finer knots
+passes through points of the curve instead.
 """
 
 from __future__ import annotations
@@ -68,9 +68,6 @@ degrees, up to 50 % apart."""
 
 FEW = 10
 """Keyframes, for which looking twice takes no longer than once for twice as many."""
-
-FAR = 0.1
-"""Rad of half angle by which an estimate misses a keyframe so that another start is tried too."""
 
 WORSE = 1e-3
 """Relative; the nodes see a curve that is not their spline with an error."""
@@ -261,7 +258,8 @@ class EffortProblem:
         self.knots = effort_knots(instants, order, spans, order - 1 - smoothness)
         self.basis = basis = cumulative_basis(self.knots, order)
         self.inertia = inertia
-        self._keys, self._order, self._velocities = keys, order, (ends[0][0], ends[1][0])
+        self._keys, self._order = keys, order
+        self._velocities = (ends[0][0], None), (ends[1][0], None)
         self._steps = between(keys[:-1], keys[1:])
         places = np.minimum(spans * np.arange(len(instants)), len(basis.first))
         self._starts = places[:-1]
@@ -315,31 +313,26 @@ class EffortProblem:
         Raises:
             PlanError: the search does not settle.
         """
-        guesses = [refined(path, self.knots, self._order)]
-        missed = self.linearised(guesses[0]).missed
-        if np.max(np.sum(missed * missed, axis=1)) > FAR**2 and self._order == 4:
-            breaks = np.unique(self.knots)
-            first, last = ((omega, None) for omega in self._velocities)
-            with suppress(PlanError):
-                spline = interpolate(path(breaks)[0].copy(), breaks, 4, (first, last))
-                guesses.append(spline[1][2])
-        found: list[Floats] = []
-        errors: list[PlanError] = []
-        for guess in guesses:
-            try:
-                found.append(self.least_effort(guess))
-            except PlanError as error:
-                errors.append(error)
-        if self.inertia is not None and (not found or self._is_wide()):
-            inertia = self.inertia
+        guess, inertia = refined(path, self.knots, self._order), self.inertia
+        found, problem = [], None
+        try:
+            found.append(self.least_effort(guess))
+        except PlanError as error:
+            problem = error
+        if inertia is not None and (problem is not None or self._is_wide()):
             with suppress(PlanError):
                 self.inertia = None
-                eased = self.least_effort(guesses[0])
+                eased = self.least_effort(guess)
                 self.inertia = inertia
                 found.append(self.least_effort(eased))
             self.inertia = inertia
-        if not found:
-            raise errors[0]
+        elif problem is not None and self._order == 4:
+            with suppress(PlanError):
+                breaks = self.basis.breaks
+                spline = interpolate(path(breaks)[0].copy(), breaks, 4, self._velocities)
+                found.append(self.least_effort(spline[1][2]))
+        if problem is not None and not found:
+            raise problem
         return min(found, key=lambda one: self.linearised(one).effort)
 
     def _is_wide(self) -> bool:
