@@ -37,7 +37,7 @@ from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
 from orientd.curves.contract import WithEnds
 from orientd.curves.interpolating import interpolate
 from orientd.curves.keyframes import EndState, ParameterError, check_integer
-from orientd.curves.newton import solve_banded
+from orientd.curves.newton import solve_entries
 from orientd.curves.products import Path, Product, product_path
 from orientd.curves.starts import start_path
 from orientd.errors import PlanError
@@ -410,9 +410,6 @@ class EffortProblem:
         columns = [np.tile(other, one.shape[1]).ravel() for one, other in blocks]
         self._row = np.concatenate([*rows, *columns[1:]])
         self._column = np.concatenate([*columns, *rows[1:]])
-        self._reach = int(np.max(np.abs(self._row - self._column)))
-        size = 3 * len(order)
-        self._band = (self._reach + self._row - self._column) * size + self._column
         self._ties = np.einsum("ef,ij->eifj", self._factors, np.eye(3)).ravel()
 
     def _step(self, here: Linearised) -> tuple[Floats, Floats]:
@@ -438,9 +435,7 @@ class EffortProblem:
         np.maximum.at(reached, self._row, np.abs(entries) * scale[self._column])
         scale[~is_free] = 1.0 / reached[~is_free]
         entries *= scale[self._row] * scale[self._column]
-        flat = np.bincount(self._band, entries, minlength=(2 * self._reach + 1) * size)
-        band = flat.astype(np.float64).reshape(-1, size)
-        solution = scale * solve_banded(self._reach, self._reach, band, scale * right.ravel())
+        solution = scale * solve_entries(self._row, self._column, entries, scale * right.ravel())
         found = solution.reshape(-1, 3)[self._place]
         return found[: self._count], found[self._count :]
 
