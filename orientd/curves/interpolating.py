@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd import kernels
-from orientd.curves.contract import WithEnds
+from orientd.curves.contract import Ends, WithEndStates, prescribed
 from orientd.curves.keyframes import (
-    EndState,
     ParameterError,
     check_integer,
     increments,
@@ -38,7 +37,7 @@ def interpolate(
     keys: Floats,
     times: Floats,
     order: int,
-    ends: tuple[EndState, EndState],
+    ends: Ends,
     *,
     steps: Floats | None = None,
     near: Floats | None = None,
@@ -93,9 +92,7 @@ def interpolate(
     return breaks, (base, np.arange(spans), vectors, values)
 
 
-def unwound(
-    keys: Floats, times: Floats, order: int, ends: tuple[EndState, EndState], w: Floats
-) -> list[Spline]:
+def unwound(keys: Floats, times: Floats, order: int, ends: Ends, w: Floats) -> list[Spline]:
     """Return other solutions: one inner increment of more than pi has lost whole turns.
 
     Where the ends are fast, the way up from small steps may gather turns that lead nowhere.
@@ -113,7 +110,7 @@ def unwound(
     return found
 
 
-class Interpolating(Product, WithEnds):
+class Interpolating(Product, WithEndStates):
     """A product of an order *k* whose increments are solved for."""
 
     def _set_solved(
@@ -121,7 +118,7 @@ class Interpolating(Product, WithEnds):
         q: Floats,
         instants: Floats,
         order: int,
-        ends: tuple[EndState, EndState],
+        ends: Ends,
         turns: ArrayLike | None,
     ) -> None:
         """Solve for the increments."""
@@ -133,9 +130,7 @@ class Interpolating(Product, WithEnds):
             others = unwound(q, instants, order, ends, spline[1][2])
             if others:
                 spline = min([spline, *others], key=_effort)
-        # A free end has no acceleration.
-        start, end = ((None, _FREE) if omega is None else (omega, alpha) for omega, alpha in ends)
-        self._set_parts(*spline, order - 2, (start, end))
+        self._set_parts(*spline, order - 2)
 
     @cached_property
     def trajectory(self) -> Trajectory:
@@ -185,15 +180,9 @@ class C2Cumulative(Interpolating):
     meets_end_accelerations = True
 
     def _solve(
-        self,
-        q: Floats,
-        instants: Floats,
-        first: EndState,
-        last: EndState,
-        *,
-        turns: ArrayLike | None = None,
+        self, q: Floats, instants: Floats, ends: Ends, *, turns: ArrayLike | None = None
     ) -> None:
-        self._set_solved(q, instants, 4, (first, last), turns)
+        self._set_solved(q, instants, 4, ends, turns)
 
 
 class KksInterpolating(Interpolating):
@@ -243,7 +232,8 @@ class KksInterpolating(Interpolating):
         self,
         q: Floats,
         instants: Floats,
-        *ends: EndState,
+        ends: Ends,
+        *,
         order: int = 6,
         turns: ArrayLike | None = None,
     ) -> None:
@@ -255,6 +245,7 @@ class KksInterpolating(Interpolating):
                 raise ParameterError(name, f"{name} must be None for order {order}, got {alpha!r}")
             is_still = omega is not None and alpha is None and k > 4
             states.append((omega, _FREE if is_still else alpha))
+        self._ends = prescribed((states[0], states[1]))
         self._set_solved(q, instants, k, (states[0], states[1]), turns)
         self._key_times = instants
 

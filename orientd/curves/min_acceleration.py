@@ -28,8 +28,8 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from orientd.curves.contract import WithEndVelocities
-from orientd.curves.keyframes import EndState, increments
+from orientd.curves.contract import Ends, WithEndVelocities
+from orientd.curves.keyframes import increments
 from orientd.curves.minimum_effort import MinimumEffort
 from orientd.curves.newton import Linearised, newton, solve_blocks
 from orientd.curves.products import Path, squared_acceleration
@@ -104,12 +104,9 @@ class MinAcceleration(WithEndVelocities):
     summary = "least integral of squared acceleration; the slowest to build"
     source = "Barr, Currin, Gabriel and Hughes 1992; Noakes, Heinzinger and Paden 1989"
 
-    def _solve(self, q: Floats, instants: Floats, first: EndState, last: EndState) -> None:
+    def _solve(self, q: Floats, instants: Floats, ends: Ends) -> None:
         self._set_knots(instants, 2)
-        # A free end has no acceleration.
-        start, end = ((None, np.zeros(3)) if one[0] is None else one for one in (first, last))
-        self._ends = start, end
-        self._nodes = stationary(q, instants, first[0], last[0])
+        self._nodes = stationary(q, instants, ends[0][0], ends[1][0])
 
     def _orientations(self, times: Floats) -> Floats:
         return self._nodes(times)[0]

@@ -34,9 +34,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
-from orientd.curves.contract import WithEnds
+from orientd.curves.contract import Ends, WithEndStates
 from orientd.curves.interpolating import interpolate
-from orientd.curves.keyframes import EndState, ParameterError, check_integer
+from orientd.curves.keyframes import ParameterError, check_integer
 from orientd.curves.newton import solve_entries
 from orientd.curves.products import Path, Product, product_path
 from orientd.curves.starts import start_path
@@ -99,7 +99,7 @@ SLACK = 1e-10
 _MORE = "add keyframes, lower the end velocities or make neighbouring intervals more alike"
 
 
-class MinimumEffort(Product, WithEnds):
+class MinimumEffort(Product, WithEndStates):
     r"""Pass through keyframes with little torque: of all splines on a grid the one of least effort.
 
     .. math:: q(t) = q_0 \prod_j \exp\bigl(w_j \tilde B_{j,k}(t)\bigr), \qquad
@@ -155,7 +155,8 @@ class MinimumEffort(Product, WithEnds):
         self,
         q: Floats,
         instants: Floats,
-        *ends: EndState,
+        ends: Ends,
+        *,
         inertia: ArrayLike | None = None,
         order: int | None = None,
         smoothness: int = 2,
@@ -240,7 +241,7 @@ class EffortProblem:
         instants: Floats,
         order: int,
         smoothness: int,
-        ends: tuple[EndState, EndState],
+        ends: Ends,
         inertia: Floats | None,
         spans: int,
     ) -> None:
@@ -497,7 +498,7 @@ def effort_knots(instants: Floats, order: int, spans: int, multiplicity: int) ->
 
 
 def _end_rows(
-    basis: CumulativeBasis, ends: tuple[EndState, EndState], *, is_free: bool
+    basis: CumulativeBasis, ends: Ends, *, is_free: bool
 ) -> tuple[Indices, Floats, Floats]:
     """Return linear conditions on pairs of the outermost increments, one in each row.
 
