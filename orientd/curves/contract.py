@@ -217,12 +217,7 @@ class Curve(Family, Drawable):
     @cached_property
     def trajectory(self) -> Trajectory:
         """The table that the curve is sampled from, fitted when it is first needed."""
-        return self._fitted(1)
-
-    def _fitted(self, pieces: int) -> Trajectory:
-        fitted = Trajectory.fit(
-            self._orientations, self._knots, continuity=self.continuity, pieces=pieces
-        )
+        fitted = Trajectory.fit(self._orientations, self._knots, continuity=self.continuity)
         return fitted.pinned(*self._ends)
 
     def _inside(self, times: Floats) -> Floats:

@@ -18,7 +18,7 @@ from orientd.curves.keyframes import (
     check_vector,
     increments,
 )
-from orientd.curves.products import Parts, Product, product_path, squared_acceleration
+from orientd.curves.products import Parts, Product, product_trajectory, squared_acceleration
 from orientd.rotation import Floats, between, conjugate, exp_half, log_half, multiply, rotate
 from orientd.rotation import align as align_signs
 
@@ -101,7 +101,7 @@ class HermiteSegment(Product, Between):
             # From few turns to many: of equals, the fewest.
             for count in sorted(range(-most, most + 1), key=abs):
                 tried = parts(count)
-                effort = squared_acceleration(product_path(basis.breaks, tried), times)
+                effort = squared_acceleration(product_trajectory(basis.breaks, tried).sample, times)
                 if effort < least * (1.0 - 1e-9):
                     found, least = tried, effort
         self._set_parts(basis.breaks, found, 2, ends)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,13 +15,9 @@ from orientd.curves.keyframes import (
     increments,
     with_turns,
 )
-from orientd.curves.products import Parts, Product, product_path, squared_acceleration
-from orientd.curves.trajectory import Trajectory
+from orientd.curves.products import Parts, Product, product_trajectory, squared_acceleration
 from orientd.errors import PlanError
 from orientd.rotation import Floats
-
-_PIECES = ((0.01, 1), (0.1, 2))
-"""Rad of half angle up to which so many pieces of a trajectory for each span are good mostly."""
 
 _NO_STEPS: Floats = np.empty((0, 3))
 _FREE = np.zeros(3)
@@ -132,15 +127,9 @@ class Interpolating(Product, WithEndStates):
                 spline = min([spline, *others], key=_effort)
         self._set_parts(*spline, order - 2)
 
-    @cached_property
-    def trajectory(self) -> Trajectory:
-        """See :attr:`Curve.trajectory`: pieces as short as the largest increment calls for."""
-        largest = float(np.max(np.abs(self.increments)))
-        return self._fitted(next((count for most, count in _PIECES if largest < most), 4))
-
 
 def _effort(spline: Spline) -> float:
-    return squared_acceleration(product_path(*spline), spline[0])
+    return squared_acceleration(product_trajectory(*spline).sample, spline[0])
 
 
 class C2Cumulative(Interpolating):

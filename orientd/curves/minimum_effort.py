@@ -38,7 +38,7 @@ from orientd.curves.contract import Ends, WithEndStates
 from orientd.curves.interpolating import interpolate
 from orientd.curves.keyframes import ParameterError, check_integer
 from orientd.curves.newton import solve_entries
-from orientd.curves.products import Path, Product, product_path
+from orientd.curves.products import Path, Product, product_trajectory
 from orientd.curves.starts import start_path
 from orientd.errors import PlanError
 from orientd.kernels import linearise_effort
@@ -459,7 +459,7 @@ class EffortProblem:
         """Return the path of increments."""
         first = self.basis.first - 1
         parts = self.controls(solved)[first], first, solved, self.basis.values
-        return product_path(self.basis.breaks, parts)
+        return product_trajectory(self.basis.breaks, parts).sample
 
 
 def check_inertia(inertia: ArrayLike) -> Floats:

@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
-from orientd.curves.contract import Between, Curve, Drawn, Ends, Through
+from orientd.curves.contract import FREE, Between, Curve, Drawn, Ends, Through
 from orientd.curves.keyframes import (
     ParameterError,
     check_choice,
@@ -30,11 +31,11 @@ from orientd.curves.keyframes import (
     resolve_knots,
 )
 from orientd.curves.trajectory import Samples, Trajectory
-from orientd.kernels import sample_product
 from orientd.rotation import Floats, between, conjugate, log_half, multiply, nearer_sign
 
 PATHS = ("short", "long", "as_is", "complement")
 _COINCIDENT = 1e-14
+_CUTS = (0.01, 1), (0.1, 2)  # rad of half angle up to which so many pieces of a span mostly do
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 Parts = tuple[Floats, Indices, Floats, Floats]
@@ -86,20 +87,22 @@ class Product(Curve):
         view.setflags(write=False)
         return view
 
-    def _orientations(self, times: Floats) -> Floats:
-        return product_at(times, self._knots, self._parts)
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """See :attr:`Curve.trajectory`: pieces as short as the largest increment calls for."""
+        return product_trajectory(self._knots, self._parts, self.continuity, self._ends)
 
 
-def product_at(times: Floats, breaks: Floats, parts: Parts) -> Floats:
-    """Return the orientations of a product at *times*, shape ``(n, 4)``."""
-    out: Floats = np.empty((len(times), 4))
-    sample_product(np.ascontiguousarray(times), breaks, *parts, out)
-    return out
-
-
-def product_path(breaks: Floats, parts: Parts, pieces: int = 1) -> Path:
-    """Return the path of a product that is no curve of a family."""
-    return Trajectory.fit(lambda t: product_at(t, breaks, parts), breaks, pieces=pieces).sample
+def product_trajectory(
+    breaks: Floats,
+    parts: Parts,
+    continuity: int = 2,
+    ends: Ends = (FREE, FREE),
+) -> Trajectory:
+    """Return the trajectory of a product, which need be no curve of a family."""
+    largest = float(np.max(np.abs(parts[2])))
+    cuts = next((count for most, count in _CUTS if largest < most), 4)
+    return Trajectory.of_product(breaks, parts, ends=ends, continuity=continuity, cuts=cuts)
 
 
 def squared_acceleration(path: Path, times: Floats) -> float:

@@ -261,14 +261,6 @@ class Fitting:
             return self.followed(motion)
         except PlanError as error:
             refusal = error
-        is_of_angle = isinstance(refusal, LimitError) and refusal.quantity.startswith("angle of")
-        is_free = request.is_quickest and request.total is None and request.pace is None
-        if is_free and isinstance(refusal, LimitError) and not is_of_angle:
-            # Axes that cannot follow the quickest motion may be able to follow a smoother one.
-            with suppress(PlanError):
-                even = self.planned(replace(request, pace="even"))
-                even = self.followed(even).noted(f"at an even pace: {refusal}")
-                return replace(even, request=request)
         # As planned it has the roll that was free.
         way = self._by_way(motion.request, refusal)
         if way is not None:

@@ -13,7 +13,7 @@ from orientd.curves import METHODS
 from orientd.errors import LimitError, PlanError
 from orientd.planner import refusal
 from orientd.planner.candidate import CandidateMotion, leads_out, with_leads
-from orientd.planner.certify import before, measure_path, summed_up
+from orientd.planner.certify import before, measure, summed_up
 from orientd.planner.connect import (
     CONNECTIONS,
     USUAL,
@@ -375,13 +375,13 @@ def certified(
     # the guard's tolerance is all that is left to brake with there.
     core = candidate.keyframe_path
     known = None if core is None else core.found_as_whole(path, start, period, limits)
-    peaks = known or measure_path(
+    peaks = known or measure(
         path,
         count,
         period,
         limits,
         before=before(start, period) if start.is_known else None,
-        brake_limits=limits.scaled(GUARD_TOLERANCE),
+        tolerance=GUARD_TOLERANCE,
     )
     place = refusal.Place(request, candidate.begin, candidate.end, candidate.keyframe_times)
     refusal.check_limits(peaks, place)
@@ -403,7 +403,6 @@ def certified(
             candidate.keyframe_times,
             peaks,
             period,
-            limits,
         ),
         rough=candidate.rough,
         before=start.before,

@@ -17,6 +17,7 @@ from orientd.rotation.convert import (
 from orientd.rotation.jacobian import right_jacobian, right_jacobian_inverse
 from orientd.rotation.named import Quaternion, is_rotation, unnamed
 from orientd.rotation.quaternion import (
+    HALF_TURN,
     ROUNDING,
     Floats,
     align,

@@ -46,11 +46,12 @@ def factor_of_records(keyframe_path: KeyframePath, limits: Limits, period: float
     peaks, level = keyframe_path.peaks(period, limits), keyframe_path.continuity
     bend, twist = OFF_GRID[level]
     spins, bends, twists = (share / GUARD_TOLERANCE for share in peaks.drawn)
+    spun, bent, twisted = peaks.planned
     return max(
-        peaks.spins,
+        spun,
         spins,
-        math.sqrt(max(bend * peaks.bends, bends)),
-        (math.cbrt if level >= 2 else math.sqrt)(max(twist * peaks.twists, twists)),
+        math.sqrt(max(bend * bent, bends)),
+        (math.cbrt if level >= 2 else math.sqrt)(max(twist * twisted, twists)),
         peaks.linear_velocity.ratio,
         math.sqrt(peaks.linear_acceleration.ratio),
     )

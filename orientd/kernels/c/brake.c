@@ -133,16 +133,47 @@ INLINE void put_points(const sight_t *sight, index_t points, double period, int 
     }
 }
 
-slowest_t slower(const sight_t *sight, index_t shift, const measure_t *how, slowest_t before) {
+/* Take in the least rate of some points, the first of which is that of a record. */
+static void note_rate(points_t at, double most, double most_jerk, brake_law_t law, index_t record,
+                      extremes_t *found) {
+    slowest_t slowest = {found->rate, 0};
+    slowest = least_of(at, most, most_jerk, law, 0, slowest);
+    if (slowest.rate < found->rate)
+        found->rate = slowest.rate, found->rate_place = (double)(record + slowest.place);
+}
+
+void brake(const block_t *block, const sight_t *sight, double period, const measure_t *how,
+           extremes_t *found) {
     index_t points = sight->counts[2];
     if (points <= 0)
-        return before;
+        return;
     lane_t rows[5];
     points_t at = {rows[0], rows[1], rows[2], rows[3], rows[4], points};
+    double more = how->tolerance;
     /* The norm, then the components where they are limited. */
-    for (int column = 0; column < (how->with_axes ? 4 : 1); column++) {
-        put_points(sight, points, how->period, column, rows);
-        before = least_of(at, how->most[column], how->most[4 + column], how->law, shift, before);
+    for (int column = 0; column < (has_axes(how->limits) ? 4 : 1); column++) {
+        put_points(sight, points, period, column, rows);
+        note_rate(at, more * row_of(how->limits, 1)[column], more * row_of(how->limits, 2)[column],
+                  how->law, block->first + HISTORY, found);
     }
-    return before;
+}
+
+void brake_moves(const block_t *block, double period, index_t past, const measure_t *how,
+                 extremes_t *found) {
+    lane_t rows[5] = {{0.0}};
+    index_t points = 0;
+    for (index_t i = 1 + past; i + 1 < block->count; i++, points++) {
+        double speed = 0.0, size = 0.0, along = 0.0;
+        for (index_t axis = 0; axis < 3; axis++) {
+            const double *at = block->rows[POSITION + axis] + i;
+            double v = (at[1] - at[0]) / period;
+            double a = (at[1] - at[0] - (at[0] - at[-1])) / (period * period);
+            speed += v * v, size += a * a, along += v * a;
+        }
+        rows[0][points] = sqrt(speed), rows[1][points] = sqrt(size), rows[2][points] = fabs(along);
+    }
+    points_t at = {rows[0], rows[1], rows[2], rows[3], rows[4], points};
+    if (points)
+        note_rate(at, how->tolerance * how->move_limits.v[1], INFINITY, how->law,
+                  block->first + 2 + past, found);
 }

@@ -13,22 +13,6 @@
 /* From a largest square to the same on the records alone. */
 enum { ON_RECORDS = 12 };
 
-void note_unknown(block_t *block) {
-    block->unknown = 0;
-    while (block->has_rates && block->unknown < block->count
-           && isnan(block->rows[4][block->unknown]))
-        block->unknown++;
-}
-
-void keep_last(block_t *block) {
-    index_t kept = least(block->count, KEPT);
-    for (index_t row = 0; row < (block->has_rates ? 10 : 4); row++)
-        memmove(block->rows[row], block->rows[row] + block->count - kept,
-                (size_t)kept * sizeof(double));
-    block->unknown = most(block->unknown - (block->count - kept), 0);
-    block->count = kept;
-}
-
 /* Write the rotation vectors between setpoints, and return how many are too large for that. */
 static index_t turn_near(double (*restrict q)[BLOCK], index_t count, lanes_t *restrict omega) {
     index_t large = 0;
@@ -223,25 +207,25 @@ static void note(double size, double *square) {
 }
 
 /* Note the differences of a kind on the records, and at the phases behind them. */
-static void note_found(sight_t *sight, index_t first, index_t order, int column, index_t shift,
-                       extremes_t found) {
+static void note_found(sight_t *sight, index_t first, index_t order, int column,
+                       index_t shift, extremes_t *found) {
     index_t slot = 4 * (order - 1) + column;
     double *known = &sight->known[order - 1][column];
     for (index_t i = first; i < sight->counts[order - 1]; i++)
-        note(size_of(at(&sight->rates[0][order - 1], i), column), found.squares + ON_RECORDS + slot);
+        note(size_of(at(&sight->rates[0][order - 1], i), column), found->squares + ON_RECORDS + slot);
     for (index_t phase = 0; phase < (sight->windows[order - 1] > 0 ? PHASES : 1); phase++) {
         index_t end = phase ? sight->windows[order - 1] : sight->counts[order - 1];
         for (index_t i = phase ? most(first, sight->first) : first; i < end; i++) {
             double size = size_of(at(&sight->rates[phase][order - 1], i), column);
             if (!(size <= *known) && *known < INFINITY)
-                *known = size, found.places[slot] = shift + i;
+                *known = size, found->places[slot] = (double)(shift + i + order);
         }
     }
 }
 
 /* Note bounds of the differences of a kind. */
 static void note_bounds(const block_t *block, sight_t *sight, index_t first, index_t order,
-                        int column, index_t shift, extremes_t found) {
+                        int column, index_t shift, extremes_t *found) {
     lane_t hulls, bounds;
     double *known = &sight->known[order - 1][column];
     index_t slot = 4 * (order - 1) + column;
@@ -255,17 +239,18 @@ static void note_bounds(const block_t *block, sight_t *sight, index_t first, ind
             sight->unproven += bound == NOT_TIGHT;
             bound = bound == NOT_TIGHT ? *known : bound;
             if (*known > before)
-                found.places[slot] = shift + i;
+                found->places[slot] = (double)(shift + i + order);
         }
-        note(bound, found.squares + slot);
+        note(bound, found->squares + slot);
     }
 }
 
 void take_differences(const block_t *block, double period, index_t past, bool with_axes,
-                      bool is_proof, index_t shift, sight_t *sight, extremes_t found) {
+                      bool is_proof, sight_t *sight, extremes_t *found) {
+    index_t shift = block->first;
     for (index_t order = 1; order <= 3; order++) {
         sight->counts[order - 1] = most(block->count - order, 0);
-        sight->windows[order - 1] = block->has_rates ? most(block->count - 1 - order, 0) : 0;
+        sight->windows[order - 1] = block->unknown < block->count ? most(block->count - 1 - order, 0) : 0;
     }
     sight->first = least(block->unknown, sight->windows[0]);
     if (block->count < 2)
@@ -289,10 +274,10 @@ void take_differences(const block_t *block, double period, index_t past, bool wi
         for (int column = 0; column < (with_axes ? 4 : 1); column++) {
             index_t first = (3 - order) * past, slot = 4 * (order - 1) + column;
             if (!is_proof)
-                sight->known[order - 1][column] = sqrt(found.squares[slot]);
+                sight->known[order - 1][column] = sqrt(found->squares[slot]);
             note_found(sight, first, order, column, shift, found);
             if (is_proof)
                 note_bounds(block, sight, first, order, column, shift, found);
-            note(sight->known[order - 1][column], found.squares + slot);
+            note(sight->known[order - 1][column], found->squares + slot);
         }
 }

@@ -74,12 +74,11 @@ INLINE double size_of(vec_t v, int column) {
     return column == 0 ? norm(v) : fabs(column == 1 ? v.x : column == 2 ? v.y : v.z);
 }
 
-/* Records: orientations, and angular velocities and accelerations where there are any.  The first
- * ones may have none of the latter, being not numbers. */
+/* Setpoints: states, of which the first ones may have no rates, being not numbers.  The first is that
+ * of a record. */
 typedef struct {
-    double rows[10][BLOCK];
-    index_t count, unknown;
-    bool has_rates;
+    double rows[STATE_ROWS][BLOCK];
+    index_t count, unknown, first;
 } block_t;
 
 /* What is known of the path between each record and the next, lengths of time being periods.
@@ -123,24 +122,40 @@ typedef struct {
     index_t counts[3], windows[3], first, unproven, boxes;
 } sight_t;
 
-/* Note how many of the first records have no velocity. */
-void note_unknown(block_t *block);
+/* Begin a block with no setpoints; the first to come is at a place among those there are. */
+void begin_block(const setpoints_t *from, block_t *block);
 
-/* Move the last records of a block to its beginning, and leave nothing else in it. */
-void keep_last(block_t *block);
+/* Return how many setpoints there are. */
+index_t setpoints_of(const setpoints_t *from);
+
+/* Move the last setpoints of a block to its beginning, and fill it up with those from a place on.
+ * Return the place of the first that is not in it. */
+index_t fill_block(const setpoints_t *from, index_t place, block_t *block);
 
 /* Take the differences of a block, and note bounds of them, or the largest at the phases.
  *
- * period: from one record to the next, s.
- * past: as in certify.
- * shift: what to add to a place in the block.
+ * period: from one setpoint to the next, s.
+ * past: how many accelerations, and twice as many velocities, are not to count as largest.
  * is_proof: whether bounds are wanted.
  * sight: zeros before the first block, where bounds are wanted. */
 void take_differences(const block_t *block, double period, index_t past, bool with_axes,
-                      bool is_proof, index_t shift, sight_t *sight, extremes_t found);
+                      bool is_proof, sight_t *sight, extremes_t *found);
 
-/* Return the least brake rate of a block at any phase, or what it was before. */
-slowest_t slower(const sight_t *sight, index_t shift, const measure_t *how, slowest_t before);
+/* Note the largest differences of the position. */
+void take_moves(const block_t *block, index_t past, extremes_t *found);
+
+/* Return whether a component is limited by itself. */
+bool has_axes(matrix_t limits);
+
+/* brake.c */
+
+/* Lower the brake rate to the least that is safe in a block at any phase. */
+void brake(const block_t *block, const sight_t *sight, double period, const measure_t *how,
+           extremes_t *found);
+
+/* The same for the position. */
+void brake_moves(const block_t *block, double period, index_t past, const measure_t *how,
+                 extremes_t *found);
 
 /* segments.c */
 

@@ -13,7 +13,7 @@ class Peak:
 
     Attributes:
         value: a bound of it, in SI units: proven for every phase of the setpoints against the
-            records and every rate in [0, 1], as :mod:`orientd.planner.certify.differences` says.
+            records and every rate in [0, 1], as :mod:`orientd.planner.certify.measuring` says.
         time: path time of the record where it is about as large, s.
         limit: what was allowed.
         on_records: the largest of a motion that runs as planned, where that is less: off its
@@ -85,3 +85,18 @@ class Certificate:
     figures: tuple[Figure, ...] = ()
     notes: tuple[str, ...] = ()
     has_control_points: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Rough:
+    """A part of a path that is less than twice continuously differentiable.
+
+    Attributes:
+        begin: path time of the first step of a derivative, s.
+        end: path time of the last one, s.
+        continuity: how many derivatives of the orientation are continuous.
+    """
+
+    begin: float
+    end: float
+    continuity: int

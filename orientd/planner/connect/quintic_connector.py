@@ -11,8 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from orientd import kernels
-from orientd.curves import PIECE, Indices, Trajectory
-from orientd.errors import PlanError
+from orientd.curves import Indices, Trajectory
 from orientd.planner.request import State
 from orientd.rotation import Floats
 
@@ -21,28 +20,26 @@ STATE = 10
 
 _MOST_PIECES = 16_384  # of a trajectory of joins
 
+# Sums of Bernstein polynomials of degree 5, each from one on to the last.
+_BASIS = np.tri(FACTORS, FACTORS + 1, k=0)[::-1, ::-1].copy()
+
 
 def joins(q: Floats, w: Floats, breaks: Floats) -> Trajectory:
     """Return joins end to end; where they meet, velocity and acceleration are to be the same.
 
     Args:
-        q: orientations that they begin at, signs continuous, shape ``(n, 4)``.
+        q: orientations that they begin at, shape ``(n, 4)``.
         w: their half-angle increments, shape ``(n, 5, 3)``.
         breaks: when they begin, and when the last one ends, s, shape ``(n + 1,)``.
 
     Raises:
         PlanError: they turn too far for a table of moderate size.
     """
-    room, count = 4 * len(q) + 12, 0
-    q = np.ascontiguousarray(q)  # of a sample it is a column
-    while not count:
-        if room > _MOST_PIECES:
-            raise PlanError(
-                f"a connector would take more than {_MOST_PIECES} pieces: it is too wild"
-            )
-        ends, pieces = np.empty(room + 1), np.empty((room, PIECE))
-        count, room = kernels.join_trajectory(q, w, breaks, ends, pieces), 4 * room
-    return Trajectory(ends[: count + 1], pieces[:count], breaks)
+    first = FACTORS * np.arange(len(q))
+    values = np.repeat(_BASIS[None], len(q), axis=0)
+    return Trajectory.of_product(
+        breaks, (np.ascontiguousarray(q), first, w.reshape(-1, 3), values), most=_MOST_PIECES
+    )
 
 
 def join(q: Floats, w: Floats, duration: float) -> Trajectory:
@@ -72,7 +69,7 @@ def try_joins(
         durations: s, shape ``(n,)``.
         around: velocity and acceleration may be as high as in this state, whatever the limits.
         limits: of norm and components, from
-        :func:`~orientd.planner.certify.limit_tables.limit_table`.
+        :func:`~orientd.planner.certify.measuring.limit_table`.
 
     Returns:
         Increments, shape ``(n, 5, 3)``, and the places of those that keep the limits, in order.

@@ -29,8 +29,7 @@ from orientd.planner.timing.quickest_timing import (
 from orientd.planner.timing.timing import (
     SAME,
     Indices,
+    Knots,
     chord_knots,
-    move_lengths,
-    radians_per_metre,
     turn_lengths,
 )

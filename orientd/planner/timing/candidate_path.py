@@ -117,9 +117,7 @@ class KeyframePath:
         """Return how many records a period apart it has."""
         return round(self.duration / period) + 1
 
-    def peaks(
-        self, period: float, limits: Limits, first: int = 0, last: int | None = None
-    ) -> Peaks:
+    def peaks(self, period: float, limits: Limits, last: int | None = None) -> Peaks:
         """Return the largest backward differences of the keyframe path alone, or of a part of it.
 
         Where it begins or ends at rest the device is held before or after; elsewhere a lead, which
@@ -128,34 +126,20 @@ class KeyframePath:
         Args:
             period: time between the records, s.
             limits: what the peaks are held against.
-            first: the first record to look at.
-            last: the last one; ``None`` is the end of the keyframe path.
+            last: the last record to look at; ``None`` is the end of the keyframe path.
         """
         final = self.record_count(period) - 1
         last = final if last is None else last
-
-        def setpoints(begin: int, size: int) -> tuple[Floats, Floats]:
-            indices = np.arange(first + begin, first + begin + size, dtype=np.float64)
-            times = np.minimum(period * indices, self.duration)
-            q = self.trajectory.rows(times, np.empty((10, size))).T
-            if self.positions.is_held:
-                return q, self.positions.first[None]
-            return q, self.positions.sample(times)[0]
-
-        before, holds_after = None, False
-        if first == 0 or last == final:
-            is_held, holds_after = self.held_ends(limits)
-            if first == 0 and is_held:
-                q, p = setpoints(0, 1)
-                before = np.repeat(q[:, :4], HISTORY, axis=0), np.repeat(p, HISTORY, axis=0)
-            holds_after = last == final and holds_after
+        is_held, holds_after = self.held_ends(limits)
+        path = Path(self.trajectory, self.positions)
+        before = np.tile(path.first, (HISTORY, 1)), np.tile(self.positions.first, (HISTORY, 1))
         return measure(
-            setpoints,
-            last - first + 1,
+            path,
+            last + 1,
             period,
             limits,
-            before=before,
-            holds_after=holds_after,
+            before=before if is_held else None,
+            rests=(is_held, holds_after and last == final),
         )
 
 

@@ -18,7 +18,7 @@ from orientd.curves import TimeMap
 from orientd.errors import PlanError
 from orientd.kernels import time_quickest
 from orientd.planner import refusal
-from orientd.planner.certify import before, limit_table, measure_path
+from orientd.planner.certify import before, limit_table, measure
 from orientd.planner.limits import Limits
 from orientd.planner.path import Path
 from orientd.planner.request import State
@@ -315,22 +315,23 @@ def looked_at(
         peaks = path.peaks(period, limits, last=last)
     else:
         whole = Path.joined([path.trajectory], path.positions)
-        peaks = measure_path(
+        peaks = measure(
             whole,
             math.ceil(path.duration / period - _WHOLE) + 1,
             period,
             limits,
             before=before(State.at_rest(whole.first, path.positions.first), period),
-            brake_limits=limits.scaled(GUARD_TOLERANCE),
+            tolerance=GUARD_TOLERANCE,
         )
         rate = peaks.brake_rate
         stop_time = 1.0 / rate if rate else math.inf
         path = replace(path, found=(period, limits, peaks), stop_time=stop_time)
+    spins, bends, twists = peaks.planned
     excess = max(
-        peaks.spins,
+        spins,
         peaks.drawn[0],
-        math.sqrt(peaks.bends),
-        math.cbrt(peaks.twists),
+        math.sqrt(bends),
+        math.cbrt(twists),
         peaks.linear_velocity.ratio,
         math.sqrt(peaks.linear_acceleration.ratio),
     )

@@ -57,7 +57,7 @@ class QuickStop:
     """A stop of the time scaling that uses what the limits leave at each point of the path.
 
     Args:
-        scaling: the stop overrides it while it lasts.
+        scaling: takes the rates of the stop once they are found.
         follower: where the path is.
         guard: what was written.
     """
@@ -71,33 +71,23 @@ class QuickStop:
         self._tries = 0
         self._expected = 0.0
         self._rollout: StopRollout | None = None
-        self._rates: list[float] = []
 
-    def advance(self, servo_limits: ServoLimits, *, may_end: bool) -> float:
-        """Advance the time scaling by one cycle of a stop and return the new rate.
+    def seek(self, servo_limits: ServoLimits, *, may_end: bool) -> None:
+        """Go on looking for a stop, as far as one cycle allows, and plan it once it is found.
+
+        To be called before every cycle of a stop that is not planned yet.
 
         Args:
             servo_limits: the limits.
             may_end: whether the end of the path is as good as a stop before it.
         """
-        scaling = self._scaling
-        if scaling.moves != self._moves:
+        scaling, rollout, left = self._scaling, self._rollout, self._steps
+        moves = scaling.moves
+        if moves != self._moves:
             # Something else has moved it since: this is another stop.
-            self._tries, self._expected, self._rollout, self._rates = 0, 0.0, None, []
-        if not self._rates:
-            self._roll_out(servo_limits, may_end=may_end)
-        if self._rates:
-            rate = self._rates.pop()
-            scaling.override(rate, is_last=rate == 0.0 and not self._rates)
-        else:
-            scaling.advance()
-        self._moves = scaling.moves
-        return scaling.rate
-
-    def _roll_out(self, servo_limits: ServoLimits, *, may_end: bool) -> None:
-        """Go on with the rollout, or begin others, as far as one cycle allows."""
-        rollout, left, moves = self._rollout, self._steps, self._scaling.moves
-        if rollout and rollout.rates[moves - rollout.begun - 1] != self._scaling.rate:
+            self._tries, self._expected, rollout = 0, 0.0, None
+        self._moves = moves + 1
+        if rollout and rollout.rates[moves - rollout.begun - 1] != scaling.rate:
             # The path has come to a motion whose certified law brakes harder.
             rollout = None
         while left > 0:
@@ -108,14 +98,13 @@ class QuickStop:
             rollout = None
             self._tries += 1
             left -= 1
+        if rollout and moves == rollout.begun + rollout.lead:
+            if rollout.outcome is RolloutOutcome.UNFINISHED:
+                self._expected = _LONGER * len(rollout.rates)
+            else:
+                scaling.plan = rollout.rates[rollout.lead :][::-1]
+            rollout = None
         self._rollout = rollout
-        if rollout is None or moves < rollout.begun + rollout.lead:
-            return
-        self._rollout = None
-        if rollout.outcome is RolloutOutcome.UNFINISHED:
-            self._expected = _LONGER * len(rollout.rates)
-        else:
-            self._rates = rollout.rates[rollout.lead :][::-1]
 
     def _begin(self, servo_limits: ServoLimits) -> StopRollout:
         """Begin a rollout that is over when the certified law is where it begins."""

@@ -86,13 +86,7 @@ class Law(NamedTuple):
         """Return the vector at *u*, which is zero at 0."""
         (ax, ay, az), (bx, by, bz), (cx, cy, cz), (dx, dy, dz), place = self
         over = u - place
-        if over <= 0.0:
-            return (
-                u * (ax + u * (bx + u * cx)),
-                u * (ay + u * (by + u * cy)),
-                u * (az + u * (bz + u * cz)),
-            )
-        bend = 0.5 * over * over
+        bend = 0.5 * over * over if over > 0.0 else 0.0
         return (
             u * (ax + u * (bx + u * cx)) + bend * dx,
             u * (ay + u * (by + u * cy)) + bend * dy,
@@ -102,13 +96,7 @@ class Law(NamedTuple):
     def rate(self, u: float) -> Vector3:
         """Return the derivative of the vector by *u*."""
         (ax, ay, az), (bx, by, bz), (cx, cy, cz), (dx, dy, dz), place = self
-        over, two, three = u - place, 2.0 * u, 3.0 * u * u
-        if over <= 0.0:
-            return (
-                ax + two * bx + three * cx,
-                ay + two * by + three * cy,
-                az + two * bz + three * cz,
-            )
+        over, two, three = max(u - place, 0.0), 2.0 * u, 3.0 * u * u
         return (
             ax + two * bx + three * cx + over * dx,
             ay + two * by + three * cy + over * dy,

@@ -10,7 +10,7 @@ from orientd.curves import METHODS
 from orientd.errors import OrientdError
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify.brake import brake_rate
-from orientd.planner.certify.limit_tables import limit_table
+from orientd.planner.certify.measuring import limit_table
 from orientd.planner.connect.quintic_connector import try_joins
 from orientd.planner.recorded import states_between
 from orientd.rotation import exp, multiply

@@ -11,7 +11,7 @@ from planned import LIMITS, PERIOD, anywhere, differences, random_request, rotat
 from orientd.curves import METHODS
 from orientd.errors import RequestError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
-from orientd.planner.certify import before, measure_path
+from orientd.planner.certify import before, measure
 from orientd.planner.path.path import Path
 from orientd.planner.path.position import PositionPath
 from orientd.planner.plan_job import PlanJob
@@ -144,13 +144,13 @@ def test_what_is_drawn_between_the_records_hardly_ever_needs_a_second_timing(jer
         shape = job.shape(is_quick=True)
         quick = quickest(shape.path, limits, PERIOD, guess=shape.profile)
         whole = Path.joined([quick.trajectory], quick.positions)
-        peaks = measure_path(
+        peaks = measure(
             whole,
             math.ceil(quick.duration / PERIOD) + 1,
             PERIOD,
             limits,
             before=before(State.at_rest(whole.first), PERIOD),
-            brake_limits=limits,
+            tolerance=1.0,
         )
         beyond += max(peaks.drawn) > GUARD_TOLERANCE
         slower.append(quick.duration / float(quick.profile.clock().times[-1]))
