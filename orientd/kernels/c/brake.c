@@ -14,7 +14,7 @@ typedef struct { const double *speed, *size, *along, *jerk; double *bound; index
 
 /* The root in the form that does not cancel. */
 INLINE double root(double rest, double half, double leading) {
-    rest = fmax(rest, 0.0);
+    rest = most_of(rest, 0.0);
     double divisor = half + sqrt(half * half + leading * rest);
     return divisor > 0.0 ? rest / divisor : INFINITY;
 }
@@ -30,10 +30,10 @@ static double safe_rate(points_t at, index_t i, double most, double most_jerk, b
         double sigma = sigmas[k], g = gs[k], square = sigma * sigma;
         if (most < INFINITY) {
             double bend = size * square, turn = g * speed;
-            rate = fmin(rate, root(most * most - bend * bend, g * square * along, turn * turn));
+            rate = smaller(rate, root(most * most - bend * bend, g * square * along, turn * turn));
         }
         if (most_jerk < INFINITY)
-            rate = fmin(rate, root(most_jerk - jerk * square, 1.5 * sigma * g * size,
+            rate = smaller(rate, root(most_jerk - jerk * square, 1.5 * sigma * g * size,
                                    4.0 * speed));
     }
     return law.margin * rate;
@@ -54,7 +54,7 @@ static void put_bounds(points_t at, double most, row_t worst) {
     }
     INDEPENDENT
     for (index_t i = 0; i < at.n; i++) {
-        double place = fmin(sqrt(fmax(1.0 - size[i] * scale, 0.0)), 1.0) * cells;
+        double place = smaller(sqrt(most_of(1.0 - size[i] * scale, 0.0)), 1.0) * cells;
         int cell = (int)place;
         cell = cell < cells ? cell : cells - 1;
         double allowed = most * (table[cell] + (place - cell) * (table[cell + 1] - table[cell]));
@@ -112,6 +112,11 @@ int least_rate(matrix_t velocity, matrix_t acceleration, row_t jerk, double most
     return 0;
 }
 
+/* Square of a vector or of one of its components. */
+INLINE double square_of(vec_t v, int column) {
+    return column == 0 ? dot(v, v) : column == 1 ? v.x * v.x : column == 2 ? v.y * v.y : v.z * v.z;
+}
+
 /* Write the largest velocity, acceleration and jerk at the phases of each record, and the largest
  * product of the first two. */
 INLINE void put_points(const sight_t *sight, index_t points, double period, int column,
@@ -125,11 +130,16 @@ INLINE void put_points(const sight_t *sight, index_t points, double period, int 
         for (index_t i = begin; i < end; i++) {
             vec_t v = at(rates, i + 2), a = at(rates + 1, i + 1), j = at(rates + 2, i);
             double along = column == 0 ? fabs(dot(v, a)) : size_of(v, column) * size_of(a, column);
-            to[0][i] = most_of(p ? to[0][i] : 0.0, u * size_of(v, column));
-            to[1][i] = most_of(p ? to[1][i] : 0.0, u2 * size_of(a, column));
-            to[2][i] = most_of(p ? to[2][i] : 0.0, u3 * along);
-            to[3][i] = most_of(p ? to[3][i] : 0.0, u3 * size_of(j, column));
+            to[0][i] = most_of(p ? to[0][i] : 0.0, square_of(v, column));
+            to[1][i] = most_of(p ? to[1][i] : 0.0, square_of(a, column));
+            to[2][i] = most_of(p ? to[2][i] : 0.0, along);
+            to[3][i] = most_of(p ? to[3][i] : 0.0, square_of(j, column));
         }
+    }
+    INDEPENDENT
+    for (index_t i = 0; i < points; i++) {
+        to[0][i] = u * sqrt(to[0][i]), to[1][i] = u2 * sqrt(to[1][i]);
+        to[2][i] *= u3, to[3][i] = u3 * sqrt(to[3][i]);
     }
 }
 
@@ -152,7 +162,10 @@ void brake(const block_t *block, const sight_t *sight, double period, const meas
     double more = how->tolerance;
     /* The norm, then the components where they are limited. */
     for (int column = 0; column < (has_axes(how->limits) ? 4 : 1); column++) {
-        put_points(sight, points, period, column, rows);
+        if (column == 0)
+            put_points(sight, points, period, 0, rows);
+        else
+            put_points(sight, points, period, column, rows);
         note_rate(at, more * row_of(how->limits, 1)[column], more * row_of(how->limits, 2)[column],
                   how->law, block->first + HISTORY, found);
     }

@@ -31,7 +31,7 @@ static void sample_block(const setpoints_t *from, index_t first, index_t begin, 
     double start = from->breaks.v[0], stop = from->breaks.v[from->breaks.n - 1];
     double rate = from->step / from->period, square = rate * rate;
     for (index_t i = 0; i < count; i++)
-        times[i] = fmin(from->step * (double)least(first + i, last), stop);
+        times[i] = smaller(from->step * (double)least(first + i, last), stop);
     matrix_t out = {samples, POSITION, count};
     sample_trajectory((row_t){times, count}, from->breaks, from->pieces, INFINITY, out);
     for (index_t row = 0; row < POSITION; row++) {
@@ -112,22 +112,25 @@ static void take_stops(const block_t *block, index_t begin, const measure_t *how
                        extremes_t *found) {
     const double (*rows)[BLOCK] = block->rows;
     const double *bends = row_of(how->limits, 1), *twists = row_of(how->limits, 2);
-    double longest = found->stop_time;
+    lane_t times_of;
+    INDEPENDENT
     for (index_t i = begin; i < block->count; i++) {
         vec_t omega = vec(rows[4][i], rows[5][i], rows[6][i]);
         double speed = norm(omega);
         vec_t way = times(speed > 0.0 ? 1.0 / speed : 0.0, omega);
         double push = dot(way, vec(rows[7][i], rows[8][i], rows[9][i]));
         double x = fabs(way.x), y = fabs(way.y), z = fabs(way.z);
-        double pull = fmin(fmin(bends[0], bends[1] / x), fmin(bends[2] / y, bends[3] / z));
-        double jerk = fmin(fmin(twists[0], twists[1] / x), fmin(twists[2] / y, twists[3] / z));
+        double pull = smaller(smaller(bends[0], bends[1] / x), smaller(bends[2] / y, bends[3] / z));
+        double jerk = smaller(smaller(twists[0], twists[1] / x),
+                              smaller(twists[2] / y, twists[3] / z));
         double peak = sqrt(jerk * speed + 0.5 * push * push);
-        double brief = fmax(push + 2.0 * peak, 0.0) / jerk;
+        double brief = most_of(push + 2.0 * peak, 0.0) / jerk;
         double held = speed + (push * push - 2.0 * pull * pull) / (2.0 * jerk);
-        double time = peak <= pull ? brief : (push + 2.0 * pull) / jerk + held / pull;
-        longest = time > longest && time < INFINITY ? time : longest;
+        times_of[i] = peak <= pull ? brief : (push + 2.0 * pull) / jerk + held / pull;
     }
-    found->stop_time = longest;
+    for (index_t i = begin; i < block->count; i++)
+        if (times_of[i] > found->stop_time && times_of[i] < INFINITY)
+            found->stop_time = times_of[i];
 }
 
 /* Return whether the position changes. */

@@ -183,9 +183,7 @@ INLINE void put_bounds(const sight_t *sight, index_t begin, index_t order, int c
         double near = most_of(known, hull + (1.0 - low) * (fall + reach.slope));
         crude = near < crude ? near : crude;
         hulls[i] = hull;
-        bool is_proven = speed <= LARGEST_TURN;
-        double bound = is_growing(segments, i, order, column, reach) ? hull : crude;
-        bounds[i] = is_proven ? bound : found;
+        bounds[i] = speed <= LARGEST_TURN ? crude : found;
     }
 }
 
@@ -206,17 +204,48 @@ static void note(double size, double *square) {
         *square = size * size;
 }
 
+/* Return whether some vectors are larger than a size, or not numbers, but for rounding. */
+INLINE bool is_any_above(const lanes_t *vectors, index_t begin, index_t end, int column, double size) {
+    double square = size * size * (1.0 - 1e-15);
+    index_t above = 0;
+    INDEPENDENT
+    for (index_t i = begin; i < end; i++) {
+        vec_t v = at(vectors, i);
+        double one = column == 0 ? dot(v, v) : column == 1 ? v.x * v.x
+                   : column == 2 ? v.y * v.y : v.z * v.z;
+        above += !(one <= square);
+    }
+    return above > 0;
+}
+
+/* The same for any column, each with a loop of its own. */
+static bool are_above(const lanes_t *vectors, index_t begin, index_t end, int column, double size) {
+    switch (column) {
+    case 0: return is_any_above(vectors, begin, end, 0, size);
+    case 1: return is_any_above(vectors, begin, end, 1, size);
+    case 2: return is_any_above(vectors, begin, end, 2, size);
+    default: return is_any_above(vectors, begin, end, 3, size);
+    }
+}
+
 /* Note the differences of a kind on the records, and at the phases behind them. */
-static void note_found(sight_t *sight, index_t first, index_t order, int column,
-                       index_t shift, extremes_t *found) {
+static void note_found(sight_t *sight, index_t first, index_t order, int column, index_t shift,
+                       extremes_t *found) {
     index_t slot = 4 * (order - 1) + column;
     double *known = &sight->known[order - 1][column];
-    for (index_t i = first; i < sight->counts[order - 1]; i++)
-        note(size_of(at(&sight->rates[0][order - 1], i), column), found->squares + ON_RECORDS + slot);
+    double *on_records = found->squares + ON_RECORDS + slot;
+    const lanes_t *rates = &sight->rates[0][order - 1];
+    if (are_above(rates, first, sight->counts[order - 1], column, sqrt(*on_records)))
+        for (index_t i = first; i < sight->counts[order - 1]; i++)
+            note(size_of(at(rates, i), column), on_records);
     for (index_t phase = 0; phase < (sight->windows[order - 1] > 0 ? PHASES : 1); phase++) {
         index_t end = phase ? sight->windows[order - 1] : sight->counts[order - 1];
-        for (index_t i = phase ? most(first, sight->first) : first; i < end; i++) {
-            double size = size_of(at(&sight->rates[phase][order - 1], i), column);
+        index_t begin = phase ? most(first, sight->first) : first;
+        rates = &sight->rates[phase][order - 1];
+        if (!are_above(rates, begin, end, column, *known))
+            continue;
+        for (index_t i = begin; i < end; i++) {
+            double size = size_of(at(rates, i), column);
             if (!(size <= *known) && *known < INFINITY)
                 *known = size, found->places[slot] = (double)(shift + i + order);
         }
@@ -232,6 +261,9 @@ static void note_bounds(const block_t *block, sight_t *sight, index_t first, ind
     put_bounds_of(sight, sight->first, order, column, *known, hulls, bounds);
     for (index_t i = most(first, sight->first); i < sight->windows[order - 1]; i++) {
         double bound = bounds[i];
+        if (!(bound <= cut_of(*known))
+            && is_growing(&sight->segments, i, order, column, reach_of(&sight->segments, i, order, column)))
+            bound = hulls[i];
         if (!(bound <= cut_of(*known))) {
             double before = *known;
             bound = enclose(block, &sight->segments, i, order, column, hulls[i], known,

@@ -31,6 +31,10 @@ INLINE double turn_factor(double square) {
     return 2.0 * (1.0 - square * (1.0 / 3 - square * rest));
 }
 
+/* As fmax and fmin where both are numbers, without a call. */
+INLINE double most_of(double a, double b) { return a > b ? a : b; }
+INLINE double smaller(double a, double b) { return a < b ? a : b; }
+
 typedef double lane_t[BLOCK];
 typedef struct { lane_t x, y, z; } lanes_t;
 
@@ -173,8 +177,6 @@ void put_segments(index_t count, const lanes_t *turns, segments_t *segments);
  * steps: in the acceleration.
  * off, slope: what does not commute, and its derivative by the rate. */
 typedef struct { double most, steps, off, slope; } reach_t;
-
-INLINE double most_of(double a, double b) { return a > b ? a : b; }
 
 /* Return the largest velocity, acceleration or jerk between a record and the next. */
 INLINE double peak_of(const segments_t *segments, index_t k, index_t order, int column) {

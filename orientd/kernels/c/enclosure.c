@@ -29,8 +29,8 @@ typedef struct {
     double rest, by_phase, by_rate, slope_by_phase, slope_by_rate;
 } difference_t;
 
-/* A setpoint, and the angular velocity there. */
-static quat_t state_at(const difference_t *d, double place, vec_t *omega) {
+/* A setpoint, and the angular velocity there unless that is NULL. */
+INLINE quat_t state_at(const difference_t *d, double place, vec_t *omega) {
     index_t k = most(least((index_t)place, d->block->count - 2), 0);
     const segments_t *segments = d->segments;
     const double (*rows)[BLOCK] = d->block->rows;
@@ -39,7 +39,8 @@ static quat_t state_at(const difference_t *d, double place, vec_t *omega) {
     double c, s, u = place - (double)k;
     vec_t turn = law_value(law, u);
     quat_t q = turned_by(quat(rows[0][k], rows[1][k], rows[2][k], rows[3][k]), turn, &c, &s);
-    *omega = right_jacobian(turn, c, s, law_rate(law, u));
+    if (omega != NULL)
+        *omega = right_jacobian(turn, c, s, law_rate(law, u));
     return q;
 }
 
@@ -52,29 +53,39 @@ INLINE vec_t turn_between(quat_t p, quat_t q) {
     return times(2.0, logarithm(shorter(turn)));
 }
 
-/* Return the difference at a phase and a rate, and its derivative by the rate. */
-static vec_t value_at(const difference_t *d, double phase, double rate, vec_t *slope) {
+/* Return the difference at a phase and a rate, and its derivative by the rate unless that is NULL. */
+INLINE vec_t difference_at(const difference_t *d, double phase, double rate, vec_t *slope) {
     static const double weights[3][3] = {{1, 0, 0}, {1, -1, 0}, {1, -2, 1}};
-    vec_t value = vec(0, 0, 0), omega;
-    *slope = vec(0, 0, 0);
+    vec_t value = vec(0, 0, 0), omega, *velocity = slope != NULL ? &omega : NULL;
+    if (slope != NULL)
+        *slope = vec(0, 0, 0);
     double here = (double)(d->i + d->order) + phase;
-    quat_t q = state_at(d, here, &omega);
+    quat_t q = state_at(d, here, NULL);
     for (index_t k = 0; k < d->order; k++) {
-        quat_t before = state_at(d, here - (double)(k + 1) * rate, &omega);
+        quat_t before = state_at(d, here - (double)(k + 1) * rate, velocity);
         double weight = weights[d->order - 1][k];
         value = plus(value, times(weight, turn_between(before, q)));
-        *slope = plus(*slope, times((double)d->order * weight, omega));
+        if (slope != NULL)
+            *slope = plus(*slope, times((double)d->order * weight, omega));
         q = before;
     }
     return value;
 }
 
+static vec_t value_at(const difference_t *d, double phase) {
+    return difference_at(d, phase, 1.0, NULL);
+}
+
+static vec_t value_and_slope(const difference_t *d, double phase, double rate, vec_t *slope) {
+    return difference_at(d, phase, rate, slope);
+}
+
 /* Return a bound over phases at the rate 1 within which no acceleration has a step. */
 static double hull_of(const difference_t *d, double from, double to, double *known) {
-    vec_t values[PHASE_NODES], slope;
+    vec_t values[PHASE_NODES];
     double largest = 0.0, width = to - from;
     for (index_t n = 0; n < PHASE_NODES; n++) {
-        values[n] = value_at(d, from + width * node_of(n), 1.0, &slope);
+        values[n] = value_at(d, from + width * node_of(n));
         *known = most_of(*known, size_of(values[n], d->column));
     }
     for (index_t k = 0; k < PHASE_NODES; k++) {
@@ -152,7 +163,7 @@ double enclose(const block_t *block, const segments_t *segments, index_t i, inde
         box_t box = boxes[--count];
         double width = box.to - box.from, height = box.high - box.low;
         double middle = box.from + 0.5 * width;
-        vec_t slope, value = value_at(&d, middle, box.high, &slope);
+        vec_t slope, value = value_and_slope(&d, middle, box.high, &slope);
         double size = size_of(value, column), climb = size_of(slope, column);
         double turn = 0.5 * width * d.by_phase, spread = turn + height * d.by_rate;
         double lean = 0.5 * width * d.slope_by_phase + height * d.slope_by_rate + d.reach.slope;
