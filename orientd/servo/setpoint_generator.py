@@ -60,15 +60,7 @@ class SetpointGenerator:
         stall_ns: int,
         on_fault: Callable[[Fault, str], None],
     ) -> None:
-        """Hold still.
-
-        Args:
-            driver: says how fast it lets a path be run through.
-            memory: the rings of the path and of targets.
-            period_ns: cycle period.
-            stall_ns: longest time without a cycle after which a motion goes on by itself.
-            on_fault: is told of every fault when the state becomes that.
-        """
+        """Hold still; after *stall_ns* without a cycle no motion goes on by itself."""
         period = period_ns * 1e-9
         self.state = ServoState.IDLE
         self.fault = Fault.NONE

@@ -115,13 +115,7 @@ def hermite(way: Vector3, leave: Vector3, arrive: Vector3) -> Law:
 
 
 def law_between(start: PathPoint, end: PathPoint, period: float) -> Law:
-    """Return the rotation vector from one record towards the next, rad.
-
-    Args:
-        start: the earlier record's point.
-        end: the later record's point.
-        period: path time between them, s.
-    """
+    """Return the rotation vector from one record towards the next, rad."""
     x, y, z = turn = difference(start.q, end.q)
     a, b, c = start.omega_body
     vx, vy, vz = leave = (period * a, period * b, period * c)
@@ -193,20 +187,15 @@ def _bent(
     return Law(cubic.first, second, (cx + c * x, cy + c * y, cz + c * z), step, 1.0 - w)
 
 
-_STANDING = Law(ZERO, ZERO, ZERO)
+STANDING = Law(ZERO, ZERO, ZERO)
 
 
 class Segment:
-    """The path between two neighbouring records.
+    """The path between two neighbouring records, *period* seconds of path time apart.
 
     Attributes:
         turn: rotation vector from the first of them, rad.
         travel: way of the position, m.
-
-    Args:
-        start: the earlier record's point.
-        end: the later record's point.
-        period: path time between them, s.
     """
 
     __slots__ = ("_end", "_period", "_start", "travel", "turn")
@@ -216,7 +205,7 @@ class Segment:
         self._end = end
         self._period = period
         self.turn = law_between(start, end, period)
-        self.travel = _STANDING
+        self.travel = STANDING
         p, q = start.position, end.position
         if p != q or not start.velocity == end.velocity == ZERO:
             x, y, z = start.velocity
@@ -256,7 +245,7 @@ class Segment:
             (vz - a * g + b * (x * f - y * e)) / h,
         )
         alpha = combine(start.alpha_body, 1.0 - u, self._end.alpha_body, u)
-        if self.travel is _STANDING:
+        if self.travel is STANDING:
             return PathPoint(q, omega, alpha, start.position, start.velocity)
         position = plus(start.position, self.travel.value(u), 1.0)
         return PathPoint(q, omega, alpha, position, plus(ZERO, self.travel.rate(u), 1.0 / h))

@@ -38,12 +38,7 @@ class TimeScaling:
         self.brake_rate = 0.0
 
     def begin(self, brake_rate: float, target: float) -> None:
-        """Run at *target* at once, which is smooth only where the path itself is at rest.
-
-        Args:
-            brake_rate: 1/s, of the motion that begins.
-            target: rate, in [0, 1].
-        """
+        """Run at *target* at once, which is smooth only where the path itself is at rest."""
         self.brake_rate = brake_rate
         self.target = target
         self.rate = target

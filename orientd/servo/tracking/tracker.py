@@ -100,11 +100,7 @@ class Tracker:
     ) -> None:
         """Begin from what was last commanded, moving or at rest, without any target.
 
-        Args:
-            q: orientation last commanded.
-            omega_body: angular velocity of the step to it, rad/s.
-            alpha_body: change from the step before over the period, rad/s^2.
-            servo_limits: what to keep.  What moves faster than that is slowed down first.
+        The rates are backward differences.  What moves faster than the limits is slowed down first.
         """
         self._limits, self._units = limits_of(servo_limits, self._period)
         # The law's state is in its own units.
