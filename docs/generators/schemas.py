@@ -14,8 +14,9 @@ from pydantic import BaseModel
 
 from generators import words
 from orientd.config import DeviceSettings, Settings
+from orientd.config.presets import PRESETS
 from orientd.daemon.calls import Telemetry
-from orientd.planner import PRESETS, UNITS
+from orientd.planner import UNITS
 from orientd.schema import attribute_lines, motion_schema
 
 _TABLES = {

@@ -91,7 +91,7 @@ class LimitSettings(Table):
     @classmethod
     def _know_preset(cls, name: str | None) -> str | None:
         if name is not None:
-            from orientd.planner import PRESETS
+            from orientd.config.presets import PRESETS
 
             if name not in PRESETS:
                 raise PydanticCustomError("preset", "one of " + ", ".join(PRESETS))
@@ -100,7 +100,8 @@ class LimitSettings(Table):
     def to_limits(self) -> Limits:
         """Return the planner's limits: what is given here, preset or defaults for the rest."""
         # A file of settings can be read and checked without loading NumPy.
-        from orientd.planner import DEFAULT_LIMITS, PRESETS
+        from orientd.config.presets import PRESETS
+        from orientd.planner import DEFAULT_LIMITS
 
         given = self.model_dump(exclude_none=True, exclude={"preset"})
         base = DEFAULT_LIMITS if self.preset is None else PRESETS[self.preset].limits

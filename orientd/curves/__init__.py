@@ -13,16 +13,13 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.curves.axis_turn import AxisTurn
+    from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
     from orientd.curves.comparison import MET, Candidate, Figures, compare, measure, ranked
-    from orientd.curves.construct.basis import CumulativeBasis, Indices, cumulative_basis
-    from orientd.curves.construct.knots import resolve_knots
-    from orientd.curves.contract import Curve, Samples
-    from orientd.curves.family import is_same
+    from orientd.curves.contract import METHODS, Curve, is_same
     from orientd.curves.fitting import Fit, fit_orientations
     from orientd.curves.hermite import KksHermite
     from orientd.curves.interpolating import C2Cumulative, KksInterpolating
-    from orientd.curves.keyframes import ParameterError, check_keys, resolve_times
-    from orientd.curves.methods import METHODS
+    from orientd.curves.keyframes import ParameterError, check_keys, resolve_knots, resolve_times
     from orientd.curves.products import KksBspline
     from orientd.curves.roles import (
         CurveTask,
@@ -33,7 +30,7 @@ if TYPE_CHECKING:
         parameters,
         turns_name,
     )
-    from orientd.curves.trajectory import PIECE, Trajectory
+    from orientd.curves.trajectory import PIECE, Samples, Trajectory
     from orientd.curves.warped import TimeMap
 
 __getattr__ = lazily(
@@ -48,26 +45,21 @@ __getattr__ = lazily(
             "measure",
             "ranked",
         ),
-        "orientd.curves.construct.basis": (
+        "orientd.curves.basis": (
             "CumulativeBasis",
             "Indices",
             "cumulative_basis",
         ),
-        "orientd.curves.construct.knots": ("resolve_knots",),
-        "orientd.curves.contract": (
-            "Curve",
-            "Samples",
-        ),
-        "orientd.curves.family": ("is_same",),
+        "orientd.curves.contract": ("METHODS", "Curve", "is_same"),
         "orientd.curves.fitting": ("Fit", "fit_orientations"),
         "orientd.curves.hermite": ("KksHermite",),
         "orientd.curves.interpolating": ("C2Cumulative", "KksInterpolating"),
         "orientd.curves.keyframes": (
             "ParameterError",
             "check_keys",
+            "resolve_knots",
             "resolve_times",
         ),
-        "orientd.curves.methods": ("METHODS",),
         "orientd.curves.products": ("KksBspline",),
         "orientd.curves.roles": (
             "CurveTask",
@@ -78,7 +70,7 @@ __getattr__ = lazily(
             "parameters",
             "turns_name",
         ),
-        "orientd.curves.trajectory": ("PIECE", "Trajectory"),
+        "orientd.curves.trajectory": ("PIECE", "Samples", "Trajectory"),
         "orientd.curves.warped": ("TimeMap",),
     },
 )

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
-from numpy.typing import NDArray
 
 from orientd.curves.trajectory import PIECE, Trajectory
-from orientd.rotation import Floats, exp, multiply
+from orientd.rotation import Floats
 
-_SIGNS = np.array([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0])  # of the jerk
+_SIGNS = (1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0)  # of the jerk
+_PULLS = (0.0, 1.0, 1.0, 0.0, 0.0, -1.0, -1.0)  # of the acceleration as a phase begins
 _LONGEST_PIECE = 1.9  # rad
 
 
@@ -32,47 +34,47 @@ class AxisTurn:
         """
         rise, hold, _, cruise, *_ = phases.tolist()
         # By how much it turns with an acceleration of 1 in the second phase.
-        speed = rise + hold
-        unit = speed * (2.0 * rise + hold + cruise)
-        pull = turn / unit
-        kept = phases > 0.0
-        lengths = phases[kept]
-        jerks = (pull / rise if rise else 0.0) * _SIGNS[kept]
-        pulls = pull * np.array([0.0, 1.0, 1.0, 0.0, 0.0, -1.0, -1.0])[kept]
-        rates = np.zeros(len(lengths))
-        rates[1:] = np.cumsum(lengths * (pulls + 0.5 * lengths * jerks))[:-1]
-        turns = np.zeros(len(lengths))
-        ways = lengths * (rates + lengths * (0.5 * pulls + lengths * jerks / 6.0))
-        turns[1:] = np.cumsum(ways)[:-1]
-        self._knots = np.concatenate([[0.0], np.cumsum(lengths)])
-        # The angle by powers of the time since a phase began.
-        self._powers = np.stack([turns, rates, 0.5 * pulls, jerks / 6.0])
-        self.duration = float(self._knots[-1])
-        cuts = np.ceil(ways / _LONGEST_PIECE).astype(np.intp).clip(1)
-        self.trajectory = self._trajectory(q, axis, cuts, 2 if rise else 1)
-
-    def _trajectory(
-        self, q: Floats, axis: Floats, cuts: NDArray[np.intp], continuity: int
-    ) -> Trajectory:
-        """Return the turn with each phase cut into so many pieces."""
-        phase = np.repeat(np.arange(len(cuts)), cuts)
-        half = 0.5 * (np.diff(self._knots) / cuts)[phase]
-        place = np.arange(len(phase)) - np.repeat(np.cumsum(cuts) - cuts, cuts)
-        u = half * (2 * place + 1)
-        a, b, c, d = self._powers[:, phase]
-        pieces: Floats = np.zeros((len(phase), PIECE))
-        pieces[:, :4] = multiply(q, exp((a + u * (b + u * (c + u * d)))[:, None] * axis))
-        angles = (b + u * (2.0 * c + 3.0 * u * d), c + 3.0 * u * d, d)
-        for power, angle in enumerate(angles, start=1):
-            columns = slice(4 + 3 * power, 7 + 3 * power)
-            pieces[:, columns] = (angle * half**power)[:, None] * axis
-        breaks = np.append(self._knots[phase] + 2.0 * half * place, self._knots[-1])
-        return Trajectory(breaks, pieces, self._knots, continuity)
+        pull = turn / ((rise + hold) * (2.0 * rise + hold + cruise))
+        knots, powers = [0.0], []
+        angle = rate = 0.0
+        for length, sign, begun in zip(phases.tolist(), _SIGNS, _PULLS, strict=True):
+            if length > 0.0:
+                # The angle by powers of the time since the phase began.
+                jerk, bend = (sign * pull / rise if rise else 0.0), begun * pull
+                powers.append((angle, rate, 0.5 * bend, jerk / 6.0))
+                angle += length * (rate + length * (0.5 * bend + length * jerk / 6.0))
+                rate += length * (bend + 0.5 * length * jerk)
+                knots.append(knots[-1] + length)
+        self.duration = knots[-1]
+        self._knots, self._powers = np.array(knots), np.array(powers)
+        breaks, pieces = [0.0], []
+        w, x, y, z = q.tolist()
+        i, j, k = axis.tolist()
+        for begin, end, (a, b, c, d) in zip(knots, knots[1:], powers, strict=False):
+            length = end - begin
+            cuts = max(1, math.ceil(length * (b + length * (c + length * d)) / _LONGEST_PIECE))
+            h = 0.5 * length / cuts
+            for place in range(cuts):
+                u = h * (2 * place + 1)
+                half = 0.5 * (a + u * (b + u * (c + u * d)))
+                cos, sin = math.cos(half), math.sin(half)
+                base = (
+                    cos * w - sin * (x * i + y * j + z * k),
+                    cos * x + sin * (w * i + y * k - z * j),
+                    cos * y + sin * (w * j + z * i - x * k),
+                    cos * z + sin * (w * k + x * j - y * i),
+                )
+                by = h * (b + u * (2.0 * c + 3.0 * u * d)), h * h * (c + 3.0 * u * d), h**3 * d
+                pieces.append((*base, 0.0, 0.0, 0.0, *(r * e for r in by for e in (i, j, k))))
+                breaks.append(end if place + 1 == cuts else begin + u + h)
+        table: Floats = np.zeros((len(pieces), PIECE))
+        table[:, :16] = pieces
+        self.trajectory = Trajectory(np.array(breaks), table, self._knots, 2 if rise else 1)
 
     def turned(self, times: Floats) -> Floats:
         """Return how far it has turned at *times*, rad."""
         at = np.clip(np.searchsorted(self._knots, times, side="right") - 1, 0, len(self._knots) - 2)
         u = times - self._knots[at]
-        a, b, c, d = self._powers[:, at]
+        a, b, c, d = self._powers[at].T
         turned: Floats = a + u * (b + u * (c + u * d))
         return turned

@@ -13,8 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from orientd.curves.contract import Curve
-from orientd.curves.methods import METHODS
+from orientd.curves.contract import METHODS, Curve
 from orientd.curves.roles import CurveTask, make_curve
 from orientd.errors import PlanError
 from orientd.rotation import Floats, angle

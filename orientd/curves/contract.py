@@ -1,17 +1,34 @@
-"""What every curve on the rotation group promises: domain, knots, continuity, evaluation."""
+"""What every curve on the rotation group promises, and the families by name.
+
+A family says how the parameters of its own make a curve (:meth:`Curve._solve`) and where the curve
+is at an instant (:meth:`Curve._orientations`).  What families share is here: names and checks of
+the parameters that many take, evaluation, equality.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import cached_property, wraps
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from functools import cached_property
+from importlib import import_module
+from inspect import Parameter, Signature, signature
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.family import Family, is_same, kept
-from orientd.curves.roles import own_names
+from orientd.curves.keyframes import (
+    STATE_ENDS,
+    VELOCITY_ENDS,
+    EndState,
+    check_aligned,
+    check_end,
+    check_interval,
+    check_quaternion,
+    resolve_times,
+)
+from orientd.curves.roles import Family, own_names
 from orientd.curves.trajectory import Samples, Trajectory
 from orientd.drawing import Drawable
 from orientd.rotation import Floats, to_scipy, unnamed
@@ -22,22 +39,47 @@ if TYPE_CHECKING:
 ROUNDING = 8 * float(np.finfo(np.float64).eps)
 """How far outside its domain, relative to the larger end, a curve still takes an instant."""
 
-
 _AS_THEY_ARE = (float, int, str, bool, type(None))
 
 _FEW = 8
 """Numbers that a parameter may have to be shown in full."""
 
+FREE: EndState = (None, None)
+Ends = tuple[EndState, EndState]
+
+NEEDED = Parameter.empty
+"""Of a parameter without a default."""
+
+SHARED = {
+    "keys": "unit quaternions ``(w, x, y, z)``, at least two.",
+    "times": 'instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.',
+    "control": "control quaternions ``(w, x, y, z)``, at least two.",
+    "q0": "first orientation.",
+    "q1": "last orientation.",
+    "t0": "first instant, s.",
+    "t1": "last instant, s.",
+    "start": "condition at the first keyframe.",
+    "end": "condition at the last keyframe.",
+    "omega_start": "body angular velocity at the first keyframe, rad/s.",
+    "omega_end": "body angular velocity at the last keyframe, rad/s.",
+    "alpha_start": "body angular acceleration at the first keyframe, rad/s^2.",
+    "alpha_end": "body angular acceleration at the last keyframe, rad/s^2.",
+    "omega0": "angular velocity at *t0*, rad/s, in *frame*.",
+    "omega1": "angular velocity at *t1*, rad/s, in *frame*.",
+    "frame": '``"body"`` or ``"world"``: what velocities and accelerations are given in.',
+    "align": "whether each quaternion takes the sign nearer to its predecessor.",
+}
+"""Parameters that many families take, as their docstrings describe them."""
+
 
 class Curve(Family, Drawable):
     """A curve of orientations over an interval of time.
 
-    A family subclasses this, computes what it needs in its constructor, whose keyword-only
-    arguments are those that it :attr:`takes`, and says :meth:`_orientations`.  By
-    :func:`takes_common_names` every family also takes ``keys``, ``times`` (``None`` goes by chord
-    length), ``start_velocity`` and ``end_velocity`` (rad/s, in ``velocity_frame``), and ``turns``
-    (whole turns in each interval); :mod:`orientd.curves.roles` says what they are to it.
-    Orientations may be ``Rotation``, named quaternions or arrays ``(w, x, y, z)``.
+    A family takes the keyword arguments that it :attr:`takes`.  Every family also takes ``keys``,
+    ``times`` (``None`` goes by chord length), ``start_velocity`` and ``end_velocity`` (rad/s, in
+    ``velocity_frame``), and ``turns`` (whole turns in each interval);
+    :mod:`orientd.curves.roles` says what they are to it.  Orientations may be ``Rotation``, named
+    quaternions or arrays ``(w, x, y, z)``.
 
     Curves are equal that are of one family and made of the same parameters.
 
@@ -45,17 +87,57 @@ class Curve(Family, Drawable):
         continuity: how many derivatives of the orientation are continuous at the knots for the
             parameters at hand: 0, 1 or 2.  A single segment has no knots inside and says 2.
         made_of: the parameters by the family's own names; not to be changed.
+        shared: the parameters that families of one kind share, with their defaults.
     """
 
     continuity: int
     made_of: Mapping[str, Any] = MappingProxyType({})
+    shared: ClassVar[Mapping[str, Any]] = MappingProxyType({})
+    _defaults: ClassVar[Mapping[str, Any]]
+    _ends: Ends = (FREE, FREE)
 
-    def __init__(self, *, knots: ArrayLike, continuity: int) -> None:
+    def __init_subclass__(cls) -> None:
+        """Declare the parameters of a family, and describe those that it shares with others."""
+        super().__init_subclass__()
+        kind = Parameter.KEYWORD_ONLY
+        taken = [Parameter(name, kind, default=default) for name, default in cls.shared.items()]
+        taken += [one for one in signature(cls._solve).parameters.values() if one.kind is kind]
+        taken.sort(key=lambda parameter: parameter.name == "align")
+        cls.takes = tuple(parameter.name for parameter in taken)
+        cls.__signature__ = Signature(taken)  # type: ignore[attr-defined]
+        cls._defaults = {name: one for name, one in cls.shared.items() if one is not NEEDED}
+        if "name" in vars(cls) and cls.__doc__:
+            cls.__doc__ = _described(cls.__doc__, cls.takes)
+
+    def __init__(self, **given: Any) -> None:  # noqa: ANN401 - of any family
+        for name, value in given.items():
+            if not isinstance(value, np.ndarray) and type(value) not in _AS_THEY_ARE:
+                given[name] = unnamed(value)
+        if not given.keys() <= set(self.takes):
+            given = own_names(type(self), given)
+        self._make(**{**self._defaults, **given})
+        self.made_of = {name: _kept(value) for name, value in given.items()}
+
+    def _make(self, *args: Any, **given: Any) -> None:  # noqa: ANN401
+        """Check the parameters that a kind of family shares, and solve for the curve."""
+        raise NotImplementedError
+
+    def _solve(self, *args: Any, **given: Any) -> None:  # noqa: ANN401
+        """Find what :meth:`_orientations` needs, and say the knots: what a family has to do."""
+        raise NotImplementedError
+
+    def _orientations(self, times: Floats) -> Floats:
+        """Return quaternions of either sign at *times* inside the domain, shape ``(n, 4)``.
+
+        Velocities and accelerations follow from it.
+        """
+        raise NotImplementedError
+
+    def _set_knots(self, knots: ArrayLike, continuity: int) -> None:
         """Set the break points of the curve, domain ends included, and its continuity there."""
         self._knots: Floats = np.array(knots, dtype=np.float64)
         self._knots.setflags(write=False)
-        self._start = float(self._knots[0])
-        self._end = float(self._knots[-1])
+        self._start, self._end = float(self._knots[0]), float(self._knots[-1])
         self._slack = ROUNDING * max(abs(self._start), abs(self._end))
         self.continuity = min(continuity, 2)
 
@@ -93,12 +175,18 @@ class Curve(Family, Drawable):
         """
         instants = np.asarray(times, dtype=np.float64)
         flat = self._inside(instants.reshape(-1))
-        if out is not None:
-            check_out(out, flat.size)
+        if out is not None and (
+            out.shape != (10, flat.size) or out.dtype != np.float64 or not out.flags.carray
+        ):
+            raise ValueError(
+                "out must be a writable C-contiguous float64 array of shape "
+                f"(10, {flat.size}), got {out.dtype} of shape {out.shape}"
+            )
         q, omega_body, alpha_body = self.trajectory.sample(flat, out)
         if instants.ndim == 1:
             return q, omega_body, alpha_body
-        return in_shape(instants.shape, q, omega_body, alpha_body)
+        shape = instants.shape
+        return q.reshape(*shape, 4), omega_body.reshape(*shape, 3), alpha_body.reshape(*shape, 3)
 
     def __call__(self, times: ArrayLike) -> Rotation:
         """Return the orientations at *times* (s, one or a row) as a ``Rotation`` of SciPy.
@@ -130,19 +218,7 @@ class Curve(Family, Drawable):
     def trajectory(self) -> Trajectory:
         """The table that the curve is sampled from, fitted when it is first needed."""
         fitted = Trajectory.fit(self._orientations, self._knots, continuity=self.continuity)
-        return fitted.pinned(*self._end_states)
-
-    @property
-    def _end_states(self) -> tuple[tuple[Floats | None, Floats | None], ...]:
-        """Velocities and accelerations that were asked for at both ends; ``None`` for none."""
-        return (None, None), (None, None)
-
-    def _orientations(self, times: Floats) -> Floats:
-        """Return quaternions of either sign at *times* inside the domain, shape ``(n, 4)``.
-
-        This is what a family has to say; velocities and accelerations follow from it.
-        """
-        raise NotImplementedError
+        return fitted.pinned(*self._ends)
 
     def _inside(self, times: Floats) -> Floats:
         """Return *times* with rounding beyond the ends cut off, refusing more than that."""
@@ -155,32 +231,144 @@ class Curve(Family, Drawable):
         clipped: Floats = np.clip(times, self._start, self._end)
         return clipped
 
-    def _segments(self, times: Floats) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-        """Return the index of the knot span of each instant, the last span closed at its end."""
-        interior = self._knots[1:-1]
-        spans: np.ndarray[tuple[int], np.dtype[np.intp]] = np.searchsorted(
-            interior, times, side="right"
+    def _shares(self, times: Floats) -> tuple[np.ndarray[tuple[int], np.dtype[np.intp]], Floats]:
+        """Return the knot span of each instant, the last closed at its end, and where in it."""
+        span: np.ndarray[tuple[int], np.dtype[np.intp]] = np.searchsorted(
+            self._knots[1:-1], times, side="right"
         )
-        return spans
+        begin = self._knots[span]
+        return span, (times - begin) / (self._knots[span + 1] - begin)
 
 
-def takes_common_names(make: Callable[..., None]) -> Callable[..., None]:
-    """Let the constructor of a family take the names common to all, and orientations of any kind.
+class Between(Curve):
+    """A curve that joins two orientations; ``_solve`` gets both and the interval."""
 
-    The curve keeps what it was made of, by the family's own names.
-    """
+    interpolates = True
+    shared: ClassVar[Mapping[str, Any]] = {"q0": NEEDED, "q1": NEEDED, "t0": 0.0, "t1": 1.0}
 
-    @wraps(make)
-    def construct(self: Curve, **given: Any) -> None:  # noqa: ANN401
-        for name, value in given.items():
-            if not isinstance(value, np.ndarray) and type(value) not in _AS_THEY_ARE:
-                given[name] = unnamed(value)
-        if not given.keys() <= set(self.takes):
-            given = own_names(type(self), given)
-        make(self, **given)
-        self.made_of = {name: kept(value) for name, value in given.items()}
+    def _make(self, q0: object, q1: object, t0: object, t1: object, **own: object) -> None:
+        ends = check_quaternion(q0, "q0"), check_quaternion(q1, "q1")
+        self._solve(*ends, check_interval(t0, t1), **own)
 
-    return construct
+
+class Drawn(Curve):
+    """A curve that control quaternions draw; ``_solve`` gets them, checked and aligned."""
+
+    shared: ClassVar[Mapping[str, Any]] = {"control": NEEDED, "align": True}
+
+    def _make(self, control: object, align: object, **own: object) -> None:
+        self._solve(check_aligned(control, align, "control"), **own)
+
+
+class Through(Curve):
+    """A curve through keyframes; ``_solve`` gets them, checked and aligned, and their instants."""
+
+    interpolates = True
+    fewest: ClassVar[int] = 2
+    shared: ClassVar[Mapping[str, Any]] = {"keys": NEEDED, "times": None, "align": True}
+
+    def _make(
+        self,
+        keys: object,
+        times: object,
+        align: object,
+        **own: Any,  # noqa: ANN401 - of any family
+    ) -> None:
+        q = check_aligned(keys, align, minimum=self.fewest)
+        self._aligns = bool(align)
+        self._solve(q, resolve_times(times, q, own.get("turns")), **own)
+
+
+class WithEndVelocities(Through):
+    """A curve through keyframes with conditions at its ends, which ``_solve`` gets last."""
+
+    meets_end_velocities = True
+    conditions: ClassVar[Mapping[str, tuple[int, int]]] = VELOCITY_ENDS
+    shared: ClassVar[Mapping[str, Any]] = {
+        **Through.shared,
+        **dict.fromkeys(("start", "end"), "natural"),
+        **dict.fromkeys(("omega_start", "omega_end")),
+    }
+
+    def _make(
+        self,
+        keys: object,
+        times: object,
+        align: object,
+        **own: Any,  # noqa: ANN401 - of any family
+    ) -> None:
+        ends = []
+        for side in ("start", "end"):
+            names = side, f"omega_{side}", f"alpha_{side}"
+            condition, omega, alpha = (own.pop(name, None) for name in names)
+            ends.append(check_end(side, condition, omega, alpha, self.conditions))
+        self._ends = prescribed((ends[0], ends[1]))
+        super()._make(keys, times, align, ends=tuple(ends), **own)
+
+
+def prescribed(ends: Ends) -> Ends:
+    """Return what to pin at both ends: a free one has no acceleration."""
+    free = None, np.zeros(3)
+    return free if ends[0][0] is None else ends[0], free if ends[1][0] is None else ends[1]
+
+
+class WithEndStates(WithEndVelocities):
+    """A curve through keyframes whose ends may have accelerations, too."""
+
+    conditions = STATE_ENDS
+    shared: ClassVar[Mapping[str, Any]] = {
+        **WithEndVelocities.shared,
+        "alpha_start": None,
+        "alpha_end": None,
+    }
+
+
+def _described(text: str, takes: tuple[str, ...]) -> str:
+    """Return the docstring of a family with the parameters that it shares with others in it."""
+    text, _, errors = text.rstrip().partition("\n\n    Raises:\n")
+    text, _, own = text.partition("\n\n    Args:\n")
+    entries = [
+        f"        {name}: {SHARED[name]}"
+        for name in takes
+        if name in SHARED and f"        {name}: " not in own
+    ]
+    entries += [own] if own else []
+    raised = ["        ValueError: a parameter is not as said.", errors]
+    return "\n".join([text, "", "    Args:", *entries, "", "    Raises:", *raised])
+
+
+def _kept(value: object) -> object:
+    """Return a parameter that nobody else can change."""
+    if isinstance(value, list | tuple):
+        value = np.array(value)
+    elif isinstance(value, np.ndarray):
+        value = value.copy()
+    else:
+        return value
+    value.setflags(write=False)
+    return value
+
+
+def is_same(one: object, other: object) -> bool:
+    """Return whether two values were made of the same: arrays and lists by their entries."""
+    if one is other:
+        return True
+    if isinstance(one, np.ndarray | list | tuple) or isinstance(other, np.ndarray | list | tuple):
+        return _has_same_entries(one, other)
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(is_same(one[key], other[key]) for key in one)
+    if type(one) is type(other) and is_dataclass(one) and type(one).__eq__ is object.__eq__:
+        names = [entry.name for entry in fields(one) if entry.compare]
+        return all(is_same(getattr(one, name), getattr(other, name)) for name in names)
+    return bool(one == other)
+
+
+def _has_same_entries(one: Any, other: Any) -> bool:  # noqa: ANN401
+    try:
+        return np.array_equal(np.asarray(one), np.asarray(other), equal_nan=True)
+    except (TypeError, ValueError):
+        # Of several kinds, or of several lengths.
+        return len(one) == len(other) and all(map(is_same, one, other))
 
 
 def _in_short(value: object) -> str:
@@ -190,19 +378,53 @@ def _in_short(value: object) -> str:
     return f"array of shape {value.shape}"
 
 
-def in_shape(shape: tuple[int, ...], q: Floats, omega_body: Floats, alpha_body: Floats) -> Samples:
-    """Return samples at a row of instants with the leading axes that the instants had."""
-    return q.reshape(*shape, 4), omega_body.reshape(*shape, 3), alpha_body.reshape(*shape, 3)
+_HOMES = {
+    "slerp": ("products", "Slerp"),
+    "piecewise_slerp": ("products", "PiecewiseSlerp"),
+    "kks_bezier": ("products", "KksBezier"),
+    "kks_hermite": ("hermite", "KksHermite"),
+    "kks_quintic_hermite": ("hermite", "KksQuinticHermite"),
+    "kks_hermite_spline": ("hermite", "KksHermiteSpline"),
+    "kks_bspline": ("products", "KksBspline"),
+    "kks_uniform": ("products", "KksUniform"),
+    "c2_cumulative": ("interpolating", "C2Cumulative"),
+    "kks_interpolating": ("interpolating", "KksInterpolating"),
+    "squad": ("triangles", "Squad"),
+    "de_casteljau": ("triangles", "DeCasteljau"),
+    "shoemake_bezier": ("triangles", "ShoemakeBezier"),
+    "bezier_catmull_rom": ("triangles", "BezierCatmullRom"),
+    "schlag_catmull_rom": ("triangles", "SchlagCatmullRom"),
+    "schlag_bspline": ("triangles", "SchlagBSpline"),
+    "circular_blending": ("sphere", "CircularBlending"),
+    "nielson_shieh": ("inner_points", "NielsonShieh"),
+    "spherical_quadratic": ("inner_points", "SphericalQuadratic"),
+    "nielson_heiland": ("sphere", "NielsonHeiland"),
+    "normalized_cubic": ("sphere", "NormalizedCubic"),
+    "nu_spline": ("sphere", "NuSpline"),
+    "rotation_vector_spline": ("rotation_vector", "RotationVectorSpline"),
+    "min_acceleration": ("min_acceleration", "MinAcceleration"),
+    "minimum_effort": ("minimum_effort", "MinimumEffort"),
+}
+"""The module of each family in this package, and its class there."""
 
 
-def check_out(out: Floats, count: int) -> None:
-    """Refuse a buffer that is not writable, C-contiguous float64 of shape ``(10, count)``.
+class Families(Mapping[str, type[Curve]]):
+    """The names of all families, each with its class, imported when it is first asked for."""
 
-    Raises:
-        ValueError: it is not.
-    """
-    if out.shape != (10, count) or out.dtype != np.float64 or not out.flags.carray:
-        raise ValueError(
-            f"out must be a writable C-contiguous float64 array of shape (10, {count}), "
-            f"got {out.dtype} of shape {out.shape}"
-        )
+    def __getitem__(self, name: str) -> type[Curve]:
+        home, written_as = _HOMES[name]
+        family: type[Curve] = getattr(import_module(f"orientd.curves.{home}"), written_as)
+        return family
+
+    def __contains__(self, name: object) -> bool:
+        return name in _HOMES
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_HOMES)
+
+    def __len__(self) -> int:
+        return len(_HOMES)
+
+
+METHODS: Mapping[str, type[Curve]] = Families()
+"""Every family by its name, imported when it is first asked for."""

@@ -16,8 +16,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from orientd.curves.basis import Indices, cumulative_basis
 from orientd.curves.products import KksBspline
 from orientd.errors import PlanError
 from orientd.rotation import Floats, align, angle, conjugate, exp, log, multiply, rotate, slerp
@@ -237,7 +238,7 @@ class _Fitter:
         errors = np.maximum(errors, copy.errors[there])
         return replace(copy, samples=kept, errors=errors, averaged=self.averaged)
 
-    def _without(self, fitted: Fit, breaks: Floats, tried: NDArray[np.intp], bound: float) -> Fit:
+    def _without(self, fitted: Fit, breaks: Floats, tried: Indices, bound: float) -> Fit:
         """Return a fit without those of the *tried* breaks that it can do without."""
         while len(tried):
             candidate = self.fitted(np.delete(breaks, tried), fitted)
@@ -261,8 +262,7 @@ class _Fitter:
         the curve by :math:`\sum_j B_j(t)\, \delta_j`, but for the curvature of the group: the
         steps to the solution are those of a linear fit, repeated.
         """
-        from scipy.interpolate import BSpline
-        from scipy.sparse import diags, identity
+        from scipy.sparse import csr_array, diags, identity
         from scipy.sparse.linalg import splu
 
         times, q = self.samples.times, self.samples.q
@@ -270,7 +270,7 @@ class _Fitter:
         fit = Fit(np.empty((len(breaks) + 2, 4)), knots, self.samples, np.empty(0), self.averaged)
         control = self._guess(fit.times, before)
         count = len(control)
-        weights = BSpline.design_matrix(times, knots, ORDER - 1)
+        weights = csr_array(_weights(knots, times), shape=(len(times), count))
         bends = diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(count - 2, count))
         normal = weights.T @ weights
         scale = float(normal.diagonal().max())
@@ -310,6 +310,16 @@ class _Fitter:
         """Return about how far the samples turn altogether, without their noise, rad."""
         q = self.samples.q[:: max(1, self.averaged)]
         return float(np.sum(angle(q[1:], q[:-1])))
+
+
+def _weights(knots: Floats, times: Floats) -> tuple[Floats, Indices, Indices]:
+    """Return the B-splines at *times*, a row for each: values, columns and where rows begin."""
+    basis = cumulative_basis(knots, ORDER)
+    span = np.clip(np.searchsorted(basis.breaks, times, side="right") - 1, 0, len(basis.breaks) - 2)
+    sums = np.vstack([np.ones(len(times)), basis.at(span, times)[0], np.zeros(len(times))])
+    columns = (basis.first[span] - 1)[:, None] + np.arange(ORDER)
+    begins = ORDER * np.arange(len(times) + 1)
+    return (sums[:-1] - sums[1:]).T.ravel(), columns.ravel(), begins
 
 
 def averages(vectors: Floats, count: int) -> Floats:

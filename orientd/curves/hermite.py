@@ -7,43 +7,109 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct import (
-    RULES,
-    CumulativeBasis,
-    cumulative_basis,
-    half_velocities,
-    squared_acceleration,
-)
-from orientd.curves.contract import takes_common_names
+from orientd.curves.basis import cumulative_basis
+from orientd.curves.contract import Between, Through
 from orientd.curves.keyframes import (
+    EndState,
     ParameterError,
-    check_aligned,
     check_bool,
     check_choice,
     check_integer,
-    check_interval,
-    check_quaternion,
     check_vector,
-    resolve_times,
+    increments,
 )
-from orientd.curves.products import Product
+from orientd.curves.products import Parts, Product, product_trajectory, squared_acceleration
 from orientd.rotation import Floats, between, conjugate, exp_half, log_half, multiply, rotate
 from orientd.rotation import align as align_signs
 
 PRODUCTS = ("local", "global")
 FRAMES = ("body", "world")
+RULES = ("parabola", "mean", "chord")
 LEAST = "least"
 
 
-def check_ends(q0: ArrayLike, q1: ArrayLike, *, align: object) -> tuple[Floats, Floats]:
-    """Return the first and the last orientation; with *align* the last near to the first in sign.
+class HermiteSegment(Product, Between):
+    """One segment with states of motion given at both ends."""
 
-    Raises:
-        ValueError: one of them is no unit quaternion, or *align* no bool.
-    """
-    ends = np.stack([check_quaternion(q0, "q0"), check_quaternion(q1, "q1")])
-    start, end = align_signs(ends) if check_bool(align, "align") else ends
-    return start, end
+    meets_end_velocities = True
+
+    def _set_factors(
+        self,
+        start: Floats,
+        interval: tuple[float, float],
+        vectors: Floats,
+        revolutions: object,
+        ends: tuple[EndState, EndState],
+        *,
+        is_reversed: bool = False,
+    ) -> None:
+        r"""Set up the product of *vectors*, the middle one with whole turns about its own axis.
+
+        .. math:: w \, (1 + n \pi / \|w\|)
+
+        Kim, Kim and Shin (1995), sec. 5.2.  An odd number ends at the negated quaternion, which is
+        the same orientation.
+
+        The best number is that of least effort, the integral of the squared angular acceleration;
+        every one is tried that the outer increments could drive, up to
+        :math:`\sum \|w_i\| / \pi + 2` either way.  No formula will do: rounding the middle
+        increment to half of what the ends bring finds the best number in five cases of six at
+        5 rad/s over a second, and in one of ten at 50.
+
+        Args:
+            start: the first orientation.
+            interval: first and last instant, s.
+            vectors: half-angle vectors without whole turns, an odd number, shape ``(m, 3)``.
+            revolutions: how many turns; ``"least"`` looks for the best number.
+            ends: what was asked for at both ends.
+            is_reversed: whether the functions stand in the opposite order.
+
+        Raises:
+            ValueError: *revolutions* is neither, or turns are asked for and the middle increment,
+                being zero, has no axis.
+        """
+        order = len(vectors) + 1
+        basis = cumulative_basis(np.repeat(interval, order), order)
+        values = np.ascontiguousarray(basis.values[:, ::-1] if is_reversed else basis.values)
+        middle, first = len(vectors) // 2, np.zeros(1, dtype=np.int64)
+        length = float(np.linalg.norm(vectors[middle]))
+
+        def parts(count: int) -> Parts:
+            changed = vectors.copy()
+            changed[middle] *= 1.0 + (count * math.pi / length if count else 0.0)
+            return start[None], first, changed, values
+
+        found = parts(0)
+        if not isinstance(revolutions, str):
+            given = check_integer(revolutions, "revolutions")
+            if given and length == 0.0:
+                raise ParameterError(
+                    "revolutions",
+                    "revolutions must be 0 when the middle increment of the curve is zero and so "
+                    f"has no axis, got {given}",
+                )
+            found = parts(given)
+        elif revolutions != LEAST:
+            raise ParameterError(
+                "revolutions",
+                f"revolutions must be a whole number or {LEAST!r}, got {revolutions!r}",
+            )
+        elif length > 0.0:
+            outer = np.delete(vectors, middle, axis=0)
+            most = math.ceil(float(np.sum(np.linalg.norm(outer, axis=-1))) / math.pi) + 2
+            times, least = np.linspace(*interval, 5 + 2 * most), math.inf
+            # From few turns to many: of equals, the fewest.
+            for count in sorted(range(-most, most + 1), key=abs):
+                tried = parts(count)
+                effort = squared_acceleration(product_trajectory(basis.breaks, tried).sample, times)
+                if effort < least * (1.0 - 1e-9):
+                    found, least = tried, effort
+        self._set_parts(basis.breaks, found, 2, ends)
+
+
+def nearer(start: Floats, end: Floats, align: object) -> Floats:
+    """Return the last orientation, with the sign nearer to the first if *align*."""
+    return align_signs(np.stack([start, end]))[1] if check_bool(align, "align") else end
 
 
 def in_body_frame(vector: ArrayLike, name: str, q: Floats, frame: str) -> Floats:
@@ -59,68 +125,7 @@ def in_body_frame(vector: ArrayLike, name: str, q: Floats, frame: str) -> Floats
     return rotate(conjugate(q), checked) if frame == "world" else checked
 
 
-def turned(
-    increments: Floats, revolutions: object, basis: CumulativeBasis, start: Floats
-) -> Floats:
-    r"""Return increments whose middle one has whole turns added about its own axis.
-
-    .. math:: w \, (1 + n \pi / \|w\|)
-
-    Kim, Kim and Shin (1995), sec. 5.2.  An odd number ends at the negated quaternion, which is
-    the same orientation.
-
-    The best number is that of least effort, the integral of the squared angular acceleration; every
-    one is tried that the outer increments could drive, up to :math:`\sum \|w_i\| / \pi + 2` either
-    way.  No formula will do: rounding the middle increment to half of what the ends bring finds the
-    best number in five cases of six at 5 rad/s over a second, and in one of ten at 50.
-
-    Args:
-        increments: half-angle vectors without whole turns, an odd number, shape ``(m, 3)``.
-        revolutions: how many turns; ``"least"`` looks for the best number.
-        basis: of the curve.
-        start: its first orientation.
-
-    Raises:
-        ValueError: *revolutions* is neither, or turns are asked for and the middle increment, being
-            zero, has no axis.
-    """
-    middle = len(increments) // 2
-    length = float(np.linalg.norm(increments[middle]))
-
-    def with_turns(count: int) -> Floats:
-        changed = increments.copy()
-        changed[middle] *= 1.0 + count * math.pi / length
-        return changed
-
-    if not isinstance(revolutions, str):
-        given = check_integer(revolutions, "revolutions")
-        if given and length == 0.0:
-            raise ParameterError(
-                "revolutions",
-                "revolutions must be 0 when the middle increment of the curve is zero and so has "
-                f"no axis, got {given}",
-            )
-        return with_turns(given) if given else increments
-    if revolutions != LEAST:
-        raise ParameterError(
-            "revolutions", f"revolutions must be a whole number or {LEAST!r}, got {revolutions!r}"
-        )
-    if length == 0.0:
-        return increments
-    outer = np.delete(increments, middle, axis=0)
-    most = math.ceil(float(np.sum(np.linalg.norm(outer, axis=-1))) / math.pi) + 2
-    found, least = increments, math.inf
-    # From few turns to many: of equals, the fewest.
-    for count in sorted(range(-most, most + 1), key=abs):
-        changed = with_turns(count)
-        curve = Product(basis=basis, controls=start[None], increments=changed, continuity=2)
-        effort = squared_acceleration(curve.evaluate, np.linspace(*curve.domain, 5 + 2 * most))
-        if effort < least * (1.0 - 1e-9):
-            found, least = changed, effort
-    return found
-
-
-class KksHermite(Product):
+class KksHermite(HermiteSegment):
     r"""Join two orientations with prescribed angular velocities at both ends.
 
     .. math::
@@ -139,58 +144,31 @@ class KksHermite(Product):
     Picture: ``orientd plot kks_hermite``.
 
     Args:
-        q0: first orientation.
-        q1: last orientation.
-        omega0: angular velocity at *t0*, rad/s, in *frame*.
-        omega1: angular velocity at *t1*, rad/s, in *frame*.
-        t0: first instant, s.
-        t1: last instant, s.
-        frame: ``"body"`` or ``"world"``: what the velocities are given in.
         revolutions: whole turns added about the axis of the middle factor; fast ends call for
             some, or the curve has to wind back; ``"least"`` scans for the number of least effort.
         product: ``"local"``, body increments multiplied from the right, or ``"global"``, world
             increments multiplied from the left.
         align: whether *q1* takes the sign nearer to *q0*.
-
-    Raises:
-        ValueError: a parameter is not as said, or *revolutions* has no axis to turn about.
     """
 
     name = "kks_hermite"
     summary = "two orientations with angular velocities at both ends"
     source = "Kim, Kim and Shin 1995, sec. 5.2"
-    interpolates = True
-    meets_end_velocities = True
-    takes = (
-        "q0",
-        "q1",
-        "omega0",
-        "omega1",
-        "t0",
-        "t1",
-        "frame",
-        "revolutions",
-        "product",
-        "align",
-    )
 
-    @takes_common_names
-    def __init__(
+    def _solve(
         self,
+        start: Floats,
+        end: Floats,
+        interval: tuple[float, float],
         *,
-        q0: ArrayLike,
-        q1: ArrayLike,
         omega0: ArrayLike,
         omega1: ArrayLike,
-        t0: float = 0.0,
-        t1: float = 1.0,
         frame: str = "body",
         revolutions: int | str = 0,
         product: str = "local",
         align: bool = True,
     ) -> None:
-        start, end = check_ends(q0, q1, align=align)
-        interval = check_interval(t0, t1)
+        end = nearer(start, end, align)
         frame = check_choice(frame, "frame", FRAMES)
         sixth = (interval[1] - interval[0]) / 6.0
         omega_start = in_body_frame(omega0, "omega0", start, frame)
@@ -200,24 +178,19 @@ class KksHermite(Product):
         is_global = check_choice(product, "product", PRODUCTS) == "global"
         if is_global:
             # Conjugating the world increments by q0 moves it to the left end of the product.
-            towards = rotate(relative, third)
-            first, third = towards, first
+            first, third = rotate(relative, third), first
         middle = multiply(multiply(exp_half(-first), relative), exp_half(-third))
-        basis = cumulative_basis(np.repeat(interval, 4), 4)
-        if is_global:
-            basis = basis.reversed()
-        increments = np.stack([first, log_half(middle), third])
-        super().__init__(
-            basis=basis,
-            controls=start[None],
-            increments=turned(increments, revolutions, basis, start),
-            continuity=2,
-            start=(omega_start, None),
-            end=(omega_end, None),
+        self._set_factors(
+            start,
+            interval,
+            np.stack([first, log_half(middle), third]),
+            revolutions,
+            ((omega_start, None), (omega_end, None)),
+            is_reversed=is_global,
         )
 
 
-class KksQuinticHermite(Product):
+class KksQuinticHermite(HermiteSegment):
     r"""Join two complete states of motion: orientation, angular velocity and acceleration.
 
     An extension of the cubic Hermite curve of Kim, Kim and Shin (1995), sec. 5.2, which they do
@@ -238,94 +211,57 @@ class KksQuinticHermite(Product):
     Picture: ``orientd plot kks_quintic_hermite``.
 
     Args:
-        q0: first orientation.
-        q1: last orientation.
-        omega0: angular velocity at *t0*, rad/s, in *frame*.
-        omega1: angular velocity at *t1*, rad/s, in *frame*.
         alpha0: angular acceleration at *t0*, rad/s^2, in *frame*.
         alpha1: angular acceleration at *t1*, rad/s^2, in *frame*.
-        t0: first instant, s.
-        t1: last instant, s.
-        frame: ``"body"`` or ``"world"``: what velocities and accelerations are given in.
         revolutions: whole turns added about the axis of the middle factor; ``"least"`` scans for
             the number of least effort.
         align: whether *q1* takes the sign nearer to *q0*.
-
-    Raises:
-        ValueError: a parameter is not as said, or *revolutions* has no axis to turn about.
     """
 
     name = "kks_quintic_hermite"
     summary = "two orientations with velocities and accelerations at both ends"
     source = "extension of Kim, Kim and Shin 1995, sec. 5.2"
-    interpolates = True
-    meets_end_velocities = True
     meets_end_accelerations = True
-    takes = (
-        "q0",
-        "q1",
-        "omega0",
-        "omega1",
-        "alpha0",
-        "alpha1",
-        "t0",
-        "t1",
-        "frame",
-        "revolutions",
-        "align",
-    )
 
-    @takes_common_names
-    def __init__(
+    def _solve(
         self,
+        start: Floats,
+        end: Floats,
+        interval: tuple[float, float],
         *,
-        q0: ArrayLike,
-        q1: ArrayLike,
         omega0: ArrayLike,
         omega1: ArrayLike,
         alpha0: ArrayLike = (0.0, 0.0, 0.0),
         alpha1: ArrayLike = (0.0, 0.0, 0.0),
-        t0: float = 0.0,
-        t1: float = 1.0,
         frame: str = "body",
         revolutions: int | str = 0,
         align: bool = True,
     ) -> None:
-        start, end = check_ends(q0, q1, align=align)
-        interval = check_interval(t0, t1)
+        end = nearer(start, end, align)
         frame = check_choice(frame, "frame", FRAMES)
         h = interval[1] - interval[0]
-        first_state = (
-            in_body_frame(omega0, "omega0", start, frame),
-            in_body_frame(alpha0, "alpha0", start, frame),
-        )
-        last_state = (
-            in_body_frame(omega1, "omega1", end, frame),
-            in_body_frame(alpha1, "alpha1", end, frame),
-        )
-        first = h / 10.0 * first_state[0]
-        second = first + h * h / 40.0 * first_state[1]
-        fifth = h / 10.0 * last_state[0]
-        towards_end = fifth - h * h / 40.0 * last_state[1]
-        fourth = rotate(exp_half(fifth), towards_end)
+        omega_start = in_body_frame(omega0, "omega0", start, frame)
+        alpha_start = in_body_frame(alpha0, "alpha0", start, frame)
+        omega_end = in_body_frame(omega1, "omega1", end, frame)
+        alpha_end = in_body_frame(alpha1, "alpha1", end, frame)
+        first, fifth = h / 10.0 * omega_start, h / 10.0 * omega_end
+        second = first + h * h / 40.0 * alpha_start
+        fourth = rotate(exp_half(fifth), fifth - h * h / 40.0 * alpha_end)
         middle = between(start, end)
         for outer in (first, second):
             middle = multiply(exp_half(-outer), middle)
         for outer in (fifth, fourth):
             middle = multiply(middle, exp_half(-outer))
-        increments = np.stack([first, second, log_half(middle), fourth, fifth])
-        basis = cumulative_basis(np.repeat(interval, 6), 6)
-        super().__init__(
-            basis=basis,
-            controls=start[None],
-            increments=turned(increments, revolutions, basis, start),
-            continuity=2,
-            start=first_state,
-            end=last_state,
+        self._set_factors(
+            start,
+            interval,
+            np.stack([first, second, log_half(middle), fourth, fifth]),
+            revolutions,
+            ((omega_start, alpha_start), (omega_end, alpha_end)),
         )
 
 
-class KksHermiteSpline(Product):
+class KksHermiteSpline(Product, Through):
     r"""Join keyframes by Hermite segments, each meeting the velocities at its ends.
 
     .. math:: q(t) = q_i \exp\bigl(w_1 \tilde\beta_1(u)\bigr)
@@ -335,64 +271,81 @@ class KksHermiteSpline(Product):
     Each segment is the curve of Kim, Kim and Shin (1995), sec. 5.2, with
     :math:`w_1 = h v_i / 3`, :math:`w_3 = h v_{i+1} / 3`, where :math:`v_i` is half the angular
     velocity at keyframe *i*, which the paper leaves open; *rule* names the estimate
-    (:func:`orientd.curves.construct.velocities.half_velocities`).
+    (:func:`orientd.curves.hermite.half_velocities`).
 
     Picture: ``orientd plot kks_hermite_spline``.
 
     Args:
-        keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         rule: ``"parabola"``, ``"mean"`` or ``"chord"``.
         omega_start: body angular velocity at the first keyframe, rad/s, instead of the estimate.
         omega_end: body angular velocity at the last keyframe, rad/s, instead of the estimate.
-        align: whether each keyframe takes the sign nearer to its predecessor.
-
-    Raises:
-        ValueError: a parameter is not as said.
     """
 
     name = "kks_hermite_spline"
     summary = "local C1 interpolation, end velocities met"
     source = "Kim, Kim and Shin 1995, sec. 5.2"
-    interpolates = True
     local = True
     meets_end_velocities = True
-    takes = ("keys", "times", "rule", "omega_start", "omega_end", "align")
 
-    @takes_common_names
-    def __init__(
+    def _solve(
         self,
+        q: Floats,
+        instants: Floats,
         *,
-        keys: ArrayLike,
-        times: str | ArrayLike | None = None,
         rule: str = "parabola",
         omega_start: ArrayLike | None = None,
         omega_end: ArrayLike | None = None,
-        align: bool = True,
     ) -> None:
-        aligned = check_aligned(keys, align)
-        instants = resolve_times(times, aligned)
-        rates = half_velocities(aligned, instants, check_choice(rule, "rule", RULES))
-        if omega_start is not None:
-            rates[0] = 0.5 * check_vector(omega_start, "omega_start")
-        if omega_end is not None:
-            rates[-1] = 0.5 * check_vector(omega_end, "omega_end")
+        rates = half_velocities(q, instants, rule)
+        for place, name, omega in ((0, "omega_start", omega_start), (-1, "omega_end", omega_end)):
+            if omega is not None:
+                rates[place] = 0.5 * check_vector(omega, name)
         thirds = np.diff(instants)[:, None] / 3.0
         first, last = thirds * rates[:-1], thirds * rates[1:]
-        leaving = multiply(aligned[:-1], exp_half(first))
-        arriving = multiply(aligned[1:], exp_half(-last))
-        middle = multiply(
-            multiply(exp_half(-first), between(aligned[:-1], aligned[1:])), exp_half(-last)
-        )
+        after, before = exp_half(-first), exp_half(-last)
+        middle = log_half(multiply(multiply(after, between(q[:-1], q[1:])), before))
         controls: Floats = np.empty((3 * len(first) + 1, 4))
-        controls[::3], controls[1::3], controls[2::3] = aligned, leaving, arriving
-        super().__init__(
-            basis=cumulative_basis(
-                np.concatenate([instants[:1], np.repeat(instants, 3), instants[-1:]]), 4
-            ),
-            controls=controls,
-            increments=np.stack([first, log_half(middle), last], axis=1).reshape(-1, 3),
-            continuity=1,
-            start=(2.0 * rates[0], None),
-            end=(2.0 * rates[-1], None),
+        controls[::3] = q
+        controls[1::3] = multiply(q[:-1], exp_half(first))
+        controls[2::3] = multiply(q[1:], before)
+        knots = np.concatenate([instants[:1], np.repeat(instants, 3), instants[-1:]])
+        self._set_controls(
+            cumulative_basis(knots, 4),
+            controls,
+            np.stack([first, middle, last], axis=1).reshape(-1, 3),
+            1,
+            ((2.0 * rates[0], None), (2.0 * rates[-1], None)),
         )
+
+
+def half_velocities(keys: Floats, times: Floats, rule: str) -> Floats:
+    r"""Return half the body angular velocity to give each keyframe.
+
+    With :math:`L_i = \log(q_i^{-1} q_{i+1})` and :math:`h_i = t_{i+1} - t_i`, ``"parabola"`` is the
+    slope of the parabola through three keyframes,
+    :math:`(h_{i-1} L_i / h_i + h_i L_{i-1} / h_{i-1}) / (h_{i-1} + h_i)`; ``"mean"`` is the mean of
+    the two rates; ``"chord"`` is :math:`\log(q_{i-1}^{-1} q_{i+1}) / (h_{i-1} + h_i)`.  At the ends
+    it is the rate of the end segment.
+
+    Args:
+        keys: unit quaternions, signs aligned, shape ``(n, 4)``.
+        times: increasing instants in seconds, shape ``(n,)``.
+        rule: one of ``RULES``.
+
+    Returns:
+        Half-angle rates in rad/s in the body frame at each keyframe, shape ``(n, 3)``.
+
+    Raises:
+        ValueError: *rule* is none of them.
+    """
+    check_choice(rule, "rule", RULES)
+    steps = np.diff(times)[:, None]
+    rates = increments(keys) / steps
+    before, after = steps[:-1], steps[1:]
+    if rule == "parabola":
+        inner = (before * rates[1:] + after * rates[:-1]) / (before + after)
+    elif rule == "mean":
+        inner = 0.5 * (rates[1:] + rates[:-1])
+    else:
+        inner = log_half(between(keys[:-2], keys[2:])) / (before + after)
+    return np.concatenate([rates[:1], inner, rates[-1:]])

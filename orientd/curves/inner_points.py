@@ -10,15 +10,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.contract import Curve, takes_common_names
+from orientd.curves.contract import Through
 from orientd.curves.keyframes import (
     ParameterError,
-    check_aligned,
     check_bool,
     check_number,
     check_quaternion,
     check_vector,
-    resolve_times,
 )
 from orientd.curves.newton import differences, multistart
 from orientd.curves.triangles import TriangleCurve
@@ -55,7 +53,7 @@ LONGEST = 2000
 """Long chains descend from fewer starts: their number times length stays below this."""
 
 
-class NielsonShieh(Curve):
+class NielsonShieh(Through):
     r"""Join keyframes by circular arcs on the sphere that share their tangents.
 
     .. math:: c_i(t) = \frac{q_i (1-t)^2 + 2 w_i M_i (1-t) t + q_{i+1} t^2}
@@ -90,7 +88,6 @@ class NielsonShieh(Curve):
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two, neighbours different.
-        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         M1: the first inner control point, a point of four-dimensional space, projected on its
             plane :math:`(M, q_1) = (M, q_2) = 1`; without it the one that minimises *criterion*.
         criterion: 13, the length of the polygon of inner control points, or 14, the squared
@@ -99,10 +96,8 @@ class NielsonShieh(Curve):
         a1: of eq. 15, positive; or ``"balanced"``, least sum of squared logarithms of all.
         require_positive: whether the search for *M1* is among those without a negative weight
             only.  A given *M1* is taken at its word.
-        align: whether each keyframe takes the sign nearer to its predecessor.
 
     Raises:
-        ValueError: a parameter is not as said.
         PlanError: *require_positive*, and every first inner control point makes some weight
             negative.
     """
@@ -110,28 +105,22 @@ class NielsonShieh(Curve):
     name = "nielson_shieh"
     summary = "circular arcs with common tangents"
     source = "Nielson 1993, eqs. 10 to 15"
-    interpolates = True
-    takes = ("keys", "times", "M1", "criterion", "reparam", "a1", "require_positive", "align")
 
-    @takes_common_names
-    def __init__(
+    def _solve(
         self,
+        q: Floats,
+        instants: Floats,
         *,
-        keys: ArrayLike,
-        times: str | ArrayLike | None = None,
         M1: ArrayLike | None = None,  # noqa: N803 - the paper's name, in every motion file
         criterion: int = 13,
         reparam: bool = True,
         a1: float | str = "balanced",
         require_positive: bool = True,
-        align: bool = True,
     ) -> None:
-        q = check_aligned(keys, align)
-        instants = resolve_times(times, q)
         check_criterion(criterion, (13, 14))
         is_restricted = check_bool(require_positive, "require_positive")
         is_smooth = check_bool(reparam, "reparam")
-        super().__init__(knots=instants, continuity=2 if len(q) == 2 else 1 if is_smooth else 0)
+        self._set_knots(instants, 2 if len(q) == 2 else int(is_smooth))
         chords = check_chords(q)
         basis = carried_bases(q, chords)
         # A tangent is at right angles to its own keyframe, and the way to the next one is exact.
@@ -168,9 +157,8 @@ class NielsonShieh(Curve):
 
     @np.errstate(divide="ignore", invalid="ignore")  # an infinite ratio of speeds gives no number
     def _orientations(self, times: Floats) -> Floats:
-        span = self._segments(times)
+        span, s = self._shares(times)
         a = self._ratios[span]
-        s = (times - self._knots[span]) / (self._knots[span + 1] - self._knots[span])
         below = a + (1.0 - a) * s
         t, rest = (s / below)[:, None], (a * (1.0 - s) / below)[:, None]
         return normalize(
@@ -180,7 +168,7 @@ class NielsonShieh(Curve):
         )
 
 
-class SphericalQuadratic(TriangleCurve):
+class SphericalQuadratic(TriangleCurve, Through):
     r"""Join keyframes by quadratic slerp segments, each over its own inner control point.
 
     .. math:: B[q_i, M_i, q_{i+1}](t), \qquad
@@ -204,49 +192,36 @@ class SphericalQuadratic(TriangleCurve):
     Picture: ``orientd plot spherical_quadratic``.
 
     Args:
-        keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         M1: the first inner control point, a unit quaternion; the sign nearer to the first
             keyframes is taken if *align*.
         criterion: 20 or 21, for the search.
-        align: whether each keyframe takes the sign nearer to its predecessor.
-
-    Raises:
-        ValueError: a parameter is not as said.
     """
 
     name = "spherical_quadratic"
     summary = "quadratic slerp segments through inner control points"
     source = "Nielson 1993, eqs. 18 to 21"
-    interpolates = True
-    takes = ("keys", "times", "M1", "criterion", "align")
 
-    @takes_common_names
-    def __init__(
+    def _solve(
         self,
+        q: Floats,
+        instants: Floats,
         *,
-        keys: ArrayLike,
-        times: str | ArrayLike | None = None,
         M1: ArrayLike | None = None,  # noqa: N803 - the paper's name, in every motion file
         criterion: int = 21,
-        align: bool = True,
     ) -> None:
-        q = check_aligned(keys, align)
-        instants = resolve_times(times, q)
         check_criterion(criterion, (20, 21))
         h = np.diff(instants)
+        ratios = h[1:] / h[:-1]
         if M1 is None:
-            first = best_first_point(q, h[1:] / h[:-1], criterion)
+            first = best_first_point(q, ratios, criterion)
         else:
             first = check_quaternion(M1, "M1")
-            if align and float(first @ (q[0] + q[1])) < 0.0:
+            if self._aligns and float(first @ (q[0] + q[1])) < 0.0:
                 first = -first
-        inner, longest = inner_points(first, q, h)
-        super().__init__(
-            knots=instants,
-            points=np.stack([q[:-1], inner, q[1:]], axis=1),
-            continuity=2 if len(q) == 2 else 1 if longest < np.pi else 0,
-        )
+        inner = inner_points(first[None], q, ratios)[0]
+        arcs = ratios * _lengths(log_half(between(inner[:-1], q[1:-1])))
+        continuity = 2 if len(q) == 2 else int(arcs.max() < np.pi)
+        self._set_triangles(instants, np.stack([q[:-1], inner, q[1:]], axis=1), continuity)
 
     @property
     def shoulders(self) -> Floats:
@@ -256,11 +231,7 @@ class SphericalQuadratic(TriangleCurve):
 
 
 def check_criterion(criterion: object, allowed: tuple[int, int]) -> None:
-    """Refuse a criterion that is not one of two equation numbers.
-
-    Raises:
-        ValueError: it is not.
-    """
+    """Refuse a criterion that is not one of two equation numbers."""
     if isinstance(criterion, bool) or criterion not in allowed:
         raise ParameterError(
             "criterion", f"criterion must be {allowed[0]} or {allowed[1]}, got {criterion!r}"
@@ -268,12 +239,8 @@ def check_criterion(criterion: object, allowed: tuple[int, int]) -> None:
 
 
 def check_chords(q: Floats) -> Floats:
-    """Return the distances between neighbouring keyframes, shape ``(n - 1,)``.
-
-    Raises:
-        ValueError: two neighbours are the same, or opposite points of the sphere.
-    """
-    chords: Floats = np.sqrt(np.sum((q[1:] - q[:-1]) ** 2, axis=-1))
+    """Return the distances between neighbouring keyframes, refusing a circle without a plane."""
+    chords = _lengths(q[1:] - q[:-1])
     for is_bad, said in ((chords < 1e-14, "the same"), (chords > 2.0 - 1e-14, "opposite")):
         if np.any(is_bad):
             place = int(np.argmax(is_bad))
@@ -291,13 +258,10 @@ def carried_bases(q: Floats, chords: Floats) -> Floats:
     Returns:
         Columns in the tangent space of keyframe *i*, shape ``(n - 1, 4, 3)``.
     """
-    basis = frame_of(q)[:, 1:]
-    normals = (q[1:] - q[:-1]) / chords[:, None]
-    carried: Floats = np.empty((len(chords), 4, 3))
-    for i, normal in enumerate(normals):
-        carried[i] = basis
-        basis = 2.0 * np.outer(normal, normal @ basis) - basis
-    return carried
+    carried = [frame_of(q)[:, 1:]]
+    for normal in (q[1:-1] - q[:-2]) / chords[:-1, None]:
+        carried.append(2.0 * np.outer(normal, normal @ carried[-1]) - carried[-1])
+    return np.array(carried)
 
 
 def projected_tangent(point: Floats, q: Floats) -> Floats:
@@ -316,21 +280,11 @@ def projected_tangent(point: Floats, q: Floats) -> Floats:
 
 
 def speed_ratios(speeds: Floats, a1: float | str) -> Floats:
-    r"""Return the :math:`a_i` of eq. 15 that make the speed continuous.
-
-    Args:
-        speeds: chord over interval of each segment, shape ``(n,)``.
-        a1: the first, or ``"balanced"``.
-
-    Raises:
-        ValueError: *a1* is neither a positive number nor the word.
-    """
-    signs = np.where(np.arange(len(speeds)) % 2 == 0, 1.0, -1.0)
+    """Return the ratios of eq. 15 that make the speed continuous, from chord over interval."""
+    signs = (-1.0) ** np.arange(len(speeds))
     logs: Floats = np.zeros(len(speeds))
-    logs[1:] = -signs[1:] * np.cumsum(signs[1:] * -np.diff(np.log(speeds)))
-    if isinstance(a1, str):
-        if a1 != "balanced":
-            raise ParameterError("a1", f"a1 must be a positive number or 'balanced', got {a1!r}")
+    logs[1:] = signs[1:] * np.cumsum(signs[1:] * np.diff(np.log(speeds)))
+    if isinstance(a1, str) and a1 == "balanced":
         shift = -float(np.mean(signs * logs))
     else:
         first = check_number(a1, "a1")
@@ -341,52 +295,24 @@ def speed_ratios(speeds: Floats, a1: float | str) -> Floats:
     return ratios
 
 
-def inner_points(first: Floats, q: Floats, h: Floats) -> tuple[Floats, float]:
-    """Return all inner control points, and the longest arc from a keyframe to the next of them.
-
-    Args:
-        first: the first one.
-        q: keyframes, shape ``(n, 4)``.
-        h: intervals, shape ``(n - 1,)``.
-    """
-    points = np.empty((len(h), 4))
-    points[0] = first
-    longest = 0.0
-    for i in range(1, len(h)):
-        ratio = h[i] / h[i - 1]
-        points[i] = slerp(points[i - 1], q[i], 1.0 + ratio)
-        arc = float(np.linalg.norm(log_half(multiply(conjugate(points[i - 1]), q[i]))))
-        longest = max(longest, ratio * arc)
-    return points, longest
-
-
 def frame_of(q: Floats) -> Floats:
-    """Return an orthonormal frame of four dimensions that turns with the keyframes.
+    """Return an orthonormal frame of four dimensions that turns with the keyframes, as columns.
 
     Its first vector is the first keyframe, the second points to the second one, the third is
     found from those that follow, so that a search in this frame has the same result whatever the
-    frames the orientations are given in.
-
-    Args:
-        q: unit quaternions, shape ``(n, 4)``.
-
-    Returns:
-        Columns, shape ``(4, 4)``, of positive determinant.
+    frames the orientations are given in.  Its determinant is positive.
     """
-    vectors = [q[0]]
-    for candidate in (*q[1:], *np.eye(4)):
-        rest = candidate - sum(float(candidate @ v) * v for v in vectors)
-        length = float(np.linalg.norm(rest))
-        if length > 1e-6:
+    rows = np.zeros((0, 4))
+    for candidate in (*q, *np.eye(4)):
+        rest = candidate - (rows @ candidate) @ rows
+        length = np.linalg.norm(rest)
+        if length > 1e-6 and len(rows) < 3:
             rest = rest / length
-            rest = rest - sum(float(rest @ v) * v for v in vectors)
-            vectors.append(rest / np.linalg.norm(rest))
-        if len(vectors) == 3:
-            break
-    rows = np.array(vectors)
-    last = [-((-1.0) ** k) * np.linalg.det(np.delete(rows, k, axis=1)) for k in range(4)]
-    frame: Floats = np.column_stack([*vectors, last])
-    return frame
+            rest = rest - (rows @ rest) @ rows
+            rows = np.vstack([rows, rest / np.linalg.norm(rest)])
+    frame = np.vstack([rows, np.linalg.svd(rows)[2][3]])
+    frame[3] *= np.sign(np.linalg.det(frame))
+    return frame.T
 
 
 def best_direction(
@@ -401,9 +327,12 @@ def best_direction(
     * 13, the length of the polygon of inner control points,
       :math:`|\tau_1| + \sum |\tau_i + \tau_{i+1}| + |\tau_n|`.  Without a negative weight it has
       one minimum, as :math:`\tfrac12 \|x\|^2 + \sum d_i / (p_i \cdot x)` is strictly convex.
+      Otherwise it has kinks where :math:`\tau_i = -\tau_{i+1}`, a great circle for each *i*.
     * 14, the squared distances of the arcs' middles from their inner control points,
       :math:`\sum \tau_i^2 (\tau_i - k_i)/(\tau_i + k_i)`, :math:`k_i = \tfrac12 d_i`.  It may have
       several minima.
+
+    A state of the search is the tangent, and the normal of the circle that it keeps to, or zero.
 
     Args:
         pulls: the vectors *p*, in the basis of the first tangent space, shape ``(n, 3)``.
@@ -417,29 +346,29 @@ def best_direction(
     """
     halves = 0.5 * chords
 
-    def values(x: Floats) -> Floats:
-        weights = x[:, :3] @ pulls.T
+    def values(state: Floats) -> Floats:
+        weights = state[:, :3] @ pulls.T
         is_allowed = np.all(weights > 0.0 if is_restricted else weights != 0.0, axis=1)
         is_allowed &= weights[:, 0] > 0.0
         safe = np.where(is_allowed[:, None], weights, 1.0)
         total: Floats = np.sum(_terms(halves / safe, halves, criterion)[0], axis=1)
         return np.where(is_allowed, total, np.inf)
 
-    def along(x: Floats, basis: Floats) -> tuple[Floats, Floats]:
-        """Return gradient and Hessian along directions at right angles to the tangents."""
-        weights = (x @ pulls.T)[..., None]
+    def derivatives(state: Floats) -> tuple[Floats, Floats]:
+        basis = _directions(state)
+        weights = (state[:, :3] @ pulls.T)[..., None]
         lengths = halves[:, None] / weights
         across = (pulls @ basis) / weights
         _, first, second = _terms(lengths[..., 0], halves, criterion)
         slope = first[..., None] * lengths
         bend = second[..., None] * lengths * lengths + 2.0 * slope
         hessian = np.swapaxes(across, 1, 2) @ (bend * across)
-        hessian += np.sum(slope, axis=1)[..., None] * np.eye(basis.shape[2])
+        hessian += np.sum(slope, axis=1)[..., None] * np.eye(2)
         return -np.sum(slope * across, axis=1), hessian
 
-    def move(x: Floats, step: Floats) -> Floats:
-        moved = x + (_tangent_basis(x) @ step[..., None])[..., 0]
-        return _unit(moved)
+    def move(state: Floats, step: Floats) -> Floats:
+        moved = _unit(state[:, :3] + (_directions(state) @ step[..., None])[..., 0])
+        return np.concatenate([moved, state[:, 3:]], axis=1)
 
     # Directions spread evenly over the half sphere around the first axis.
     height = (np.arange(GRID) + 0.5) / GRID
@@ -450,51 +379,51 @@ def best_direction(
         if center is None:
             return None
         starts = center[None]
+    has_kinks = not is_restricted and criterion == 13 and len(pulls) > 1
     # One start is enough for the only minimum.
     count = 1 if is_restricted and criterion == 13 else STARTS
-    best, least = multistart(
-        values,
-        lambda x: along(x, _tangent_basis(x)),
-        starts,
-        move=move,
-        count=count,
-        iterations=40 if is_restricted or criterion == 14 else 16,
-    )
-    if is_restricted or criterion == 14 or len(pulls) == 1:
-        return best
-
-    # The polygon's length has kinks where tau_i = -tau_{i+1}, which is a great circle for each i.
-    # A minimum on one is found along it; a state is the tangent with the normal of its circle.
-    normals = _unit(halves[:-1, None] * pulls[1:] + halves[1:, None] * pulls[:-1])[:KINKS]
-    angles = 2.0 * np.pi * (np.arange(AROUND) + 0.5) / AROUND
-    plane = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    on_circles = np.swapaxes(_tangent_basis(normals) @ plane.T, 1, 2)
-    states = np.concatenate([on_circles, np.repeat(normals[:, None], AROUND, axis=1)], axis=2)
-
-    def ahead(state: Floats) -> Floats:
-        return np.cross(state[:, 3:], state[:, :3])
-
-    def move_along(state: Floats, angle: Floats) -> Floats:
-        moved = np.cos(angle) * state[:, :3] + np.sin(angle) * ahead(state)
-        return np.concatenate([_unit(moved), state[:, 3:]], axis=1)
-
-    kink, lowest = multistart(
-        values,
-        lambda state: along(state[:, :3], ahead(state)[..., None]),
-        states.reshape(-1, 6),
-        move=move_along,
-        count=STARTS,
-        iterations=16,
-    )
-    if lowest < least:
-        best, least = kink[:3], lowest
-    i, j = np.triu_indices(len(normals), 1)
-    corners = np.cross(normals[i], normals[j])
-    corners = _unit(np.concatenate([corners, -corners]))
-    at_corners = values(corners)
-    if len(corners) and at_corners.min() < least:
-        best = corners[int(np.argmin(at_corners))]
+    searches = [(np.pad(starts, ((0, 0), (0, 3))), count)]
+    if has_kinks:
+        normals = _unit(halves[:-1, None] * pulls[1:] + halves[1:, None] * pulls[:-1])[:KINKS]
+        searches.append((_on_kinks(normals), STARTS))
+    found = [
+        multistart(
+            values,
+            derivatives,
+            some,
+            move=move,
+            count=many,
+            iterations=16 if has_kinks else 40,
+        )
+        for some, many in searches
+    ]
+    best: Floats = min(found, key=lambda one: one[1])[0][:3]
     return best
+
+
+def _on_kinks(normals: Floats) -> Floats:
+    """Return states all around the great circles with these normals, and where two cross."""
+    angles = 2.0 * np.pi * (np.arange(AROUND) + 0.5) / AROUND
+    sides = _directions(np.pad(normals, ((0, 0), (0, 3))))
+    around = np.swapaxes(sides @ np.stack([np.cos(angles), np.sin(angles)]), 1, 2)
+    i, j = np.triu_indices(len(normals), 1)
+    corners = _unit(np.cross(normals[i], normals[j]))
+    tangents = np.concatenate([around.reshape(-1, 3), corners, -corners])
+    return np.hstack(
+        [tangents, np.concatenate([normals.repeat(AROUND, 0), normals[i], normals[i]])]
+    )
+
+
+def _directions(state: Floats) -> Floats:
+    """Return two directions in which each tangent may move, as columns, ``(s, 3, 2)``.
+
+    One that keeps to a circle has one only; the other is zero.
+    """
+    x, normal = state[:, :3], state[:, 3:]
+    is_free = ~normal.any(axis=1, keepdims=True)
+    side = np.cross(x, np.where(is_free, np.eye(3)[np.argmin(np.abs(x), axis=1)], -normal))
+    side = _unit(side)
+    return np.stack([side, np.where(is_free, np.cross(x, side), 0.0)], axis=2)
 
 
 def _unit(vectors: Floats) -> Floats:
@@ -520,13 +449,6 @@ def _terms(lengths: Floats, halves: Floats, criterion: int) -> tuple[Floats, Flo
         2.0 * lengths - 2.0 * halves + 2.0 * halves**3 / total**2,
         2.0 - 4.0 * halves**3 / total**3,
     )
-
-
-def _tangent_basis(x: Floats) -> Floats:
-    """Return two unit vectors at right angles to each of several, as columns, ``(s, 3, 2)``."""
-    side = np.cross(x, np.eye(3)[np.argmin(np.abs(x), axis=1)])
-    side /= np.linalg.norm(side, axis=1, keepdims=True)
-    return np.stack([side, np.cross(x, side)], axis=2)
 
 
 def _inside_cone(pulls: Floats) -> Floats | None:
@@ -577,6 +499,30 @@ def best_first_point(q: Floats, ratios: Floats, criterion: int) -> Floats:
     return multistart(values, differences(values, move, 3), starts, move=move, count=count)[0]
 
 
+def inner_points(first: Floats, q: Floats, ratios: Floats) -> Floats:
+    """Return all inner control points for candidates of the first one.
+
+    Args:
+        first: candidates, shape ``(s, 4)``.
+        q: keyframes, shape ``(n, 4)``.
+        ratios: of each interval to the one before, shape ``(n - 2,)``.
+
+    Returns:
+        Shape ``(s, n - 1, 4)``.
+    """
+    points: Floats = np.empty((len(first), len(q) - 1, 4))
+    points[:, 0] = m = first
+    for i, (key, ratio) in enumerate(zip(q[1:-1], ratios, strict=True), 1):
+        # slerp(m, key, 1 + ratio), written out: this is the inner loop of the search.
+        angle = 2.0 * np.arctan2(_lengths(m - key), _lengths(m + key))
+        sine = np.where(angle > 0.0, np.sin(angle), 1.0)
+        back = np.where(angle > 0.0, -np.sin(ratio * angle) / sine, -ratio)
+        ahead = np.where(angle > 0.0, np.sin((1.0 + ratio) * angle) / sine, 1.0 + ratio)
+        m = back[:, None] * m + ahead[:, None] * key
+        points[:, i] = m = m / _lengths(m)[:, None]
+    return points
+
+
 def criterion_values(first: Floats, q: Floats, ratios: Floats, criterion: int) -> Floats:
     """Return a criterion of the spherical quadratic for candidates of the first inner point.
 
@@ -590,16 +536,7 @@ def criterion_values(first: Floats, q: Floats, ratios: Floats, criterion: int) -
     Returns:
         Shape ``(s,)``.
     """
-    points = np.empty((len(first), len(q) - 1, 4))
-    points[:, 0] = m = first
-    for i, (key, ratio) in enumerate(zip(q[1:-1], ratios, strict=True), 1):
-        # slerp(m, key, 1 + ratio), written out: this is the inner loop of the search.
-        angle = 2.0 * np.arctan2(_lengths(m - key), _lengths(m + key))
-        sine = np.where(angle > 0.0, np.sin(angle), 1.0)
-        back = np.where(angle > 0.0, -np.sin(ratio * angle) / sine, -ratio)
-        ahead = np.where(angle > 0.0, np.sin((1.0 + ratio) * angle) / sine, 1.0 + ratio)
-        m = back[:, None] * m + ahead[:, None] * key
-        points[:, i] = m = m / _lengths(m)[:, None]
+    points = inner_points(first, q, ratios)
     if criterion == 20:
         ends = np.broadcast_to(q[[0, -1]], (len(points), 2, 4))
         nodes = np.concatenate([ends[:, :1], points, ends[:, 1:]], axis=1)

@@ -3,61 +3,36 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd import kernels
-from orientd.curves.construct import squared_acceleration
-from orientd.curves.contract import takes_common_names
-from orientd.curves.family import END_STATES
+from orientd.curves.contract import Ends, WithEndStates, prescribed
 from orientd.curves.keyframes import (
     ParameterError,
-    check_aligned,
-    check_end,
     check_integer,
-    check_vector,
     increments,
-    resolve_times,
     with_turns,
 )
-from orientd.curves.products import EndState, Product
-from orientd.curves.trajectory import Trajectory
+from orientd.curves.products import Parts, Product, product_trajectory, squared_acceleration
 from orientd.errors import PlanError
 from orientd.rotation import Floats
 
-ENDS = ("natural", "clamped", "state")
-
-_PIECES = ((0.01, 1), (0.1, 2))
-"""Rad of half angle up to which so many pieces of a trajectory for each span are good mostly."""
-
 _NO_STEPS: Floats = np.empty((0, 3))
 _FREE = np.zeros(3)
+_ENDS = {"natural": (0, 0), "clamped": (1, 2)}
 
 
-class Spline(NamedTuple):
-    """A cumulative B-spline with simple knots inside its domain.
-
-    Attributes:
-        breaks: where its spans begin and end, s, shape ``(S + 1,)``.
-        base: the quaternion before the product of each span, shape ``(S, 4)``.
-        increments: half-angle vectors, those of span *s* from number *s* on.
-        values: Bernstein coefficients of the functions that vary, shape ``(S, k - 1, k)``.
-    """
-
-    breaks: Floats
-    base: Floats
-    increments: Floats
-    values: Floats
+Spline = tuple[Floats, Parts]
+"""Where the spans of a product begin and end, s, and what it is made of."""
 
 
 def interpolate(
     keys: Floats,
     times: Floats,
     order: int,
-    ends: tuple[EndState, EndState],
+    ends: Ends,
     *,
     steps: Floats | None = None,
     near: Floats | None = None,
@@ -95,16 +70,13 @@ def interpolate(
     known = [sum(vector is not None for vector in end) for end in ends]
     given = np.array([[_FREE if vector is None else vector for vector in end] for end in ends])
     spans = len(keys) - 1 + (order % 2 if order != 4 else (known[0] == 2) + (known[1] == 2))
-    found = Spline(
-        np.empty(spans + 1),
-        np.empty((spans, 4)),
-        np.empty((spans + order - 2, 3)) if near is None else near.copy(),
-        np.empty((spans, order - 1, order)),
-    )
+    breaks, base = np.empty(spans + 1), np.empty((spans, 4))
+    vectors = np.empty((spans + order - 2, 3)) if near is None else near.copy()
+    values = np.empty((spans, order - 1, order))
     is_found = kernels.interpolate(
         *(keys, _NO_STEPS if steps is None else steps, times, order),
         *(given, known[0], known[1], near is not None),
-        *(found.breaks, found.base, found.increments, found.values),
+        *(breaks, base, vectors, values),
     )
     if not is_found:
         raise PlanError(
@@ -112,12 +84,10 @@ def interpolate(
             "end velocities or give them turns to coast through, or make neighbouring intervals "
             "more alike"
         )
-    return found
+    return breaks, (base, np.arange(spans), vectors, values)
 
 
-def unwound(
-    keys: Floats, times: Floats, order: int, ends: tuple[EndState, EndState], w: Floats
-) -> list[Spline]:
+def unwound(keys: Floats, times: Floats, order: int, ends: Ends, w: Floats) -> list[Spline]:
     """Return other solutions: one inner increment of more than pi has lost whole turns.
 
     Where the ends are fast, the way up from small steps may gather turns that lead nowhere.
@@ -135,24 +105,31 @@ def unwound(
     return found
 
 
-class Interpolating(Product):
-    """A product whose increments were solved for, with what is prescribed at its ends."""
+class Interpolating(Product, WithEndStates):
+    """A product of an order *k* whose increments are solved for."""
 
-    def __init__(self, spline: Spline, ends: tuple[EndState, EndState]) -> None:
-        breaks, base, vectors, values = spline
-        # A free end has no acceleration.
-        start, end = ((None, _FREE) if omega is None else (omega, alpha) for omega, alpha in ends)
-        parts = base, np.arange(len(base)), vectors, values
-        self._set(breaks, parts, values.shape[1] - 1, (start, end))
+    def _set_solved(
+        self,
+        q: Floats,
+        instants: Floats,
+        order: int,
+        ends: Ends,
+        turns: ArrayLike | None,
+    ) -> None:
+        """Solve for the increments."""
+        steps = None
+        if turns is not None:
+            steps, q = with_turns(increments(q), q, turns)
+        spline = interpolate(q, instants, order, ends, steps=steps)
+        if order != 4 and turns is None:
+            others = unwound(q, instants, order, ends, spline[1][2])
+            if others:
+                spline = min([spline, *others], key=_effort)
+        self._set_parts(*spline, order - 2)
 
-    @cached_property
-    def trajectory(self) -> Trajectory:
-        """See :attr:`Curve.trajectory`: pieces as short as the largest increment calls for."""
-        largest = float(np.max(np.abs(self.increments)))
-        pieces = next((count for most, count in _PIECES if largest < most), 4)
-        orientations, continuity = self._orientations, self.continuity
-        fitted = Trajectory.fit(orientations, self._knots, continuity=continuity, pieces=pieces)
-        return fitted.pinned(*self._end_states)
+
+def _effort(spline: Spline) -> float:
+    return squared_acceleration(product_trajectory(*spline).sample, spline[0])
 
 
 class C2Cumulative(Interpolating):
@@ -178,20 +155,10 @@ class C2Cumulative(Interpolating):
     Picture: ``orientd plot c2_cumulative``.
 
     Args:
-        keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
-        start: condition at the first keyframe.
-        end: condition at the last keyframe.
-        omega_start: body angular velocity at the first keyframe, rad/s.
-        omega_end: body angular velocity at the last keyframe, rad/s.
-        alpha_start: body angular acceleration at the first keyframe, rad/s^2.
-        alpha_end: body angular acceleration at the last keyframe, rad/s^2.
-        align: whether each keyframe takes the sign nearer to its predecessor.
         turns: whole turns to add between each keyframe and the next, about the axis of the turn
             that joins them.
 
     Raises:
-        ValueError: a parameter is not as said.
         PlanError: no such curve could be found; it does not happen for steps below 178 degrees
             with moderate end velocities.
     """
@@ -199,36 +166,12 @@ class C2Cumulative(Interpolating):
     name = "c2_cumulative"
     summary = "C2 interpolation, end velocities met; the default"
     source = "Kim, Kim and Shin 1995, sec. 5.3, made to interpolate"
-    interpolates = True
-    meets_end_velocities = True
     meets_end_accelerations = True
-    takes = ("keys", "times", *END_STATES, "align", "turns")
 
-    @takes_common_names
-    def __init__(
-        self,
-        *,
-        keys: ArrayLike,
-        times: str | ArrayLike | None = None,
-        start: str = "natural",
-        end: str = "natural",
-        omega_start: ArrayLike | None = None,
-        omega_end: ArrayLike | None = None,
-        alpha_start: ArrayLike | None = None,
-        alpha_end: ArrayLike | None = None,
-        align: bool = True,
-        turns: ArrayLike | None = None,
+    def _solve(
+        self, q: Floats, instants: Floats, ends: Ends, *, turns: ArrayLike | None = None
     ) -> None:
-        orientations = check_aligned(keys, align)
-        ends = (
-            check_end(start, "start", omega_start, alpha_start, ENDS),
-            check_end(end, "end", omega_end, alpha_end, ENDS),
-        )
-        instants = resolve_times(times, orientations, turns)
-        steps = None
-        if turns is not None:
-            steps, orientations = with_turns(increments(orientations), orientations, turns)
-        super().__init__(interpolate(orientations, instants, 4, ends, steps=steps), ends)
+        self._set_solved(q, instants, 4, ends, turns)
 
 
 class KksInterpolating(Interpolating):
@@ -257,22 +200,14 @@ class KksInterpolating(Interpolating):
     Picture: ``orientd plot kks_interpolating``.
 
     Args:
-        keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         order: degree plus one, 3 to 6.
-        start: condition at the first keyframe.
-        end: condition at the last keyframe.
-        omega_start: body angular velocity at the first keyframe, rad/s, if clamped.
-        omega_end: body angular velocity at the last keyframe, rad/s, if clamped.
         alpha_start: body angular acceleration there, rad/s^2, if clamped with orders 5 and 6;
             zero without it.
         alpha_end: body angular acceleration at the last keyframe.
-        align: whether each keyframe takes the sign nearer to its predecessor.
         turns: whole turns to add between each keyframe and the next, about the axis of the turn
             that joins them; a fast end coasts through some.
 
     Raises:
-        ValueError: a parameter is not as said.
         PlanError: no such curve could be found, as may happen for ends of more than 20 rad/s over
             intervals of 1 s unless *turns* takes up their speed.
     """
@@ -280,45 +215,27 @@ class KksInterpolating(Interpolating):
     name = "kks_interpolating"
     summary = "cumulative B-spline of order 3 to 6 through keyframes, up to C4"
     source = "Kim, Kim and Shin 1995, sec. 5.3, made to interpolate"
-    interpolates = True
-    meets_end_velocities = True
-    takes = ("keys", "times", "order", *END_STATES, "align", "turns")
+    conditions = _ENDS
 
-    @takes_common_names
-    def __init__(
+    def _solve(
         self,
+        q: Floats,
+        instants: Floats,
+        ends: Ends,
         *,
-        keys: ArrayLike,
-        times: str | ArrayLike | None = None,
         order: int = 6,
-        start: str = "natural",
-        end: str = "natural",
-        omega_start: ArrayLike | None = None,
-        omega_end: ArrayLike | None = None,
-        alpha_start: ArrayLike | None = None,
-        alpha_end: ArrayLike | None = None,
-        align: bool = True,
         turns: ArrayLike | None = None,
     ) -> None:
-        q = check_aligned(keys, align)
-        instants = resolve_times(times, q, turns)
-        steps = None
-        if turns is not None:
-            steps, q = with_turns(increments(q), q, turns)
-        k = check_integer(order, "order", minimum=3)
-        if k > 6:
-            raise ParameterError("order", f"order must be 3, 4, 5 or 6, got {order!r}")
-        ends = (
-            check_end_state(start, omega_start, alpha_start, "start", k),
-            check_end_state(end, omega_end, alpha_end, "end", k),
-        )
-        solved = interpolate(q, instants, k, ends, steps=steps)
-        others = unwound(q, instants, k, ends, solved.increments) if turns is None else []
-
-        def effort(spline: Spline) -> float:
-            return squared_acceleration(Interpolating(spline, ends).evaluate, spline.breaks)
-
-        super().__init__(min([solved, *others], key=effort) if others else solved, ends)
+        k = check_integer(order, "order", minimum=3, maximum=6)
+        states = []
+        for side, (omega, alpha) in zip(("start", "end"), ends, strict=True):
+            if alpha is not None and k < 5:
+                name = f"alpha_{side}"
+                raise ParameterError(name, f"{name} must be None for order {order}, got {alpha!r}")
+            is_still = omega is not None and alpha is None and k > 4
+            states.append((omega, _FREE if is_still else alpha))
+        self._ends = prescribed((states[0], states[1]))
+        self._set_solved(q, instants, k, (states[0], states[1]), turns)
         self._key_times = instants
 
     @property
@@ -326,27 +243,3 @@ class KksInterpolating(Interpolating):
         """The instants of the keyframes, which for odd orders are not the knots, ``(n,)``."""
         times: Floats = self._key_times.copy()
         return times
-
-
-def check_end_state(
-    condition: object, omega: ArrayLike | None, alpha: ArrayLike | None, side: str, order: int
-) -> tuple[Floats | None, Floats | None]:
-    """Return velocity and, for orders 5 and 6, acceleration at one end.
-
-    Raises:
-        ValueError: the condition is not one, or what is given does not go with it.
-    """
-    velocity, _ = check_end(condition, side, omega)
-    if alpha is not None and (velocity is None or order < 5):
-        if velocity is None:
-            raise ParameterError(
-                f"alpha_{side}",
-                f"alpha_{side} must be None with {side}='natural', got {alpha!r}; "
-                f"use {side}='clamped'",
-            )
-        raise ParameterError(
-            f"alpha_{side}", f"alpha_{side} must be None for order {order}, got {alpha!r}"
-        )
-    if velocity is None or order < 5:
-        return velocity, None
-    return velocity, np.zeros(3) if alpha is None else check_vector(alpha, f"alpha_{side}")

@@ -1,4 +1,4 @@
-"""Checks of the parameters that curve families share: keyframes, times, vectors, choices.
+"""Checks of the parameters that curve families share: keyframes, times, knots, ends, choices.
 
 Every check returns the parameter as an array or number of its own, or raises a
 :class:`ParameterError` that says the parameter, what was allowed and what came.
@@ -7,7 +7,7 @@ Every check returns the parameter as an array or number of its own, or raises a
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,13 @@ from numpy.typing import ArrayLike
 from orientd.kernels import put_steps
 from orientd.rotation import ROUNDING, Floats, align
 from orientd.tolerances import NORM_TOLERANCE
+
+EndState = tuple[Floats | None, Floats | None]
+"""Body angular velocity, rad/s, and acceleration, rad/s^2, at an end; ``None`` where not given."""
+
+VELOCITY_ENDS = {"natural": (0, 0), "clamped": (1, 1)}
+STATE_ENDS = {**VELOCITY_ENDS, "state": (2, 2)}
+"""Conditions at an end: how many of its velocity and acceleration must be given, and may be."""
 
 
 class ParameterError(ValueError):
@@ -34,7 +41,8 @@ class ParameterError(ValueError):
         return self._problem
 
 
-def _numbers(value: object, name: str, expected: str) -> Floats:
+def check_numbers(value: object, name: str, expected: str) -> Floats:
+    """Return numbers as a new array; *expected* says in an error what they must be."""
     if isinstance(value, np.ndarray) and value.dtype == np.float64:
         return value.copy()
     try:
@@ -51,10 +59,7 @@ def _unit(array: Floats, name: str) -> Floats:
     error = np.abs(norm - 1.0)
     if (error <= ROUNDING).all():
         return array
-    if not np.isfinite(array).all():
-        raise ParameterError(
-            name, f"{name} must be finite, got {_worst(array, ~np.isfinite(array))}"
-        )
+    _check_finite(array, name)
     is_off = error > NORM_TOLERANCE
     if is_off.any():
         place = int(np.argmax(is_off))
@@ -69,19 +74,19 @@ def _unit(array: Floats, name: str) -> Floats:
     return unit
 
 
-def _worst(array: Floats, is_bad: np.ndarray[Any, np.dtype[np.bool_]]) -> str:
-    place = np.unravel_index(int(np.argmax(is_bad)), array.shape)
-    index = ", ".join(str(int(i)) for i in place)
-    return f"{float(array[place])!r} at [{index}]" if place else repr(float(array))
+def _check_finite(array: Floats, name: str) -> None:
+    is_bad = ~np.isfinite(array)
+    if is_bad.any():
+        place = np.unravel_index(int(np.argmax(is_bad)), array.shape)
+        index = ", ".join(str(int(i)) for i in place)
+        raise ParameterError(
+            name, f"{name} must be finite, got {float(array[place])!r} at [{index}]"
+        )
 
 
 def check_quaternion(value: object, name: str) -> Floats:
-    """Return one unit quaternion ``(w, x, y, z)``, normalised to rounding, shape ``(4,)``.
-
-    Raises:
-        ValueError: it is not four finite numbers of norm 1 within 1e-6.
-    """
-    array = _numbers(value, name, "a unit quaternion (w, x, y, z)")
+    """Return one unit quaternion ``(w, x, y, z)``, normalised to rounding, shape ``(4,)``."""
+    array = check_numbers(value, name, "a unit quaternion (w, x, y, z)")
     if array.shape != (4,):
         raise ParameterError(name, f"{name} must be a unit quaternion (w, x, y, z), got {value!r}")
     return _unit(array, name)
@@ -94,7 +99,7 @@ def check_keys(value: object, name: str = "keys", *, minimum: int = 2) -> Floats
         ValueError: there are fewer than *minimum*, or one is not a unit quaternion within 1e-6.
     """
     expected = f"a list of at least {minimum} unit quaternions (w, x, y, z)"
-    array = _numbers(value, name, expected)
+    array = check_numbers(value, name, expected)
     if array.ndim != 2 or array.shape[-1] != 4 or len(array) < minimum:
         raise ParameterError(
             name, f"{name} must be {expected}, got an array of shape {array.shape}"
@@ -105,22 +110,14 @@ def check_keys(value: object, name: str = "keys", *, minimum: int = 2) -> Floats
 def check_aligned(
     value: object, align_signs: object, name: str = "keys", *, minimum: int = 2
 ) -> Floats:
-    """Return checked keyframes, their signs aligned from the first one on if *align_signs*.
-
-    Raises:
-        ValueError: as :func:`check_keys`, or *align_signs* is not a truth value.
-    """
+    """Return checked keyframes, their signs aligned from the first one on if *align_signs*."""
     keys = check_keys(value, name, minimum=minimum)
     return align(keys) if check_bool(align_signs, "align") else keys
 
 
 def check_vector(value: object, name: str, length: int = 3) -> Floats:
-    """Return one finite vector, shape ``(length,)``.
-
-    Raises:
-        ValueError: it is not *length* finite numbers.
-    """
-    array = _numbers(value, name, f"a vector of {length} numbers")
+    """Return one finite vector, shape ``(length,)``."""
+    array = check_numbers(value, name, f"a vector of {length} numbers")
     if array.shape != (length,) or not np.isfinite(array).all():
         raise ParameterError(
             name, f"{name} must be a vector of {length} finite numbers, got {value!r}"
@@ -129,48 +126,37 @@ def check_vector(value: object, name: str, length: int = 3) -> Floats:
 
 
 def check_number(value: object, name: str) -> float:
-    """Return a finite number.
-
-    Raises:
-        ValueError: it is not one.
-    """
-    array = _numbers(value, name, "a finite number")
+    """Return a finite number."""
+    array = check_numbers(value, name, "a finite number")
     if array.ndim != 0 or not math.isfinite(array):
         raise ParameterError(name, f"{name} must be a finite number, got {value!r}")
     return float(array)
 
 
-def check_integer(value: object, name: str, *, minimum: int | None = None) -> int:
-    """Return a whole number, given as an int or as a float without a fraction.
-
-    Raises:
-        ValueError: it is not one, or less than *minimum*.
-    """
+def check_integer(
+    value: object, name: str, *, minimum: int | None = None, maximum: int | None = None
+) -> int:
+    """Return a whole number, given as an int or as a float without a fraction."""
     expected = "a whole number" if minimum is None else f"a whole number of at least {minimum}"
-    array = _numbers(value, name, expected)
-    is_whole = array.ndim == 0 and math.isfinite(array) and float(array).is_integer()
-    if not is_whole or (minimum is not None and array < minimum):
+    array = check_numbers(value, name, expected)
+    if array.ndim != 0 or not math.isfinite(array) or float(array) % 1.0:
+        raise ParameterError(name, f"{name} must be {expected}, got {value!r}")
+    if maximum is not None:
+        expected = str(minimum) if minimum == maximum else f"{minimum} to {maximum}"
+    if (minimum is not None and array < minimum) or (maximum is not None and array > maximum):
         raise ParameterError(name, f"{name} must be {expected}, got {value!r}")
     return round(float(array))
 
 
 def check_bool(value: object, name: str) -> bool:
-    """Return a truth value.
-
-    Raises:
-        ValueError: it is neither true nor false.
-    """
+    """Return a truth value."""
     if not isinstance(value, bool | np.bool_):
         raise ParameterError(name, f"{name} must be True or False, got {value!r}")
     return bool(value)
 
 
 def check_choice(value: object, name: str, allowed: Collection[str]) -> str:
-    """Return one of the allowed words.
-
-    Raises:
-        ValueError: it is none of them.
-    """
+    """Return a word that must be one of those allowed."""
     if not isinstance(value, str) or value not in allowed:
         words = ", ".join(repr(word) for word in allowed)
         raise ParameterError(name, f"{name} must be one of {words}, got {value!r}")
@@ -178,43 +164,33 @@ def check_choice(value: object, name: str, allowed: Collection[str]) -> str:
 
 
 def check_end(
-    condition: object,
     side: str,
+    condition: object,
     omega: ArrayLike | None,
     alpha: ArrayLike | None = None,
-    allowed: Collection[str] = ("natural", "clamped"),
-) -> tuple[Floats | None, Floats | None]:
+    conditions: Mapping[str, tuple[int, int]] = VELOCITY_ENDS,
+) -> EndState:
     """Return the angular velocity and acceleration that are prescribed at an end, as checked.
 
     Args:
-        condition: ``"natural"`` takes neither, ``"clamped"`` the velocity, ``"state"`` both.
         side: ``"start"`` or ``"end"``, as in the names of the parameters.
+        condition: one of *conditions*.
         omega: velocity.
         alpha: acceleration.
-        allowed: conditions that the family knows.
-
-    Raises:
-        ValueError: the condition is none of them, or one of the two is missing or one too many.
+        conditions: those that the family knows, as in ``STATE_ENDS``.
     """
-    word = check_choice(condition, side, allowed)
-    if word != "natural" and omega is None:
-        raise ParameterError(
-            f"omega_{side}", f"omega_{side} must be given for {side}={word!r}, got None"
-        )
-    if word == "state" and alpha is None:
-        raise ParameterError(
-            f"alpha_{side}", f"alpha_{side} must be given for {side}='state', got None"
-        )
-    if word != "state" and alpha is not None:
-        raise ParameterError(
-            f"alpha_{side}",
-            f"alpha_{side} must be None unless {side}='state', got {alpha!r} with {word!r}",
-        )
-    if word == "natural" and omega is not None:
-        raise ParameterError(
-            f"omega_{side}",
-            f"omega_{side} must be None with {side}='natural', got {omega!r}; use {side}='clamped'",
-        )
+    word = check_choice(condition, side, conditions)
+    least, most = conditions[word]
+    for count, (quantity, value) in enumerate((("omega", omega), ("alpha", alpha)), start=1):
+        name = f"{quantity}_{side}"
+        if value is None and count <= least:
+            raise ParameterError(name, f"{name} must be given for {side}={word!r}, got None")
+        if value is not None and count > most:
+            others = [f"; use {side}={one!r}" for one in conditions if conditions[one][1] >= count]
+            raise ParameterError(
+                name,
+                f"{name} must be None with {side}={word!r}, got {value!r}{''.join(others[:1])}",
+            )
     return (
         None if omega is None else check_vector(omega, f"omega_{side}"),
         None if alpha is None else check_vector(alpha, f"alpha_{side}"),
@@ -222,15 +198,22 @@ def check_end(
 
 
 def check_interval(t0: object, t1: object) -> tuple[float, float]:
-    """Return the ends of a time interval in seconds.
-
-    Raises:
-        ValueError: they are not finite numbers, the second greater than the first.
-    """
+    """Return the ends of a time interval in seconds."""
     start, end = check_number(t0, "t0"), check_number(t1, "t1")
     if not end > start:
         raise ParameterError("t1", f"t1 must be greater than t0 = {start!r}, got {end!r}")
     return start, end
+
+
+def _check_order(array: Floats, name: str, is_wrong: np.ndarray, said: str) -> None:
+    """Refuse numbers that do not go on as *said* from one to the next."""
+    if is_wrong.any():
+        i = int(np.argmax(is_wrong))
+        raise ParameterError(
+            name,
+            f"{name} must {said}, got {name}[{i + 1}] = {float(array[i + 1])!r} "
+            f"after {name}[{i}] = {float(array[i])!r}",
+        )
 
 
 def resolve_times(times: object, keys: Floats, turns: ArrayLike | None = None) -> Floats:
@@ -257,8 +240,7 @@ def resolve_times(times: object, keys: Floats, turns: ArrayLike | None = None) -
     if times is None:
         times = "chord"
     if isinstance(times, str):
-        check_choice(times, "times", ("uniform", "chord"))
-        if times == "uniform":
+        if check_choice(times, "times", ("uniform", "chord")) == "uniform":
             return np.arange(count, dtype=np.float64)
         arcs = np.sqrt(np.sum(increments(keys) ** 2, axis=-1))
         if turns is not None:
@@ -271,48 +253,71 @@ def resolve_times(times: object, keys: Floats, turns: ArrayLike | None = None) -
                 f"got keys[{place}] and keys[{place + 1}] the same",
             )
         return np.concatenate([[0.0], np.cumsum(arcs)])
-    array = _numbers(times, "times", "'uniform', 'chord' or a list of numbers")
+    array = check_numbers(times, "times", "'uniform', 'chord' or a list of numbers")
     if array.shape != (count,):
         raise ParameterError(
             "times",
             f"times must have one number for each of the {count} keyframes, "
             f"got an array of shape {array.shape}",
         )
-    if not np.isfinite(array).all():
-        raise ParameterError(
-            "times", f"times must be finite, got {_worst(array, ~np.isfinite(array))}"
-        )
-    steps = array[1:] - array[:-1]
-    if not (steps > 0.0).all():
-        place = int(np.argmin(steps > 0.0))
-        raise ParameterError(
-            "times",
-            f"times must increase strictly, got times[{place + 1}] = {float(array[place + 1])!r} "
-            f"after times[{place}] = {float(array[place])!r}",
-        )
+    _check_finite(array, "times")
+    _check_order(array, "times", array[1:] <= array[:-1], "increase strictly")
     return array
 
 
-def increments(keys: Floats) -> Floats:
-    """Return the half-angle logarithms ``log(q_i^-1 q_{i+1})`` of a sequence, signs as given.
+def resolve_knots(knots: ArrayLike | None, count: int, order: int) -> Floats:
+    """Return a knot vector for *count* control points of a B-spline of an order, in seconds.
 
-    Args:
-        keys: unit quaternions, shape ``(n, 4)``.
+    Without *knots* they are a second apart, and the domain begins at 0.
 
-    Returns:
-        Half-angle vectors, shape ``(n - 1, 3)``, of length up to pi.
+    Raises:
+        ValueError: it is not ``count + order`` finite numbers that do not decrease, the domain
+            from ``knots[order - 1]`` to ``knots[count]`` is empty, or a knot inside it is
+            repeated so often that the curve would jump.
     """
+    if knots is None:
+        return np.arange(1 - order, count + 1, dtype=np.float64)
+    expected = f"a list of {count + order} non-decreasing numbers"
+    vector = check_numbers(knots, "knots", expected)
+    if vector.shape != (count + order,):
+        raise ParameterError(
+            "knots",
+            f"knots must be {expected} for {count} control quaternions of order {order}, "
+            f"got an array of shape {vector.shape}",
+        )
+    _check_finite(vector, "knots")
+    _check_order(vector, "knots", vector[1:] < vector[:-1], "not decrease")
+    if not vector[count] > vector[order - 1]:
+        raise ParameterError(
+            "knots",
+            f"knots must leave a domain from knots[{order - 1}] to knots[{count}], "
+            f"got {float(vector[count])!r} for both",
+        )
+    multiplicity = inner_multiplicity(vector, order)
+    if multiplicity >= order:
+        raise ParameterError(
+            "knots",
+            f"knots inside the domain must be repeated at most {order - 1} times for order "
+            f"{order}, got one repeated {multiplicity} times",
+        )
+    return vector
+
+
+def inner_multiplicity(vector: Floats, order: int) -> int:
+    """Return how often the most repeated knot strictly inside the domain occurs, 0 without any."""
+    inner = vector[(vector > vector[order - 1]) & (vector < vector[-order])]
+    return int(np.unique(inner, return_counts=True)[1].max(initial=0))
+
+
+def increments(keys: Floats) -> Floats:
+    """Return the half-angle logarithms ``log(q_i^-1 q_{i+1})``, signs as given, ``(n - 1, 3)``."""
     steps: Floats = np.empty((len(keys) - 1, 3))
     put_steps(np.ascontiguousarray(keys, dtype=np.float64), steps)
     return steps
 
 
 def check_turns(turns: ArrayLike, intervals: int) -> np.ndarray[Any, np.dtype[Any]]:
-    """Return whole turns, one count for each interval.
-
-    Raises:
-        ValueError: they are not.
-    """
+    """Return whole turns, one count for each interval."""
     count = np.asarray(turns)
     if count.shape != (intervals,) or count.dtype.kind not in "iuf" or np.any(count % 1 != 0):
         raise ParameterError(

@@ -13,6 +13,8 @@ from typing import TypeVar
 
 import numpy as np
 
+from orientd import kernels
+from orientd.curves.basis import Indices
 from orientd.rotation import Floats
 
 State = TypeVar("State")
@@ -100,38 +102,6 @@ def newton(
     return None
 
 
-def dense(
-    errors: Callable[[Floats], Floats], jacobian: Callable[[Floats], Floats] | None = None
-) -> Callable[[Floats], Linearised]:
-    """Return equations in a space of numbers, solved with a full matrix.
-
-    Args:
-        errors: as many numbers as the state has, shape ``(n,)``.
-        jacobian: their derivatives, shape ``(n, n)``; central differences without it.
-    """
-
-    def by_differences(x: Floats) -> Floats:
-        steps = np.cbrt(np.finfo(np.float64).eps) * np.maximum(1.0, np.abs(x))
-        columns = [
-            (errors(x + nudge) - errors(x - nudge)) / (2.0 * nudge[i])
-            for i, nudge in enumerate(np.diag(steps))
-        ]
-        matrix: Floats = np.stack(columns, axis=1)
-        return matrix
-
-    derivatives = by_differences if jacobian is None else jacobian
-
-    def equations(x: Floats) -> Linearised:
-        error = errors(x)
-
-        def step() -> Floats:
-            return np.asarray(np.linalg.solve(derivatives(x), -error), dtype=np.float64)
-
-        return error, step
-
-    return equations
-
-
 def homotopy(
     solve: Callable[[float, Floats], Floats | None],
     start: Floats,
@@ -197,7 +167,10 @@ def multistart(
         step = -np.einsum("sij,sj->si", axes, along)
         length = np.sqrt(np.sum(step * step, axis=1, keepdims=True))
         step *= np.minimum(1.0, 0.5 / np.where(length > 0.0, length, 1.0))
-        tried = move(np.repeat(x, len(SHARES), axis=0), _all_shares(step))
+        tried = move(
+            np.repeat(x, len(SHARES), axis=0),
+            (SHARES[:, None] * step[:, None]).reshape(-1, step.shape[1]),
+        )
         reached = values(tried).reshape(len(x), -1)
         # The first share that is as good as any, so that a flat minimum is stepped into.
         lowest = reached.min(axis=1, keepdims=True)
@@ -245,7 +218,53 @@ def differences(
     return derivatives
 
 
-def _all_shares(step: Floats) -> Floats:
-    """Return every share of each step, one step after the other."""
-    scaled: Floats = SHARES[:, None] * step[:, None]
-    return scaled.reshape(-1, step.shape[1])
+def solve_blocks(blocks: Floats, rows: Indices, columns: Indices, right: Floats) -> Floats:
+    """Solve a square system whose matrix is a sum of small blocks near the diagonal.
+
+    Columns outside the matrix are dropped, so that the first and last keyframe need no blocks of
+    another shape.
+
+    Args:
+        blocks: shape ``(n, p, q)``.
+        rows: the first row of each block, shape ``(n,)``.
+        columns: the first column of each block; may lie outside the matrix.
+        right: the right side, shape ``(size,)``.
+
+    Returns:
+        The solution, shaped like *right*.  Time and memory grow linearly with *size*.
+
+    Raises:
+        numpy.linalg.LinAlgError: the matrix is singular.
+    """
+    _, height, width = blocks.shape
+    row = np.broadcast_to(rows[:, None, None] + np.arange(height)[:, None], blocks.shape)
+    column = np.broadcast_to(columns[:, None, None] + np.arange(width), blocks.shape)
+    inside = (column >= 0) & (column < len(right)) & (row < len(right))
+    return solve_entries(row[inside], column[inside], blocks[inside], right)
+
+
+def solve_entries(row: Indices, column: Indices, entries: Floats, right: Floats) -> Floats:
+    """Solve a square system of entries near the diagonal, of which those at one place add up."""
+    lower, upper = (int(np.max(one, initial=0)) for one in (row - column, column - row))
+    places = (upper + row - column) * len(right) + column
+    band = np.bincount(places, entries, minlength=(lower + upper + 1) * len(right))
+    return solve_banded(lower, upper, band.reshape(-1, len(right)).astype(np.float64), right)
+
+
+def solve_banded(lower: int, upper: int, band: Floats, right: Floats) -> Floats:
+    """Solve a banded system.
+
+    Args:
+        lower: how many diagonals below the main one.
+        upper: how many above it.
+        band: the diagonals from the uppermost to the lowest, an entry in its column, shape
+            ``(lower + upper + 1, size)``.
+        right: the right side, shape ``(size,)`` or ``(size, k)``.
+
+    Raises:
+        numpy.linalg.LinAlgError: the matrix is singular or not finite.
+    """
+    solution = np.array(right, dtype=np.float64)
+    if not kernels.solve_banded(band, lower, upper, solution.reshape(len(right), -1)):
+        raise np.linalg.LinAlgError("singular matrix")
+    return solution

@@ -10,99 +10,74 @@ A length above pi is extra winding, which the control quaternions alone do not s
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct import (
-    CumulativeBasis,
-    Indices,
-    cumulative_basis,
-    inner_multiplicity,
-    resolve_knots,
-)
-from orientd.curves.contract import Curve, takes_common_names
+from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
+from orientd.curves.contract import FREE, Between, Curve, Drawn, Ends, Through
 from orientd.curves.keyframes import (
     ParameterError,
-    check_aligned,
     check_choice,
     check_integer,
     check_interval,
+    check_keys,
     check_number,
-    check_quaternion,
     check_vector,
     increments,
-    resolve_times,
+    inner_multiplicity,
+    resolve_knots,
 )
-from orientd.kernels import sample_product
+from orientd.curves.trajectory import Samples, Trajectory
 from orientd.rotation import Floats, between, conjugate, log_half, multiply, nearer_sign
 
 PATHS = ("short", "long", "as_is", "complement")
 _COINCIDENT = 1e-14
+_CUTS = (0.01, 1), (0.1, 2)  # rad of half angle up to which so many pieces of a span mostly do
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
+Parts = tuple[Floats, Indices, Floats, Floats]
+"""What a product is made of: the quaternion before the product of each span, ``(S, 4)``; the number
+of its first increment, ``(S,)``; all increments, half-angle vectors, ``(n, 3)``; and the Bernstein
+coefficients of its functions, ``(S, m, m + 1)``."""
 
-EndState = tuple[Floats | None, Floats | None]
-"""Body angular velocity, rad/s, and acceleration, rad/s^2, at an end; ``None`` where not given."""
-
-_ANY: EndState = (None, None)
+Path = Callable[[Floats], Samples]
+"""Orientation, angular velocity and angular acceleration at instants."""
 
 
 class Product(Curve):
-    """A cumulative product over a B-spline basis.
+    """A cumulative product over a B-spline basis."""
 
-    Args:
-        basis: the cumulative basis functions that vary on each span.
-        controls: control quaternions, shape ``(n + 1, 4)``, the signs as the product needs them.
-        increments: half-angle vectors from each control quaternion to the next, ``(n, 3)``.
-        continuity: what holds at the knots.
-        start: what was asked for at the first instant.
-        end: what was asked for at the last instant.
-    """
-
-    def __init__(
-        self,
-        *,
-        basis: CumulativeBasis,
-        controls: Floats,
-        increments: Floats,
-        continuity: int,
-        start: EndState = _ANY,
-        end: EndState = _ANY,
-    ) -> None:
-        first = basis.first - 1
-        parts = controls[first], first, increments, basis.values
-        self._set(basis.breaks, parts, continuity, (start, end))
-
-    def _set(
+    def _set_parts(
         self,
         breaks: Floats,
-        parts: tuple[Floats, Indices, Floats, Floats],
+        parts: Parts,
         continuity: int,
-        ends: tuple[EndState, EndState],
+        ends: Ends | None = None,
     ) -> None:
-        """Set up the curve.
+        """Set up the curve over its spans, with what was asked for at both ends."""
+        self._set_knots(breaks, continuity)
+        self._parts = parts
+        self._ends = self._ends if ends is None else ends
 
-        Args:
-            breaks: where its spans begin and end, s, shape ``(S + 1,)``.
-            parts: the quaternion before the product of each span, ``(S, 4)``; the number of its
-                first increment, ``(S,)``; all increments, ``(n, 3)``; and the Bernstein
-                coefficients of its functions, ``(S, m, m + 1)``.
-            continuity: what holds at the breaks.
-            ends: what was asked for there.
-        """
-        super().__init__(knots=breaks, continuity=continuity)
-        base, first, vectors, values = parts
-        self._parts = (
-            np.ascontiguousarray(base),
-            np.ascontiguousarray(first, dtype=np.int64),
-            np.ascontiguousarray(vectors),
-            np.ascontiguousarray(values),
-        )
-        self._ends = ends
+    def _set_controls(
+        self,
+        basis: CumulativeBasis,
+        controls: Floats,
+        vectors: Floats,
+        continuity: int,
+        ends: Ends | None = None,
+    ) -> None:
+        """Set up the curve of control quaternions, ``(n + 1, 4)``, and increments, ``(n, 3)``."""
+        first = np.ascontiguousarray(basis.first - 1, dtype=np.int64)
+        parts = controls[first], first, np.ascontiguousarray(vectors), basis.values
+        self._set_parts(basis.breaks, parts, continuity, ends)
 
     @property
-    def parts(self) -> tuple[Floats, Indices, Floats, Floats]:
-        """What it is a product of, as for :meth:`_set`; not to be changed."""
+    def parts(self) -> Parts:
+        """What it is a product of; not to be changed."""
         return self._parts
 
     @property
@@ -112,17 +87,33 @@ class Product(Curve):
         view.setflags(write=False)
         return view
 
-    @property
-    def _end_states(self) -> tuple[EndState, EndState]:
-        return self._ends
-
-    def _orientations(self, times: Floats) -> Floats:
-        out: Floats = np.empty((len(times), 4))
-        sample_product(np.ascontiguousarray(times), self._knots, *self._parts, out)
-        return out
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """See :attr:`Curve.trajectory`: pieces as short as the largest increment calls for."""
+        return product_trajectory(self._knots, self._parts, self.continuity, self._ends)
 
 
-class Slerp(Product):
+def product_trajectory(
+    breaks: Floats,
+    parts: Parts,
+    continuity: int = 2,
+    ends: Ends = (FREE, FREE),
+) -> Trajectory:
+    """Return the trajectory of a product, which need be no curve of a family."""
+    largest = float(np.max(np.abs(parts[2])))
+    cuts = next((count for most, count in _CUTS if largest < most), 4)
+    return Trajectory.of_product(breaks, parts, ends=ends, continuity=continuity, cuts=cuts)
+
+
+def squared_acceleration(path: Path, times: Floats) -> float:
+    """Return the integral of squared angular acceleration, by Gauss's rule in each interval."""
+    h = np.diff(times)[:, None]
+    alpha = path((times[:-1, None] + 0.5 * h * (1.0 + _NODES)).ravel())[2]
+    squares = np.sum(alpha * alpha, axis=1).reshape(len(h), -1)
+    return float(np.sum(0.5 * h * _WEIGHTS * squares))
+
+
+class Slerp(Product, Between):
     r"""Turn at constant angular velocity about one axis.
 
     .. math:: q(t) = q_0 \exp\bigl(u (\theta + n \pi) a\bigr), \quad u = (t - t_0) / (t_1 - t_0)
@@ -135,40 +126,27 @@ class Slerp(Product):
     Picture: ``orientd plot slerp``.
 
     Args:
-        q0: first orientation.
-        q1: last orientation.
-        t0: first instant, s.
-        t1: last instant, s.
         path: ``"short"`` and ``"long"`` choose the sign of *q1*; ``"as_is"`` keeps it;
             ``"complement"`` goes the other way round the great circle of ``"as_is"`` (course
             notes on quaternion interpolation).
         spins: whole turns added, negative ones the other way.
         axis: body axis for orientations that coincide and so leave it open; otherwise not used.
-
-    Raises:
-        ValueError: a parameter is not as said, or the axis is open and not given.
     """
 
     name = "slerp"
     summary = "one great arc at constant velocity, with whole turns if wanted"
     source = "Shoemake 1985"
-    interpolates = True
-    takes = ("q0", "q1", "t0", "t1", "path", "spins", "axis")
 
-    @takes_common_names
-    def __init__(
+    def _solve(
         self,
+        start: Floats,
+        end: Floats,
+        interval: tuple[float, float],
         *,
-        q0: ArrayLike,
-        q1: ArrayLike,
-        t0: float = 0.0,
-        t1: float = 1.0,
         path: str = "short",
         spins: int = 0,
         axis: ArrayLike | None = None,
     ) -> None:
-        start, end = check_quaternion(q0, "q0"), check_quaternion(q1, "q1")
-        interval = check_interval(t0, t1)
         path = check_choice(path, "path", PATHS)
         turns = check_integer(spins, "spins")
         relative = between(start, end)
@@ -190,15 +168,12 @@ class Slerp(Product):
         if axis is not None and length == 0.0 and abs(angle) > 0.0:
             raise ParameterError("axis", f"axis must not be zero, got {axis!r}")
         increment = direction * (angle / length if length > 0.0 else 0.0)
-        super().__init__(
-            basis=cumulative_basis(np.repeat(interval, 2), 2),
-            controls=np.stack([start, end]),
-            increments=increment[None],
-            continuity=2,
+        self._set_controls(
+            cumulative_basis(np.repeat(interval, 2), 2), np.stack([start, end]), increment[None], 2
         )
 
 
-class PiecewiseSlerp(Product):
+class PiecewiseSlerp(Product, Through):
     r"""Join keyframes by great arcs; the angular velocity jumps at every keyframe.
 
     .. math:: q(t) = q_i \exp\bigl(u \log(q_i^{-1} q_{i+1})\bigr), \quad
@@ -210,15 +185,6 @@ class PiecewiseSlerp(Product):
 
     Picture: ``orientd plot piecewise_slerp``.
 
-    Args:
-        keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
-        align: whether each keyframe takes the sign nearer to its predecessor; if not, steps are
-            as given and may be up to a whole turn.
-
-    Raises:
-        ValueError: a parameter is not as said.
-
     Example:
         >>> curve = PiecewiseSlerp(keys=[[1, 0, 0, 0], [0, 0, 0, 1]], times=[0.0, 2.0])
         >>> q, omega_body, alpha_body = curve.evaluate([1.0])
@@ -229,26 +195,14 @@ class PiecewiseSlerp(Product):
     name = "piecewise_slerp"
     summary = "great arcs between keyframes, velocity jumps at each"
     source = "Shoemake 1985; Kim, Kim and Shin 1995, sec. 4.1"
-    interpolates = True
     local = True
-    takes = ("keys", "times", "align")
 
-    @takes_common_names
-    def __init__(
-        self, *, keys: ArrayLike, times: str | ArrayLike | None = None, align: bool = True
-    ) -> None:
-        controls = check_aligned(keys, align)
-        instants = resolve_times(times, controls)
+    def _solve(self, q: Floats, instants: Floats) -> None:
         knots = np.concatenate([instants[:1], instants, instants[-1:]])
-        super().__init__(
-            basis=cumulative_basis(knots, 2),
-            controls=controls,
-            increments=increments(controls),
-            continuity=0,
-        )
+        self._set_controls(cumulative_basis(knots, 2), q, increments(q), 0)
 
 
-class KksBezier(Product):
+class KksBezier(Product, Drawn):
     r"""Blend control quaternions with the cumulative Bernstein basis.
 
     .. math:: q(t) = q_0 \prod_{i=1}^n
@@ -256,40 +210,24 @@ class KksBezier(Product):
               \tilde\beta_{i,n}(u) = \sum_{j=i}^n \tbinom{n}{j} (1-u)^{n-j} u^j
 
     Kim, Kim and Shin (1995), eqs. (9) and (10).  The appendix prints the exponent ``n-i`` for
-    ``n-j`` in the basis; the body of the paper has it right.  "Order n" there is degree n.
+    ``n-j`` in the basis; the body of the paper has it right.  "Order n" there is degree n.  The
+    first and the last control quaternion are met.
 
     Picture: ``orientd plot kks_bezier``.
-
-    Args:
-        control: at least two control quaternions, the first and last of which are met.
-        t0: first instant, s.
-        t1: last instant, s.
-        align: whether each control quaternion takes the sign nearer to its predecessor.
-
-    Raises:
-        ValueError: a parameter is not as said.
     """
 
     name = "kks_bezier"
     summary = "one smooth segment drawn by control orientations"
     source = "Kim, Kim and Shin 1995, eq. (10)"
-    takes = ("control", "t0", "t1", "align")
 
-    @takes_common_names
-    def __init__(
-        self, *, control: ArrayLike, t0: float = 0.0, t1: float = 1.0, align: bool = True
-    ) -> None:
-        controls = check_aligned(control, align, "control")
-        interval = check_interval(t0, t1)
-        super().__init__(
-            basis=cumulative_basis(np.repeat(interval, len(controls)), len(controls)),
-            controls=controls,
-            increments=increments(controls),
-            continuity=2,
+    def _solve(self, controls: Floats, *, t0: float = 0.0, t1: float = 1.0) -> None:
+        knots = np.repeat(check_interval(t0, t1), len(controls))
+        self._set_controls(
+            cumulative_basis(knots, len(controls)), controls, increments(controls), 2
         )
 
 
-class KksBspline(Product):
+class KksBspline(Product, Drawn):
     r"""Blend control quaternions with the cumulative B-spline basis; control is local.
 
     .. math:: q(t) = q_{l-k+1} \prod_{i=l-k+2}^{l}
@@ -309,40 +247,27 @@ class KksBspline(Product):
         order: degree plus one, at least 2.
         knots: non-decreasing knots in seconds, ``len(control) + order`` of them, or ``None`` for
             knots one second apart with the domain starting at 0.
-        align: whether each control quaternion takes the sign nearer to its predecessor.
-
-    Raises:
-        ValueError: a parameter is not as said.
     """
 
     name = "kks_bspline"
     summary = "C2 blending with local control; does not meet its control orientations"
     source = "Kim, Kim and Shin 1995, sec. 5.3"
     local = True
-    takes = ("control", "order", "knots", "align")
 
-    @takes_common_names
-    def __init__(
-        self,
-        *,
-        control: ArrayLike,
-        order: int = 4,
-        knots: ArrayLike | None = None,
-        align: bool = True,
-    ) -> None:
+    def _solve(self, controls: Floats, *, order: int = 4, knots: ArrayLike | None = None) -> None:
         order = check_integer(order, "order", minimum=2)
-        controls = check_aligned(control, align, "control", minimum=order)
+        check_keys(controls, "control", minimum=order)
         vector = resolve_knots(knots, len(controls), order)
         repeated = inner_multiplicity(vector, order)
-        super().__init__(
-            basis=cumulative_basis(vector, order),
-            controls=controls,
-            increments=increments(controls),
-            continuity=order - 1 - repeated if repeated else 2,
+        self._set_controls(
+            cumulative_basis(vector, order),
+            controls,
+            increments(controls),
+            order - 1 - repeated if repeated else 2,
         )
 
 
-class KksUniform(Product):
+class KksUniform(Product, Drawn):
     r"""Blend control quaternions at equal intervals, meeting the first and the last.
 
     .. math:: q(t) = q_{-1} \prod_{i=0}^{n+1}
@@ -357,41 +282,25 @@ class KksUniform(Product):
     Picture: ``orientd plot kks_uniform``.
 
     Args:
-        control: at least two control quaternions.
-        t0: where the domain begins, s.
-        t1: where it ends; ``None`` puts the control quaternions one second apart.
-        align: whether each takes the sign nearer to its predecessor.
-
-    Raises:
-        ValueError: a parameter is not as said.
+        t1: last instant, s; ``None`` puts the control quaternions one second apart.
     """
 
     name = "kks_uniform"
     summary = "C2 blending at one orientation a second, ends met"
     source = "Kim, Kim and Shin 1995, appendix"
     local = True
-    takes = ("control", "t0", "t1", "align")
 
-    @takes_common_names
-    def __init__(
-        self,
-        *,
-        control: ArrayLike,
-        t0: float = 0.0,
-        t1: float | None = None,
-        align: bool = True,
-    ) -> None:
-        inner = check_aligned(control, align, "control")
-        before = multiply(multiply(inner[0], conjugate(inner[1])), inner[0])
-        after = multiply(multiply(inner[-1], conjugate(inner[-2])), inner[-1])
-        controls = np.concatenate([before[None], inner, after[None]])
+    def _solve(self, inner: Floats, *, t0: float = 0.0, t1: float | None = None) -> None:
+        controls = with_phantoms(inner)
         spans = len(inner) - 1
         start, end = check_interval(t0, check_number(t0, "t0") + spans if t1 is None else t1)
         knots = start + np.arange(-3.0, spans + 4.0) * ((end - start) / spans)
         knots[3 + spans] = end
-        super().__init__(
-            basis=cumulative_basis(knots, 4),
-            controls=controls,
-            increments=increments(controls),
-            continuity=2,
-        )
+        self._set_controls(cumulative_basis(knots, 4), controls, increments(controls), 2)
+
+
+def with_phantoms(q: Floats) -> Floats:
+    """Return keyframes with one more at each end: the neighbour reflected, ``q_0 q_1^-1 q_0``."""
+    ends, neighbours = q[[0, -1]], q[[1, -2]]
+    first, last = multiply(ends, multiply(conjugate(neighbours), ends))
+    return np.concatenate([first[None], q, last[None]])

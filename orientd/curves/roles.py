@@ -10,12 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.curves.family import Family
 from orientd.curves.keyframes import (
     ParameterError,
     check_choice,
@@ -25,11 +24,10 @@ from orientd.curves.keyframes import (
     check_turns,
     check_vector,
     increments,
+    resolve_knots,
     resolve_times,
 )
 from orientd.rotation import Floats, align, conjugate, rotate
-
-Made = TypeVar("Made", bound=Family)
 
 EQUAL = 1e-9
 """Of the duration, by which equal intervals may differ."""
@@ -58,6 +56,33 @@ _FROM_TASK = frozenset(
     }
 )
 _TURNS = ("turns", "revolutions", "spins")
+
+
+class Family:
+    """A class of curves, with the parameters that its constructor takes.
+
+    Attributes:
+        name: the key of the family in ``METHODS``.
+        summary: one line for a list of the families.
+        source: author, year and equation.
+        interpolates: whether the curve passes through every keyframe at its time.
+        local: whether moving a keyframe changes the curve near that keyframe only.
+        meets_end_velocities: whether angular velocities can be prescribed at both ends.
+        meets_end_accelerations: whether accelerations can be prescribed with them.
+        takes: the family's own names of its parameters, in order.
+    """
+
+    name: ClassVar[str]
+    summary: ClassVar[str]
+    source: ClassVar[str]
+    interpolates: ClassVar[bool] = False
+    local: ClassVar[bool] = False
+    meets_end_velocities: ClassVar[bool] = False
+    meets_end_accelerations: ClassVar[bool] = False
+    takes: ClassVar[tuple[str, ...]] = ()
+
+
+Made = TypeVar("Made", bound=Family)
 
 
 class UnevenError(ParameterError):
@@ -125,12 +150,12 @@ def options_of(family: type[Family]) -> tuple[str, ...]:
 
 def is_pair(family: type[Family]) -> bool:
     """Return whether a family joins two keyframes, and no more."""
-    return {"q0", "q1"} <= set(family.takes)
+    return "q0" in family.takes
 
 
 def turns_name(family: type[Family]) -> str | None:
     """Return the parameter by which a family makes whole turns; ``None`` if it cannot."""
-    return next((name for name in _TURNS if name in set(family.takes)), None)
+    return next((name for name in _TURNS if name in family.takes), None)
 
 
 def parameters(
@@ -152,21 +177,18 @@ def parameters(
         UnevenError: the family needs equal intervals.
         ValueError: the family does not apply, with the reason.
     """
-    names, given = set(family.takes), dict(options or {})
-    turned = turns_name(family)
-    made: dict[str, Any] = {}
+    given = dict(options or {})
+    if is_pair(family):
+        made = _between_two(family, task)
+    elif "keys" in family.takes:
+        made = _through_keyframes(family, task)
+    else:
+        made = _from_controls(family, task, given)
     if task.turns is not None and np.any(task.turns):
+        turned = turns_name(family)
         if turned is None:
             raise ValueError("cannot make whole turns between keyframes")
         made[turned] = int(task.turns[0]) if is_pair(family) else task.turns
-    if {"keys", "times"} <= names:
-        made |= _through_keyframes(family, names, task)
-    elif {"q0", "q1"} <= names:
-        made |= _between_two(names, task)
-    elif "control" in names:
-        made |= _from_controls(family, names, task, given)
-    else:
-        raise ValueError("takes neither keyframes, nor two ends, nor control orientations")
     return {**made, **given}
 
 
@@ -254,21 +276,21 @@ def _keys_of(family: type[Family], keys: Any, rest: dict[str, Any]) -> Floats:  
     raise TypeError(f"{family.name} must be given keys, got {', '.join(rest) or 'none'}")
 
 
-def _through_keyframes(family: type[Family], names: set[str], task: CurveTask) -> dict[str, Any]:
+def _through_keyframes(family: type[Family], task: CurveTask) -> dict[str, Any]:
     made: dict[str, Any] = {"keys": task.keys, "times": task.times}
-    conditions = (
+    for end, omega, alpha in (
         ("start", task.omega_start, task.alpha_start),
         ("end", task.omega_end, None),
-    )
-    for end, omega, alpha in conditions:
-        if f"omega_{end}" not in names:
+    ):
+        has_conditions = end in family.takes
+        if f"omega_{end}" not in family.takes:
             continue
-        if omega is None and task.holds and (family.meets_end_accelerations or end not in names):
+        if omega is None and task.holds and (family.meets_end_accelerations or not has_conditions):
             omega = np.zeros(3)
         if omega is None:
             continue
         made[f"omega_{end}"] = omega
-        if end not in names:
+        if not has_conditions:
             continue
         if alpha is None and task.holds and not np.any(omega) and not task.leaves_freely:
             # From rest a motion begins without a step in torque.  With a velocity whatever comes
@@ -280,38 +302,36 @@ def _through_keyframes(family: type[Family], names: set[str], task: CurveTask) -
     return made
 
 
-def _between_two(names: set[str], task: CurveTask) -> dict[str, Any]:
+def _between_two(family: type[Family], task: CurveTask) -> dict[str, Any]:
     if len(task.keys) != 2:
         raise ValueError(f"takes exactly 2 keyframes, got {len(task.keys)}")
     start, end = float(task.times[0]), float(task.times[1])
     made: dict[str, Any] = {"q0": task.keys[0], "q1": task.keys[1], "t0": start, "t1": end}
-    if "omega0" in names:
+    if "omega0" in family.takes:
         even = 2.0 * increments(align(task.keys))[0] / (end - start)
         for name, omega in zip(("omega0", "omega1"), task.wanted, strict=True):
             made[name] = even if omega is None else omega
-    if "alpha0" in names and task.alpha_start is not None:
+    if "alpha0" in family.takes and task.alpha_start is not None:
         made["alpha0"] = task.alpha_start
     return made
 
 
 def _from_controls(
-    family: type[Family], names: set[str], task: CurveTask, options: dict[str, Any]
+    family: type[Family], task: CurveTask, options: dict[str, Any]
 ) -> dict[str, Any]:
-    made: dict[str, Any] = {"control": task.keys}
-    if "align" in names:
-        # Keyframes come with either sign.
-        made["align"] = True
+    # Keyframes come with either sign.
+    made: dict[str, Any] = {"control": task.keys, "align": True}
     start, end = float(task.times[0]), float(task.times[-1])
-    times = task.times if task.is_timed else np.linspace(start, end, len(task.keys))
-    if "knots" in names:
+    count = len(task.keys)
+    times = task.times if task.is_timed else np.linspace(start, end, count)
+    if "knots" in family.takes:
         wanted = check_integer(options.get("order", 4), "order", minimum=2)
-        if wanted > len(task.keys) and "order" in options:
+        if wanted > count and "order" in options:
             raise ParameterError(
                 "order", f"order must be at most the number of keyframes, got {wanted}"
             )
-        order = min(wanted, len(task.keys))
+        order = made["order"] = min(wanted, count)
         knots = options.pop("knots", None)
-        made["order"] = order
         made["knots"] = (
             averaged_knots(times, order) if knots is None else _on_the_clock(knots, times, order)
         )
@@ -320,26 +340,18 @@ def _from_controls(
         steps = np.diff(times)
         if np.ptp(steps) > EQUAL * (end - start):
             raise UnevenError(steps)
-    elif len(task.keys) > MOST_CONTROLS:
+    elif count > MOST_CONTROLS:
         raise ValueError(
-            f"one segment of degree {len(task.keys) - 1} is drawn through at most "
+            f"one segment of degree {count - 1} is drawn through at most "
             f"{MOST_CONTROLS} control orientations"
         )
     return {**made, "t0": start, "t1": end}
 
 
-def _on_the_clock(knots: object, times: Floats, order: int) -> Floats:
+def _on_the_clock(knots: Any, times: Floats, order: int) -> Floats:  # noqa: ANN401
     """Return knots in any unit, with the curve they bound as long as *times*."""
-    expected = f"knots must be {len(times) + order} numbers that do not decrease"
-    try:
-        vector = np.asarray(knots, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ParameterError("knots", expected) from error
-    if vector.shape != (len(times) + order,) or not np.all(np.isfinite(vector)):
-        raise ParameterError("knots", f"{expected}, got {np.size(vector)}")
+    vector = resolve_knots(knots, len(times), order)
     begin, end = vector[order - 1], vector[-order]
-    if np.any(np.diff(vector) < 0.0) or not end > begin:
-        raise ParameterError("knots", f"{expected}, and span some time")
     mapped: Floats = times[0] + (vector - begin) * ((times[-1] - times[0]) / (end - begin))
     mapped[order - 1], mapped[-order] = times[0], times[-1]
     # Rounding must not put a knot that is repeated at an end on either side of it.

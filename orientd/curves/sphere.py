@@ -7,16 +7,13 @@ unit.  Kim and Nam's curve blends circles through three keyframes.
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct import solve_banded, solve_blocks
-from orientd.curves.contract import Curve, takes_common_names
-from orientd.curves.keyframes import ParameterError, check_aligned, check_choice, resolve_times
-from orientd.curves.newton import Linearised, newton
-from orientd.curves.triangles import TriangleCurve, cubic_bezier_points, moving_slerp
+from orientd.curves.contract import Through
+from orientd.curves.keyframes import ParameterError, check_choice, check_numbers
+from orientd.curves.newton import Linearised, newton, solve_banded, solve_blocks
+from orientd.curves.triangles import CubicSegments, moving_slerp
 from orientd.errors import PlanError
 from orientd.rotation import (
     Floats,
@@ -35,7 +32,7 @@ SAME = 1e-12
 """Quaternions closer than this do not tell one circle from another."""
 
 
-class NielsonHeiland(TriangleCurve):
+class NielsonHeiland(CubicSegments):
     r"""Interpolate keyframes by the spherical analogue of the interpolating cubic B-spline.
 
     .. math:: L_i = G[D_{i-1}, D_i](l_i), \quad R_i = G[D_i, D_{i+1}](r_i), \quad
@@ -70,56 +67,23 @@ class NielsonHeiland(TriangleCurve):
 
     Picture: ``orientd plot nielson_heiland``.
 
-    Args:
-        keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
-        align: whether each keyframe takes the sign nearer to its predecessor.
-
     Raises:
-        ValueError: a parameter is not as said.
         PlanError: no control quaternions are found with which the curve meets the keyframes.
     """
 
     name = "nielson_heiland"
     summary = "spherical B-spline solved to interpolate"
     source = "Nielson and Heiland 1992; Nielson 1993, eq. 22"
-    interpolates = True
-    takes = ("keys", "times", "align")
 
-    @takes_common_names
-    def __init__(
-        self, *, keys: ArrayLike, times: str | ArrayLike | None = None, align: bool = True
-    ) -> None:
-        q = check_aligned(keys, align)
-        instants = resolve_times(times, q)
-        fractions = knot_fractions(np.diff(instants))
-        d = control_quaternions(q, *fractions)
-        super().__init__(
-            knots=instants,
-            points=cubic_bezier_points(
-                q, slerp(d[:-1], d[1:], fractions[0]), slerp(d[:-1], d[1:], fractions[1])
-            ),
-            continuity=1 if len(q) > 2 else 2,
-        )
-
-
-def knot_fractions(h: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return where the inner points and keyframes divide their arcs.
-
-    Args:
-        h: intervals, shape ``(n,)``.
-
-    Returns:
-        ``r_i`` and ``l_{i+1}``, both on the arc from ``D_i`` to ``D_{i+1}``, shape ``(n,)``; and
-        ``f_i`` of the inner keyframes, shape ``(n - 1,)``.
-    """
-    padded = np.concatenate([h[:1], h, h[-1:]])
-    total = padded[:-2] + padded[1:-1] + padded[2:]
-    return (
-        padded[:-2] / total,
-        (padded[:-2] + padded[1:-1]) / total,
-        h[:-1] / (h[:-1] + h[1:]),
-    )
+    def _solve(self, q: Floats, instants: Floats) -> None:
+        h = np.diff(instants)
+        padded = np.concatenate([h[:1], h, h[-1:]])
+        total = padded[:-2] + padded[1:-1] + padded[2:]
+        # Where R_i and L_{i+1} are on the arc from D_i to D_{i+1}, and q_i between L_i and R_i.
+        right, left = padded[:-2] / total, (padded[:-2] + padded[1:-1]) / total
+        d = control_quaternions(q, right, left, h[:-1] / (h[:-1] + h[1:]))
+        after, before = slerp(d[:-1], d[1:], right), slerp(d[:-1], d[1:], left)
+        self._set_cubics(q, after, before, instants, 1 if len(q) > 2 else 2)
 
 
 def control_quaternions(q: Floats, r: Floats, left: Floats, f: Floats) -> Floats:
@@ -127,9 +91,9 @@ def control_quaternions(q: Floats, r: Floats, left: Floats, f: Floats) -> Floats
 
     Args:
         q: keyframes, shape ``(n, 4)``.
-        r: of the inner points after each keyframe, see :func:`knot_fractions`.
-        left: of the inner points before each keyframe.
-        f: of the inner keyframes.
+        r: where the inner points after each keyframe divide their arcs, shape ``(n - 1,)``.
+        left: the same of the inner points before each keyframe.
+        f: the same of the inner keyframes, shape ``(n - 2,)``.
 
     Raises:
         PlanError: it does not converge.
@@ -192,48 +156,16 @@ def slerp_jacobians(p: Floats, q: Floats, u: Floats) -> tuple[Floats, Floats]:
     return back - along @ right_jacobian_inverse(-w), along @ right_jacobian_inverse(w)
 
 
-class NuSpline(Curve):
-    r"""Interpolate quaternions by a cubic spline with tension, made unit.
+class ComponentSpline(Through):
+    """A cubic spline of the four components with tension at the keyframes, made unit."""
 
-    .. math:: \min \int \|c''\|^2 dt + \sum_i \nu_i \|c'(t_i)\|^2, \qquad q = c / \|c\|
+    def _set_spline(self, q: Floats, instants: Floats, tension: Floats) -> None:
+        """Set up the spline; *tension* is not negative, in 1/s, shape ``(n,)``.
 
-    Nielson (1986; 1993, sec. 2.2).  Tension slows the curve at its keyframe and pulls kinks out.
-    The acceleration jumps there by :math:`\nu_i` times the velocity, along it: the path has
-    continuous curvature (G2) while the motion is C1; without tension it is C2.
-
-    Picture: ``orientd plot nu_spline``.
-
-    Args:
-        keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
-        nu: tension, not negative, in 1/s: one number, or one for each keyframe, the ends
-            included.
-        align: whether each keyframe takes the sign nearer to its predecessor.
-
-    Raises:
-        ValueError: a parameter is not as said.
-        PlanError: the spline passes through zero, where it has no direction.
-    """
-
-    name = "nu_spline"
-    summary = "normalised cubic spline with tension at the keyframes"
-    source = "Nielson 1986; Nielson 1993, sec. 2.2"
-    interpolates = True
-    takes: ClassVar[tuple[str, ...]] = ("keys", "times", "nu", "align")
-
-    @takes_common_names
-    def __init__(
-        self,
-        *,
-        keys: ArrayLike,
-        times: str | ArrayLike | None = None,
-        nu: float | ArrayLike = 0.0,
-        align: bool = True,
-    ) -> None:
-        q = check_aligned(keys, align)
-        tension = check_tension(nu, len(q))
-        instants = resolve_times(times, q)
-        super().__init__(knots=instants, continuity=1 if np.any(tension[1:-1] > 0.0) else 2)
+        Raises:
+            PlanError: it passes through zero.
+        """
+        self._set_knots(instants, 1 if np.any(tension[1:-1] > 0.0) else 2)
         h = np.diff(instants)[:, None]
         slopes = spline_slopes(q, instants, tension)
         step = np.diff(q, axis=0)
@@ -245,9 +177,7 @@ class NuSpline(Curve):
         self._check_direction()
 
     def _orientations(self, times: Floats) -> Floats:
-        span = self._segments(times)
-        u = (times - self._knots[span]) / (self._knots[span + 1] - self._knots[span])
-        return normalize(self._components(span, u))
+        return normalize(self._components(*self._shares(times)))
 
     def _components(self, span: np.ndarray, u: Floats) -> Floats:
         """Return the spline itself, before it is made unit."""
@@ -282,7 +212,34 @@ class NuSpline(Curve):
                 )
 
 
-class NormalizedCubic(NuSpline):
+class NuSpline(ComponentSpline):
+    r"""Interpolate quaternions by a cubic spline with tension, made unit.
+
+    .. math:: \min \int \|c''\|^2 dt + \sum_i \nu_i \|c'(t_i)\|^2, \qquad q = c / \|c\|
+
+    Nielson (1986; 1993, sec. 2.2).  Tension slows the curve at its keyframe and pulls kinks out.
+    The acceleration jumps there by :math:`\nu_i` times the velocity, along it: the path has
+    continuous curvature (G2) while the motion is C1; without tension it is C2.
+
+    Picture: ``orientd plot nu_spline``.
+
+    Args:
+        nu: tension, not negative, in 1/s: one number, or one for each keyframe, the ends
+            included.
+
+    Raises:
+        PlanError: the spline passes through zero, where it has no direction.
+    """
+
+    name = "nu_spline"
+    summary = "normalised cubic spline with tension at the keyframes"
+    source = "Nielson 1986; Nielson 1993, sec. 2.2"
+
+    def _solve(self, q: Floats, instants: Floats, *, nu: float | ArrayLike = 0.0) -> None:
+        self._set_spline(q, instants, check_tension(nu, len(q)))
+
+
+class NormalizedCubic(ComponentSpline):
     r"""Interpolate quaternions by the natural cubic spline in four dimensions, made unit.
 
     .. math:: q(t) = c(t) / \|c(t)\|
@@ -294,26 +251,16 @@ class NormalizedCubic(NuSpline):
 
     Picture: ``orientd plot normalized_cubic``.
 
-    Args:
-        keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
-        align: whether each keyframe takes the sign nearer to its predecessor.
-
     Raises:
-        ValueError: a parameter is not as said.
         PlanError: the spline passes through zero, where it has no direction.
     """
 
     name = "normalized_cubic"
     summary = "natural cubic spline of the components, normalised"
     source = "Nielson 1993, sec. 2.2"
-    takes = ("keys", "times", "align")
 
-    @takes_common_names
-    def __init__(
-        self, *, keys: ArrayLike, times: str | ArrayLike | None = None, align: bool = True
-    ) -> None:
-        super().__init__(keys=keys, times=times, align=align)
+    def _solve(self, q: Floats, instants: Floats) -> None:
+        self._set_spline(q, instants, np.zeros(len(q)))
 
 
 def check_tension(nu: object, count: int) -> Floats:
@@ -324,11 +271,8 @@ def check_tension(nu: object, count: int) -> Floats:
             not finite.
     """
     expected = f"a number or one for each of the {count} keyframes, not negative"
-    try:
-        array = np.asarray(nu)
-    except ValueError as error:
-        raise ParameterError("nu", f"nu must be {expected}, got {nu!r}") from error
-    if array.dtype.kind not in "iuf" or array.shape not in ((), (count,)):
+    array = check_numbers(nu, "nu", expected)
+    if array.shape not in ((), (count,)):
         raise ParameterError("nu", f"nu must be {expected}, got {nu!r}")
     tension: Floats = np.full(count, array, dtype=np.float64)
     if not np.all(np.isfinite(tension) & (tension >= 0.0)):
@@ -367,7 +311,7 @@ def spline_slopes(points: Floats, times: Floats, tension: Floats) -> Floats:
     return solve_banded(1, 1, bands, right)
 
 
-class CircularBlending(Curve):
+class CircularBlending(Through):
     r"""Blend, between two keyframes, the two circles on the sphere that pass through both.
 
     .. math:: C_i(\varphi) = c + u \cos\varphi + v \sin\varphi, \quad
@@ -392,40 +336,25 @@ class CircularBlending(Curve):
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least three, of which any three consecutive
             ones differ.
-        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         param: angle along a circle: ``"linear"`` in each interval or ``"quadratic"`` over both.
         weight: blending weight: ``"linear"`` or ``"smooth"``.
-        align: whether each keyframe takes the sign nearer to its predecessor.
-
-    Raises:
-        ValueError: a parameter is not as said, or two of three consecutive keyframes are the
-            same, so that no one circle passes through them.
     """
 
     name = "circular_blending"
     summary = "circles through three keyframes, blended between two"
     source = "Kim and Nam 1995; course notes, Circular Arc Blending"
-    interpolates = True
     local = True
-    takes = ("keys", "times", "param", "weight", "align")
 
-    @takes_common_names
-    def __init__(
-        self,
-        *,
-        keys: ArrayLike,
-        times: str | ArrayLike | None = None,
-        param: str = "linear",
-        weight: str = "linear",
-        align: bool = True,
+    fewest = 3
+
+    def _solve(
+        self, q: Floats, instants: Floats, *, param: str = "linear", weight: str = "linear"
     ) -> None:
-        q = check_aligned(keys, align, minimum=3)
-        instants = resolve_times(times, q)
         is_quadratic = check_choice(param, "param", ("linear", "quadratic")) == "quadratic"
         self._is_smooth = check_choice(weight, "weight", ("linear", "smooth")) == "smooth"
         is_one_circle = len(q) == 3
         order = 0 if not is_quadratic else 2 if self._is_smooth or is_one_circle else 1
-        super().__init__(knots=instants, continuity=order)
+        self._set_knots(instants, order)
         self._circles, angles = circles(q)
         h = np.diff(instants)
         first, second = angle_polynomials(angles, h, is_quadratic=is_quadratic)
@@ -437,9 +366,8 @@ class CircularBlending(Curve):
         self._to_angle = np.concatenate([first, second[-1:]])
 
     def _orientations(self, times: Floats) -> Floats:
-        span = self._segments(times)
+        span, s = self._shares(times)
         elapsed = times - self._knots[span]
-        s = elapsed / (self._knots[span + 1] - self._knots[span])
         weight = s * s * (3.0 - 2.0 * s) if self._is_smooth else s
         leaving = self._on_circle(self._from[span], self._from_angle[span], elapsed)
         arriving = self._on_circle(self._to[span], self._to_angle[span], elapsed)

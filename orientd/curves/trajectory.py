@@ -18,10 +18,10 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from orientd.errors import PlanError
-from orientd.kernels import fit_trajectory, sample_trajectory
+from orientd.kernels import fit_trajectory, product_trajectory, sample_trajectory
 from orientd.rotation import Floats, right_jacobian_inverse
 
 Samples = tuple[Floats, Floats, Floats]
@@ -41,6 +41,7 @@ _MOST_HALVINGS = 40
 _GAIN = 8.0  # by which halving a piece lessens its error at least
 _STALLED = (1, 1e-12), (3, 1e-8)  # halvings without that gain after which an error, rad, stays
 _MOST_PIECES, _MOST_HALVES = 100_000, 64  # in all, and of each interval between knots
+_FREE = (None, None), (None, None)
 _BLUR = 4.0 * float(np.finfo(np.float64).eps)
 _BLOCK = 4096  # pieces that are fitted at a time, so that memory stays bounded
 
@@ -127,6 +128,49 @@ class Trajectory:
         return cls(
             np.append(starts[order], ends[-1]), _signed(rows[order]), ends, min(continuity, 2)
         )
+
+    @classmethod
+    def of_product(
+        cls,
+        breaks: Floats,
+        parts: tuple[Floats, NDArray[np.int64], Floats, Floats],
+        *,
+        ends: Sequence[tuple[Floats | None, Floats | None]] = _FREE,
+        continuity: int = 2,
+        cuts: int = 1,
+        most: int = _MOST_PIECES,
+    ) -> Trajectory:
+        """Return the trajectory of a product of exponentials; see :class:`.Product`.
+
+        Args:
+            breaks: where its spans begin and end, s, shape ``(S + 1,)``.
+            parts: the quaternion before the product of each span, ``(S, 4)``; the number of its
+                first increment, ``(S,)``; all increments, half-angle vectors, ``(n, 3)``; and the
+                Bernstein coefficients of its functions, ``(S, m, d + 1)``.
+            ends: velocities and accelerations that are given at both ends.
+            continuity: how many derivatives are continuous at the breaks.
+            cuts: into how many equal pieces to cut each span at first.
+            most: pieces that it may take.
+
+        Raises:
+            PlanError: it takes more.
+        """
+        given: Floats = np.full((4, 3), np.nan)
+        for row, vector in enumerate((*ends[0], *ends[1])):
+            if vector is not None:
+                given[row] = vector
+        most = max(most, _MOST_HALVES * len(breaks))
+        room = (2 * cuts + 2) * len(breaks)
+        while True:
+            found, pieces = np.empty(room + 1), np.empty((room, PIECE))
+            count = product_trajectory(breaks, *parts, given, cuts, found, pieces)
+            if count:
+                return cls(found[: count + 1], pieces[:count], breaks, min(continuity, 2))
+            if room >= most:
+                raise PlanError(
+                    f"the orientations turn too often: they take more than {most} pieces"
+                )
+            room = min(8 * room, most)
 
     @classmethod
     def joined(cls, parts: Sequence[Trajectory], continuity: int = 2) -> Trajectory:

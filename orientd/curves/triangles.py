@@ -13,24 +13,27 @@ knots that shorten upwards) or a Catmull-Rom spline (runs that lengthen, then sh
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.curves.construct import RULES, half_velocities, inner_multiplicity, resolve_knots
-from orientd.curves.contract import Curve, takes_common_names
+from orientd.curves.contract import Curve, Drawn, Through
+from orientd.curves.hermite import half_velocities
 from orientd.curves.keyframes import (
     ParameterError,
-    check_aligned,
     check_choice,
     check_integer,
     check_interval,
+    check_keys,
     check_number,
     increments,
-    resolve_times,
+    inner_multiplicity,
+    resolve_knots,
 )
+from orientd.curves.products import with_phantoms
 from orientd.errors import PlanError
 from orientd.rotation import Floats, between, conjugate, exp_half, log_half, multiply, power, slerp
 
@@ -43,30 +46,26 @@ entries, shape ``(segments, entries)``."""
 
 
 class TriangleCurve(Curve):
-    """A curve whose segments are slerp triangles, each over control quaternions of its own.
+    """A curve whose segments are slerp triangles, each over control quaternions of its own."""
 
-    Args:
-        knots: where the segments begin, and the end, in seconds, shape ``(segments + 1,)``.
-        points: control quaternions, shape ``(segments, order, 4)``.
-        intervals: of the entries of the triangle; without them those of a Bezier curve.
-        continuity: what holds at the knots.
-    """
-
-    def __init__(
-        self,
-        *,
-        knots: Floats,
-        points: Floats,
-        intervals: Intervals | None = None,
-        continuity: int,
+    def _set_triangles(
+        self, knots: Floats, points: Floats, continuity: int, intervals: Intervals | None = None
     ) -> None:
-        super().__init__(knots=knots, continuity=continuity)
+        """Set up the curve.
+
+        Args:
+            knots: where the segments begin, and the end, in seconds, shape ``(segments + 1,)``.
+            points: control quaternions, shape ``(segments, order, 4)``.
+            continuity: what holds at the knots.
+            intervals: of the entries of the triangle; without them those of a Bezier curve.
+        """
+        self._set_knots(knots, continuity)
         self._points = points
-        segment = knots[:-1, None], knots[1:, None]
+        segment = self._knots[:-1, None], self._knots[1:, None]
         self._intervals = [segment] * (points.shape[1] - 1) if intervals is None else intervals
 
     def _orientations(self, times: Floats) -> Floats:
-        segments = self._segments(times)
+        segments = self._shares(times)[0]
         entries = self._points[segments]
         for starts, ends in self._intervals:
             first, last = starts[segments], ends[segments]
@@ -98,36 +97,34 @@ def moving_slerp(p: Floats, q: Floats, shares: Floats, times: Floats) -> Floats:
     return multiply(p, power(step, shares))
 
 
-def cubic_bezier_points(keys: Floats, out_points: Floats, in_points: Floats) -> Floats:
-    """Return the control quaternions of cubic segments between keyframes.
+class CubicSegments(TriangleCurve, Through):
+    """Cubic slerp segments through keyframes, each over two control quaternions between them."""
 
-    Args:
-        keys: keyframes, shape ``(n, 4)``.
-        out_points: after keyframe *i*, ``i = 0 .. n-2``, shape ``(n - 1, 4)``.
-        in_points: before keyframe *i*, ``i = 1 .. n-1``, shape ``(n - 1, 4)``.
-    """
-    return np.stack([keys[:-1], out_points, in_points, keys[1:]], axis=1)
+    def _set_cubics(
+        self,
+        q: Floats,
+        after: Floats,
+        before: Floats,
+        instants: Floats,
+        continuity: int | None = None,
+    ) -> None:
+        """Set up the curve of keyframes, ``(n, 4)``, with control quaternions beside them.
 
-
-def bezier_continuity(instants: Floats) -> int:
-    """Return the continuity of cubic segments whose inner points are equally far from a keyframe.
-
-    Velocities agree if two neighbouring intervals are equal; otherwise only directions do.
-    """
-    if len(instants) == 2:
-        return 2
-    intervals = np.diff(instants)
-    return 1 if np.ptp(intervals) <= 1e-12 * intervals.max() else 0
-
-
-def with_phantoms(q: Floats) -> Floats:
-    """Return keyframes with one more at each end: the neighbour reflected, ``q_0 q_1^-1 q_0``."""
-    ends, neighbours = q[[0, -1]], q[[1, -2]]
-    first, last = multiply(ends, multiply(conjugate(neighbours), ends))
-    return np.concatenate([first[None], q, last[None]])
+        Args:
+            q: keyframes.
+            after: control quaternions after each keyframe but the last, shape ``(n - 1, 4)``.
+            before: control quaternions before each keyframe but the first.
+            instants: of the keyframes.
+            continuity: without it that of inner points equally far from a keyframe.
+        """
+        if continuity is None:
+            h = np.diff(instants)
+            continuity = 2 if len(q) == 2 else int(np.ptp(h) <= 1e-12 * h.max())
+        points = np.stack([q[:-1], after, before, q[1:]], axis=1)
+        self._set_triangles(instants, points, continuity)
 
 
-class DeCasteljau(TriangleCurve):
+class DeCasteljau(TriangleCurve, Drawn):
     r"""Draw one spherical Bezier curve from the first control quaternion to the last.
 
     .. math:: s_i^k(t) = G[s_{i-1}^{k-1}, s_i^{k-1}](u), \quad u = (t - t_0)/(t_1 - t_0),
@@ -138,31 +135,19 @@ class DeCasteljau(TriangleCurve):
     end with the opposite sign.
 
     Picture: ``orientd plot de_casteljau``.
-
-    Args:
-        control: unit quaternions ``(w, x, y, z)``, at least two; the degree is one less.
-        t0: first instant, s.
-        t1: last instant, s.
-        align: whether each control quaternion takes the sign nearer to its predecessor.
-
-    Raises:
-        ValueError: a parameter is not as said.
     """
 
     name = "de_casteljau"
     summary = "one Bezier segment of any degree by repeated slerp"
     source = "Shoemake 1985; Nielson 1993, eq. 17; Schlag 1991"
-    takes = ("control", "t0", "t1", "align")
 
-    @takes_common_names
-    def __init__(
-        self, *, control: ArrayLike, t0: float = 0.0, t1: float = 1.0, align: bool = False
-    ) -> None:
-        points = check_aligned(control, align, "control")
-        super().__init__(knots=np.array(check_interval(t0, t1)), points=points[None], continuity=2)
+    shared: ClassVar[Mapping[str, Any]] = {**Drawn.shared, "align": False}
+
+    def _solve(self, controls: Floats, *, t0: float = 0.0, t1: float = 1.0) -> None:
+        self._set_triangles(np.array(check_interval(t0, t1)), controls[None], 2)
 
 
-class ShoemakeBezier(TriangleCurve):
+class ShoemakeBezier(CubicSegments):
     r"""Join keyframes by cubic slerp segments whose inner points average the neighbours.
 
     .. math:: D_i = 2 (q_{i-1} \cdot q_i)\, q_i - q_{i-1}, \quad
@@ -182,46 +167,24 @@ class ShoemakeBezier(TriangleCurve):
     Picture: ``orientd plot shoemake_bezier``.
 
     Args:
-        keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         s: shortening of the arcs to the inner points, in ``(0, 1]``, a number or a fraction such
             as ``"1/3"``.
-        align: whether each keyframe takes the sign nearer to its predecessor.
 
     Raises:
-        ValueError: a parameter is not as said.
         PlanError: a keyframe's neighbours are so placed that they have no bisector.
     """
 
     name = "shoemake_bezier"
     summary = "cubic slerp segments, tangents from bisected reflections"
     source = "Shoemake 1985; Nielson 1993, sec. 2.2"
-    interpolates = True
     local = True
-    takes = ("keys", "times", "s", "align")
 
-    @takes_common_names
-    def __init__(
-        self,
-        *,
-        keys: ArrayLike,
-        times: str | ArrayLike | None = None,
-        s: float | str = "1/3",
-        align: bool = True,
-    ) -> None:
-        q = check_aligned(keys, align)
-        instants = resolve_times(times, q)
+    def _solve(self, q: Floats, instants: Floats, *, s: float | str = "1/3") -> None:
         share = check_share(s, "s")
         ahead = np.concatenate([q[1:2], bisected_reflections(q), q[-2:-1]])
-        super().__init__(
-            knots=instants,
-            points=cubic_bezier_points(
-                q,
-                slerp(q[:-1], ahead[:-1], share),
-                slerp(q[1:], ahead[1:], np.append(np.full(len(q) - 2, -share), share)),
-            ),
-            continuity=bezier_continuity(instants),
-        )
+        after = slerp(q[:-1], ahead[:-1], share)
+        before = slerp(q[1:], ahead[1:], np.append(np.full(len(q) - 2, -share), share))
+        self._set_cubics(q, after, before, instants)
 
 
 def bisected_reflections(q: Floats) -> Floats:
@@ -264,7 +227,7 @@ def check_share(value: object, name: str) -> float:
     return share
 
 
-class BezierCatmullRom(TriangleCurve):
+class BezierCatmullRom(CubicSegments):
     r"""Join keyframes by cubic slerp segments with inner points a sixth of the step across.
 
     .. math:: R_i = G[q_i,\; q_{i+1} q_{i-1}^{-1} q_i](1/6), \quad
@@ -280,53 +243,31 @@ class BezierCatmullRom(TriangleCurve):
     Picture: ``orientd plot bezier_catmull_rom``.
 
     Args:
-        keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         order: ``"hamilton"`` as above, ``"reversed"`` with the products in the other order
             (:math:`q_i q_{i-1}^{-1} q_{i+1}`), which is another curve.
-        align: whether each keyframe takes the sign nearer to its predecessor.
-
-    Raises:
-        ValueError: a parameter is not as said.
     """
 
     name = "bezier_catmull_rom"
     summary = "cubic slerp segments, tangents from central differences"
     source = "Nielson 1993, sec. 2.2"
-    interpolates = True
     local = True
-    takes = ("keys", "times", "order", "align")
 
-    @takes_common_names
-    def __init__(
-        self,
-        *,
-        keys: ArrayLike,
-        times: str | ArrayLike | None = None,
-        order: str = "hamilton",
-        align: bool = True,
-    ) -> None:
-        q = check_aligned(keys, align)
-        instants = resolve_times(times, q)
+    def _solve(self, q: Floats, instants: Floats, *, order: str = "hamilton") -> None:
         is_reversed = check_choice(order, "order", ("hamilton", "reversed")) == "reversed"
         padded = with_phantoms(q)
         before, after = conjugate(padded[:-2]), padded[2:]
-        if is_reversed:
-            ahead = multiply(q, multiply(before, after))
-        else:
-            ahead = multiply(after, multiply(before, q))
+        ahead = (
+            multiply(q, multiply(before, after))
+            if is_reversed
+            else multiply(after, multiply(before, q))
+        )
         # L_i is R_i reflected.  Computed so, both lie on one arc even if keyframes half a turn
         # apart leave open which way round it goes.
-        super().__init__(
-            knots=instants,
-            points=cubic_bezier_points(
-                q, slerp(q, ahead, 1.0 / 6.0)[:-1], slerp(q, ahead, -1.0 / 6.0)[1:]
-            ),
-            continuity=bezier_continuity(instants),
-        )
+        right, left = slerp(q, ahead, 1.0 / 6.0), slerp(q, ahead, -1.0 / 6.0)
+        self._set_cubics(q, right[:-1], left[1:], instants)
 
 
-class SchlagCatmullRom(TriangleCurve):
+class SchlagCatmullRom(TriangleCurve, Through):
     r"""Interpolate keyframes by a triangle of slerps over four of them at a time.
 
     .. math:: \frac{t - t_i}{t_{i+1} - t_i}; \quad
@@ -343,47 +284,25 @@ class SchlagCatmullRom(TriangleCurve):
     Picture: ``orientd plot schlag_catmull_rom``.
 
     Args:
-        keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         ends: ``"phantom"``: the keyframes next to the ends reflected in them,
             :math:`q_0 q_1^{-1} q_0`, and the end intervals mirrored.
-        align: whether each keyframe takes the sign nearer to its predecessor.
-
-    Raises:
-        ValueError: a parameter is not as said.
     """
 
     name = "schlag_catmull_rom"
     summary = "Catmull-Rom by a triangle of slerps"
     source = "Schlag 1991, after Barry and Goldman 1988"
-    interpolates = True
     local = True
-    takes = ("keys", "times", "ends", "align")
 
-    @takes_common_names
-    def __init__(
-        self,
-        *,
-        keys: ArrayLike,
-        times: str | ArrayLike | None = None,
-        ends: str = "phantom",
-        align: bool = True,
-    ) -> None:
-        q = check_aligned(keys, align)
-        instants = resolve_times(times, q)
+    def _solve(self, q: Floats, instants: Floats, *, ends: str = "phantom") -> None:
         check_choice(ends, "ends", ("phantom",))
         window = np.arange(len(q) - 1)[:, None] + np.arange(4)[None, :]
         before, after = 2.0 * instants[[0, -1]] - instants[[1, -2]]
         t = np.concatenate([[before], instants, [after]])[window]
-        super().__init__(
-            knots=instants,
-            points=with_phantoms(q)[window],
-            intervals=[(t[:, 0:3], t[:, 1:4]), (t[:, 0:2], t[:, 2:4]), (t[:, 1:2], t[:, 2:3])],
-            continuity=1 if len(q) > 2 else 2,
-        )
+        intervals = [(t[:, 0:3], t[:, 1:4]), (t[:, 0:2], t[:, 2:4]), (t[:, 1:2], t[:, 2:3])]
+        self._set_triangles(instants, with_phantoms(q)[window], 1 if len(q) > 2 else 2, intervals)
 
 
-class SchlagBSpline(TriangleCurve):
+class SchlagBSpline(TriangleCurve, Drawn):
     r"""Approximate control quaternions by de Boor's triangle of slerps.
 
     .. math:: P_i^r(t) = \mathrm{slerp}\Bigl(P_{i-1}^{r-1}, P_i^{r-1},
@@ -404,44 +323,31 @@ class SchlagBSpline(TriangleCurve):
         knots: non-decreasing instants in seconds, *order* more than control quaternions; without
             them uniform ones that make the curve start at 0.  The domain is
             ``[knots[order - 1], knots[-order]]``.
-        align: whether each control quaternion takes the sign nearer to its predecessor.
-
-    Raises:
-        ValueError: a parameter is not as said.
     """
 
     name = "schlag_bspline"
     summary = "B-spline of any order by de Boor's triangle of slerps"
     source = "Schlag 1991, after de Boor 1972"
     local = True
-    takes = ("control", "order", "knots", "align")
 
-    @takes_common_names
-    def __init__(
-        self,
-        *,
-        control: ArrayLike,
-        order: int = 4,
-        knots: ArrayLike | None = None,
-        align: bool = True,
-    ) -> None:
+    def _solve(self, points: Floats, *, order: int = 4, knots: ArrayLike | None = None) -> None:
         size = check_integer(order, "order", minimum=2)
-        points = check_aligned(control, align, "control", minimum=size)
+        check_keys(points, "control", minimum=size)
         x = resolve_knots(knots, len(points), size)
         spans = np.arange(size - 1, len(points))
         spans = spans[x[spans + 1] > x[spans]]
         # On the span of knot L, entry i of level r blends over [x_i, x_{i+k-r}],
         # i = L-k+1+r, ..., L.
         firsts = [spans[:, None] + np.arange(level - size + 1, 1) for level in range(size)]
-        super().__init__(
-            knots=np.append(x[spans], x[len(points)]),
-            points=points[firsts[0]],
-            intervals=[(x[i], x[i + size - r]) for r, i in enumerate(firsts[1:], 1)],
-            continuity=2 if len(spans) == 1 else min(1, size - 1 - inner_multiplicity(x, size)),
+        self._set_triangles(
+            np.append(x[spans], x[len(points)]),
+            points[firsts[0]],
+            2 if len(spans) == 1 else min(1, size - 1 - inner_multiplicity(x, size)),
+            [(x[i], x[i + size - r]) for r, i in enumerate(firsts[1:], 1)],
         )
 
 
-class Squad(Curve):
+class Squad(Through):
     r"""Blend the arc between two keyframes with the arc between two inner points.
 
     .. math:: q(t) = \mathrm{slerp}\bigl(\mathrm{slerp}(q_i, q_{i+1}, u),\;
@@ -461,42 +367,23 @@ class Squad(Curve):
     Picture: ``orientd plot squad``.
 
     Args:
-        keys: unit quaternions ``(w, x, y, z)``, at least two.
-        times: instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.
         rule: for the velocities at inner keyframes: of the ``"parabola"`` through three
             keyframes, the ``"mean"`` of the two rates (as numpy-quaternion has it), or the
             ``"chord"`` across the keyframe.  At the ends it is the rate of the end interval.
-        align: whether each keyframe takes the sign nearer to its predecessor.
-
-    Raises:
-        ValueError: a parameter is not as said.
     """
 
     name = "squad"
     summary = "spherical quadrangle blend of two great arcs"
     source = "Shoemake 1987; inner points for unequal times by the velocities at the keyframes"
-    interpolates = True
     local = True
-    takes = ("keys", "times", "rule", "align")
 
-    @takes_common_names
-    def __init__(
-        self,
-        *,
-        keys: ArrayLike,
-        times: str | ArrayLike | None = None,
-        rule: str = "parabola",
-        align: bool = True,
-    ) -> None:
-        q = check_aligned(keys, align)
-        instants = resolve_times(times, q)
-        check_choice(rule, "rule", RULES)
+    def _solve(self, q: Floats, instants: Floats, *, rule: str = "parabola") -> None:
         h = np.diff(instants)[:, None]
         steps = increments(q)
         v = half_velocities(q, instants, rule)
         ahead, behind = 0.5 * (h * v[:-1] - steps), 0.5 * (steps - h * v[1:])
         is_smooth = max(np.sum(ahead**2, axis=1).max(), np.sum(behind**2, axis=1).max()) < np.pi**2
-        super().__init__(knots=instants, continuity=0 if not is_smooth else 1 if len(q) > 2 else 2)
+        self._set_knots(instants, 0 if not is_smooth else 1 if len(q) > 2 else 2)
         inner = multiply(q[:-1], exp_half(ahead))
         inner_end = multiply(q[1:], exp_half(behind))
         # The starts of the two arcs of each segment, and their steps.
@@ -504,7 +391,6 @@ class Squad(Curve):
         self._steps = np.stack([steps, log_half(multiply(conjugate(inner), inner_end))], axis=1)
 
     def _orientations(self, times: Floats) -> Floats:
-        span = self._segments(times)
-        u = (times - self._knots[span]) / (self._knots[span + 1] - self._knots[span])
+        span, u = self._shares(times)
         arcs = multiply(self._starts[span], exp_half(u[:, None, None] * self._steps[span]))
         return moving_slerp(arcs[:, 0], arcs[:, 1], 2.0 * u * (1.0 - u), times)

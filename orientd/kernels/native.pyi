@@ -35,9 +35,10 @@ def solve_banded(band: Floats, lower: int, upper: int, right: Floats, /) -> bool
 
 # trajectory.h
 def fit_trajectory(orientations: Floats, pieces: Floats, quality: Floats, /) -> None: ...
-def join_trajectory(
-    q: Floats, w: Floats, breaks: Floats, ends: Floats, pieces: Floats, /
-) -> int: ...
+def product_trajectory(
+    breaks: Floats, base: Floats, first: Indices, increments: Floats, values: Floats,
+    given: Floats, cuts: int, ends: Floats, pieces: Floats, /,
+) -> int: ...  # fmt: skip
 def retime_trajectory(
     breaks: Floats, pieces: Floats, times: Floats, places: Floats, values: Floats, slopes: Floats,
     leaves: Floats, ends: Floats, out: Floats, /,
@@ -62,10 +63,6 @@ def leave(
     state: Floats, limits: Floats, period: float, longest: float, may_ramp: bool, q: Floats,
     w: Floats, breaks: Floats, /,
 ) -> int: ...  # fmt: skip
-def sample_product(
-    times: Floats, breaks: Floats, base: Floats, first: Indices, increments: Floats,
-    values: Floats, out: Floats, /,
-) -> None: ...  # fmt: skip
 def fill_basis(
     spans: Indices, knots: Floats, order: int,
     values: Floats, rates: Floats, curvatures: Floats, /,
@@ -78,34 +75,15 @@ def between(
 
 # certify.h
 def least_rate(
-    velocity: Floats,
-    acceleration: Floats,
-    jerk: Floats,
-    most: float,
-    most_jerk: float,
-    nodes: Floats,
-    worst: Floats,
-    most_change: float,
-    fastest: float,
-    margin: float,
-    /,
-) -> tuple[float, int]: ...
+    velocity: Floats, acceleration: Floats, jerk: Floats, most: float, most_jerk: float,
+    nodes: Floats, worst: Floats, numbers: Floats, /,
+) -> tuple[float, int]: ...  # fmt: skip
 def certify(
-    rows: Floats,
-    past: int,
-    with_axes: bool,
-    is_certificate: bool,
-    period: float,
-    most: Floats,
-    nodes: Floats,
-    worst: Floats,
-    most_change: float,
-    fastest: float,
-    margin: float,
-    squares: Floats,
-    places: Indices,
-    /,
-) -> tuple[float, int, int]: ...
+    breaks: Floats, pieces: Floats, move_breaks: Floats, moves: Floats, place: Floats,
+    rows: Floats, before: Floats, count: int, held: int, rests_before: bool, rests_behind: bool,
+    period: float, limits: Floats, move_limits: Floats, tolerance: float,
+    nodes: Floats, worst: Floats, numbers: Floats, found: Floats, /,
+) -> None: ...  # fmt: skip
 
 # clock.h, knot_times.h, profile.h
 def time_map(

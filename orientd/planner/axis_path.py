@@ -10,7 +10,7 @@ import numpy as np
 from orientd.driver import ShapedPath
 from orientd.errors import StartError
 from orientd.planner import refusal
-from orientd.planner.certify import Rough, before, joint_brake, measure, summed_up
+from orientd.planner.certify import STATE, before, joint_brake, measure, summed_up
 from orientd.planner.motion import Motion
 from orientd.planner.path import SAME_ANGLE, Path, RecordedPath
 from orientd.rotation import Floats, angle, check_unit
@@ -57,10 +57,6 @@ def reshaped(
     earlier = np.asarray(joints_before, dtype=np.float64) if len(joints_before) else None
     path = RecordedPath.of(q, path_times, motion.path, period, joints, earlier)
 
-    def setpoints(first: int, size: int) -> tuple[Floats, Floats]:
-        rows = path.rows(first, size)
-        return rows[:, :10], rows[:, 10:13]
-
     def moved(times: Floats) -> Floats:
         """Return when the path as shaped gets to *times* of the path as planned."""
         grid = period * np.arange(len(path_times), dtype=np.float64)
@@ -74,25 +70,13 @@ def reshaped(
     begin, end, *keyframes = moved(
         np.array([motion.start_time, motion.end_time, *motion.keyframe_times])
     )
-    # Where the path is another one, steps of the acceleration must be expected.
-    given = motion.sample(path_times).q
-    changed = period * np.flatnonzero(angle(q, given) > SAME_ANGLE)
-    rough = motion.rough
-    if rough is not None:
-        bounds = moved(np.array([rough.begin, rough.end]))
-        continuity = min(rough.continuity, 1) if len(changed) else rough.continuity
-        edges = np.concatenate([bounds, changed])
-        rough = Rough(float(edges.min()), float(edges.max()), continuity)
-    elif len(changed):
-        rough = Rough(float(changed[0]), float(changed[-1]), 1)
     peaks = measure(
-        setpoints,
+        np.ascontiguousarray(path.table[:, :STATE]),
         len(path_times),
         period,
         motion.limits,
         before=before(motion.start_state, period),
-        holds_after=True,
-        brake_limits=motion.limits.scaled(GUARD_TOLERANCE),
+        tolerance=GUARD_TOLERANCE,
     )
     shares = NO_SHARES
     if len(shape.joint_limits):
@@ -105,7 +89,7 @@ def reshaped(
     refusal.check_limits(peaks, place)
     refusal.check_stop(peaks, place)
     ends = float(begin), float(end)
-    certificate = summed_up(request, path, ends, times, peaks, period, motion.limits)
+    certificate = summed_up(request, path, ends, times, peaks, period)
     return replace(
         motion,
         path=path,
@@ -118,7 +102,6 @@ def reshaped(
             figures=(*certificate.figures, *shape.figures),
             notes=(*motion.certificate.notes, *shape.notes),
         ),
-        rough=rough,
         first_joints=tuple(joints[0].tolist()),
         last_joints=tuple(joints[-1].tolist()),
         joint_shares=shares,

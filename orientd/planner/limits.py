@@ -277,15 +277,7 @@ class Limits:
         rise in two cycles at least, and the acceleration in a twentieth of one.  The servo does not
         find steps of the acceleration as small as those of very slow limits, which need more.
         """
-        speeds = (min(self.velocity, math.pi / period), *self.axis_velocity)
-        is_slow = min(speeds) * period < _SLOWLY * _LEAST_STEP
-        rise = (_SLOWLY if is_slow else _CYCLES_TO_RISE) * period
-        steep, own = _STEEPEST / period, self.numbers()
-        most = [min(a, v / rise) for a, v in zip(own[4:8], speeds, strict=True)]
-        jerks = [min(j, steep * a) for j, a in zip(own[8:12], most, strict=True)]
-        linear = self.linear_velocity, min(self.linear_acceleration, self.linear_velocity / rise)
-        found = _of((*speeds, *most, *jerks, *linear))
-        return self if found == self else found
+        return _at_period(self, period)
 
     def times(self, **factors: float) -> Limits:
         """Return the limits multiplied by factors, given by the names of :data:`UNITS`."""
@@ -309,6 +301,18 @@ def _times(limits: Limits, factors: tuple[tuple[str, float], ...]) -> Limits:
     )
 
 
+@lru_cache(maxsize=256)
+def _at_period(limits: Limits, period: float) -> Limits:
+    own = limits.numbers()
+    speeds = (min(own[0], math.pi / period), *own[1:4])
+    is_slow = min(speeds) * period < _SLOWLY * _LEAST_STEP
+    rise = (_SLOWLY if is_slow else _CYCLES_TO_RISE) * period
+    most = [min(a, v / rise) for a, v in zip(own[4:8], speeds, strict=True)]
+    jerks = [min(j, _STEEPEST / period * a) for j, a in zip(own[8:12], most, strict=True)]
+    found = _of((*speeds, *most, *jerks, own[12], min(own[13], own[12] / rise)))
+    return limits if found == limits else found
+
+
 DEFAULT_LIMITS = Limits(
     velocity=2.5,
     acceleration=17.0,
@@ -323,68 +327,3 @@ def is_still(omega: Floats, alpha: Floats, limits: Limits) -> bool:
     """Return whether a motion in this state needs no lead."""
     speed, size = math.hypot(*omega.tolist()), math.hypot(*alpha.tolist())
     return speed <= STILL and size <= STEADY * limits.acceleration
-
-
-_NO_LOAD_SHARE = 0.8  # of a servo's no-load speed; under load it is slower
-_RPM = math.tau / 60.0
-
-
-@dataclass(frozen=True, slots=True)
-class Preset:
-    """Limits of a device that has published figures: what its maker says it can do.
-
-    That is not what is safe in front of people.
-
-    Attributes:
-        limits: complete; what the source leaves open is the default.
-        source: of the figures.
-    """
-
-    limits: Limits
-    source: str
-
-
-def _preset(source: str, **rates: Rate) -> Preset:
-    return Preset(DEFAULT_LIMITS.with_rates(rates), source)
-
-
-PRESETS = {
-    "franka-fr3": _preset(
-        "Franka Control Interface, control parameters: Cartesian limits of the Franka Research 3",
-        velocity=2.5,
-        acceleration=17.0,
-        jerk=8500.0,
-        linear_velocity=3.0,
-        linear_acceleration=9.0,
-    ),
-    "franka-panda": _preset(
-        "Franka Control Interface, control parameters: Cartesian rotation limits of the Panda",
-        velocity=2.5,
-        acceleration=25.0,
-        jerk=12500.0,
-    ),
-    "ur5e": _preset(
-        "Universal_Robots_ROS2_Description, joint_limits.yaml: every joint turns at most "
-        "180 deg/s; no angular speed of the tool and no acceleration is published",
-        velocity=math.radians(180.0),
-    ),
-    "ur10e": _preset(
-        "Universal_Robots_ROS2_Description, joint_limits.yaml: the slowest joint turns at most "
-        "120 deg/s; no angular speed of the tool and no acceleration is published",
-        velocity=math.radians(120.0),
-    ),
-    "pan-tilt-xm430-w350": _preset(
-        "ROBOTIS e-Manual, XM430-W350: 46 rpm without load at 12 V, of which 80 % are used; "
-        "no acceleration is published",
-        velocity=_NO_LOAD_SHARE * 46.0 * _RPM,
-    ),
-    "pan-tilt-xl330-m288": _preset(
-        "ROBOTIS e-Manual, XL330-M288: 103 rpm without load at 5 V, of which 80 % are used; "
-        "no acceleration is published",
-        velocity=_NO_LOAD_SHARE * 103.0 * _RPM,
-    ),
-}
-"""By the name that ``preset`` has in a device's limits.
-
-A preset says only what its source says; the rest is left to :data:`DEFAULT_LIMITS`.
-"""

@@ -14,6 +14,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from importlib.util import find_spec
 from typing import Any, Literal, TypeVar, get_args
 
@@ -75,13 +76,14 @@ def plan_many(
     """
     waiting = iter(requests)
     parts = iter(lambda: list(itertools.islice(waiting, _TOGETHER)), [])
-    tasks = ((part, limits, period) for part in parts)
-    for planned in in_parallel(_plan, tasks, backend=backend, jobs=jobs, address=address):
+    work = partial(_plan, limits=limits, period=period)
+    for planned in in_parallel(work, parts, backend=backend, jobs=jobs, address=address):
         yield from planned
 
 
-def _plan(task: tuple[list[MotionRequest], Limits, float]) -> list[Motion | OrientdError]:
-    requests, limits, period = task
+def _plan(
+    requests: list[MotionRequest], *, limits: Limits, period: float
+) -> list[Motion | OrientdError]:
     found: list[Motion | OrientdError] = []
     for request in requests:
         try:
@@ -114,10 +116,12 @@ def in_parallel(
     need_backend(backend)
     import joblib
 
-    more: dict[str, Any] = {}
-    if backend == "loky":
-        settled = {"initializer": _settle, "initargs": (work, os.getpid())}
-        more = {"idle_worker_timeout": _IDLE, **settled}
+    of_loky = {
+        "idle_worker_timeout": _IDLE,
+        "initializer": _settle,
+        "initargs": (work, os.getpid()),
+    }
+    more: dict[str, Any] = of_loky if backend == "loky" else {}
     with _cluster(backend, address), joblib.parallel_config(backend, n_jobs=jobs, **more):
         tasks = (joblib.delayed(work)(part) for part in parts)
         # One part at a time: they are large already, and what is asked next depends on the pace.
@@ -135,13 +139,9 @@ def in_parallel(
 
 
 def _settle(work: object, asker: int) -> None:
-    """Be a worker that leaves no trace: not in the time of its parts, nor behind who asked.
+    """Be a worker that leaves no trace: not in the time of its parts, nor behind the *asker*.
 
     What is loaded for *work* by now is left out of the garbage collection after each part.
-
-    Args:
-        work: what will be asked for.
-        asker: process that began this one, and may have ended since.
     """
     del work
     gc.collect()
@@ -150,10 +150,8 @@ def _settle(work: object, asker: int) -> None:
 
 
 def _end_with(parent: int) -> None:
-    """End this process, whatever it waits for, once its parent has.
-
-    What the kernel offers for that (PR_SET_PDEATHSIG) goes by the thread that began the worker.
-    """
+    """End this process, whatever it waits for, once its parent has."""
+    # What the kernel offers for that (PR_SET_PDEATHSIG) goes by the thread that began the worker.
     while os.getppid() == parent:
         time.sleep(_LOOK)
     os._exit(1)

@@ -124,9 +124,10 @@ def check_start(start: State, first: State, limits: Limits) -> None:
         limits: for what counts as the same acceleration.
     """
     turn = float(angle(start.q, first.q))
-    move = float(np.linalg.norm(start.position - first.position))
-    velocity = float(np.linalg.norm(start.omega_body - first.omega_body))
-    acceleration = float(np.linalg.norm(start.alpha_body - first.alpha_body))
+    move, velocity, acceleration = (
+        math.dist(getattr(start, name).tolist(), getattr(first, name).tolist())
+        for name in ("position", "omega_body", "alpha_body")
+    )
     different = []
     if not turn <= SAME_ORIENTATION:
         different.append(f"orientation by {turn:.6g} rad ({math.degrees(turn):.4g} deg)")

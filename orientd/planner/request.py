@@ -75,17 +75,13 @@ class Pose:
             w, x, y, z = check_unit(self.q).tolist()
         except (TypeError, ValueError) as error:
             raise RequestError("quaternion", str(error)) from error
-        try:
-            position = np.array(self.position, dtype=np.float64)
-        except (TypeError, ValueError):
-            position = np.zeros(0)
-        # What is not a number is not below anything.
-        if position.shape != (3,) or not np.all(np.abs(position) <= FARTHEST_FRAME):
-            expected = f"expected three numbers of at most {FARTHEST_FRAME:g} m"
-            raise RequestError("position", f"{expected}, got {self.position!r}")
+        expected = f"three numbers of at most {FARTHEST_FRAME:g} m"
+        position = _numbers(self.position, 3, "position", expected)
+        if max(map(abs, position)) > FARTHEST_FRAME:
+            raise RequestError("position", f"expected {expected}, got {self.position!r}")
         # The class is frozen for everybody but its own constructor.
         object.__setattr__(self, "q", (w, x, y, z))
-        object.__setattr__(self, "position", tuple(position.tolist()))
+        object.__setattr__(self, "position", tuple(position))
 
 
 @dataclass(frozen=True, slots=True)
@@ -449,10 +445,11 @@ def _orientations(given: Sequence[Any]) -> tuple[Floats, list[int]]:
             f"keyframes[{index}].quaternion",
             f"norm must be 1 within {TYPED_NORM_TOLERANCE:g}, got {norm[index]:.9g}",
         )
+    if largest <= ROUNDING:
+        return keys, []
     typed = np.flatnonzero(error > NORM_TOLERANCE)
     keys[typed] /= norm[typed, None]
-    # What is unit to rounding stays as it is; that is the rule of check_unit.
-    return keys if largest <= ROUNDING else check_unit(keys), typed.tolist()
+    return check_unit(keys), typed.tolist()
 
 
 def _notes(given: Sequence[Any]) -> tuple[str, ...]:

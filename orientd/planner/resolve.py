@@ -19,6 +19,7 @@ from orientd.errors import RequestError, StartError
 from orientd.planner.limits import Limits
 from orientd.planner.request import Frame, Keyframe, MotionRequest, Pose, State
 from orientd.rotation import (
+    HALF_TURN,
     Floats,
     align,
     are_half_turns,
@@ -194,19 +195,21 @@ def pointed(q: Floats, axis: Floats, direction: Floats) -> Floats:
 
 def half_turn_notes(request: MotionRequest, start: State, *, has_turns: bool) -> list[str]:
     """Return notes on half turns for the certificate: the way taken, and how to take the other."""
-    keys, turns, first = request.keys, request.turns, 0
-    if request.approach and start.is_at_rest and request.omega_start is None:
-        keys, turns, first = np.vstack([start.q, keys]), np.append(0, turns), -1
-    places = np.flatnonzero(are_half_turns(keys) & (turns[1:] == 0)).tolist()
+    keys, places = request.keys, []
+    if len(keys) > 1:
+        is_half = are_half_turns(keys) & (request.turns[1:] == 0)
+        places = (np.flatnonzero(is_half) + 1).tolist()
+    is_led = request.approach and start.is_at_rest and request.omega_start is None
+    if is_led and not request.turns[0] and abs(float(start.q @ keys[0])) <= HALF_TURN:
+        places.insert(0, 0)
     notes = []
-    for place in places[:_MOST_NOTES]:
-        index = place + 1 + first
+    for index in places[:_MOST_NOTES]:
         is_approach = index == 0 and not request.is_single
         way = "`turns: -1` there" if has_turns and not is_approach else "a keyframe on the way"
+        axis = _axis_in_words(keys[index - 1] if index else start.q, keys[index])
         notes.append(
-            f"keyframes[{index}] is half a turn away: turned about "
-            f"{_axis_in_words(keys[place : place + 2])} in the body frame; {way} chooses the other "
-            "way"
+            f"keyframes[{index}] is half a turn away: turned about {axis} in the body frame; {way} "
+            "chooses the other way"
         )
     if len(places) > _MOST_NOTES:
         more = len(places) - _MOST_NOTES
@@ -308,9 +311,9 @@ def _turned(q: Floats, velocity: Vector3 | None) -> Vector3 | None:
     return x, y, z
 
 
-def _axis_in_words(pair: Floats) -> str:
+def _axis_in_words(before: Floats, here: Floats) -> str:
     """Return the axis of the half turn from one orientation to another."""
-    axis = between(*align(pair))[1:]
+    axis = between(*align([before, here]))[1:]
     axis /= np.linalg.norm(axis)
     largest = int(np.argmax(np.abs(axis)))
     if abs(abs(axis[largest]) - 1.0) < 1e-6:

@@ -9,10 +9,9 @@ import numpy as np
 
 from orientd.curves import CurveTask
 from orientd.errors import RequestError
-from orientd.planner.limits import DEFAULT_LIMITS, Limits
+from orientd.planner.limits import DEFAULT_LIMITS
 from orientd.planner.request import MotionRequest
-from orientd.planner.timing import SAME, Indices, move_lengths, radians_per_metre, turn_lengths
-from orientd.rotation import Floats
+from orientd.planner.timing import Indices, Knots, chord_knots, turn_lengths
 
 Times = Literal["file", "uniform", "chord"]
 OpenEnds = Literal["rest", "natural"]
@@ -57,44 +56,29 @@ def task_of(request: MotionRequest, times: Times = "file", ends: OpenEnds = "res
                 f"keyframes[{int(np.argmax(is_same)) + 1}]",
                 "is the same as the one before it: by chord, neighbours must differ",
             )
-        return replace(task, times=_summed(arcs))
-    arcs = _way_arcs(request)
-    kept = distinct(request)
-    if len(kept) < 2:
-        raise RequestError("keyframes", "are all the same; give them times to make the device wait")
+        return replace(task, times=np.append(0.0, np.cumsum(arcs)))
+    knots = _knots(request)
     return replace(
         task,
-        keys=request.keys[kept],
-        times=_summed(arcs[kept[1:] - 1]),
-        turns=None if task.turns is None else request.turns[kept][1:],
+        keys=request.keys[knots.kept],
+        times=0.5 * knots.length * knots.times[knots.kept],
+        turns=None if task.turns is None else request.turns[knots.kept][1:],
         is_timed=False,
     )
 
 
 def distinct(request: MotionRequest) -> Indices:
     """Return the indices of the keyframes that do not repeat the one before."""
-    return np.flatnonzero(np.concatenate([[True], 2.0 * _way_arcs(request) > SAME]))
+    return _knots(request).kept
 
 
-def _way_arcs(request: MotionRequest) -> Floats:
-    arcs = 0.5 * turn_lengths(request)
-    limits = _weights(request.limits)
-    moves = move_lengths(request, limits)
-    if moves is not None:
-        arcs = np.maximum(arcs, 0.5 * moves * radians_per_metre(limits))
-    return arcs
-
-
-def _summed(arcs: Floats) -> Floats:
-    return np.concatenate([[0.0], np.cumsum(arcs)])
-
-
-def _weights(limits: Limits | None) -> Limits:
-    """Return limits by which moves are weighed against turns where no device is known."""
-    if limits is None:
-        return DEFAULT_LIMITS
-    return replace(
-        DEFAULT_LIMITS,
-        velocity=min(limits.velocity, DEFAULT_LIMITS.velocity),
-        linear_velocity=min(limits.linear_velocity, DEFAULT_LIMITS.linear_velocity),
-    )
+def _knots(request: MotionRequest) -> Knots:
+    """Return the keyframes' times; moves are weighed against turns as no device is known."""
+    limits = DEFAULT_LIMITS
+    if request.limits is not None:
+        limits = replace(
+            limits,
+            velocity=min(request.limits.velocity, limits.velocity),
+            linear_velocity=min(request.limits.linear_velocity, limits.linear_velocity),
+        )
+    return chord_knots(request, limits, is_uniform=False)

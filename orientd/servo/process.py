@@ -19,9 +19,9 @@ from typing import Any
 
 from orientd.clock import MonotonicClock
 from orientd.driver import Driver
-from orientd.errors import DeviceFaultError, Fault, FeedbackError, LinkError
+from orientd.errors import Fault
 from orientd.servo.realtime import DeadlineTimer, freeze_garbage, lock_memory, set_scheduling
-from orientd.servo.servo import Servo
+from orientd.servo.servo import Servo, fault_of
 from orientd.servo.watchdog import SHORTEST_NS, WatchdogTimeouts
 from orientd.stream import NoteKind, SharedMemory, pack_note
 
@@ -70,14 +70,6 @@ class ProcessSettings:
         return json.dumps(asdict(self))
 
 
-_FAULTS = (
-    (FeedbackError, Fault.FEEDBACK_STALE),
-    (LinkError, Fault.LINK_LOST),
-    (DeviceFaultError, Fault.DEVICE_FAULT),
-)
-"""What it is that keeps a device from being opened."""
-
-
 def run(descriptor: int, settings: ProcessSettings) -> int:
     """Be the servo process of one device, from opening to closing it.
 
@@ -93,7 +85,8 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
         driver.open()
     except Exception as error:  # noqa: BLE001 - whatever it is, the daemon must hear of it
         text = f"{type(error).__name__}: {error}"
-        fault = next((f for kind, f in _FAULTS if isinstance(error, kind)), Fault.SERVO_DIED)
+        fault = fault_of(error)
+        fault = Fault.SERVO_DIED if fault is Fault.INTERNAL else fault
         memory.notes.publish(*pack_note(0, NoteKind.ENDING, fault, text))
         return 1
     servo = Servo(

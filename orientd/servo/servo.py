@@ -61,6 +61,18 @@ PARENT_CHECK = 8
 _NO_FEEDBACK = Feedback(0, IDENTITY)
 
 
+def fault_of(error: Exception) -> Fault:
+    """Return the fault that an error of a driver means."""
+    for kind, fault in (
+        (FeedbackError, Fault.FEEDBACK_STALE),
+        (LinkError, Fault.LINK_LOST),
+        (DeviceFaultError, Fault.DEVICE_FAULT),
+    ):
+        if isinstance(error, kind):
+            return fault
+    return Fault.INTERNAL
+
+
 class Servo:
     """One device, and who speaks with it.
 
@@ -242,16 +254,12 @@ class Servo:
 
     def _take_fault(self, error: Exception) -> None:
         """Turn what a driver raised into a fault: at once, or after a stop on the path."""
-        if isinstance(error, FeedbackError):
-            self.setpoints.brake(Fault.FEEDBACK_STALE, str(error))
-        elif isinstance(error, LinkError):
-            self._fail(Fault.LINK_LOST, str(error))
-        elif isinstance(error, AxisFaultError):
-            self.setpoints.brake(Fault.DEVICE_FAULT, str(error))
-        elif isinstance(error, DeviceFaultError):
-            self._fail(Fault.DEVICE_FAULT, str(error))
+        fault = fault_of(error)
+        text = f"{type(error).__name__}: {error}" if fault is Fault.INTERNAL else str(error)
+        if isinstance(error, (FeedbackError, AxisFaultError)):
+            self.setpoints.brake(fault, text)
         else:
-            self._fail(Fault.INTERNAL, f"{type(error).__name__}: {error}")
+            self._fail(fault, text)
 
     # Commands
 

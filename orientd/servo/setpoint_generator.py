@@ -60,15 +60,7 @@ class SetpointGenerator:
         stall_ns: int,
         on_fault: Callable[[Fault, str], None],
     ) -> None:
-        """Hold still.
-
-        Args:
-            driver: says how fast it lets a path be run through.
-            memory: the rings of the path and of targets.
-            period_ns: cycle period.
-            stall_ns: longest time without a cycle after which a motion goes on by itself.
-            on_fault: is told of every fault when the state becomes that.
-        """
+        """Hold still; after *stall_ns* without a cycle no motion goes on by itself."""
         period = period_ns * 1e-9
         self.state = ServoState.IDLE
         self.fault = Fault.NONE
@@ -176,7 +168,7 @@ class SetpointGenerator:
         scaling, brake_rate = self.time_scaling, part.servo_limits.brake_rate
         if not brake_rate > 0.0:
             return f"brake rate must be positive, got {brake_rate!r}"
-        if scaling.is_overridden or (not scaling.is_steady and brake_rate < scaling.brake_rate):
+        if scaling.plan or (not scaling.is_steady and brake_rate < scaling.brake_rate):
             raise NotYetError("the speed is changing")
         problem = self.follower.splice(part)
         if not problem:
@@ -262,10 +254,9 @@ class SetpointGenerator:
             if not follower.reaches(scaling.braking_cycles):
                 self.brake(Fault.PATH_STARVED, "the daemon did not deliver the path in time")
         before, part = scaling.rate, follower.part
-        if scaling.is_overridden or scaling.target == 0.0 < before:
-            rate = self._quick_stop.advance(self._servo_limits, may_end=self.state is _STOPPING)
-        else:
-            rate = scaling.advance()
+        if scaling.target == 0.0 < before and not scaling.plan:
+            self._quick_stop.seek(self._servo_limits, may_end=self.state is _STOPPING)
+        rate = scaling.advance()
         try:
             path = follower.advance(rate * share)
         except StarvedError as error:
@@ -357,5 +348,5 @@ class SetpointGenerator:
         slowest, shares = follower.slowest_brake_rate, follower.joint_shares
         if shares != self._servo_limits.joint_shares:
             self._servo_limits = replace(follower.part.servo_limits, joint_shares=shares)
-        if not scaling.is_overridden and (scaling.is_steady or slowest > scaling.brake_rate):
+        if not scaling.plan and (scaling.is_steady or slowest > scaling.brake_rate):
             scaling.brake_rate = slowest

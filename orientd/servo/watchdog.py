@@ -48,15 +48,9 @@ class ServoWatchdog:
         self._stall_end_ns = 0
 
     def notice(self, deadline_ns: int, heartbeat_ns: int, measured_ns: int) -> bool:
-        """Note the deadlines that were missed before this one.
+        """Note the deadlines missed before this one; return whether anything may be wrong.
 
-        Args:
-            deadline_ns: of the cycle that begins.
-            heartbeat_ns: when the daemon was last heard of.
-            measured_ns: when the newest feedback was measured; 0 without any.
-
-        Returns:
-            Whether there may be anything to complain of.
+        *measured_ns* is when the newest feedback was measured, 0 without any.
         """
         missed_ns = deadline_ns - self._deadline_ns - self._period_ns
         if missed_ns > self._period_ns // 2 and self._deadline_ns:

@@ -8,7 +8,10 @@ from orientd.stream.memory import (
     TAKEN_AT_WORD,
     TAKEN_WORD,
     SharedMemory,
+    newest_health,
+    publish_health,
     taken_at,
+    tuning_text,
 )
 from orientd.stream.records import (
     CYCLE_RECORD,
@@ -33,4 +36,3 @@ from orientd.stream.records import (
     unpack_note,
 )
 from orientd.stream.ring import HEAD, RecordRing
-from orientd.stream.texts import newest_health, publish_health, tuning_text

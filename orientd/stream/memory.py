@@ -9,18 +9,24 @@ touches a page that is gone is killed.
 from __future__ import annotations
 
 import errno
+import json
 import mmap
 import os
+from collections.abc import Mapping, Sequence
 from struct import Struct
+from typing import Any
 
+from orientd.driver import PartHealth
 from orientd.stream.records import (
     COMMAND_RECORD,
     CYCLE_RECORD,
     HEALTH_RECORD,
+    HEALTH_TEXT_BYTES,
     NOTE_RECORD,
     PATH_RECORD,
     TARGET_RECORD,
     TUNING_RECORD,
+    TUNING_TEXT_BYTES,
 )
 from orientd.stream.ring import RecordRing
 
@@ -145,3 +151,35 @@ def _rings(path_capacity: int, cycle_capacity: int) -> list[tuple[Struct, int, i
     )
     needed = ((layout, count, RecordRing.bytes_needed(layout, count)) for layout, count in layouts)
     return [(layout, count, (size + PAGE - 1) // PAGE * PAGE) for layout, count, size in needed]
+
+
+def tuning_text(options: Mapping[str, Any]) -> bytes:
+    """Return *options* as they cross to the servo.
+
+    Raises:
+        ValueError: they are too long, or more than JSON can say.
+    """
+    try:
+        text = json.dumps(dict(options), allow_nan=False).encode()
+    except TypeError as error:
+        raise ValueError(str(error)) from error
+    if len(text) > TUNING_TEXT_BYTES:
+        raise ValueError(f"at most {TUNING_TEXT_BYTES} bytes of JSON are allowed, got {len(text)}")
+    return text
+
+
+def publish_health(ring: RecordRing, parts: Sequence[PartHealth]) -> None:
+    """Write how *parts* are, without those for which there is no room."""
+    kept = list(parts)
+    while len(text := json.dumps(kept).encode()) > HEALTH_TEXT_BYTES:
+        kept.pop()
+    ring.publish(len(text), text)
+
+
+def newest_health(ring: RecordRing) -> tuple[PartHealth, ...]:
+    """Return how the parts were last said to be; empty before that."""
+    fields = ring.read(ring.head - 1) if ring.head else None
+    if fields is None:
+        return ()
+    _, length, text = fields
+    return tuple(PartHealth(*part) for part in json.loads(text[:length]))

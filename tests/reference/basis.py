@@ -4,7 +4,7 @@ import numpy as np
 
 
 def coefficients(spans, knots, order):
-    """Values, rates and curvatures of :class:`orientd.curves.construct.basis.CumulativeBasis`.
+    """Values, rates and curvatures of :class:`orientd.curves.basis.CumulativeBasis`.
 
     Args:
         spans: index of the knot that each begins at, shape ``(S,)``.

@@ -11,7 +11,7 @@ from orientd.planner.limits import Limits
 from orientd.rotation import Floats
 
 _SIGMA, _G = LAW[0][:, :, None]
-_MARGIN = LAW[-1]
+_MARGIN = float(LAW[-1][-1])
 
 
 def brake_rate(

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from reference.joins import Ends, arrival, increments, rates, rough_rates
 
-from orientd.planner.certify.limit_tables import limit_table
+from orientd.planner.certify import limit_table
 from orientd.planner.limits import ACCELERATION_RESERVE, Limits
 from orientd.planner.request import State
 from orientd.rotation import Floats, between, exp, log, multiply

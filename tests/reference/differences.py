@@ -1,19 +1,88 @@
-"""Backward differences of setpoints, as in :mod:`orientd.planner.certify.differences`."""
+"""Backward differences of setpoints, as in :mod:`orientd.planner.certify.measuring`."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from reference.brake import least_brake_rate
 from reference.drawn import drawn
 
-from orientd.planner.certify.differences import Extremes
+from orientd import kernels
+from orientd.planner.certify import limit_table
+from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, LAW
 from orientd.planner.limits import Limits
+from orientd.planner.recorded import HISTORY
 from orientd.rotation import Floats, conjugate, log, multiply
 
 PHASES = (0.5 - 0.125**0.5, 0.5, 0.5 + 0.125**0.5)
 """Shares of a period between two records at which differences are looked at."""
+
+
+@dataclass(frozen=True)
+class Extremes:
+    """What a certificate takes of some setpoints.
+
+    Attributes:
+        largest: squares of bounds of the backward differences, in units of rad a period: of the
+            norm and of the components, shape ``(6, 4)``; the last three rows are the largest ones
+            on the records alone.
+        places: which differences these are about, shape ``(3, 4)``.
+        rate: the least brake rate, 1/s.
+        rate_place: which third difference sets it.
+        unproven: places without a proof.
+    """
+
+    largest: list[list[float]]
+    places: list[list[int]]
+    rate: float = FASTEST_BRAKE_RATE
+    rate_place: int = 0
+    unproven: int = 0
+
+
+def certified(
+    q: Floats,
+    *,
+    past: int = 0,
+    with_axes: bool = False,
+    period: float = 1.0,
+    brake_limits: Limits | None = None,
+) -> Extremes:
+    """Return what the kernel finds, as :func:`extremes` does.
+
+    Args:
+        q: orientations, shape ``(n, 4)``; or with rates, shape ``(n, 10)``, where the path between
+            the records is to count, too.
+        past: 1 where the first three setpoints are those before the records.
+        with_axes: whether the components are wanted.
+        period: s.
+        brake_limits: for a certificate.
+    """
+    rows = np.zeros((len(q), 13))
+    rows[:, 4:10] = np.nan
+    rows[:, : q.shape[1]] = q
+    known = HISTORY * past
+    if brake_limits is None:
+        table = np.full((3, 4), 1e300 if with_axes else np.inf)
+    else:
+        table = limit_table(brake_limits)
+    found = np.empty(44)
+    kernels.certify(
+        *(np.empty(0), np.empty((0, 0)), np.empty(0), np.empty((0, 18)), np.zeros(3)),
+        *(rows[known:], rows[:known], len(rows) - known, 0, False, False, period, table),
+        *(np.full(2, np.inf), 0.0 if brake_limits is None else 1.0, *LAW, found),
+    )
+    records = found[24:36].reshape(3, 4)
+    places = np.where(
+        found[:12].reshape(3, 4) > 0.0, records + known - np.arange(1.0, 4.0)[:, None], 0.0
+    )
+    return Extremes(
+        found[:24].reshape(6, 4).tolist(),
+        np.maximum(places, 0.0).astype(int).tolist(),
+        float(found[40]),
+        max(int(found[41]) + known - HISTORY, 0),
+        int(found[43]),
+    )
 
 
 def differences(q: Floats) -> tuple[Floats, Floats, Floats]:
@@ -39,7 +108,7 @@ def extremes(
     period: float = 1.0,
     brake_limits: Limits | None = None,
 ) -> Extremes:
-    """Return what :func:`orientd.planner.certify.differences.extremes` does, all of it sampled."""
+    """Return what a certificate takes of setpoints, all of it sampled."""
     with_axes = with_axes or (brake_limits is not None and brake_limits.has_axes)
     known = int(np.sum(np.isnan(q[:3, 4]))) if q.shape[1] == 10 else 0
     phases = [differences(q[:, :4])]

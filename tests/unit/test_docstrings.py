@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from orientd.curves.contract import SHARED
+
 ROOT = Path(__file__).parents[2]
 FILES = sorted(
     path
@@ -31,7 +33,9 @@ def attributes(of):
         for one in ast.walk(of)
         if isinstance(one, ast.Attribute | ast.Name) and isinstance(one.ctx, ast.Store)
     }
-    begins = [one for one in methods if one.name == "__init__"]
+    begins = [one for one in methods if one.name in ("__init__", "_make", "_solve")]
+    if any(one.name == "_solve" for one in methods):
+        written |= SHARED.keys()
     return written | {one.name for one in methods} | set().union(*map(parameters, begins))
 
 

@@ -14,7 +14,7 @@ typedef struct { const double *speed, *size, *along, *jerk; double *bound; index
 
 /* The root in the form that does not cancel. */
 INLINE double root(double rest, double half, double leading) {
-    rest = fmax(rest, 0.0);
+    rest = larger(rest, 0.0);
     double divisor = half + sqrt(half * half + leading * rest);
     return divisor > 0.0 ? rest / divisor : INFINITY;
 }
@@ -30,10 +30,10 @@ static double safe_rate(points_t at, index_t i, double most, double most_jerk, b
         double sigma = sigmas[k], g = gs[k], square = sigma * sigma;
         if (most < INFINITY) {
             double bend = size * square, turn = g * speed;
-            rate = fmin(rate, root(most * most - bend * bend, g * square * along, turn * turn));
+            rate = smaller(rate, root(most * most - bend * bend, g * square * along, turn * turn));
         }
         if (most_jerk < INFINITY)
-            rate = fmin(rate, root(most_jerk - jerk * square, 1.5 * sigma * g * size,
+            rate = smaller(rate, root(most_jerk - jerk * square, 1.5 * sigma * g * size,
                                    4.0 * speed));
     }
     return law.margin * rate;
@@ -54,7 +54,7 @@ static void put_bounds(points_t at, double most, row_t worst) {
     }
     INDEPENDENT
     for (index_t i = 0; i < at.n; i++) {
-        double place = fmin(sqrt(fmax(1.0 - size[i] * scale, 0.0)), 1.0) * cells;
+        double place = smaller(sqrt(larger(1.0 - size[i] * scale, 0.0)), 1.0) * cells;
         int cell = (int)place;
         cell = cell < cells ? cell : cells - 1;
         double allowed = most * (table[cell] + (place - cell) * (table[cell + 1] - table[cell]));
@@ -112,6 +112,11 @@ int least_rate(matrix_t velocity, matrix_t acceleration, row_t jerk, double most
     return 0;
 }
 
+/* Square of a vector or of one of its components. */
+INLINE double square_of(vec_t v, int column) {
+    return column == 0 ? dot(v, v) : column == 1 ? v.x * v.x : column == 2 ? v.y * v.y : v.z * v.z;
+}
+
 /* Write the largest velocity, acceleration and jerk at the phases of each record, and the largest
  * product of the first two. */
 INLINE void put_points(const sight_t *sight, index_t points, double period, int column,
@@ -125,24 +130,79 @@ INLINE void put_points(const sight_t *sight, index_t points, double period, int 
         for (index_t i = begin; i < end; i++) {
             vec_t v = at(rates, i + 2), a = at(rates + 1, i + 1), j = at(rates + 2, i);
             double along = column == 0 ? fabs(dot(v, a)) : size_of(v, column) * size_of(a, column);
-            to[0][i] = most_of(p ? to[0][i] : 0.0, u * size_of(v, column));
-            to[1][i] = most_of(p ? to[1][i] : 0.0, u2 * size_of(a, column));
-            to[2][i] = most_of(p ? to[2][i] : 0.0, u3 * along);
-            to[3][i] = most_of(p ? to[3][i] : 0.0, u3 * size_of(j, column));
+            to[0][i] = larger(p ? to[0][i] : 0.0, square_of(v, column));
+            to[1][i] = larger(p ? to[1][i] : 0.0, square_of(a, column));
+            to[2][i] = larger(p ? to[2][i] : 0.0, along);
+            to[3][i] = larger(p ? to[3][i] : 0.0, square_of(j, column));
         }
+    }
+    INDEPENDENT
+    for (index_t i = 0; i < points; i++) {
+        to[0][i] = u * sqrt(to[0][i]), to[1][i] = u2 * sqrt(to[1][i]);
+        to[2][i] *= u3, to[3][i] = u3 * sqrt(to[3][i]);
     }
 }
 
-slowest_t slower(const sight_t *sight, index_t shift, const measure_t *how, slowest_t before) {
+/* Take in the least rate of some points, the first of which is that of a record. */
+static void note_rate(points_t at, double most, double most_jerk, brake_law_t law, index_t record,
+                      extremes_t *found) {
+    slowest_t slowest = {found->rate, 0};
+    slowest = least_of(at, most, most_jerk, law, 0, slowest);
+    if (slowest.rate < found->rate)
+        found->rate = slowest.rate, found->rate_place = (double)(record + slowest.place);
+}
+
+bool is_risky(const double bounds[12], double period, const measure_t *how, double rate) {
+    double u = 1.0 / period, bound;
+    for (int column = 0; column < (has_axes(how->limits) ? 4 : 1); column++) {
+        double speed = u * bounds[column], size = u * u * bounds[4 + column];
+        double jerk = u * u * u * bounds[8 + column], along = speed * size;
+        points_t at = {&speed, &size, &along, &jerk, &bound, 1};
+        double most = how->tolerance * row_of(how->limits, 1)[column];
+        put_bounds(at, most, how->law.worst);
+        if (!(size < INFINITY && jerk < INFINITY)
+            || is_at_risk(at, 0, rate, how->tolerance * row_of(how->limits, 2)[column],
+                          how->law.most_change))
+            return true;
+    }
+    return false;
+}
+
+void brake(const block_t *block, const sight_t *sight, double period, const measure_t *how,
+           extremes_t *found) {
     index_t points = sight->counts[2];
     if (points <= 0)
-        return before;
+        return;
     lane_t rows[5];
     points_t at = {rows[0], rows[1], rows[2], rows[3], rows[4], points};
+    double more = how->tolerance;
     /* The norm, then the components where they are limited. */
-    for (int column = 0; column < (how->with_axes ? 4 : 1); column++) {
-        put_points(sight, points, how->period, column, rows);
-        before = least_of(at, how->most[column], how->most[4 + column], how->law, shift, before);
+    for (int column = 0; column < (has_axes(how->limits) ? 4 : 1); column++) {
+        if (column == 0)
+            put_points(sight, points, period, 0, rows);
+        else
+            put_points(sight, points, period, column, rows);
+        note_rate(at, more * row_of(how->limits, 1)[column], more * row_of(how->limits, 2)[column],
+                  how->law, block->first + HISTORY, found);
     }
-    return before;
+}
+
+void brake_moves(const block_t *block, double period, index_t past, const measure_t *how,
+                 extremes_t *found) {
+    lane_t rows[5] = {{0.0}};
+    index_t points = 0;
+    for (index_t i = 1 + past; i + 1 < block->count; i++, points++) {
+        double speed = 0.0, size = 0.0, along = 0.0;
+        for (index_t axis = 0; axis < 3; axis++) {
+            const double *at = block->rows[POSITION + axis] + i;
+            double v = (at[1] - at[0]) / period;
+            double a = (at[1] - at[0] - (at[0] - at[-1])) / (period * period);
+            speed += v * v, size += a * a, along += v * a;
+        }
+        rows[0][points] = sqrt(speed), rows[1][points] = sqrt(size), rows[2][points] = fabs(along);
+    }
+    points_t at = {rows[0], rows[1], rows[2], rows[3], rows[4], points};
+    if (points)
+        note_rate(at, how->tolerance * how->move_limits.v[1], INFINITY, how->law,
+                  block->first + 2 + past, found);
 }

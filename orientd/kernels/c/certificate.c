@@ -1,38 +1,264 @@
-/* Certify records, a block after the other. */
+/* Certify setpoints, a block after the other. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "differences.h"
+#include "moves.h"
+#include "trajectory.h"
 
-int certify(matrix_t rows, index_t past, measure_t how, extremes_t found, slowest_t *slowest,
-            index_t *unproven) {
-    block_t block = {.has_rates = rows.n == 10};
-    sight_t *sight = calloc(1, sizeof *sight);
-    *slowest = (slowest_t){how.law.fastest, 0};
-    if (sight == NULL)
-        return OUT_OF_MEMORY;
-    /* What is less than the bounds so far need not be looked at closely. */
-    for (index_t slot = 0; slot < 12; slot++)
-        sight->known[slot / 4][slot % 4] = sqrt(found.squares[slot]) / (1.0 + SLACK);
-    sight->boxes = BOXES_AT_LEAST + BOXES_A_RECORD * rows.m;
-    for (index_t read = 0; read < rows.m;) {
-        index_t known = block.count, more = least(BLOCK - known, rows.m - read);
-        for (index_t row = 0; row < rows.n; row++)
-            memcpy(block.rows[row] + known, row_of(rows, row) + read,
-                   (size_t)more * sizeof(double));
-        block.count += more;
-        if (!read)
-            note_unknown(&block);
-        read += more;
-        index_t shift = read - block.count;
-        take_differences(&block, how.period, shift ? 0 : past, how.with_axes, how.is_certificate,
-                         shift, sight, found);
-        if (how.is_certificate)
-            *slowest = slower(sight, shift, &how, *slowest);
-        keep_last(&block);
+/* Seconds before its end that a path counts as ended: its last record is at rest, to rounding. */
+#define AT_REST 1e-9
+
+bool has_axes(matrix_t limits) {
+    for (index_t i = 0; i < limits.n * limits.m; i++)
+        if (i % limits.m && limits.v[i] < INFINITY)
+            return true;
+    return false;
+}
+
+index_t setpoints_of(const setpoints_t *from) { return from->before.n + from->count + from->held; }
+
+void begin_block(const setpoints_t *from, block_t *block) {
+    block->count = block->unknown = 0, block->first = from->first - from->before.n;
+}
+
+void begin_sight(sight_t *sight, index_t boxes) {
+    memset(sight->known, 0, sizeof sight->known);
+    sight->unproven = 0, sight->boxes = boxes;
+}
+
+/* Write records of a trajectory, the first of which is at a place in the block. */
+static void sample_block(const setpoints_t *from, index_t first, index_t begin, index_t end,
+                         block_t *block) {
+    double times[BLOCK], samples[POSITION * BLOCK];
+    index_t count = end - begin, last = from->first + from->count - 1;
+    double start = from->breaks.v[0], stop = from->breaks.v[from->breaks.n - 1];
+    double rate = from->step / from->period, square = rate * rate;
+    for (index_t i = 0; i < count; i++)
+        times[i] = smaller(from->step * (double)least(first + i, last), stop);
+    matrix_t out = {samples, POSITION, count};
+    sample_trajectory((row_t){times, count}, from->breaks, from->pieces, INFINITY, out);
+    for (index_t row = 0; row < POSITION; row++) {
+        const double *restrict found = row_of(out, row);
+        double *restrict to = block->rows[row] + begin, factor = row < 4 ? 1.0 : row < 7 ? rate : square;
+        for (index_t i = 0; i < count; i++)
+            to[i] = factor * found[i];
     }
-    *unproven = sight->unproven;
-    free(sight);
+    for (index_t i = 0; i < count; i++) {
+        bool rests = (from->rests[0] && times[i] <= start)
+                  || (from->rests[1] && times[i] >= stop - AT_REST);
+        for (index_t row = 4; row < POSITION && rests; row++)
+            block->rows[row][begin + i] = 0.0;
+    }
+    for (index_t i = 0; i < count; i++) {
+        double place[3];
+        if (from->moves.n)
+            put_move(from->move_breaks, from->moves, times[i], (move_t){place, NULL, NULL});
+        else
+            memcpy(place, from->place.v, sizeof place);
+        for (index_t axis = 0; axis < 3; axis++)
+            block->rows[POSITION + axis][begin + i] = place[axis];
+    }
+}
+
+index_t fill_block(const setpoints_t *from, index_t place, block_t *block) {
+    index_t kept = least(block->count, KEPT), gone = block->count - kept;
+    for (index_t row = 0; row < STATE_ROWS && gone; row++)
+        memmove(block->rows[row], block->rows[row] + gone, (size_t)kept * sizeof(double));
+    block->first += gone;
+    index_t end = least(setpoints_of(from), place + BLOCK - kept), at = kept;
+    for (; place < end && place < from->before.n; place++, at++)
+        for (index_t row = 0; row < STATE_ROWS; row++)
+            block->rows[row][at] = row_of(from->before, place)[row];
+    index_t record = place - from->before.n, stop = at + end - place;
+    if (from->rows.n)
+        for (index_t i = at; i < stop; i++) {
+            const double *state = row_of(from->rows, least(record + i - at, from->count - 1));
+            for (index_t row = 0; row < STATE_ROWS; row++)
+                block->rows[row][i] = state[row];
+        }
+    else if (stop > at)
+        sample_block(from, from->first + record, at, stop, block);
+    /* What is held has no rates. */
+    for (index_t i = most(at, at + from->count - record); i < stop; i++)
+        for (index_t row = 4; row < POSITION; row++)
+            block->rows[row][i] = 0.0;
+    block->count = stop;
+    block->unknown = stop;
+    while (block->unknown > 0 && !isnan(block->rows[4][block->unknown - 1]))
+        block->unknown--;
+    return end;
+}
+
+void take_moves(const block_t *block, index_t past, extremes_t *found) {
+    double before[3] = {0.0};
+    for (index_t i = 0; i + 1 < block->count; i++) {
+        double size = 0.0, change = 0.0;
+        for (index_t axis = 0; axis < 3; axis++) {
+            const double *at = block->rows[POSITION + axis] + i;
+            double way = at[1] - at[0];
+            size += way * way, change += (way - before[axis]) * (way - before[axis]);
+            before[axis] = way;
+        }
+        double sizes[2] = {size, change};
+        for (index_t order = 0; order < 2; order++)
+            /* What is not a number is the largest, and stays so. */
+            if (i >= (order ? 1 + past : 2 * past) && !(sizes[order] <= found->moved[order])
+                && found->moved[order] < INFINITY)
+                found->moved[order] = sizes[order],
+                found->move_places[order] = (double)(block->first + i + 1);
+    }
+}
+
+/* Note how long the longest stop takes, on a straight path: a double integrator with bounded jerk,
+ * from the speed and its rate of change to rest. */
+static void take_stops(const block_t *block, index_t begin, const measure_t *how,
+                       extremes_t *found) {
+    const double (*rows)[BLOCK] = block->rows;
+    const double *bends = row_of(how->limits, 1), *twists = row_of(how->limits, 2);
+    lane_t times_of;
+    INDEPENDENT
+    for (index_t i = begin; i < block->count; i++) {
+        vec_t omega = vec(rows[4][i], rows[5][i], rows[6][i]);
+        double speed = norm(omega);
+        vec_t way = times(speed > 0.0 ? 1.0 / speed : 0.0, omega);
+        double push = dot(way, vec(rows[7][i], rows[8][i], rows[9][i]));
+        double x = fabs(way.x), y = fabs(way.y), z = fabs(way.z);
+        double pull = smaller(smaller(bends[0], bends[1] / x), smaller(bends[2] / y, bends[3] / z));
+        double jerk = smaller(smaller(twists[0], twists[1] / x),
+                              smaller(twists[2] / y, twists[3] / z));
+        double peak = sqrt(jerk * speed + 0.5 * push * push);
+        double brief = larger(push + 2.0 * peak, 0.0) / jerk;
+        double held = speed + (push * push - 2.0 * pull * pull) / (2.0 * jerk);
+        times_of[i] = peak <= pull ? brief : (push + 2.0 * pull) / jerk + held / pull;
+    }
+    for (index_t i = begin; i < block->count; i++)
+        if (times_of[i] > found->stop_time && times_of[i] < INFINITY)
+            found->stop_time = times_of[i];
+}
+
+/* Return whether the position changes. */
+static bool is_moving(const setpoints_t *from) {
+    bool is_same = !from->rows.n && !from->moves.n;
+    for (index_t i = 0; i < from->before.n && is_same; i++)
+        is_same = !memcmp(row_of(from->before, i) + POSITION, from->place.v, 3 * sizeof(double));
+    return !is_same;
+}
+
+/* Share of a limit from which on a difference is taken to be about the largest. */
+#define HIGH 0.9
+
+typedef struct {
+    const setpoints_t *from;
+    const measure_t *how;
+    extremes_t *found;
+    bool with_axes;
+    block_t block;
+    sight_t sight;
+} certifying_t;
+
+/* What no difference of a block exceeds, and where it begins. */
+typedef struct { double bounds[12]; index_t place, past; } outline_t;
+
+static bool is_open(const certifying_t *at, const outline_t *outline, int slot) {
+    return !(outline->bounds[slot] <= cut_of(at->sight.known[slot / 4][slot % 4]));
+}
+
+/* Look at a block between its records, too. */
+static void look_closely(certifying_t *at, const outline_t *outline) {
+    take_phases(&at->block, true, &at->sight);
+    note_differences(&at->block, outline->past, at->with_axes, true, &at->sight, at->found);
+    brake(&at->block, &at->sight, at->from->period, at->how, at->found);
+    for (int slot = 0; slot < 12; slot += at->with_axes ? 1 : 4)
+        if (is_open(at, outline, slot))
+            prove(&at->block, outline->past, slot / 4 + 1, slot % 4, &at->sight, at->found);
+        else
+            note(outline->bounds[slot], at->found->squares + slot);
+}
+
+/* Write what bounds the differences of a block; return whether they are to be looked at now. */
+static bool put_outline(const certifying_t *at, outline_t *outline) {
+    double unit = 1.0;
+    bool is_high = at->block.unknown > 0;
+    for (int slot = 0; slot < 12; slot += at->with_axes ? 1 : 4) {
+        unit *= slot % 4 ? 1.0 : at->from->period;
+        double limit = row_of(at->how->limits, slot / 4)[slot % 4];
+        outline->bounds[slot] = crude_bound(&at->sight, slot / 4 + 1, slot % 4);
+        is_high |= at->sight.known[slot / 4][slot % 4] > HIGH * limit * unit
+                && is_open(at, outline, slot);
+    }
+    return is_high || is_risky(outline->bounds, at->from->period, at->how, at->found->rate);
+}
+
+/* Bound all differences: where it might matter between the records, too.  A block that is far below
+ * the limits is left until the largest differences on the records are known. */
+static int prove_all(certifying_t *at) {
+    const setpoints_t *from = at->from;
+    index_t total = setpoints_of(from), count = 0, past = from->before.n > 0;
+    bool moves = is_moving(from);
+    outline_t *left = malloc((size_t)(total / (BLOCK - KEPT) + 2) * sizeof *left);
+    if (left == NULL)
+        return OUT_OF_MEMORY;
+    for (index_t read = 0; read < total;) {
+        index_t known = least(at->block.count, KEPT);
+        outline_t outline = {.place = read, .past = past};
+        read = fill_block(from, read, &at->block);
+        take_records(&at->block, from->period, true, &at->sight);
+        note_differences(&at->block, past, at->with_axes, false, &at->sight, at->found);
+        if (put_outline(at, &outline))
+            look_closely(at, &outline);
+        else
+            left[count++] = outline;
+        if (moves) {
+            take_moves(&at->block, past, at->found);
+            brake_moves(&at->block, from->period, past, at->how, at->found);
+        }
+        take_stops(&at->block, known, at->how, at->found);
+        past = 0;
+    }
+    for (index_t i = 0; i < count; i++) {
+        bool is_needed = is_risky(left[i].bounds, from->period, at->how, at->found->rate);
+        for (int slot = 0; slot < 12; slot += at->with_axes ? 1 : 4)
+            is_needed |= is_open(at, &left[i], slot);
+        for (int slot = 0; slot < 12 && !is_needed; slot += at->with_axes ? 1 : 4)
+            note(left[i].bounds[slot], at->found->squares + slot);
+        if (!is_needed)
+            continue;
+        begin_block(from, &at->block);
+        at->block.first += most(left[i].place - KEPT, 0);
+        fill_block(from, most(left[i].place - KEPT, 0), &at->block);
+        take_records(&at->block, from->period, true, &at->sight);
+        look_closely(at, &left[i]);
+    }
+    free(left);
     return 0;
+}
+
+int certify(const setpoints_t *from, const measure_t *how, extremes_t *found) {
+    certifying_t *at = malloc(sizeof *at);
+    *found = (extremes_t){.rate = how->law.fastest};
+    if (at == NULL)
+        return OUT_OF_MEMORY;
+    index_t total = setpoints_of(from), past = from->before.n > 0;
+    int failed = 0;
+    at->from = from, at->how = how, at->found = found, at->with_axes = has_axes(how->limits);
+    begin_sight(&at->sight, BOXES_AT_LEAST + BOXES_A_RECORD * total);
+    begin_block(from, &at->block);
+    if (how->tolerance > 0.0)
+        failed = prove_all(at);
+    else
+        for (index_t read = 0; read < total; past = 0) {
+            read = fill_block(from, read, &at->block);
+            take_records(&at->block, from->period, false, &at->sight);
+            take_phases(&at->block, false, &at->sight);
+            note_differences(&at->block, past, at->with_axes, true, &at->sight, found);
+            if (is_moving(from))
+                take_moves(&at->block, past, found);
+        }
+    found->unproven = (double)at->sight.unproven;
+    double speed = sqrt(found->moved[0]) / from->period / how->move_limits.v[1];
+    found->stop_time = larger(speed, found->stop_time);
+    free(at);
+    return failed;
 }

@@ -8,11 +8,49 @@
 /* Setpoints before the first that a third difference reaches back to. */
 enum { HISTORY = 3 };
 
+/* Numbers of a state: orientation, angular velocity and acceleration, position. */
+enum { STATE_ROWS = 13, POSITION = 10 };
+
+/* That are looked at in one call: days of them. */
+enum { MOST_SETPOINTS = 200000000 };
+
+/* Setpoints a period apart: some before the path, records of it, and the last one held.
+ *
+ * breaks, pieces: the trajectory by path time from 0 on, see trajectory.h; or none, with records.
+ * move_breaks, moves: the position, see moves.h; or none, and it stays at a place, shape (3,).
+ * rows: the records, shape (n, STATE_ROWS); or none, with a trajectory.
+ * before: setpoints before the first record, shape (h, STATE_ROWS); rates there may be unknown, not
+ *     numbers.
+ * first, count: the records that are looked at.
+ * held: how many setpoints behind the last record the device stays there.
+ * period: from one to the next, s.
+ * step: the same in path time, s.
+ * rests: whether the path is at rest at its beginning, and at its end: to the last digit then. */
+typedef struct {
+    row_t breaks;
+    matrix_t pieces;
+    row_t move_breaks;
+    matrix_t moves;
+    row_t place;
+    matrix_t rows, before;
+    index_t first, count, held;
+    double period, step;
+    bool rests[2];
+} setpoints_t;
+
 /* Bounds of the backward differences, and the largest at the records: squares, in units of rad a
  * period, and where they are about.  Rows are velocity, acceleration and jerk, then those on the
- * records alone; columns the norm and the three components, shape (6, 4).  Places are of the first
- * three rows, shape (12,). */
-typedef struct { double *squares; int64_t *places; } extremes_t;
+ * records alone; columns the norm and the three components.  Places are of the first three rows:
+ * the record at which the difference ends. */
+typedef struct {
+    double squares[24], places[12];
+    double moved[2], move_places[2];  /* the same of the position's first and second differences */
+    double rate, rate_place;          /* the least brake rate, 1/s, and the record that sets it */
+    double stop_time;                 /* of the place from which a stop takes longest, s */
+    double unproven;                  /* places without a proof */
+} extremes_t;
+
+enum { EXTREMES = sizeof(extremes_t) / sizeof(double) };
 
 /* What the brake rate follows from; orientd.planner.certify.brake has the mathematics.
  *
@@ -24,21 +62,20 @@ typedef struct { double *squares; int64_t *places; } extremes_t;
  * margin: to keep, a share. */
 typedef struct { matrix_t nodes; row_t worst; double most_change, fastest, margin; } brake_law_t;
 
-/* How differences are taken and held against limits.
+/* What is looked for.
  *
- * with_axes: whether the largest components are wanted, too.
- * is_certificate: whether the brake rate is, and bounds that are proven; else differences are taken
- *     at the phases alone.
- * period: from one setpoint to the next, s.
- * most: limits of acceleration and jerk, of the norm and the components, shape (2, 4). */
+ * limits: of velocity, acceleration and jerk, norm and components, shape (3, 4).
+ * move_limits: of the position's velocity and acceleration, shape (2,).
+ * tolerance: factor to the limits up to which a path may be braked; 0 for no certificate: then
+ *     differences are taken at the phases alone, and nothing is said of stops. */
 typedef struct {
-    bool with_axes, is_certificate;
-    double period;
-    const double *most;
+    matrix_t limits;
+    row_t move_limits;
+    double tolerance;
     brake_law_t law;
 } measure_t;
 
-/* The least brake rate, 1/s, and which third difference sets it. */
+/* The least brake rate, 1/s, and which point sets it. */
 typedef struct { double rate; index_t place; } slowest_t;
 
 /* brake.c */
@@ -53,19 +90,7 @@ int least_rate(matrix_t velocity, matrix_t acceleration, row_t jerk, double most
 
 /* certificate.c */
 
-/* Write bounds of the backward differences of setpoints, and return the least brake rate.
- *
- * The rate and the differences that it follows from are those of the records and of three phases
- * between them.
- *
- * rows: orientations of records, shape (4, n); with angular velocities and accelerations, shape
- *     (10, n), the path between them counts, too.
- * past: how many accelerations, and twice as many velocities, are not to count as largest.
- * found: bounds of records before these, or zeros, where the bounds of both go.
- * unproven: receives the number of periods in which the path turns too far for a proof, or where
- *     none was found soon. */
-int certify(matrix_t rows, index_t past, measure_t how, extremes_t found, slowest_t *slowest,
-            index_t *unproven);
-
+/* Hold setpoints against limits.  Return 0 or OUT_OF_MEMORY. */
+int certify(const setpoints_t *from, const measure_t *how, extremes_t *found);
 
 #endif

@@ -8,13 +8,12 @@
  *
  * with half-angle increments w_i and u from 0 to 1 over its duration.
  *
- * join_trajectory of trajectory.h makes a trajectory of several joins end to end.
+ * product_trajectory of trajectory.h makes a trajectory of several joins end to end.
  */
 #ifndef ORIENTD_CONNECTORS_H
 #define ORIENTD_CONNECTORS_H
 
-#include "lanes.h"
-#include "rotation.h"
+#include "sampling.h"
 
 enum { FACTORS = 5 };  /* of a join */
 
@@ -64,20 +63,6 @@ INLINE join_t join_of(const vec_t w[FACTORS], double duration) {
     }
     join.per_second = 1.0 / duration;
     return join;
-}
-
-/* A motion followed by one factor of a join. */
-INLINE motion_t past_factor(motion_t before, vec_t axis, double angle, double rate, double bend) {
-    double c, s;
-    cosine_and_sine(angle, &c, &s);
-    vec_t e = times(s, axis);
-    motion_t after = {
-        followed(before.q, c, e),
-        turned_back(c, e, before.omega),
-        turned_back(c, e, before.alpha),
-    };
-    join(&after.omega, &after.alpha, axis, 2.0 * rate, 2.0 * bend);
-    return after;
 }
 
 /* A join at some point, from the orientation it begins at.  Neither branches nor calls, so that a

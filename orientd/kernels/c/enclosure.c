@@ -29,8 +29,8 @@ typedef struct {
     double rest, by_phase, by_rate, slope_by_phase, slope_by_rate;
 } difference_t;
 
-/* A setpoint, and the angular velocity there. */
-static quat_t state_at(const difference_t *d, double place, vec_t *omega) {
+/* A setpoint, and the angular velocity there unless that is NULL. */
+INLINE quat_t state_at(const difference_t *d, double place, vec_t *omega) {
     index_t k = most(least((index_t)place, d->block->count - 2), 0);
     const segments_t *segments = d->segments;
     const double (*rows)[BLOCK] = d->block->rows;
@@ -39,7 +39,8 @@ static quat_t state_at(const difference_t *d, double place, vec_t *omega) {
     double c, s, u = place - (double)k;
     vec_t turn = law_value(law, u);
     quat_t q = turned_by(quat(rows[0][k], rows[1][k], rows[2][k], rows[3][k]), turn, &c, &s);
-    *omega = right_jacobian(turn, c, s, law_rate(law, u));
+    if (omega != NULL)
+        *omega = right_jacobian(turn, c, s, law_rate(law, u));
     return q;
 }
 
@@ -52,36 +53,46 @@ INLINE vec_t turn_between(quat_t p, quat_t q) {
     return times(2.0, logarithm(shorter(turn)));
 }
 
-/* Return the difference at a phase and a rate, and its derivative by the rate. */
-static vec_t value_at(const difference_t *d, double phase, double rate, vec_t *slope) {
+/* Return the difference at a phase and a rate, and its derivative by the rate unless that is NULL. */
+INLINE vec_t difference_at(const difference_t *d, double phase, double rate, vec_t *slope) {
     static const double weights[3][3] = {{1, 0, 0}, {1, -1, 0}, {1, -2, 1}};
-    vec_t value = vec(0, 0, 0), omega;
-    *slope = vec(0, 0, 0);
+    vec_t value = vec(0, 0, 0), omega, *velocity = slope != NULL ? &omega : NULL;
+    if (slope != NULL)
+        *slope = vec(0, 0, 0);
     double here = (double)(d->i + d->order) + phase;
-    quat_t q = state_at(d, here, &omega);
+    quat_t q = state_at(d, here, NULL);
     for (index_t k = 0; k < d->order; k++) {
-        quat_t before = state_at(d, here - (double)(k + 1) * rate, &omega);
+        quat_t before = state_at(d, here - (double)(k + 1) * rate, velocity);
         double weight = weights[d->order - 1][k];
         value = plus(value, times(weight, turn_between(before, q)));
-        *slope = plus(*slope, times((double)d->order * weight, omega));
+        if (slope != NULL)
+            *slope = plus(*slope, times((double)d->order * weight, omega));
         q = before;
     }
     return value;
 }
 
+static vec_t value_at(const difference_t *d, double phase) {
+    return difference_at(d, phase, 1.0, NULL);
+}
+
+static vec_t value_and_slope(const difference_t *d, double phase, double rate, vec_t *slope) {
+    return difference_at(d, phase, rate, slope);
+}
+
 /* Return a bound over phases at the rate 1 within which no acceleration has a step. */
 static double hull_of(const difference_t *d, double from, double to, double *known) {
-    vec_t values[PHASE_NODES], slope;
+    vec_t values[PHASE_NODES];
     double largest = 0.0, width = to - from;
     for (index_t n = 0; n < PHASE_NODES; n++) {
-        values[n] = value_at(d, from + width * node_of(n), 1.0, &slope);
-        *known = most_of(*known, size_of(values[n], d->column));
+        values[n] = value_at(d, from + width * node_of(n));
+        *known = larger(*known, size_of(values[n], d->column));
     }
     for (index_t k = 0; k < PHASE_NODES; k++) {
         vec_t sum = vec(0, 0, 0);
         for (index_t n = 0; n < PHASE_NODES; n++)
             sum = plus(sum, times(bernstein(k, n), values[n]));
-        largest = most_of(largest, size_of(sum, d->column));
+        largest = larger(largest, size_of(sum, d->column));
     }
     return largest + width * width * d->rest;
 }
@@ -106,19 +117,19 @@ static difference_t difference_of(const block_t *block, const segments_t *segmen
                       0.0, 0.0, 0.0, 0.0, 0.0};
     double w = 0.0, a = 0.0, j = 0.0, change = 0.0, off[3] = {0.0};
     for (index_t k = i; k <= i + order; k++) {
-        w = most_of(w, peak_of(segments, k, 1, column));
-        a = most_of(a, peak_of(segments, k, 2, column));
-        j = most_of(j, peak_of(segments, k, 3, column));
+        w = larger(w, peak_of(segments, k, 1, column));
+        a = larger(a, peak_of(segments, k, 2, column));
+        j = larger(j, peak_of(segments, k, 3, column));
         vec_t jerk = at(&segments->jerk, k);
-        change = most_of(change, 2.0 * (size_of(at(&segments->spin, k), column)
+        change = larger(change, 2.0 * (size_of(at(&segments->spin, k), column)
                                         + segments->spread[k]));
         for (index_t l = i; l < k; l++)
-            change = most_of(change, size_of(minus(jerk, at(&segments->jerk, l)), column));
+            change = larger(change, size_of(minus(jerk, at(&segments->jerk, l)), column));
     }
     for (index_t k = i; k < i + order; k++) {
-        d.rest = most_of(d.rest, segments->rest[k]);
+        d.rest = larger(d.rest, segments->rest[k]);
         for (index_t l = 0; l < 3; l++)
-            off[l] = most_of(off[l], segments->coupling[l][k]);
+            off[l] = larger(off[l], segments->coupling[l][k]);
     }
     double steps = d.reach.steps;
     d.rest *= order == 1 ? 1.0 : order == 2 ? 2.0 : 4.0;
@@ -152,22 +163,22 @@ double enclose(const block_t *block, const segments_t *segments, index_t i, inde
         box_t box = boxes[--count];
         double width = box.to - box.from, height = box.high - box.low;
         double middle = box.from + 0.5 * width;
-        vec_t slope, value = value_at(&d, middle, box.high, &slope);
+        vec_t slope, value = value_and_slope(&d, middle, box.high, &slope);
         double size = size_of(value, column), climb = size_of(slope, column);
         double turn = 0.5 * width * d.by_phase, spread = turn + height * d.by_rate;
         double lean = 0.5 * width * d.slope_by_phase + height * d.slope_by_rate + d.reach.slope;
         double crude = reach_at(d.reach, order, box.high), near = size + spread;
         /* The lowest rate by the slope at the highest, which changes by no more than the lean. */
         double lowest = size_of(minus(value, times(height, slope)), column);
-        double line = most_of(size, lowest) + turn + height * lean;
+        double line = larger(size, lowest) + turn + height * lean;
         double least_bound = line < near ? line : near;
         least_bound = crude < least_bound ? crude : least_bound;
         if (!(size < INFINITY))
             return NAN;
-        *known = most_of(*known, size);
+        *known = larger(*known, size);
         bool is_last = left <= 0 || count + 2 > STACK;
         if (least_bound <= cut_of(*known) || is_last) {
-            bound = most_of(bound, least_bound);
+            bound = larger(bound, least_bound);
             continue;
         }
         bool is_climbing = height <= 0.0 || inner(value, slope, column)
@@ -178,7 +189,7 @@ double enclose(const block_t *block, const segments_t *segments, index_t i, inde
         if (is_climbing && (place < 0.0 || hull <= cut_of(*known))) {
             double here = hull <= cut_of(*known) ? hull : hull_of(&d, box.from, box.to, known);
             if (here <= cut_of(*known) || width <= NARROW) {
-                bound = most_of(bound, here < least_bound ? here : least_bound);
+                bound = larger(bound, here < least_bound ? here : least_bound);
                 continue;
             }
         }

@@ -31,8 +31,7 @@ static const double SHARES[LOOKS] = {1e-6, 0.25, 0.5, 0.75, 1.0 - 1e-6}; /* of a
 typedef struct { double *instants, *factors; index_t n; double largest; } survey_t;
 
 typedef struct {
-    double samples[10 * BLOCK], times[BLOCK];
-    double places[3][BLOCK];
+    double samples[10 * BLOCK];
     block_t block;
     sight_t sight;
     index_t left;  /* records that may still be looked at */
@@ -114,52 +113,39 @@ static void weigh_looks(const even_t *asked, double slower, survey_t *survey, sc
 }
 
 /* The largest differences found, and how many records may still be looked at. */
-typedef struct { double squares[24], speed, push; index_t left; } largest_t;
+typedef struct { extremes_t of; index_t left; } largest_t;
 
 /* Look at the records from a first to a last one of a motion of so many cycles. */
 static void see_records(const even_t *asked, index_t first, index_t last, index_t final,
                         bool with_axes, largest_t *found, scratch_t *scratch) {
-    double duration = asked->knots.v[asked->knots.n - 1], rate = duration / (asked->period * (double)final);
-    index_t read = first - (first == 0 && asked->is_held[0] ? HISTORY : 0);
-    index_t end = last + 1 + (last == final && asked->is_held[1] ? HISTORY : 0), seen = 0;
-    found->left -= end - read;
-    if (found->left < 0)
-        return;
-    int64_t places[12];
-    double p[3], before[3] = {0.0}, moved[3] = {0.0};
+    double still[3] = {0.0}, state[HISTORY * STATE_ROWS];
+    double duration = asked->knots.v[asked->knots.n - 1];
+    setpoints_t from = {
+        .breaks = asked->breaks, .pieces = asked->pieces, .move_breaks = asked->move_breaks,
+        .moves = asked->moves, .place = {still, 3}, .first = first, .count = last - first + 1,
+        .held = last == final && asked->is_held[1] ? HISTORY : 0,
+        .period = asked->period, .step = duration / (double)final,
+        .rests = {asked->is_held[0], asked->is_held[1]},
+    };
     block_t *block = &scratch->block;
-    block->count = block->unknown = 0, block->has_rates = true;
-    while (read < end) {
-        index_t known = block->count, more = least(BLOCK - known, end - read);
-        matrix_t samples = {scratch->samples, 10, more};
-        for (index_t i = 0; i < more; i++) {
-            index_t record = least(most(read + i, first), last);
-            scratch->times[i] = fmin(duration * ((double)record / (double)final), duration);
-        }
-        sample_trajectory((row_t){scratch->times, more}, asked->breaks, asked->pieces, INFINITY,
-                          samples);
-        for (index_t row = 0; row < 10; row++) {
-            double factor = row < 4 ? 1.0 : row < 7 ? rate : rate * rate;
-            for (index_t i = 0; i < more; i++)
-                block->rows[row][known + i] = factor * row_of(samples, row)[i];
-        }
-        for (index_t i = 0; i < more && asked->moves.n; i++, seen++) {
-            double way[3], far = 0.0, change = 0.0;
-            put_move(asked->move_breaks, asked->moves, scratch->times[i], (move_t){p, NULL, NULL});
-            for (int k = 0; k < 3; k++) {
-                way[k] = p[k] - before[k];
-                far += way[k] * way[k];
-                change += (way[k] - moved[k]) * (way[k] - moved[k]);
-            }
-            found->speed = seen > 0 ? fmax(found->speed, sqrt(far)) : found->speed;
-            found->push = seen > 1 ? fmax(found->push, sqrt(change)) : found->push;
-            memcpy(before, p, sizeof before), memcpy(moved, way, sizeof moved);
-        }
-        block->count += more;
-        read += more;
-        take_differences(block, asked->period, 0, with_axes, false, 0, &scratch->sight,
-                         (extremes_t){found->squares, places});
-        keep_last(block);
+    begin_sight(&scratch->sight, 0);
+    begin_block(&from, block);
+    if (first == 0 && asked->is_held[0]) {
+        fill_block(&from, 0, block);
+        for (index_t i = 0; i < HISTORY * STATE_ROWS; i++)
+            state[i] = block->rows[i % STATE_ROWS][0];
+        from.before = (matrix_t){state, HISTORY, STATE_ROWS};
+        begin_block(&from, block);
+    }
+    index_t total = setpoints_of(&from);
+    found->left -= total;
+    for (index_t read = 0; read < total && found->left >= 0;) {
+        read = fill_block(&from, read, block);
+        take_records(block, asked->period, false, &scratch->sight);
+        take_phases(block, false, &scratch->sight);
+        note_differences(block, 0, with_axes, true, &scratch->sight, &found->of);
+        if (asked->moves.n)
+            take_moves(block, 0, &found->of);
     }
 }
 
@@ -170,14 +156,14 @@ static double excess_of(const even_t *asked, const largest_t *found) {
         unit *= period;
         for (index_t row = order; row < 6; row += 3)
             for (index_t c = 0; c < 4; c++)
-                shares[row] = fmax(shares[row], sqrt(found->squares[4 * row + c]) / unit
+                shares[row] = fmax(shares[row], sqrt(found->of.squares[4 * row + c]) / unit
                                                 / row_of(asked->limits, order)[c]);
     }
     double turn = fmax(shares[3], shares[0] / asked->tolerance);
     double bend = fmax(asked->more[0] * shares[4], shares[1] / asked->tolerance);
     double twist = fmax(asked->more[1] * shares[5], shares[2] / asked->tolerance);
-    double moved = fmax(found->speed / period / asked->move_limits.v[0],
-                        sqrt(found->push / (period * period) / asked->move_limits.v[1]));
+    double moved = fmax(sqrt(found->of.moved[0]) / period / asked->move_limits.v[0],
+                        sqrt(sqrt(found->of.moved[1]) / (period * period) / asked->move_limits.v[1]));
     double factor = fmax(fmax(turn, sqrt(bend)), asked->step > 0.0 ? sqrt(twist) : cbrt(twist));
     return fmax(factor, moved);
 }
@@ -207,9 +193,7 @@ static double look(const even_t *asked, survey_t *survey, index_t cycles, scratc
     largest_t found = {.left = scratch->left};
     double duration = asked->knots.v[asked->knots.n - 1];
     bool is_short = cycles < SHORT && !asked->has_one_shape;
-    range_t range = {0, -1, cycles, false};
-    for (index_t i = 0; i < 12; i++)
-        range.with_axes |= i % 4 && asked->limits.v[i] < INFINITY;
+    range_t range = {0, -1, cycles, has_axes(asked->limits)};
     if (asked->is_everywhere || is_short)
         range.last = cycles;
     else {

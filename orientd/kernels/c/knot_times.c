@@ -28,7 +28,7 @@ typedef struct {
     index_t keyframes, known, spans, spots;
     double leaves[2];
     row_t times, breaks, widths, places, instants;
-    matrix_t table, base, solved, samples, s;
+    matrix_t base, solved, samples, s;
     tensor_t values;
     profile_path_t path;
     rate_t rates[MOST_RATES];
@@ -57,23 +57,49 @@ static void put_places(trial_t *t) {
     t->places.v[2 * e] = begin;
 }
 
+/* Write angular velocity and acceleration at increasing instants, shape (6, n). */
+static void sample(const trial_t *t, row_t instants, matrix_t out) {
+    product_t product = {t->breaks, t->base, {NULL, 0}, t->solved, t->values};
+    const double *breaks = t->breaks.v;
+    index_t span = 0, count;
+    for (index_t i = 0; i < instants.n; i += count) {
+        double u[LANES];
+        motions_t at;
+        while (span + 2 < t->breaks.n && breaks[span + 1] <= instants.v[i])
+            span++;
+        double inverse = 1.0 / (breaks[span + 1] - breaks[span]);
+        bool is_last = span + 2 == t->breaks.n;
+        for (count = 0; count < least(LANES, instants.n - i); count++) {
+            if (!is_last && !(instants.v[i + count] < breaks[span + 1]))
+                break;
+            u[count] = (instants.v[i + count] - breaks[span]) * inverse;
+        }
+        for (index_t k = count; k < LANES; k++)
+            u[k] = u[0];
+        product_at(&product, span, u, &at);
+        for (index_t k = 0; k < 3; k++)
+            for (index_t j = 0; j < count; j++) {
+                row_of(out, k)[i + j] = at.omega[k][j];
+                row_of(out, 3 + k)[i + j] = at.alpha[k][j];
+            }
+    }
+}
+
 /* Make the curve through the keyframes at some times, and what a profile needs of it. */
 static int put_geometry(trial_t *t) {
-    double nothing[12] = {0.0}, ends[2] = {0.0, t->asked->total}, rates[20];
+    double nothing[12] = {0.0}, ends[2] = {0.0, t->asked->total}, rates[12];
     tensor_t given = {nothing, 2, 2, 3};
     interpolation_t curve = {.keys = t->asked->keys, .times = t->times, .order = 4,
                              .given = given, .known = {t->known, t->known}};
     int found = interpolate(&curve, t->breaks, t->base, t->solved, t->values);
-    if (found == FOUND && put_table(t->breaks, t->base, t->solved, t->table) != 0)
-        found = OUT_OF_MEMORY;
     if (found != FOUND)
         return found;
-    sample_cubic((row_t){ends, 2}, t->breaks, t->table, 0.0, (matrix_t){rates, 10, 2});
+    sample(t, (row_t){ends, 2}, (matrix_t){rates, 6, 2});
     bool has_jerk = false;
     for (index_t k = 0; k < 4; k++)
         has_jerk |= row_of(t->asked->limits, 2)[k] < INFINITY;
     for (index_t end = 0; end < 2; end++) {
-        bool turns = rates[14 + end] != 0.0 || rates[16 + end] != 0.0 || rates[18 + end] != 0.0;
+        bool turns = rates[6 + end] != 0.0 || rates[8 + end] != 0.0 || rates[10 + end] != 0.0;
         index_t i = end ? t->keyframes - 2 : 0;
         t->leaves[end] = has_jerk && turns && t->known == 1
                              ? (t->times.v[i + 1] - t->times.v[i]) / LEAVING : 0.0;
@@ -83,11 +109,11 @@ static int put_geometry(trial_t *t) {
     leave_rest(t->places, (row_t){t->leaves, 2}, total, t->s);
     for (index_t i = 0; i < t->spots; i++)
         t->instants.v[i] = fmin(fmax(row_of(t->s, 0)[i], 0.0), t->asked->total);
-    sample_cubic(t->instants, t->breaks, t->table, 0.0, t->samples);
+    sample(t, t->instants, t->samples);
     for (index_t i = 0; i < t->spots; i++) {
         double slope = row_of(t->s, 1)[i], bend = row_of(t->s, 2)[i];
         for (index_t k = 0; k < 3; k++) {
-            double omega = row_of(t->samples, 4 + k)[i], alpha = row_of(t->samples, 7 + k)[i];
+            double omega = row_of(t->samples, k)[i], alpha = row_of(t->samples, 3 + k)[i];
             row_of(t->path.first, i)[k] = omega * slope;
             row_of(t->path.second, i)[k] = alpha * slope * slope + omega * bend;
         }
@@ -189,8 +215,8 @@ static double put_slope(trial_t *t, double *shares, const double *c, double *slo
 static bool new_trial(trial_t *t, const knots_t *asked, index_t known, double **own) {
     index_t n = asked->keys.n, spans = n - 1 + 2 * (known == 2), elements = spans * asked->pieces;
     index_t spots = 2 * elements + 1;
-    index_t room = n + spans + 1 + elements + 2 * spots + (TABLE_ROWS + 16) * spans + 3 * (spans + 2)
-                 + 19 * spots + 3 * elements + 3 * (n - 1) + 2 * (elements + 2);
+    index_t room = n + spans + 1 + elements + 2 * spots + 16 * spans + 3 * (spans + 2)
+                 + 15 * spots + 3 * elements + 3 * (n - 1) + 2 * (elements + 2);
     double *next = malloc((size_t)room * sizeof(double));
     *own = next;
     *t = (trial_t){.asked = asked, .keyframes = n, .known = known, .spans = spans, .spots = spots};
@@ -201,11 +227,10 @@ static bool new_trial(trial_t *t, const knots_t *asked, index_t known, double **
     t->widths = (row_t){next, elements}, next += elements;
     t->places = (row_t){next, spots}, next += spots;
     t->instants = (row_t){next, spots}, next += spots;
-    t->table = (matrix_t){next, TABLE_ROWS, spans}, next += TABLE_ROWS * spans;
     t->solved = (matrix_t){next, spans + 2, 3}, next += 3 * (spans + 2);
     t->base = (matrix_t){next, spans, 4}, next += 4 * spans;
     t->values = (tensor_t){next, spans, 3, 4}, next += 12 * spans;
-    t->samples = (matrix_t){next, 10, spots}, next += 10 * spots;
+    t->samples = (matrix_t){next, 6, spots}, next += 6 * spots;
     t->s = (matrix_t){next, 3, spots}, next += 3 * spots;
     t->path.widths = t->widths;
     t->path.first = (matrix_t){next, spots, 3}, next += 3 * spots;

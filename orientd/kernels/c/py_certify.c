@@ -2,25 +2,19 @@
 #include "between.h"
 #include "binding.h"
 #include "certify.h"
+#include "trajectory.h"
 
-/* The five arguments that the brake rate follows from. */
+/* The three arguments that the brake rate follows from. */
 static bool is_law(const argument_t *a) {
-    return a[0].m.n == 2 && a[1].v.n >= 2 && a[1].v.n <= INT32_MAX;
+    return a[0].m.n == 2 && a[1].v.n >= 2 && a[1].v.n <= INT32_MAX && a[2].v.n == 3;
 }
 
 static brake_law_t law_of(const argument_t *a) {
-    return (brake_law_t){a[0].m, a[1].v, a[2].d, a[3].d, a[4].d};
+    return (brake_law_t){a[0].m, a[1].v, a[2].v.v[0], a[2].v.v[1], a[2].v.v[2]};
 }
 
-/* Where differences go: squares and places. */
-static bool is_room(const argument_t *a) { return a[0].m.n == 6 && a[0].m.m == 4 && a[1].x.n == 12; }
-
-static extremes_t room_of(const argument_t *a) { return (extremes_t){a[0].m.v, a[1].x.v}; }
-
-static bool is_table(matrix_t limits, index_t rows) { return limits.n == rows && limits.m == 4; }
-
 KERNEL(least_rate) {
-    TAKE("mmvddmvddd");
+    TAKE("mmvddmvv");
     CHECK(a[0].m.n == a[2].v.n && a[1].m.n == a[2].v.n && a[0].m.m == a[1].m.m && is_law(a + 5));
     slowest_t found = {0.0, 0};
     int failed;
@@ -39,19 +33,24 @@ KERNEL(between) {
     Py_RETURN_NONE;
 }
 
-/* rows, past, with_axes, is_certificate, period, most, the law, squares, places */
+/* breaks, pieces, the position (breaks, moves, place), rows, before, count, held, rests at both ends,
+ * period, limits, move_limits, tolerance, the law, found */
 KERNEL(certify) {
-    TAKE("mippdmmvdddMX");
-    CHECK((a[0].m.n == 4 || a[0].m.n == 10) && a[1].i >= 0 && a[1].i <= 1);
-    CHECK(is_table(a[5].m, 2) && is_law(a + 6) && is_room(a + 11));
-    measure_t how = {a[2].p, a[3].p, a[4].d, a[5].m.v, law_of(a + 6)};
-    slowest_t found;
-    index_t unproven;
+    TAKE("vmvmvmmiippdmvdmvvV");
+    index_t pieces = a[1].m.n, moves = a[3].m.n, records = a[7].i;
+    CHECK(records > 0 && records <= MOST_SETPOINTS && a[8].i >= 0 && a[8].i <= HISTORY && a[11].d > 0.0);
+    CHECK(a[5].m.n ? a[5].m.n >= records && a[5].m.m == STATE_ROWS
+                   : pieces > 0 && a[1].m.m == PIECE && a[0].v.n == pieces + 1);
+    CHECK(a[2].v.n == (moves ? moves + 1 : 0) && a[3].m.m == 18 && a[4].v.n == 3);
+    CHECK(a[6].m.n <= HISTORY && a[6].m.m == STATE_ROWS);
+    CHECK(a[12].m.n == 3 && a[12].m.m == 4 && a[13].v.n == 2 && is_law(a + 15));
+    CHECK(a[18].v.n == EXTREMES);
+    setpoints_t from = {a[0].v, a[1].m, a[2].v, a[3].m, a[4].v, a[5].m, a[6].m,
+                        0, records, a[8].i, a[11].d, a[11].d, {a[9].p, a[10].p}};
+    measure_t how = {a[12].m, a[13].v, a[14].d, law_of(a + 15)};
     int failed;
-    RUN(failed = certify(a[0].m, a[1].i, how, room_of(a + 11), &found, &unproven));
-    if (failed)
-        return PyErr_NoMemory();
-    return Py_BuildValue("dLL", found.rate, (long long)found.place, (long long)unproven);
+    RUN(failed = certify(&from, &how, (extremes_t *)a[18].v.v));
+    return failed ? PyErr_NoMemory() : Py_NewRef(Py_None);
 }
 
 PyMethodDef certify_methods[] = {

@@ -12,19 +12,6 @@ static bool is_basis(index_t spans, index_t m, tensor_t values, tensor_t rates,
            && is_tensor(curvatures, spans, m, most(m - 1, 1));
 }
 
-KERNEL(sample_product) {
-    TAKE("vvmxmtM");
-    index_t spans = a[1].v.n - 1, factors = a[5].t.m;
-    CHECK(spans > 0 && factors > 0 && a[5].t.n == spans && a[5].t.k > 0);
-    CHECK(a[2].m.n == spans && a[2].m.m == 4 && a[3].x.n == spans && a[4].m.m == 3);
-    for (index_t s = 0; s < spans; s++)
-        CHECK(a[3].x.v[s] >= 0 && a[3].x.v[s] <= a[4].m.n - factors);
-    CHECK(a[6].m.n == a[0].v.n && a[6].m.m == 4);
-    product_t product = {a[1].v, a[2].m, a[3].x, a[4].m, a[5].t};
-    RUN(sample_product(a[0].v, product, a[6].m));
-    Py_RETURN_NONE;
-}
-
 KERNEL(fill_basis) {
     TAKE("xviTTT");
     index_t order = a[2].i;
@@ -40,7 +27,6 @@ KERNEL(fill_basis) {
 }
 
 PyMethodDef sampling_methods[] = {
-    ENTRY(sample_product),
     ENTRY(fill_basis),
     LAST_ENTRY,
 };

@@ -25,12 +25,17 @@ static bool is_room(const argument_t *a) {
     return a[1].m.n > 0 && a[1].m.m == PIECE && a[0].v.n == a[1].m.n + 1;
 }
 
-KERNEL(join_trajectory) {
-    TAKE("mtvVM");
-    index_t n = a[0].m.n, found;
-    CHECK(n > 0 && a[0].m.m == 4 && a[1].t.n == n && a[1].t.m == 5 && a[1].t.k == 3);
-    CHECK(a[2].v.n == n + 1 && is_room(a + 3));
-    RUN(found = join_trajectory(a[0].m, a[1].t, a[2].v, a[3].v, a[4].m));
+/* the product (breaks, base, first, increments, values), given, cuts, ends, out */
+KERNEL(product_trajectory) {
+    TAKE("vmxmtmiVM");
+    index_t spans = a[0].v.n - 1, factors = a[4].t.m, cuts = a[6].i, found;
+    CHECK(spans > 0 && factors > 0 && a[4].t.n == spans && a[4].t.k > 1);
+    CHECK(a[1].m.n == spans && a[1].m.m == 4 && a[2].x.n == spans && a[3].m.m == 3);
+    for (index_t s = 0; s < spans; s++)
+        CHECK(a[2].x.v[s] >= 0 && a[2].x.v[s] <= a[3].m.n - factors);
+    CHECK(a[5].m.n == 4 && a[5].m.m == 3 && cuts > 0 && is_room(a + 7));
+    product_t product = {a[0].v, a[1].m, a[2].x, a[3].m, a[4].t};
+    RUN(found = product_trajectory(&product, a[5].m.v, cuts, a[7].v, a[8].m));
     return PyLong_FromLongLong(found);
 }
 
@@ -47,7 +52,7 @@ KERNEL(retime_trajectory) {
 
 PyMethodDef trajectory_methods[] = {
     ENTRY(fit_trajectory),
-    ENTRY(join_trajectory),
+    ENTRY(product_trajectory),
     ENTRY(retime_trajectory),
     ENTRY(sample_trajectory),
     LAST_ENTRY,

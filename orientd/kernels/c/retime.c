@@ -1,13 +1,12 @@
-/* Trajectories made without fitting orientations: of joins, and retimed by a clock; see
- * trajectory.h. */
+/* Trajectories of products, and retimed by a clock, whose derivatives are known; see trajectory.h. */
 #include <float.h>
 #include <math.h>
 
 #include "clock.h"
-#include "connectors.h"
+#include "sampling.h"
 #include "trajectory.h"
 
-enum { CHECKS = 3, POINTS = NODES + CHECKS, LANES = 16 };
+enum { CHECKS = 3, POINTS = NODES + CHECKS };
 
 /* The Lobatto nodes -cos(pi i / 9), and points where what is left out shows most: between the
  * outermost two and in the middle. */
@@ -25,6 +24,11 @@ enum { MIDDLE = NODES + 1 };
 /* Rad, an error that is never taken for rounding, and how much halving lessens others at least. */
 #define COARSE 2e-14
 #define GAIN 8.0
+/* By which a derivative by u at an end may be off, as a share of the first one; the second one also for each rad beyond many
+ * turns of the half angles it is of, whose rounding it would spread along the piece. */
+#define MANY_TURNS 60.0
+#define LAST_DIGIT 2e-15
+#define LAST_DIGITS 1e-12
 /* Share of an element within which instants are the same. */
 #define SAME 1e-9
 
@@ -32,12 +36,15 @@ enum { MIDDLE = NODES + 1 };
 typedef struct { row_t breaks; matrix_t pieces; index_t count; } table_t;
 
 /* What a piece is to be: its base, rotation vectors at the points less that at u = 0, which so have
- * all their digits, and their first two derivatives by u at both ends.  Rounding is what they may
- * be off by, rad. */
+ * all their digits, and their first two derivatives by u at both ends.
+ *
+ * rounding: what the rotation vectors may be off by, rad.
+ * negligible: rad, up to which the last coefficients are left out.
+ * slight: what a second derivative at an end may be off by. */
 typedef struct {
     quat_t base;
     vec_t middle, r[POINTS], rates[2], changes[2];
-    double rounding;
+    double rounding, negligible, slight;
 } wanted_t;
 
 /* Gives what is wanted between two instants; false if r goes too far. */
@@ -55,12 +62,14 @@ static const double BENT[2][7] = {
 };
 
 /* Make a derivative at an end, u = 1 or -1, what it is to be; what is below it stays. */
-static void pin(double *c, int order, double end, vec_t wanted) {
+static void pin(double *c, int order, double end, vec_t wanted, double slight) {
     vec_t missed = wanted;
     for (int j = DEGREE; j >= order; j--) {
         double factor = order == 1 ? j : j * (j - 1.0);
         missed = scaled_plus((j - order) % 2 ? -end * factor : -factor, vec_at(c + 3 * j), missed);
     }
+    if (!(norm(missed) > slight))
+        return;
     for (int j = 0; j < 7; j++) {
         double shape = (j + order) % 2 ? end * BENT[order - 1][j] : BENT[order - 1][j];
         put_vec(c + 3 * j, scaled_plus(shape, missed, vec_at(c + 3 * j)));
@@ -82,13 +91,16 @@ static bool append(table_t *table, source_t *source, const void *from, double be
     if (fits) {
         double far = 0.0;
         missed = 0.0;
-        put_quat(piece, wanted.base);
+        /* Signs go on: two bases are at most 2 rad apart, so their quaternions at most 1. */
+        bool is_other = table->count && square_apart(quat_at(piece - PIECE), wanted.base, 1.0) > 2.0;
+        put_quat(piece, is_other ? opposite(wanted.base) : wanted.base);
         for (int i = 0; i < NODES; i++)
             far = fmax(far, apart(wanted.r[i], vec(0.0, 0.0, 0.0)));
-        put_polynomial(wanted.r, 1e-16 * far + 0.02 * wanted.rounding, c);
+        put_polynomial(wanted.r, 1e-16 * far + wanted.negligible, c);
         for (int side = 0; side < 2; side++) {
-            pin(c, 1, 2.0 * side - 1.0, wanted.rates[side]);
-            pin(c, 2, 2.0 * side - 1.0, wanted.changes[side]);
+            pin(c, 1, 2.0 * side - 1.0, wanted.rates[side], LAST_DIGIT * norm(wanted.rates[side]));
+            pin(c, 2, 2.0 * side - 1.0, wanted.changes[side],
+                wanted.slight + LAST_DIGIT * norm(wanted.rates[side]));
         }
         for (int i = NODES; i < POINTS; i++)
             missed = fmax(missed, apart(polynomial_at(c, PLACES[i]), wanted.r[i]));
@@ -104,9 +116,9 @@ static bool append(table_t *table, source_t *source, const void *from, double be
     return true;
 }
 
-/* Joins. */
+/* Products. */
 
-typedef struct { quat_t begin; join_t join; double since; } joined_t;
+typedef struct { const product_t *product; const double *given; index_t span; } factors_t;
 
 /* Coefficients of k = (1 - (|r| / 2) cot(|r| / 2)) / |r|^2 by |r|^2. */
 static const double INVERSE[] = {
@@ -133,44 +145,63 @@ static void put_rates(vec_t r, vec_t omega, vec_t alpha, double half, vec_t *rat
     *change = times(half * half, second);
 }
 
-static bool of_join(const void *from, double begin, double end, wanted_t *wanted) {
-    const joined_t *of = from;
-    motion_t at[LANES];
-    double u[LANES];
+static bool of_product(const void *from, double begin, double end, wanted_t *wanted) {
+    const factors_t *of = from;
+    const product_t *product = of->product;
+    row_t breaks = product->breaks;
+    double u[LANES], start = breaks.v[of->span], width = breaks.v[of->span + 1] - start;
+    motions_t at;
     for (int i = 0; i < LANES; i++) {
         double share = 0.5 * (1.0 + PLACES[least(i, POINTS - 1)]);
-        u[i] = (begin - of->since + share * (end - begin)) * of->join.per_second;
+        u[i] = fmin((begin - start + share * (end - begin)) / width, 1.0);
     }
-    INDEPENDENT
-    for (int i = 0; i < LANES; i++)
-        at[i] = join_at(of->begin, &of->join, join_basis(u[i]));
+    product_at(product, of->span, u, &at);
+    double length_of_all = 0.0;
     bool is_near = true;
-    wanted->base = at[MIDDLE].q, wanted->middle = vec(0.0, 0.0, 0.0), wanted->rounding = ROUNDING;
-    for (int k = 0; k < FACTORS; k++)  /* angles of many turns have fewer digits */
-        wanted->rounding += 4.0 * DBL_EPSILON * of->join.length[k];
+    wanted->base = motion_of(&at, MIDDLE).q, wanted->middle = vec(0.0, 0.0, 0.0);
+    wanted->rounding = ROUNDING, wanted->slight = 0.0, wanted->negligible = 2e-16;
+    index_t first = product->first.n ? product->first.v[of->span] : of->span;
+    for (index_t k = 0; k < product->values.m; k++) {  /* angles of many turns have fewer digits */
+        double length = norm(vec_at(row_of(product->increments, first + k)));
+        wanted->rounding += 4.0 * DBL_EPSILON * length;
+        length_of_all += length;
+        wanted->negligible += DBL_EPSILON * length;
+    }
+    wanted->slight += LAST_DIGITS * fmax(length_of_all - MANY_TURNS, 0.0);
     for (int i = 0; i < POINTS; i++) {
-        wanted->r[i] = times(2.0, logarithm(relative(wanted->base, at[i].q)));
+        wanted->r[i] = rotation_vector(wanted->base, motion_of(&at, i).q);
         is_near &= norm(wanted->r[i]) <= LONGEST_TURN;
     }
     for (int side = 0; side < 2; side++) {
         int i = side * (NODES - 1);
-        put_rates(wanted->r[i], at[i].omega, at[i].alpha, 0.5 * (end - begin),
+        motion_t state = motion_of(&at, i);
+        const double *given = of->given + 6 * side;
+        bool is_end = side ? end == breaks.v[breaks.n - 1] : begin == breaks.v[0];
+        if (is_end && !isnan(given[0]))
+            state.omega = vec_at(given);
+        if (is_end && !isnan(given[3]))
+            state.alpha = vec_at(given + 3);
+        put_rates(wanted->r[i], state.omega, state.alpha, 0.5 * (end - begin),
                   &wanted->rates[side], &wanted->changes[side]);
     }
     return is_near;
 }
 
-index_t join_trajectory(matrix_t q, tensor_t w, row_t breaks, row_t ends, matrix_t pieces) {
+index_t product_trajectory(const product_t *product, const double *given, index_t cuts,
+                           row_t ends, matrix_t pieces) {
     table_t table = {ends, pieces, 0};
+    row_t breaks = product->breaks;
     ends.v[0] = breaks.v[0];
-    for (index_t i = 0; i < q.n; i++) {
-        vec_t of[FACTORS];
-        for (int k = 0; k < FACTORS; k++)
-            of[k] = vec_at(w.v + (i * FACTORS + k) * 3);
-        double begin = breaks.v[i], end = breaks.v[i + 1];
-        joined_t from = {quat_at(row_of(q, i)), join_of(of, end - begin), begin};
-        if (!append(&table, of_join, &from, begin, end, INFINITY))
-            return 0;
+    for (index_t span = 0; span + 1 < breaks.n; span++) {
+        factors_t from = {product, given, span};
+        double begin = breaks.v[span], width = breaks.v[span + 1] - begin;
+        for (index_t k = 0; k < cuts; k++) {
+            double start = table.breaks.v[table.count];
+            double end = k + 1 < cuts ? begin + width * (double)(k + 1) / (double)cuts
+                                      : breaks.v[span + 1];
+            if (!append(&table, of_product, &from, start, end, INFINITY))
+                return 0;
+        }
     }
     return table.count;
 }
@@ -198,8 +229,9 @@ static bool of_clock(const void *from, double begin, double end, wanted_t *wante
         for (int j = DEGREE - 1; j >= k; j--)
             for (int axis = 0; axis < 3; axis++)
                 c[3 * j + axis] = fused(u, c[3 * j + 3 + axis], c[3 * j + axis]);
-    wanted->base = quat_at(of->piece), wanted->middle = vec_at(c);
+    wanted->base = quat_at(of->piece), wanted->middle = vec_at(c), wanted->slight = 0.0;
     wanted->rounding = 4e-16 * per_second * (of->first + middle) * norm(vec_at(c + 3));
+    wanted->negligible = 0.02 * wanted->rounding;
     put_vec(c, vec(0.0, 0.0, 0.0));
     double v[LANES], r[3][LANES];
     for (int i = 0; i < LANES; i++)

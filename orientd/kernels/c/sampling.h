@@ -1,39 +1,9 @@
-/* Sample curves: what the kernels of this group offer. */
+/* Products of exponentials: what the kernels of this group offer. */
 #ifndef ORIENTD_SAMPLING_H
 #define ORIENTD_SAMPLING_H
 
-#include "arrays.h"
-
-/* Rows of the table of a curve of cubic factors, a column for each span: base quaternion, then
- * for each of three factors four Taylor coefficients of the half angle and the unit axis. */
-enum { TABLE_ROWS = 25 };
-
-/* cubic.c */
-
-/* Return which span an instant inside the domain is in, the last one closed at its end. */
-index_t span_of(double t, row_t breaks);
-
-/* Write orientation, velocity and acceleration at instants in any order.
- *
- * times: instants, s, shape (n,).
- * breaks: ends of the spans, shape (S + 1,).
- * table: constants of the spans, shape (TABLE_ROWS, S).
- * slack: how far outside the domain an instant may be, s.
- * out: receives the samples, shape (10, n).
- *
- * Return the place of the first instant that is outside the domain, or -1 if none is. */
-index_t sample_cubic(row_t times, row_t breaks, matrix_t table, double slack, matrix_t out);
-
-/* cubic_table.c */
-
-/* Write the table of a cubic spline with simple knots, as interpolate writes one.
- *
- * base: the quaternion before the product of each span, shape (S, 4).
- * increments: half-angle vectors, shape (S + 2, 3).
- * table: receives the constants of the spans, shape (TABLE_ROWS, S).
- *
- * Return 0, or OUT_OF_MEMORY. */
-int put_table(row_t breaks, matrix_t base, matrix_t increments, matrix_t table);
+#include "lanes.h"
+#include "rotation.h"
 
 /* product.c */
 
@@ -41,16 +11,39 @@ int put_table(row_t breaks, matrix_t base, matrix_t increments, matrix_t table);
 typedef struct {
     row_t breaks;        /* ends of the spans, s, shape (S + 1,) */
     matrix_t base;       /* quaternions before the product of each span, shape (S, 4) */
-    indices_t first;     /* the first increment of each span, shape (S,) */
+    indices_t first;     /* the first increment of each span, shape (S,); or none: number s */
     matrix_t increments; /* half-angle vectors, shape (n, 3) */
     tensor_t values;     /* Bernstein coefficients of the basis functions, shape (S, m, degree + 1) */
 } product_t;
 
-/* Write orientations at instants in any order, shape (n, 4); instants beyond the ends are taken to be
- * there.
- *
- * times: s, shape (n,). */
-void sample_product(row_t times, product_t product, matrix_t out);
+/* Places that are worked off together, and what a product is there. */
+enum { LANES = 16 };
+typedef struct { double q[4][LANES], omega[3][LANES], alpha[3][LANES]; } motions_t;
+
+/* Write orientation, angular velocity and acceleration at places u in [0, 1] of a span. */
+void product_at(const product_t *product, index_t span, const double u[LANES], motions_t *found);
+
+INLINE motion_t motion_of(const motions_t *of, index_t i) {
+    return (motion_t){
+        {of->q[0][i], of->q[1][i], of->q[2][i], of->q[3][i]},
+        {of->omega[0][i], of->omega[1][i], of->omega[2][i]},
+        {of->alpha[0][i], of->alpha[1][i], of->alpha[2][i]},
+    };
+}
+
+/* A motion followed by a turn about a fixed axis, whose half angle has two derivatives. */
+INLINE motion_t past_factor(motion_t before, vec_t axis, double angle, double rate, double bend) {
+    double c, s;
+    cosine_and_sine(angle, &c, &s);
+    vec_t e = times(s, axis);
+    motion_t after = {
+        followed(before.q, c, e),
+        turned_back(c, e, before.omega),
+        turned_back(c, e, before.alpha),
+    };
+    join(&after.omega, &after.alpha, axis, 2.0 * rate, 2.0 * bend);
+    return after;
+}
 
 /* basis.c */
 

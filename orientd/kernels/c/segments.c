@@ -35,8 +35,6 @@ INLINE vec_t acceleration(vec_t r, vec_t rate, vec_t bend) {
     return plus(found, times(b, cross(rate, turn)));
 }
 
-INLINE double larger(double a, double b) { return a > b ? a : b; }
-
 void put_laws(const block_t *block, double period, const lanes_t *turns, segments_t *restrict to) {
     const double (*rows)[BLOCK] = block->rows;
     double square = period * period;

@@ -13,11 +13,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "lane_log.h"
-#include "rotation.h"
-
 enum {
-    LANES = 8,   /* shorter runs of instants are padded to so many */
+    FEW = 8,   /* shorter runs of instants are padded to so many */
     ALONE = 2,   /* runs up to so many instants go into a tile */
     TILE = 64,
     STRIDE = 64, /* instants that are looked at together for whether they are in a piece */
@@ -151,7 +148,7 @@ INLINE place_t place_in(double t, double start, double end, const double *piece,
     return (place_t){fused(t - start, rate, -1.0), rate, piece, stride};
 }
 
-/* Write samples of instants inside one piece; whole is how many, a multiple of LANES or fewer. */
+/* Write samples of instants inside one piece; whole is how many, a multiple of FEW or fewer. */
 INLINE void fill_rows(const double *restrict instants, index_t whole, double start, double end,
                       const double *piece, int rows, double *restrict out, index_t stride) {
     INDEPENDENT
@@ -172,13 +169,13 @@ static void fill_piece(const double *instants, index_t whole, double start, doub
 /* Write samples of fewer instants than a vector has lanes. */
 static void fill_short(const double *instants, index_t count, double start, double end,
                        const double *piece, index_t rows, double *out, index_t stride) {
-    double padded[LANES], samples[MOST_ROWS * LANES];
-    for (index_t i = 0; i < LANES; i++)
+    double padded[FEW], samples[MOST_ROWS * FEW];
+    for (index_t i = 0; i < FEW; i++)
         padded[i] = instants[least(i, count - 1)];
-    fill_piece(padded, LANES, start, end, piece, rows, samples, LANES);
+    fill_piece(padded, FEW, start, end, piece, rows, samples, FEW);
     for (index_t row = 0; row < rows; row++)
         for (index_t i = 0; i < count; i++)
-            out[row * stride + i] = samples[row * LANES + i];
+            out[row * stride + i] = samples[row * FEW + i];
 }
 
 /* Instants in pieces of their own: u, rate and the numbers of the piece, and the samples. */
@@ -229,10 +226,10 @@ INLINE index_t inside(const double *instants, double start, double end) {
 
 /* How many instants are in a piece from the first one on, which is taken to be. */
 INLINE index_t run_length(const double *instants, index_t count, double start, double end) {
-    index_t stop = 1, few = least(count, LANES);
+    index_t stop = 1, few = least(count, FEW);
     while (stop < few && start <= instants[stop] && instants[stop] < end)
         stop++;
-    if (stop < LANES)
+    if (stop < FEW)
         return stop;
     while (stop + STRIDE <= count && inside(instants + stop, start, end) == STRIDE)
         stop += STRIDE;
@@ -280,12 +277,12 @@ index_t sample_trajectory(row_t instants, row_t breaks, matrix_t pieces, double 
             i++;
         } else if (stop - i > ALONE || instants.n <= ALONE) {
             unload(&tile, i, out);
-            index_t whole = (stop - i) / LANES * LANES;
+            index_t whole = (stop - i) / FEW * FEW;
             fill_piece(instants.v + i, whole, start, end, numbers, out.n, out.v + i, out.m);
             i += whole;
             /* What is written beyond the end of the piece is written again by those that follow. */
-            if (i < stop && i + LANES <= instants.n)
-                fill_piece(instants.v + i, LANES, start, end, numbers, out.n, out.v + i, out.m);
+            if (i < stop && i + FEW <= instants.n)
+                fill_piece(instants.v + i, FEW, start, end, numbers, out.n, out.v + i, out.m);
             else if (i < stop)
                 fill_short(instants.v + i, stop - i, start, end, numbers, out.n, out.v + i, out.m);
             i = stop;
@@ -306,14 +303,6 @@ INLINE quat_t middle_of(quat_t p, quat_t q) {
     quat_t sum = quat(p.w + q.w, p.x + q.x, p.y + q.y, p.z + q.z);
     double scale = 1.0 / sqrt(sum.w * sum.w + sum.x * sum.x + sum.y * sum.y + sum.z * sum.z);
     return quat(scale * sum.w, scale * sum.x, scale * sum.y, scale * sum.z);
-}
-
-/* The rotation vector from one orientation to another, whose sign does not matter. */
-INLINE vec_t rotation_vector(quat_t base, quat_t q) {
-    quat_t turn = relative(base, q);
-    turn = turn.w < 0.0 ? opposite(turn) : turn;
-    double length = sqrt(turn.w * turn.w + turn.x * turn.x + turn.y * turn.y + turn.z * turn.z);
-    return times(2.0, lane_logarithm(turn, length));
 }
 
 /* How far a piece is from an orientation at u, rad. */

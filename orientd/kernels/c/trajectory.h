@@ -12,7 +12,8 @@
 
 #include "arrays.h"
 #include "clock.h"
-#include "rotation.h"
+#include "lane_log.h"
+#include "sampling.h"
 
 /* The longest rotation vector of a piece at its nodes, rad; the series reach to 1.1. */
 #define LONGEST_TURN 1.0
@@ -52,8 +53,15 @@ index_t sample_trajectory(row_t times, row_t breaks, matrix_t pieces, double sla
  * negligible: rad, up to which Chebyshev coefficients at the end are left out as rounding. */
 void put_polynomial(const vec_t *r, double negligible, double *c);
 
-/* Return a rotation vector at u by its coefficients. */
+/* The rotation vector from one orientation to another, whose sign does not matter. */
+INLINE vec_t rotation_vector(quat_t base, quat_t q) {
+    quat_t turn = relative(base, q);
+    turn = turn.w < 0.0 ? opposite(turn) : turn;
+    double length = sqrt(turn.w * turn.w + turn.x * turn.x + turn.y * turn.y + turn.z * turn.z);
+    return times(2.0, lane_logarithm(turn, length));
+}
 
+/* Return a rotation vector at u by its coefficients. */
 INLINE vec_t polynomial_at(const double *c, double u) {
     vec_t sum = vec_at(c + 3 * DEGREE);
     for (int j = DEGREE - 1; j >= 0; j--)
@@ -63,15 +71,16 @@ INLINE vec_t polynomial_at(const double *c, double u) {
 
 /* retime.c */
 
-/* Write the trajectory of joins end to end; see connectors.h.
+/* Write the trajectory of a product of exponentials; see sampling.h.
  *
- * q: orientations that they begin at, signs continuous, shape (n, 4).
- * w: their half-angle increments, shape (n, 5, 3).
- * breaks: when they begin, and when the last one ends, s, shape (n + 1,).
+ * given: body angular velocity and acceleration at its beginning, then at its end, shape (4, 3); not
+ *     numbers where they are the product's.
+ * cuts: into how many equal pieces to cut each span at first.
  * ends, pieces: receive the table, shapes (m + 1,) and (m, PIECE).
  *
  * Return the number of pieces, or 0 if there is no room for them. */
-index_t join_trajectory(matrix_t q, tensor_t w, row_t breaks, row_t ends, matrix_t pieces);
+index_t product_trajectory(const product_t *product, const double *given, index_t cuts,
+                           row_t ends, matrix_t pieces);
 
 /* Write a trajectory run through as a clock says, whose parameter is the time since the beginning of
  * the trajectory.

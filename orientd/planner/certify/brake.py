@@ -68,7 +68,7 @@ _WORST = _MARGIN * np.min(
     (1.0 - (1.0 - _RESERVE_ROOT[:, None] ** 2) * _SIGMA**2) / _G.clip(1e-12), axis=1
 )
 
-LAW = (np.stack([_SIGMA, _G]), _WORST, _SIGMA_G, FASTEST_BRAKE_RATE, _MARGIN)
+LAW = np.stack([_SIGMA, _G]), _WORST, np.array([_SIGMA_G, FASTEST_BRAKE_RATE, _MARGIN])
 """What the kernels take of this module."""
 
 

@@ -13,7 +13,7 @@ class Peak:
 
     Attributes:
         value: a bound of it, in SI units: proven for every phase of the setpoints against the
-            records and every rate in [0, 1], as :mod:`orientd.planner.certify.differences` says.
+            records and every rate in [0, 1], as :mod:`orientd.planner.certify.measuring` says.
         time: path time of the record where it is about as large, s.
         limit: what was allowed.
         on_records: the largest of a motion that runs as planned, where that is less: off its

@@ -1,132 +1,220 @@
-"""Hold records against limits, as the device differentiates them."""
+r"""Bounds of what a device sees of setpoints: their backward differences.
+
+A device knows setpoints, not derivatives.  It takes the rotation vector from one setpoint to the
+next over a period for the velocity, the change of that for the acceleration and the change of that
+for the jerk, so this is what is held against the limits: on the very records that are sent while a
+motion runs as planned, and on the path between them (:mod:`orientd.servo.path.segment`), which is
+sent after a pause, a stop or at another speed.
+
+A certificate's bounds of velocity, acceleration and jerk, of the norm and of the components, are
+*proven* for setpoints a constant share of a period apart on the path: for every phase against the
+records and every rate in [0, 1].  They are at most :math:`3 \cdot 10^{-4}` above a value that is
+reached; that of a component far below the norm may be looser, where it takes too long to refine.
+First differences are averages of the velocity, second ones of the acceleration and third ones of
+the jerk, but for what rotations fail to commute by, which is bounded (``kernels/c/segments.c``,
+``enclosure.c``); at the rate 1 they are polynomials of the phase but for a bounded rest, and lie in
+the hull of their Bernstein coefficients.  Bounds are of exact arithmetic: rounding adds some 1e-15
+rad.
+
+What is *sampled*, at the records and three phases between them, at most 0.36 of a period apart:
+
+- periods in which the path turns by more than 0.5 rad, of which the certificate has a note;
+- what the brake rate follows from;
+- everything where no certificate is asked for.
+
+Positions, and differences that reach back to records of which only the orientation is known, are
+looked at on the records alone.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
+import math
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from orientd.planner.certify.differences import extremes
-from orientd.planner.certify.peaks import Peaks, Tally
-from orientd.planner.limits import Limits
+from orientd import kernels
+from orientd.planner.certify.brake import LAW
+from orientd.planner.certify.certificate import Peak
+from orientd.planner.limits import ANGULAR, Limits
 from orientd.planner.path import Path
 from orientd.planner.recorded import HISTORY
 from orientd.rotation import Floats
 
-CHUNK = 2048
-"""Records looked at in one go, so that a long motion needs no more memory than a short one."""
+OFF_GRID = {0: (2.0, 2.0), 1: (1.0, 1.5), 2: (1.0, 1.0)}
+"""By how much acceleration and jerk can be larger between the records of a curve, by continuity.
 
-Setpoints = Callable[[int, int], tuple[Floats, Floats]]
-"""Gives orientations, angular velocities and accelerations ``(m, 10)`` and positions ``(m, 3)`` of
-*m* records from an index on; positions that are all the same come as one, ``(1, 3)``.  With
-orientations alone, ``(m, 4)``, only differences on the records are looked at."""
+A stop on the path leaves the grid of records.  A step of the acceleration then falls elsewhere
+between two setpoints, and its share in the third difference, the quadratic B-spline at that place,
+varies from 1/2 to 3/4; that of a step of the velocity in second and third varies from 1/2 to 1.
+"""
 
-_KEPT = HISTORY + 2  # so that every difference is seen with those before and after it
+STATE = 13
+"""Numbers of a setpoint: orientation, angular velocity and acceleration, position."""
+
+_EXTREMES = 44  # numbers of ``extremes_t`` in ``kernels/c/certify.h``
+_NO_ROWS: Floats = np.empty((0, STATE))
+_NO_PATH = np.empty(0), np.empty((0, 0))
+_STILL = np.empty(0), np.empty((0, 18))
+
+
+@dataclass(frozen=True, slots=True)
+class Peaks:
+    """Bounds of the rates over records, by backward differences.
+
+    Attributes:
+        velocity: angular, rad/s.
+        acceleration: angular, rad/s^2.
+        jerk: angular, rad/s^3.
+        linear_velocity: of the position, m/s.
+        linear_acceleration: of the position, m/s^2.
+        brake_rate: largest safe brake rate, 1/s.
+        brake_time: path time of the record that sets it, s.
+        usual_stop_time: of a stop from where it takes longest, if it brakes as hard as the limits
+            permit on a straight path: a double integrator with bounded jerk, s.
+        axis_velocity: components of the angular velocity in the body frame, rad/s; empty where
+            none is limited by itself, as the next two.
+        axis_acceleration: of the angular acceleration, rad/s^2.
+        axis_jerk: of the angular jerk, rad/s^3.
+        unproven: places without a proof, where peaks are sampled.
+    """
+
+    velocity: Peak
+    acceleration: Peak
+    jerk: Peak
+    linear_velocity: Peak
+    linear_acceleration: Peak
+    brake_rate: float
+    brake_time: float
+    usual_stop_time: float = 0.0
+    axis_velocity: tuple[Peak, ...] = ()
+    axis_acceleration: tuple[Peak, ...] = ()
+    axis_jerk: tuple[Peak, ...] = ()
+    unproven: int = 0
+
+    @property
+    def turns(self) -> tuple[tuple[Peak, ...], ...]:
+        """Peaks of velocity, acceleration and jerk, of the norm and of the axes."""
+        return (
+            (self.velocity, *self.axis_velocity),
+            (self.acceleration, *self.axis_acceleration),
+            (self.jerk, *self.axis_jerk),
+        )
+
+    @property
+    def planned(self) -> list[float]:
+        """The largest shares of the limits of velocity, acceleration and jerk on the records."""
+        return [max(peak.planned_ratio for peak in peaks) for peaks in self.turns]
+
+    @property
+    def drawn(self) -> list[float]:
+        """The same three shares of what the servo draws between the records."""
+        return [max(peak.ratio for peak in peaks) for peaks in self.turns]
+
+
+# A plan asks for the same few again and again.
+@lru_cache(maxsize=64)
+def limit_table(limits: Limits) -> Floats:
+    """Return limits of velocity, acceleration and jerk: of the norm and of the components.
+
+    Returns:
+        Read only, shape ``(3, 4)``, in rad and s.
+    """
+    table: Floats = np.array([(getattr(limits, name), *limits.axes(name)) for name in ANGULAR])
+    table.setflags(write=False)
+    return table
 
 
 def measure(
-    setpoints: Setpoints,
+    path: Path | Floats,
     count: int,
     period: float,
     limits: Limits,
     *,
     before: tuple[Floats, Floats] | None,
-    holds_after: bool,
-    brake_limits: Limits | None = None,
+    rests: tuple[bool, bool] | None = None,
+    tolerance: float = 0.0,
 ) -> Peaks:
     """Return bounds of the backward differences over the records 0 to *count* - 1.
 
     Args:
-        setpoints: gives the records from an index on.
+        path: gives the records at multiples of the period; or records, shape ``(n, 13)``:
+            orientations, angular velocities and accelerations, which may be NaN where they are not
+            known, and positions.
         count: number of records.
         period: time between them, s.
         limits: what the peaks are held against.
         before: the three setpoints before the first, ``(3, 4)`` and ``(3, 3)``; ``None`` looks at
             differences inside the records only.
-        holds_after: whether the device stays where the last record is.
-        brake_limits: limits for the brake rate, for a certificate; with ``None`` there is none, and
-            differences are sampled.
+        rests: whether the path is at rest at its beginning, and the device stays where the last
+            record is; ``None`` takes it from the path.
+        tolerance: factor to the limits up to which the path may be braked, for a certificate; with
+            0 there is none, and differences are sampled.
     """
-    tally = Tally(period, limits)
-    q_tail, p_tail = before if before is not None else (np.empty((0, 4)), np.empty((0, 3)))
-    earlier, found = q_tail, None
-    for first in range(0, count, CHUNK):
-        size = min(CHUNK, count - first)
-        q, p = setpoints(first, size)
-        if first == 0 and q.shape[1] > earlier.shape[1]:
-            q_tail = _with_rates(earlier)
-        held = HISTORY if holds_after and first + size == count else 0
-        # A device that keeps its place is the ordinary case.
-        is_still = len(p) == 1 and bool((p_tail == p).all())
-        q = _padded(q_tail, q, size, held)
-        q[len(q) - held :, 4:] = 0.0
-        p = p if is_still else _padded(p_tail, p, size, held)
-        index = first - len(q_tail)
-        q_tail = q[-_KEPT:]
-        p_tail = np.repeat(p[-1:], len(q_tail), axis=0) if is_still else p[-_KEPT:]
-
-        # What ends before the first record is the past, which nothing can change.
-        past = 1 if first == 0 and before is not None else 0
-        found = extremes(
-            q,
-            past=past,
-            with_axes=limits.has_axes,
-            period=period,
-            brake_limits=brake_limits,
-            so_far=found,
-        )
-        tally.note_turns(found, index)
-        if not is_still:
-            tally.note_moves(p, index, past=past, brake_limits=brake_limits)
-    return tally.peaks()
+    rows, orientations, moves, place = _NO_ROWS, _NO_PATH, _STILL, np.zeros(3)
+    if isinstance(path, Path):
+        trajectory, positions = path.trajectory, path.positions
+        orientations, place = (trajectory.breaks, trajectory.pieces), positions.first
+        if not positions.is_held:
+            moves = positions.breaks, positions.coefficients.reshape(-1, 18)
+        rests = (path.begins_at_rest, True) if rests is None else rests
+    else:
+        rows, rests = path, rests or (False, True)
+    rows_before = _NO_ROWS if before is None else _states(*before)
+    linear = np.array([limits.linear_velocity, limits.linear_acceleration])
+    found: Floats = np.empty(_EXTREMES)
+    kernels.certify(
+        *orientations, *moves, np.ascontiguousarray(place), rows, rows_before, count,
+        HISTORY if rests[1] else 0, rests[0], rests[1], period, limit_table(limits), linear,
+        tolerance, *LAW, found,
+    )  # fmt: skip
+    return _named(found.tolist(), period, limits)
 
 
-def measure_path(
-    path: Path,
-    count: int,
-    period: float,
-    limits: Limits,
-    *,
-    before: tuple[Floats, Floats] | None,
-    brake_limits: Limits,
-) -> Peaks:
-    """Return bounds of the backward differences of a path, at the end of which the device stays.
+def _states(q: Floats, positions: Floats) -> Floats:
+    """Return setpoints before a path, with rates where they are known: where the device held."""
+    states: Floats = np.zeros((len(q), STATE))
+    states[:, :4], states[:, 10:] = q, positions
+    if not (q == q[:1]).all():
+        states[:, 4:10] = np.nan
+    return states
 
-    Args:
-        path: sampled at multiples of the period.
-        count: number of records.
-        period: time between them, s.
-        limits: as for :func:`measure`, like all that have the same name.
-        before: likewise.
-        brake_limits: likewise.
-    """
-    return measure(
-        partial(path.records, period=period),
-        count,
-        period,
-        limits,
-        before=before,
-        holds_after=True,
-        brake_limits=brake_limits,
+
+def _named(found: list[float], period: float, limits: Limits) -> Peaks:
+    """Return what the kernel found by name and in SI units."""
+    units = period, period**2, period**3
+
+    def turns(order: int) -> list[Peak]:
+        name, unit = ANGULAR[order], units[order]
+        most = [getattr(limits, name), *(limits.axes(name) if limits.has_axes else ())]
+        return [
+            Peak(
+                value=math.sqrt(found[slot]) / unit,
+                time=found[24 + slot] * period,
+                limit=limit,
+                on_records=math.sqrt(found[12 + slot]) / unit,
+            )
+            for slot, limit in enumerate(most, 4 * order)
+        ]
+
+    def linear(order: int, limit: float) -> Peak:
+        value = math.sqrt(found[36 + order]) / units[order]
+        return Peak(value, found[38 + order] * period, limit)
+
+    (velocity, *spins), (acceleration, *bends), (jerk, *twists) = map(turns, range(3))
+    rate, record, stop_time, unproven = found[40:]
+    return Peaks(
+        velocity=velocity,
+        acceleration=acceleration,
+        jerk=jerk,
+        linear_velocity=linear(0, limits.linear_velocity),
+        linear_acceleration=linear(1, limits.linear_acceleration),
+        brake_rate=rate,
+        brake_time=record * period,
+        usual_stop_time=stop_time,
+        axis_velocity=tuple(spins),
+        axis_acceleration=tuple(bends),
+        axis_jerk=tuple(twists),
+        unproven=int(unproven),
     )
-
-
-def _with_rates(q: Floats) -> Floats:
-    """Return orientations before a path with velocities and accelerations, where they are known.
-
-    They are where the device was held; else its motion of before knows them.
-    """
-    rates = 0.0 if bool((q == q[:1]).all()) else np.nan
-    return np.concatenate([q, np.full((len(q), 6), rates)], axis=1)
-
-
-def _padded(before: Floats, rows: Floats, size: int, held: int) -> Floats:
-    """Return *size* rows with those before them and the last one held after them.
-
-    Components come first in memory, as from the curves.
-    """
-    begin, end = len(before), len(before) + size
-    padded: Floats = np.empty((rows.shape[1], end + held)).T
-    padded[:begin], padded[begin:end], padded[end:] = before, rows, rows[-1:]
-    return padded

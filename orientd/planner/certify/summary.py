@@ -10,13 +10,12 @@ import numpy as np
 from orientd.curves import METHODS
 from orientd.driver import Figure
 from orientd.planner.certify.certificate import Certificate, Peak
-from orientd.planner.certify.peaks import Peaks
-from orientd.planner.certify.usual_stop import usual_stop_time
-from orientd.planner.limits import ANGULAR, AXES, UNITS, Limits
+from orientd.planner.certify.measuring import Peaks
+from orientd.planner.limits import ANGULAR, AXES, UNITS
 from orientd.planner.path import Path, RecordedPath
 from orientd.planner.recorded import HISTORY
 from orientd.planner.request import MotionRequest, State
-from orientd.rotation import Floats, exp, multiply
+from orientd.rotation import Floats, angle, exp, multiply
 
 
 def summed_up(
@@ -26,7 +25,6 @@ def summed_up(
     keyframe_times: Floats,
     peaks: Peaks,
     period: float,
-    limits: Limits,
 ) -> Certificate:
     """Return the certificate of a path that keeps its limits.
 
@@ -37,11 +35,16 @@ def summed_up(
         keyframe_times: path times of all keyframes, s.
         peaks: what was measured of the path.
         period: of the device, s.
-        limits: that it keeps.
     """
     begin, end = ends
     # No stop lasts longer than what is left of the motion.
     stop_time = min(1.0 / peaks.brake_rate, path.duration) if peaks.brake_rate else math.inf
+    at = path.sample(np.concatenate([[begin, end], keyframe_times]))
+    asked = request.omega_start, request.omega_end
+    missed = [
+        0.0 if omega is None else float(np.linalg.norm(found - omega))
+        for omega, found in zip(asked, at.omega_body[:2], strict=True)
+    ]
     return Certificate(
         rate_hz=1.0 / period,
         duration=path.duration,
@@ -52,12 +55,12 @@ def summed_up(
         peak_jerk=peaks.jerk,
         peak_linear_velocity=peaks.linear_velocity,
         peak_linear_acceleration=peaks.linear_acceleration,
-        start_velocity_error=_miss(path, begin, request.omega_start),
-        end_velocity_error=_miss(path, end, request.omega_end),
-        keyframe_error=path.farthest_from(request.keys, keyframe_times),
+        start_velocity_error=missed[0],
+        end_velocity_error=missed[1],
+        keyframe_error=float(np.max(angle(at.q[2:], request.keys))),
         brake_rate=peaks.brake_rate,
         stop_time=stop_time,
-        usual_stop_time=min(usual_stop_time(path, peaks.velocity.time, limits), stop_time),
+        usual_stop_time=min(peaks.usual_stop_time, stop_time),
         has_control_points=not METHODS[request.method].interpolates,
         figures=tuple(_axis_figures(peaks)),
         notes=_notes(peaks),
@@ -81,11 +84,6 @@ def _axis_figures(peaks: Peaks) -> Iterator[Figure]:
             if math.isfinite(peak.limit):
                 words = f"angular {name} about {axis}"
                 yield Figure(words, peak.value, UNITS[name], peak.limit, peak.time)
-
-
-def _miss(path: Path | RecordedPath, time: float, omega: Floats | None) -> float:
-    """Return by how much a path misses a velocity, if one was asked for."""
-    return 0.0 if omega is None else float(np.linalg.norm(path.state(time).omega_body - omega))
 
 
 def before(start: State, period: float) -> tuple[Floats, Floats]:

@@ -14,7 +14,7 @@ from orientd.curves import Trajectory
 from orientd.planner.limits import STEADY, STILL
 from orientd.planner.path.position import PositionPath
 from orientd.planner.request import Frame, State
-from orientd.rotation import Floats, angle, conjugate, rotate
+from orientd.rotation import Floats, conjugate, rotate
 
 Booleans = NDArray[np.bool_]
 
@@ -124,34 +124,18 @@ class Path:
             position[is_after] = self.positions.last
         return PathSamples(rows[:4].T, rows[4:7].T, rows[7:].T, position, velocity)
 
-    def records(self, first: int, size: int, period: float) -> tuple[Floats, Floats]:
-        """Return rows and positions at multiples of a period from the *first* one on.
-
-        Returns:
-            Orientations, velocities and accelerations, shape ``(size, 10)``, and positions, shape
-            ``(size, 3)``; positions that are all the same come as one, ``(1, 3)``.
-        """
-        times = period * np.arange(first, first + size, dtype=np.float64)
-        if self.positions.is_held:
-            return self._rows(times).T, self.positions.first[None]
-        samples = self.sample(times)
-        return np.concatenate(samples[:3], axis=1), samples.position
-
     def orientations(self, times: Floats) -> Floats:
         """Return the orientations at *times*, held beyond the ends, shape ``(n, 4)``."""
         return self.trajectory.orientations(times)
 
-    def farthest_from(self, keys: Floats, times: Floats) -> float:
-        """Return the largest angle between *keys* and the path at *times*, rad."""
-        return float(np.max(angle(self.orientations(times), keys)))
-
     def _is_held(self, times: Floats) -> tuple[Booleans, Booleans]:
         """Return whether the path is held before it, and after it, at *times*."""
-        is_before = times <= 0.0 if self._begins_at_rest else times < 0.0
+        is_before = times <= 0.0 if self.begins_at_rest else times < 0.0
         return is_before, times >= self.duration - _AT_REST
 
     @property
-    def _begins_at_rest(self) -> bool:
+    def begins_at_rest(self) -> bool:
+        """Whether nothing turns at path time 0."""
         _, omega, alpha = self.trajectory.ends()
         speed, size = math.hypot(*omega[0].tolist()), math.hypot(*alpha[0].tolist())
         return speed <= STILL and size <= STEADY
@@ -167,7 +151,7 @@ class Path:
     def state(self, time: float) -> State:
         """Return the state at *time*, with the derivatives of the piece that begins there."""
         q, omega, alpha = self.trajectory.sample(np.array([time]))
-        if time <= 0.0 and self._begins_at_rest:
+        if time <= 0.0 and self.begins_at_rest:
             omega, alpha = np.zeros((2, 1, 3))
         return State(q[0], omega[0], alpha[0], *self.positions.state(time))
 

@@ -114,10 +114,6 @@ class RecordedPath:
         joints = np.concatenate([self.earlier, self.joints])
         return tuple(map(tuple, joints[record : record + HISTORY].tolist()))
 
-    def farthest_from(self, keys: Floats, times: Floats) -> float:
-        """Return the largest angle between *keys* and the path at *times*, rad."""
-        return float(np.max(angle(self.sample(times).q, keys)))
-
     def sample(self, times: Floats) -> PathSamples:
         """Return the path at *times*, in any order; beyond its ends it is held.
 

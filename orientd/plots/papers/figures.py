@@ -59,7 +59,7 @@ def draw_figure(path: Path, name: str) -> None:
 def _nielson(times: str) -> Callable[[Axes], None]:
     def draw(axes: Axes) -> None:
         keys = scenes.samples_of_ideal()
-        curve = METHODS["nielson_heiland"](keys=keys, times=times)  # type: ignore[call-arg]
+        curve = METHODS["nielson_heiland"](keys=keys, times=times)
         q = curve.evaluate(np.linspace(*curve.domain, 3000))[0]
         ideal = scenes.ideal_orientation(np.linspace(0.0, 1.0, 2000))
         draw_triads(axes, q, keys, style=NIELSON, ideal=ideal)
@@ -95,9 +95,7 @@ def _hermite_curves(axes: Axes) -> None:
     velocities = [[0.0, 0.0, 2.0], [0.0, 6.0, 2.0], [6.0, -4.0, 2.0], [0.0, -9.0, 6.0]]
     paths = []
     for look, omega1 in zip(SERIES, velocities, strict=False):
-        curve = METHODS["kks_hermite"](  # type: ignore[call-arg]
-            q0=start, q1=end, omega0=[0.0, -2.0, 3.0], omega1=omega1
-        )
+        curve = METHODS["kks_hermite"](q0=start, q1=end, omega0=[0.0, -2.0, 3.0], omega1=omega1)
         q = curve.evaluate(np.linspace(0.0, 1.0, 1500))[0]
         shown = ", ".join(f"{part:g}" for part in omega1)
         paths.append((q, replace(look, name=rf"$\omega_b$ = ({shown}) rad/s")))

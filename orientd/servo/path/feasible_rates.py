@@ -23,7 +23,7 @@ of its limit, which must not exceed 1.
 
 from __future__ import annotations
 
-from math import atanh, inf, sqrt
+from math import inf, sqrt
 from typing import NamedTuple
 
 from orientd.driver import ZERO, Vector3
@@ -32,7 +32,6 @@ from orientd.servo.motion_law import first_change
 from orientd.stream import JointShares, ServoLimits
 
 _LEAST_RELEASE = 0.3
-_MOST_BENT = 0.9999  # of a joint's acceleration; with more a stop would take for ever
 _STILL = 1e-9  # rad/s: where the path stands still by itself, its rate does not matter
 
 
@@ -74,17 +73,10 @@ def allowed(
     servo_limits: ServoLimits,
     period: float,
     share: float,
-    jerk_share: float,
 ) -> tuple[float, float]:
     """Return the least and the largest rate inside the limits; least > largest if there is none.
 
-    Args:
-        past: the cycle before.
-        ahead: what a rate leads to.
-        servo_limits: the limits.
-        period: between the two, s.
-        share: part of the limits of acceleration that may be used; not of the joints' own.
-        jerk_share: part of the limits of jerk that may be used.
+    Of the limits of acceleration and of jerk a *share* may be used, of the joints' own all.
     """
     x, y, z = ahead.omega
     a, b, c = ahead.bend
@@ -93,7 +85,7 @@ def allowed(
     # In units of velocity: the differences times the powers of the period.
     gx, gy, gz = a - u, b - v, c - w
     kx, ky, kz = gx - ax * period, gy - ay * period, gz - az * period
-    most, most_jerk = share * period, jerk_share * period * period
+    most, most_jerk = share * period, share * period * period
     intervals = [
         _ball(gx, gy, gz, x, y, z, most * servo_limits.acceleration),
         _ball(kx, ky, kz, x, y, z, most_jerk * servo_limits.jerk),
@@ -126,16 +118,6 @@ def _within_joints(rate: float, shares: JointShares, period: float) -> tuple[flo
     slope = speed + bend * rate
     gain = 2.0 * left / (slope + sqrt(slope * slope + 2.0 * bend * left))
     return rate - left / speed, rate + gain
-
-
-def joint_stop_time(rate: float, shares: JointShares) -> float:
-    """Return how long a stop takes at least for the joints' sake, s.
-
-    The rate falls by ``(1 - a r^2) / v`` a second.
-    """
-    root = sqrt(min(shares.acceleration, _MOST_BENT))
-    share = root * min(rate, 1.0)
-    return shares.speed * (atanh(share) / root if share > _STILL else rate)
 
 
 def released(
@@ -183,8 +165,8 @@ def nearest(
 
     The share of the limits is exceeded, up to all of them, where nothing else is left.
     """
-    for part, jerk_part in ((share, share), (share, 1.0), (1.0, 1.0)):
-        low, high = allowed(past, ahead, servo_limits, period, part, jerk_part)
+    for part in (share, 1.0):
+        low, high = allowed(past, ahead, servo_limits, period, part)
         low, high = max(low, 0.0), min(high, 1.0)
         if low <= high:
             return min(max(wanted, low), high)

@@ -19,17 +19,17 @@ in the period); its slope by the rate is the velocity at the second.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from copy import copy
-from enum import Enum
 from math import ceil
 
 from orientd.driver import ZERO, Vector3
 from orientd.floats import combine, norm, plus
 from orientd.servo.guard import Guard
 from orientd.servo.motion_law import stop_phases
-from orientd.servo.path.feasible_rates import Ahead, Past, joint_stop_time, nearest, released
+from orientd.servo.path.feasible_rates import Ahead, Past, nearest, released
 from orientd.servo.path.path_follower import PathFollower
-from orientd.servo.path.segment import Segment
+from orientd.servo.path.segment import STANDING, Segment
 from orientd.servo.path.time_scaling import TimeScaling
 from orientd.stream import ServoLimits
 
@@ -54,13 +54,7 @@ _NEAR = 2e-3  # records from a rate to the next guess; what is left of them is i
 
 
 class QuickStop:
-    """A stop of the time scaling that uses what the limits leave at each point of the path.
-
-    Args:
-        scaling: the stop overrides it while it lasts.
-        follower: where the path is.
-        guard: what was written.
-    """
+    """A stop of the time scaling that uses what the limits leave at each point of the path."""
 
     def __init__(self, scaling: TimeScaling, follower: PathFollower, guard: Guard) -> None:
         self._scaling = scaling
@@ -70,212 +64,150 @@ class QuickStop:
         self._moves = -1
         self._tries = 0
         self._expected = 0.0
-        self._rollout: StopRollout | None = None
+        # The rollout: its rates, the certified law's first, and where the follower has come since.
+        self._rollout: Iterator[bool] | None = None
         self._rates: list[float] = []
+        self._lead = self._begun = self._revision = self._here = self._passed = 0
 
-    def advance(self, servo_limits: ServoLimits, *, may_end: bool) -> float:
-        """Advance the time scaling by one cycle of a stop and return the new rate.
+    def seek(self, servo_limits: ServoLimits, *, may_end: bool) -> None:
+        """Go on looking for a stop, as far as one cycle allows, and plan it once it is found.
 
-        Args:
-            servo_limits: the limits.
-            may_end: whether the end of the path is as good as a stop before it.
+        To be called before every cycle of a stop that is not planned yet; *may_end* if the end of
+        the path is as good as a stop before it.
         """
-        scaling = self._scaling
+        scaling, follower = self._scaling, self._follower
+        self._servo_limits, self._may_end = servo_limits, may_end
         if scaling.moves != self._moves:
             # Something else has moved it since: this is another stop.
-            self._tries, self._expected, self._rollout, self._rates = 0, 0.0, None, []
-        if not self._rates:
-            self._roll_out(servo_limits, may_end=may_end)
-        if self._rates:
-            rate = self._rates.pop()
-            scaling.override(rate, is_last=rate == 0.0 and not self._rates)
-        else:
-            scaling.advance()
-        self._moves = scaling.moves
-        return scaling.rate
-
-    def _roll_out(self, servo_limits: ServoLimits, *, may_end: bool) -> None:
-        """Go on with the rollout, or begin others, as far as one cycle allows."""
-        rollout, left, moves = self._rollout, self._steps, self._scaling.moves
-        if rollout and rollout.rates[moves - rollout.begun - 1] != self._scaling.rate:
-            # The path has come to a motion whose certified law brakes harder.
-            rollout = None
-        while left > 0:
-            rollout = rollout or self._begin(servo_limits)
-            left -= rollout.go_on(servo_limits, left, may_end=may_end)
-            if rollout.outcome is not RolloutOutcome.FAILED:
-                break
-            rollout = None
-            self._tries += 1
-            left -= 1
-        self._rollout = rollout
-        if rollout is None or moves < rollout.begun + rollout.lead:
+            self._tries, self._expected, self._rollout = 0, 0.0, None
+        elif self._rollout and (
+            self._rates[scaling.moves - self._begun - 1] != scaling.rate
+            or self._revision != follower.revision
+        ):
+            # The path, or how fast it may be left, is no longer what was rolled out.
+            self._rollout = None
+        self._moves = scaling.moves + 1
+        if follower.index != self._here:
+            self._passed, self._here = self._passed + 1, follower.index
+        self._left = follower.fraction + follower.records_left()
+        is_over = self._roll_out()
+        if self._rollout is None or scaling.moves < self._begun + self._lead:
             return
         self._rollout = None
-        if rollout.outcome is RolloutOutcome.UNFINISHED:
-            self._expected = _LONGER * len(rollout.rates)
+        if is_over:
+            scaling.plan = self._rates[self._lead :][::-1]
         else:
-            self._rates = rollout.rates[rollout.lead :][::-1]
+            self._expected = _LONGER * len(self._rates)
 
-    def _begin(self, servo_limits: ServoLimits) -> StopRollout:
+    def _roll_out(self) -> bool:
+        """Go on with the rollout, or begin others; return whether one has come to its end."""
+        left = self._steps
+        while left > 0:
+            rollout = self._rollout = self._rollout or self._begin()
+            for is_over in rollout:
+                left -= 1
+                if is_over or left <= 0:
+                    return is_over
+            # It has failed.
+            self._rollout = None
+            self._tries += 1
+            left -= 1
+        return False
+
+    def _begin(self) -> Iterator[bool]:
         """Begin a rollout that is over when the certified law is where it begins."""
-        guard, rate = self._guard, self._scaling.rate
+        guard, servo_limits = self._guard, self._servo_limits
         # The cycles that a stop takes at least, were its path straight.
         speed = norm(guard.omega)
         change = _dot(guard.omega, guard.alpha) / speed if speed > 0.0 else 0.0
         time = max(
             sum(stop_phases(speed, change, servo_limits.acceleration, servo_limits.jerk)),
             norm(guard.velocity) / servo_limits.linear_acceleration,
-            joint_stop_time(rate, servo_limits.joint_shares),
+            servo_limits.joint_shares.speed * self._scaling.rate,
         )
         cycles = max(time / self._scaling.period, self._expected)
-        return StopRollout(
-            self._scaling,
-            self._follower,
-            guard,
-            lead=ceil((_ALLOWANCE * cycles + _SPARE) / (self._steps - 1)) - 1,
-            release=RELEASES[self._tries % len(RELEASES)],
-        )
+        self._lead = ceil((_ALLOWANCE * cycles + _SPARE) / (self._steps - 1)) - 1
+        self._begun, self._revision = self._scaling.moves, self._follower.revision
+        self._here, self._passed, self._rates = self._follower.index, 0, []
+        return self._rolled_out(RELEASES[self._tries % len(RELEASES)] * SHARE)
 
+    def _rolled_out(self, release: float) -> Iterator[bool]:
+        """Roll out a stop from before the present cycle, cycle by cycle, as the guard will see it.
 
-class RolloutOutcome(Enum):
-    """How far a rollout has come."""
-
-    UNFINISHED = "unfinished"
-    REST = "rest"
-    END = "end"
-    FAILED = "failed"
-
-
-class StopRollout:
-    """A stop from where the device is: the certified law first, then the least rate of each cycle.
-
-    Attributes:
-        rates: of the cycles rolled out so far.
-        lead: how many of them the certified law takes.
-        begun: how often the time scaling had been moved when it began.
-        outcome: of the rollout so far.
-    """
-
-    def __init__(
-        self,
-        scaling: TimeScaling,
-        follower: PathFollower,
-        guard: Guard,
-        *,
-        lead: int,
-        release: float,
-    ) -> None:
-        """Begin at the present cycle, before it has moved anything.
+        After the cycles of the certified law come those of the least rate.
 
         Args:
-            scaling: as it is.
-            follower: where the path is.
-            guard: what was written.
-            lead: cycles of the certified law before the quick stop begins.
             release: part of the jerk with which the terminal deceleration begins.
+
+        Yields:
+            Whether it is over, at rest or at the end of the path; nothing more once it has failed.
         """
-        self.rates: list[float] = []
-        self.lead = lead
-        self.begun = scaling.moves
-        self.outcome = RolloutOutcome.UNFINISHED
-        self._release = release * SHARE
-        self._scaling = copy(scaling)
-        self._follower = follower
-        self._revision = follower.revision
-        # Records are counted from the one where it began.
-        self._passed, self._here = 0, follower.index
-        self._index, self._fraction = 0, follower.fraction
-        self._past = Past(guard.omega, guard.alpha, guard.velocity, scaling.rate)
-        self._guess = scaling.rate + scaling.acceleration * scaling.period
-        self._segments: dict[int, Segment] = {}
-
-    def go_on(self, servo_limits: ServoLimits, steps: int, *, may_end: bool) -> int:
-        """Roll out at most *steps* cycles more and return how many.
-
-        It is called in the cycle that the rollout begins in and in each one after that.
-
-        Args:
-            servo_limits: the limits.
-            steps: cycles to roll out.
-            may_end: whether the end of the path is as good as a stop before it.
-        """
-        follower = self._follower
-        if follower.revision != self._revision:
-            self.outcome = RolloutOutcome.FAILED
-        if follower.index != self._here:
-            self._passed, self._here = self._passed + 1, follower.index
-        end = self._passed + follower.fraction + follower.records_left()
-        for step in range(steps):
-            if self.outcome is not RolloutOutcome.UNFINISHED:
-                return step
-            self.outcome = self._step(servo_limits, end, may_end=may_end)
-        return steps
-
-    def _step(self, servo_limits: ServoLimits, end: float, *, may_end: bool) -> RolloutOutcome:
-        is_free = len(self.rates) >= self.lead
-        rate = min(max(self._guess, 0.0), 1.0) if is_free else self._scaling.advance()
-        if self._index + self._fraction + rate >= end:
-            self.rates.append(rate)
-            return RolloutOutcome.END if may_end else RolloutOutcome.FAILED
-        h, start, past = self._scaling.period, self._segment(self._index), self._past
-        if start is None:
-            return RolloutOutcome.FAILED
-        n = 1.0 / h
-        turned, travelled = start.turn.value(self._fraction), start.travel.value(self._fraction)
-        for _ in range(_ATTEMPTS):
-            u, there, came, drift = self._fraction + rate, start, turned, travelled
-            if u >= 1.0:
-                following = self._segment(self._index + 1)
-                if following is None:
-                    return RolloutOutcome.FAILED
-                u, there = u - 1.0, following
-                came = plus(turned, start.turn.value(1.0), -1.0)
-                drift = plus(travelled, start.travel.value(1.0), -1.0)
-            omega = combine(there.turn.value(u), n, came, -n)
-            velocity = combine(there.travel.value(u), n, drift, -n)
-            if not is_free:
+        scaling, follower, guard = copy(self._scaling), self._follower, self._guard
+        h, n, rates = scaling.period, 1.0 / scaling.period, self._rates
+        past = Past(guard.omega, guard.alpha, guard.velocity, scaling.rate)
+        guess = scaling.rate + scaling.acceleration * h
+        index, fraction, start, following = 0, follower.fraction, self._segment(0), self._segment(1)
+        is_over = False
+        while start is not None:
+            is_free = len(rates) >= self._lead
+            rate = min(max(guess, 0.0), 1.0) if is_free else scaling.advance()
+            if index + fraction + rate >= self._passed + self._left:
+                rates.append(rate)
+                is_over = self._may_end
                 break
-            slope, push = plus(ZERO, there.turn.rate(u), n), plus(ZERO, there.travel.rate(u), n)
-            ahead = Ahead(slope, plus(omega, slope, -rate), push, plus(velocity, push, -rate))
-            wanted = released(past, ahead, servo_limits, h, self._release)
-            found = nearest(past, ahead, servo_limits, h, SHARE, wanted)
-            if found is None:
-                return RolloutOutcome.FAILED
-            error, rate = abs(found - rate), found
-            if error < _NEAR:
-                omega, velocity = plus(ahead.bend, slope, rate), plus(ahead.shift, push, rate)
+            turned, travelled = start.turn.value(fraction), start.travel.value(fraction)
+            for _ in range(_ATTEMPTS):
+                u, there, came, drift = fraction + rate, start, turned, travelled
+                if u >= 1.0:
+                    if following is None:
+                        return
+                    u, there = u - 1.0, following
+                    came = plus(turned, start.turn.value(1.0), -1.0)
+                    drift = plus(travelled, start.travel.value(1.0), -1.0)
+                omega, slope = combine(there.turn.value(u), n, came, -n), there.turn.rate(u)
+                velocity = push = ZERO
+                if start.travel is not STANDING or there.travel is not STANDING:
+                    velocity = combine(there.travel.value(u), n, drift, -n)
+                    push = there.travel.rate(u)
+                if not is_free:
+                    break
+                slope, push = plus(ZERO, slope, n), plus(ZERO, push, n)
+                ahead = Ahead(slope, plus(omega, slope, -rate), push, plus(velocity, push, -rate))
+                wanted = released(past, ahead, self._servo_limits, h, release)
+                found = nearest(past, ahead, self._servo_limits, h, SHARE, wanted)
+                if found is None:
+                    return
+                error, rate = abs(found - rate), found
+                if error < _NEAR:
+                    omega, velocity = plus(ahead.bend, slope, rate), plus(ahead.shift, push, rate)
+                    break
+            else:
+                return
+            is_over = is_free and rate <= _STILL
+            rate = 0.0 if is_over else rate
+            guess = 2.0 * rate - past.rate
+            past = Past(omega, combine(omega, n, past.omega, -n), velocity, rate)
+            rates.append(rate)
+            if is_over:
+                if nearest(past, _REST, self._servo_limits, h, 1.0, 0.0) is None:
+                    return  # at rest, but not without its acceleration
+                # One cycle more at rest: a resumption that began at once would add its own jerk to
+                # that of the last step.
+                rates.append(0.0)
                 break
-        else:
-            return RolloutOutcome.FAILED
-        is_rest = is_free and rate <= _STILL
-        rate = 0.0 if is_rest else rate
-        self.rates.append(rate)
-        self._past = Past(omega, combine(omega, n, past.omega, -n), velocity, rate)
-        if is_rest:
-            if nearest(self._past, _REST, servo_limits, h, 1.0, 0.0) is None:
-                return RolloutOutcome.FAILED  # at rest, but not without its acceleration
-            # One cycle more at rest: a resumption that began at once would add its own jerk to that
-            # of the last step.
-            self.rates.append(0.0)
-            return RolloutOutcome.REST
-        self._guess = 2.0 * rate - past.rate
-        self._fraction += rate
-        if self._fraction >= 1.0:
-            self._segments.pop(self._index, None)
-            self._index, self._fraction = self._index + 1, self._fraction - 1.0
-        return RolloutOutcome.UNFINISHED
+            fraction += rate
+            if fraction >= 1.0:
+                index, fraction = index + 1, fraction - 1.0
+                start, following = following, self._segment(index + 1)
+            yield False
+        while is_over:
+            yield True
 
     def _segment(self, index: int) -> Segment | None:
-        """Return the path between a record and the next, or ``None`` beyond the last."""
-        segments, ahead = self._segments, index - self._passed
-        if index not in segments:
-            start = self._follower.peek_ahead(ahead)
-            end = self._follower.peek_ahead(ahead + 1)
-            if start is None or end is None:
-                return None
-            segments[index] = Segment(start, end, self._scaling.period)
-        return segments[index]
+        """Return the path from a record of the rollout to the next; ``None`` beyond the last."""
+        ahead = index - self._passed
+        start, end = self._follower.peek_ahead(ahead), self._follower.peek_ahead(ahead + 1)
+        return None if start is None or end is None else Segment(start, end, self._scaling.period)
 
 
 def _dot(a: Vector3, b: Vector3) -> float:

@@ -86,13 +86,7 @@ class Law(NamedTuple):
         """Return the vector at *u*, which is zero at 0."""
         (ax, ay, az), (bx, by, bz), (cx, cy, cz), (dx, dy, dz), place = self
         over = u - place
-        if over <= 0.0:
-            return (
-                u * (ax + u * (bx + u * cx)),
-                u * (ay + u * (by + u * cy)),
-                u * (az + u * (bz + u * cz)),
-            )
-        bend = 0.5 * over * over
+        bend = 0.5 * over * over if over > 0.0 else 0.0
         return (
             u * (ax + u * (bx + u * cx)) + bend * dx,
             u * (ay + u * (by + u * cy)) + bend * dy,
@@ -102,13 +96,7 @@ class Law(NamedTuple):
     def rate(self, u: float) -> Vector3:
         """Return the derivative of the vector by *u*."""
         (ax, ay, az), (bx, by, bz), (cx, cy, cz), (dx, dy, dz), place = self
-        over, two, three = u - place, 2.0 * u, 3.0 * u * u
-        if over <= 0.0:
-            return (
-                ax + two * bx + three * cx,
-                ay + two * by + three * cy,
-                az + two * bz + three * cz,
-            )
+        over, two, three = max(u - place, 0.0), 2.0 * u, 3.0 * u * u
         return (
             ax + two * bx + three * cx + over * dx,
             ay + two * by + three * cy + over * dy,
@@ -127,13 +115,7 @@ def hermite(way: Vector3, leave: Vector3, arrive: Vector3) -> Law:
 
 
 def law_between(start: PathPoint, end: PathPoint, period: float) -> Law:
-    """Return the rotation vector from one record towards the next, rad.
-
-    Args:
-        start: the earlier record's point.
-        end: the later record's point.
-        period: path time between them, s.
-    """
+    """Return the rotation vector from one record towards the next, rad."""
     x, y, z = turn = difference(start.q, end.q)
     a, b, c = start.omega_body
     vx, vy, vz = leave = (period * a, period * b, period * c)
@@ -205,20 +187,15 @@ def _bent(
     return Law(cubic.first, second, (cx + c * x, cy + c * y, cz + c * z), step, 1.0 - w)
 
 
-_STANDING = Law(ZERO, ZERO, ZERO)
+STANDING = Law(ZERO, ZERO, ZERO)
 
 
 class Segment:
-    """The path between two neighbouring records.
+    """The path between two neighbouring records, *period* seconds of path time apart.
 
     Attributes:
         turn: rotation vector from the first of them, rad.
         travel: way of the position, m.
-
-    Args:
-        start: the earlier record's point.
-        end: the later record's point.
-        period: path time between them, s.
     """
 
     __slots__ = ("_end", "_period", "_start", "travel", "turn")
@@ -228,7 +205,7 @@ class Segment:
         self._end = end
         self._period = period
         self.turn = law_between(start, end, period)
-        self.travel = _STANDING
+        self.travel = STANDING
         p, q = start.position, end.position
         if p != q or not start.velocity == end.velocity == ZERO:
             x, y, z = start.velocity
@@ -268,7 +245,7 @@ class Segment:
             (vz - a * g + b * (x * f - y * e)) / h,
         )
         alpha = combine(start.alpha_body, 1.0 - u, self._end.alpha_body, u)
-        if self.travel is _STANDING:
+        if self.travel is STANDING:
             return PathPoint(q, omega, alpha, start.position, start.velocity)
         position = plus(start.position, self.travel.value(u), 1.0)
         return PathPoint(q, omega, alpha, position, plus(ZERO, self.travel.rate(u), 1.0 / h))

@@ -21,9 +21,10 @@ class TimeScaling:
         rate: present rate; 1 is as planned.
         acceleration: its derivative over the last cycle, 1/s.
         target: the rate it is moving to.
-        is_overridden: whether another law moves it; see :mod:`orientd.servo.path.quick_stop`.
+        plan: rates of the cycles to come, the last one first, that a quick stop has chosen and is
+            responsible for (:mod:`orientd.servo.path.quick_stop`); empty if there is none.
         moves: how often it has been moved, begun or halted.
-        braking_cycles: number of path records that a stop from any rate can still use up.
+        brake_rate: a stop from full speed takes ``1 / brake_rate`` seconds; 1/s.
     """
 
     def __init__(self, period: float) -> None:
@@ -32,49 +33,29 @@ class TimeScaling:
         self.rate = 0.0
         self.acceleration = 0.0
         self.target = 0.0
-        self.is_overridden = False
+        self.plan: list[float] = []
         self.moves = 0
-        self.braking_cycles = 0
-        self._largest_acceleration = 0.0
-        self._step = 0.0
+        self.brake_rate = 0.0
 
     def begin(self, brake_rate: float, target: float) -> None:
-        """Run at *target* at once, which is smooth only where the path itself is at rest.
-
-        Args:
-            brake_rate: 1/s, of the motion that begins.
-            target: rate, in [0, 1].
-        """
+        """Run at *target* at once, which is smooth only where the path itself is at rest."""
         self.brake_rate = brake_rate
         self.target = target
         self.rate = target
         self.acceleration = 0.0
-        self.is_overridden = False
+        self.plan = []
         self.moves += 1
 
     def halt(self) -> None:
         """Stand still at once: the path has ended, or nothing runs along it any more."""
         self.rate = self.acceleration = self.target = 0.0
-        self.is_overridden = False
-        self.moves += 1
-
-    def override(self, rate: float, *, is_last: bool = False) -> None:
-        """Take a rate of another law's, which is responsible for the limits until its last one."""
-        self.acceleration = (rate - self.rate) / self.period if rate > 0.0 else 0.0
-        self.rate = rate
-        self.is_overridden = not is_last
+        self.plan = []
         self.moves += 1
 
     @property
-    def brake_rate(self) -> float:
-        """A stop from full speed takes ``1 / brake_rate`` seconds; 1/s."""
-        return 0.5 * self._largest_acceleration
-
-    @brake_rate.setter
-    def brake_rate(self, brake_rate: float) -> None:
-        self._largest_acceleration = 2.0 * brake_rate
-        self._step = 4.0 * brake_rate * brake_rate * self.period
-        self.braking_cycles = ceil(1.0 / (brake_rate * self.period)) + 2
+    def braking_cycles(self) -> int:
+        """Number of path records that a stop from any rate can still use up."""
+        return ceil(1.0 / (self.brake_rate * self.period)) + 2 if self.brake_rate else 0
 
     @property
     def is_steady(self) -> bool:
@@ -89,13 +70,18 @@ class TimeScaling:
     def advance(self) -> float:
         """Move by one cycle and return the new rate, which is the path records to advance by."""
         self.moves += 1
+        if self.plan:
+            before, self.rate = self.rate, self.plan.pop()
+            self.acceleration = (self.rate - before) / self.period if self.rate > 0.0 else 0.0
+            return self.rate
         difference = self.target - self.rate
         if difference == 0.0 and self.acceleration == 0.0:
             return self.rate
+        most, step = 2.0 * self.brake_rate, 4.0 * self.brake_rate * self.brake_rate * self.period
         # The fastest change from which the rate can still come down in time.
-        wanted = copysign(first_change(abs(difference) / self.period, self._step), difference)
-        highest = min(self.acceleration + self._step, self._largest_acceleration)
-        lowest = max(self.acceleration - self._step, -self._largest_acceleration)
+        wanted = copysign(first_change(abs(difference) / self.period, step), difference)
+        highest = min(self.acceleration + step, most)
+        lowest = max(self.acceleration - step, -most)
         self.acceleration = min(max(wanted, lowest), highest)
         rate = self.rate + self.acceleration * self.period
         if abs(self.target - rate) <= 1e-12:

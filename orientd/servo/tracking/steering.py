@@ -53,11 +53,8 @@ class AccelerationCap:
     def margin(self, alpha: Vector3, needed: float, limit: float) -> float:
         """Return how much acceleration is left for a correction; infinity while catching up.
 
-        Args:
-            alpha: angular acceleration of the target, rad/s^2.
-            needed: what making up for angle and velocity takes, each by itself, rad/s^2; infinity
-                if nothing has to be restrained.
-            limit: on angular acceleration, rad/s^2.
+        *alpha* is that of the target.  Making up for angle and velocity, each by itself, takes
+        *needed*; infinity if nothing has to be restrained.  All in rad/s^2.
         """
         size = norm(alpha)
         self._largest = max(size, self._kept * self._largest, LEAST_PART * limit)
@@ -65,12 +62,7 @@ class AccelerationCap:
         return self._largest - size if self._is_close else inf
 
     def capped(self, wanted: Vector3, *, is_linear: bool) -> Vector3:
-        """Return the acceleration to aim at, no more than the target's while it is close.
-
-        Args:
-            wanted: what the controller asks for, rad/s^2.
-            is_linear: whether it asks for a correction, not for catching up.
-        """
+        """Return the acceleration to aim at; a correction is no more than the target's own."""
         self._is_close = self._is_close and is_linear
         size = norm(wanted)
         if not self._is_close or size <= self._largest:

@@ -54,13 +54,7 @@ class TargetFollower:
     """
 
     def __init__(self, ring: RecordRing, guard: Guard, driver: Driver) -> None:
-        """Follow nothing yet.
-
-        Args:
-            ring: targets as they arrive.
-            guard: what was written.
-            driver: may look at what is coming.
-        """
+        """Follow nothing yet: targets come by *ring*; *driver* may look at what is coming."""
         self.is_on = False
         self.hindrance = ""
         self.tracker = Tracker(guard.period)
@@ -93,10 +87,7 @@ class TargetFollower:
     ) -> tuple[TrackPoint, Vector3]:
         """Return what the cycle due at *now_ns* commands, and its position, m.
 
-        Args:
-            now_ns: monotonic clock.
-            servo_limits: limits.
-            is_stopping: whether it comes to rest, whatever targets arrive.
+        If *is_stopping* it comes to rest, whatever targets arrive.
         """
         guard = self._guard
         if not is_stopping:
@@ -181,7 +172,7 @@ def approach(
         way: from the position to the target's, m.
         velocity: of the last step, m/s; inside the limits.
         goal_velocity: the target's, m/s.
-        servo_limits: limits.
+        servo_limits: the limits.
         period: of a cycle, s.
     """
     left, fastest = norm(way), servo_limits.linear_velocity
@@ -198,12 +189,7 @@ def approach(
 
 
 def stopping_distance(speed: float, acceleration: float) -> float:
-    """Return from how far away :func:`approach` brakes to a target at rest, m.
-
-    Args:
-        speed: m/s.
-        acceleration: limit, m/s^2.
-    """
+    """Return from how far away :func:`approach` brakes to a target at rest, m."""
     brake = BRAKING * acceleration
     linear = brake / (CLOSING * CLOSING)
     return speed / CLOSING if speed < CLOSING * linear else 0.5 * (speed * speed / brake + linear)
@@ -219,13 +205,8 @@ def _coming(
 ) -> list[ComingPose]:
     """Return a setpoint, the first cycle of a stop from it, and poses further on the way to rest.
 
-    Args:
-        q: orientation of the setpoint.
-        position: its position, m.
-        velocity: of the step to it, m/s.
-        stop: orientation after the first cycle of the stop, and the rest of it, if any.
-        acceleration: with which the position comes to rest, m/s^2.
-        period: of a cycle, s.
+    *velocity* is that of the step to the setpoint, *stop* what :meth:`Tracker.stop_ahead` says, and
+    *acceleration* that with which the position comes to rest, m/s^2.
     """
     poses = [ComingPose(period, q, position)]
     q, turning = stop

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, pi
+from math import inf
 from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
@@ -24,10 +24,6 @@ from orientd.servo.tracking.reference import Reference
 from orientd.servo.tracking.steering import AccelerationCap, position_command
 from orientd.servo.tracking.targets import JUMP, FilteredTarget, ReferenceState, Target
 from orientd.stream import ServoLimits
-
-_SEAM = 0.2
-"""How far past half a turn the way once taken is kept, rad: a target there must not turn us back
-and forth."""
 
 _MET = 0.02
 """How near the device has come to what it follows when it has met it, rad."""
@@ -104,11 +100,7 @@ class Tracker:
     ) -> None:
         """Begin from what was last commanded, moving or at rest, without any target.
 
-        Args:
-            q: orientation last commanded.
-            omega_body: angular velocity of the step to it, rad/s.
-            alpha_body: change from the step before over the period, rad/s^2.
-            servo_limits: what to keep.  What moves faster than that is slowed down first.
+        The rates are backward differences.  What moves faster than the limits is slowed down first.
         """
         self._limits, self._units = limits_of(servo_limits, self._period)
         # The law's state is in its own units.
@@ -118,7 +110,6 @@ class Tracker:
         self._reference.clear()
         self._cap.release()
         self._before, self._wish = (self._q, self._omega, self._alpha), self._alpha
-        self._way = ZERO
         self._forget()
         self.is_at_rest = omega_body == ZERO == alpha_body
         self._soften(0.0)
@@ -152,7 +143,6 @@ class Tracker:
         # State and target of the same instant, that of the last setpoint.
         found = self._found(now_ns - self._period_ns)
         if found is None:
-            self._way = ZERO
             if self._omega == ZERO == self._alpha:
                 self.is_at_rest = not self._reference.awaits
                 self._before, self._wish = (self._q, ZERO, ZERO), ZERO
@@ -251,7 +241,7 @@ class Tracker:
         units, cap = self._units, self._cap
         # The velocity of a step is that of its middle.
         middle = divided(plus(found.omega, found.alpha, -0.5 * self._period), units)
-        turn, alpha = divided(self._turn(found.q), units), divided(found.alpha, units)
+        turn, alpha = divided(difference(self._q, found.q), units), divided(found.alpha, units)
         if found.omega == ZERO:
             cap.release()
             return position_command(turn, self._omega, self._alpha, middle, alpha, self._limits)[0]
@@ -275,15 +265,6 @@ class Tracker:
 
     def _soften(self, delay: float) -> None:
         self._soft, self._soft_for = softened(self._limits, delay), delay
-
-    def _turn(self, q: Quaternion) -> Vector3:
-        """Return the way to *q*: the shorter one, unless the longer one is as good and begun."""
-        turn = difference(self._q, q)
-        angle = norm(turn)
-        if angle > pi - _SEAM and _dot(turn, self._way) < 0.0:
-            turn = plus(ZERO, turn, 1.0 - 2.0 * pi / angle)
-        self._way = turn
-        return turn
 
 
 def _dot(a: Vector3, b: Vector3) -> float:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from orientd.curves.construct.basis import bernstein, cumulative_basis
-from orientd.curves.construct.knots import inner_multiplicity, resolve_knots
+from orientd.curves.basis import bernstein, cumulative_basis
+from orientd.curves.keyframes import inner_multiplicity, resolve_knots
 
 VECTORS = {
     "uniform": np.arange(16.0),
@@ -43,25 +43,6 @@ def test_values_and_derivatives_are_sums_of_scipys(knots, order):
                     assert abs(found[derivative, place, k] - exact) < 1e-11 * scale
 
 
-@pytest.mark.parametrize("order", [2, 3, 4])
-def test_taylor_coefficients_carry_the_whole_function(order):
-    basis = cumulative_basis(VECTORS["random"], order)
-    span, times = samples(basis)
-    found = basis.at(span, times)
-    tau = times - basis.breaks[span]
-    value, rate, curvature, third = np.moveaxis(basis.taylor()[span], 0, -1).swapaxes(0, 1)
-    rebuilt = value + tau * (rate + tau / 2 * (curvature + tau / 3 * third))
-    rebuilt_rate = rate + tau * (curvature + tau / 2 * third)
-    assert np.abs(found[0] - rebuilt).max() < 1e-13
-    assert np.abs(found[1] - rebuilt_rate).max() < 1e-11
-    assert np.abs(found[2] - curvature - tau * third).max() < 1e-10
-
-
-def test_higher_degrees_have_no_four_taylor_coefficients():
-    with pytest.raises(ValueError, match="degree 3 and less"):
-        cumulative_basis(VECTORS["uniform"], 5).taylor()
-
-
 def test_derivatives_on_a_very_short_span_do_not_cancel():
     """Between knots 1e-9 apart the derivative of a wide function is almost constant."""
     vector = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 4.0 + 1e-9, 5.0, 6.0, 7.0, 8.0])
@@ -81,12 +62,6 @@ def test_functions_rise_from_zero_to_one():
     assert np.all((basis.values >= 0.0) & (basis.values <= 1.0 + 1e-15))
     assert np.all(np.diff(basis.values, axis=2) >= -1e-15)
     assert np.all(basis.rates >= 0.0)
-
-
-def test_reversing_swaps_the_functions():
-    basis = cumulative_basis(np.repeat([0.0, 1.0], 4), 4)
-    span, t = np.zeros(2, dtype=int), np.array([0.25, 0.7])
-    assert np.array_equal(basis.reversed().at(span, t), basis.at(span, t)[:, ::-1])
 
 
 def test_bernstein_polynomials_sum_to_one():

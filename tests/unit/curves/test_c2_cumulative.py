@@ -193,7 +193,7 @@ def test_turns_between_equal_keyframes_have_no_axis():
         ({"start": "clamped"}, "omega_start must be given for start='clamped', got None"),
         ({"end": "state", "omega_end": [0, 0, 0]}, "alpha_end must be given for end='state'"),
         ({"omega_start": [1, 0, 0]}, "omega_start must be None with start='natural'"),
-        ({"alpha_end": [1, 0, 0]}, "alpha_end must be None unless end='state'"),
+        ({"alpha_end": [1, 0, 0]}, "alpha_end must be None .* use end='state'"),
         ({"start": "clamped", "omega_start": [1, 0]}, "omega_start must be a vector of 3"),
         ({"start": "clamped", "omega_start": [1, 0, np.inf]}, "omega_start must be a vector of 3"),
         ({"align": 1}, "align must be True or False"),

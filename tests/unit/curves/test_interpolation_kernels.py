@@ -8,8 +8,8 @@ from reference.keyframe_equations import effort, keyframe_equations
 
 from orientd import kernels
 from orientd.curves import METHODS
-from orientd.curves.construct.banded import solve_banded
-from orientd.curves.construct.basis import cumulative_basis
+from orientd.curves.basis import cumulative_basis
+from orientd.curves.newton import solve_banded
 from orientd.rotation import align, between, log_half
 
 ENDS = ["natural", "clamped", "state"]
@@ -52,7 +52,7 @@ def test_effort_and_derivatives_are_those_of_numpy(
         seen.append((effort_there, *(np.copy(argument) for argument in arguments)))
         return effort_there
 
-    monkeypatch.setattr("orientd.curves.optimal.effort_equations.linearise_effort", noted)
+    monkeypatch.setattr("orientd.curves.minimum_effort.linearise_effort", noted)
     given = {"keys": random_keys(6, step), "inertia": inertia, "order": order, "spans": spans}
     METHODS["minimum_effort"](**given)
     assert seen

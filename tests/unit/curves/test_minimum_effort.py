@@ -12,9 +12,9 @@ from scipy.sparse import csr_matrix
 from scipy.spatial.transform import Rotation
 
 from orientd.curves import METHODS
-from orientd.curves.construct.basis import cumulative_basis
+from orientd.curves.basis import cumulative_basis
 from orientd.curves.keyframes import resolve_times
-from orientd.curves.optimal.minimum_effort import effort_knots
+from orientd.curves.minimum_effort import effort_knots
 from orientd.errors import PlanError
 from orientd.rotation import align, angle, exp, multiply, normalize
 

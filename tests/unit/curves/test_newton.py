@@ -5,8 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orientd.curves.newton import dense, homotopy, multistart, newton
+from orientd.curves.newton import homotopy, multistart, newton
 from orientd.rotation import Floats, angle, conjugate, exp, log, multiply
+
+
+def dense(errors, jacobian):  # type: ignore[no-untyped-def]
+    """Equations in a space of numbers, solved with a full matrix."""
+    return lambda x: (errors(x), lambda: np.linalg.solve(jacobian(x), -errors(x)))
 
 
 def _circle_and_line(x: Floats) -> Floats:
@@ -17,9 +22,8 @@ def _circle_and_line_jacobian(x: Floats) -> Floats:
     return np.array([[2.0 * x[0], 2.0 * x[1]], [1.0, -1.0]])
 
 
-@pytest.mark.parametrize("jacobian", [None, _circle_and_line_jacobian])
-def test_a_root_is_found_to_rounding_with_either_jacobian(jacobian: object) -> None:
-    found = newton(dense(_circle_and_line, jacobian), np.array([3.0, 0.5]))  # type: ignore[arg-type]
+def test_a_root_is_found_to_rounding() -> None:
+    found = newton(dense(_circle_and_line, _circle_and_line_jacobian), np.array([3.0, 0.5]))
     assert found is not None
     np.testing.assert_allclose(found, np.sqrt([2.0, 2.0]), rtol=0.0, atol=1e-14)
 
@@ -40,7 +44,8 @@ def test_a_guess_that_is_not_near_is_refused() -> None:
 
 def test_a_singular_jacobian_and_a_missing_root_give_nothing() -> None:
     assert newton(dense(lambda x: x * x - 1.0, lambda x: np.diag(2.0 * x)), np.zeros(1)) is None
-    assert newton(dense(lambda x: x * x + 1.0), np.array([0.7])) is None
+    rootless = dense(lambda x: x * x + 1.0, lambda x: np.diag(2.0 * x))
+    assert newton(rootless, np.array([0.7])) is None
 
 
 def test_a_state_may_be_an_orientation() -> None:

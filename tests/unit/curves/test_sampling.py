@@ -11,7 +11,7 @@ from reference import product as plain_product
 
 from orientd import kernels, processor
 from orientd.curves import METHODS
-from orientd.curves.construct.basis import cumulative_basis
+from orientd.curves.basis import cumulative_basis
 
 
 def assert_close(samples, others):
@@ -119,10 +119,10 @@ def build(request):
 
 
 def bits(build, curve, times):
-    """Orientations as a build writes them, as integers: 0.0 is not -0.0 there."""
-    out = np.full((len(times), 4), np.nan)
-    build.sample_product(times, curve.knots, *curve.parts, out)
-    return out.view(np.int64).T
+    """Samples as a build writes them, as integers: 0.0 is not -0.0 there."""
+    out, table = np.full((10, len(times)), np.nan), curve.trajectory
+    build.sample_trajectory(times, table.breaks, table.pieces, np.inf, out)
+    return out.view(np.int64)
 
 
 def test_a_sample_is_the_same_whatever_else_is_asked_for(product_example, build):
@@ -161,7 +161,7 @@ def test_importing_the_curves_imports_neither_scipy_nor_any_family():
 import sys
 from orientd.curves import METHODS
 assert len(METHODS) > 20
-homes = ("scipy", "orientd.curves.products", "orientd.curves.sphere", "orientd.curves.optimal.")
+homes = ("scipy", "orientd.curves.products", "orientd.curves.sphere", "orientd.curves.m")
 sys.exit(any(name.startswith(homes) for name in sys.modules))
 """
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
@@ -171,7 +171,7 @@ def product_arguments():
     curve = METHODS["kks_quintic_hermite"](
         q0=[1, 0, 0, 0], q1=[0.6, 0, 0.8, 0], omega0=[0.0, 0.0, 1.0], omega1=[0.0, 0.0, 1.0]
     )
-    return [np.linspace(0.0, 1.0, 5), curve.knots, *curve.parts, np.empty((5, 4))]
+    return [curve.knots, *curve.parts, np.full((4, 3), np.nan), 1, np.empty(9), np.empty((8, 34))]
 
 
 def basis_arguments():
@@ -181,12 +181,12 @@ def basis_arguments():
 
 
 CALLS = {
-    "sample_product": product_arguments,
+    "product_trajectory": product_arguments,
     "fill_basis": basis_arguments,
 }
 
 
-ANY_LENGTH = {("fill_basis", 1, 0), ("sample_product", 4, 0), ("sample_product", 5, 2)}
+ANY_LENGTH = {("fill_basis", 1, 0), ("product_trajectory", 3, 0), ("product_trajectory", 4, 2)}
 """Knots, increments and degrees: an argument of a kernel, and its axis."""
 
 

@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pytest
 from planned import PERIOD, anywhere, random_request, times_of
+from reference.differences import certified
 from scipy.spatial.transform import Rotation
 
+from orientd.config.presets import PRESETS
 from orientd.errors import LimitError, RequestError
-from orientd.planner import DEFAULT_LIMITS, PRESETS, Keyframe, Limits, MotionRequest, State, plan
-from orientd.planner.certify.differences import extremes
+from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.rotation import exp
 
 SQUAT = Limits.partial(velocity=[1.0, 2.0, 0.6], acceleration=[3.0, 8.0, 2.0], jerk=[60, 200, 90])
@@ -108,7 +109,7 @@ def test_a_brake_rate_for_axes_is_that_for_a_norm_on_a_turn_about_one_of_them():
     q = exp(np.outer(0.3 * np.sin(1.5 * times), [0.0, 1.0, 0.0]))
     alone = Limits.partial(acceleration=1.0, jerk=50.0)
     about_y = Limits.partial(acceleration=[1e9, 1.0, 1e9], jerk=[1e9, 50.0, 1e9])
-    one, other = (extremes(q, period=PERIOD, brake_limits=each) for each in (about_y, alone))
+    one, other = (certified(q, period=PERIOD, brake_limits=each) for each in (about_y, alone))
     assert (one.rate, one.rate_place) == (other.rate, other.rate_place)
     assert 0.0 < one.rate < 20.0
 

@@ -5,11 +5,11 @@ import os
 
 import numpy as np
 import pytest
+from reference.differences import certified as extremes
 from reference.differences import differences
 
 from orientd.errors import OrientdError
 from orientd.planner import Keyframe, MotionRequest, State, plan, states_between
-from orientd.planner.certify.differences import extremes
 from orientd.planner.limits import DEFAULT_LIMITS, Limits
 from orientd.planner.recorded import HISTORY
 from orientd.rotation import exp, multiply

@@ -10,11 +10,10 @@ import pytest
 from planned import LIMITS, PERIOD, times_of
 
 from orientd.errors import LimitError
-from orientd.planner import Keyframe, Limits, MotionRequest, State, plan, plan_job
+from orientd.planner import Keyframe, Limits, MotionRequest, State, job, plan
 from orientd.planner.certify import summary as summing_up
 from orientd.planner.certify.certificate import Peak
-from orientd.planner.certify.measuring import measure_path
-from orientd.planner.timing import quickest_timing
+from orientd.planner.certify.measuring import measure
 from orientd.rotation import angle, exp
 
 ARM = LIMITS["arm"]
@@ -35,10 +34,9 @@ def made(request, *, start=HERE, limits=ARM):
 
 @pytest.fixture
 def measured(monkeypatch):
-    """What a path was measured with; the quickest one is measured where it is found."""
-    spy = Mock(wraps=plan_job.measure_path)
-    monkeypatch.setattr(plan_job, "measure_path", spy)
-    monkeypatch.setattr(quickest_timing, "measure_path", spy)
+    """What a path was measured with."""
+    spy = Mock(wraps=job.measure)
+    monkeypatch.setattr(job, "measure", spy)
     return lambda: spy.call_args.kwargs
 
 
@@ -87,10 +85,17 @@ def test_errors_are_how_far_the_path_is_from_what_was_asked():
     begin, end = motion.start_time, motion.end_time
     assert (certificate.start_velocity_error, certificate.end_velocity_error) == (0.0, 0.0)
     other = replace(request, start_velocity=(0.3, 0.0, 0.4), end_velocity=(0.0, 0.6, 0.8))
-    peaks = Mock(brake_rate=0.0, axis_velocity=(), axis_acceleration=(), axis_jerk=())
+    peaks = Mock(
+        brake_rate=0.0,
+        usual_stop_time=0.1,
+        unproven=0,
+        axis_velocity=(),
+        axis_acceleration=(),
+        axis_jerk=(),
+    )
     peaks.velocity = certificate.peak_velocity
     later = motion.keyframe_times + np.array([0.0, 0.0, 0.1, 0.0])
-    found = summing_up.summed_up(other, path, (begin, end), later, peaks, PERIOD, motion.limits)
+    found = summing_up.summed_up(other, path, (begin, end), later, peaks, PERIOD)
     for time, wanted, error in (
         (begin, (0.3, 0.0, 0.4), found.start_velocity_error),
         (end, (0.0, 0.6, 0.8), found.end_velocity_error),
@@ -101,13 +106,13 @@ def test_errors_are_how_far_the_path_is_from_what_was_asked():
     assert found.keyframe_error > 0.01
     assert found.stop_time == math.inf
     peaks.brake_rate = 0.5
-    slow = summing_up.summed_up(other, path, (begin, end), later, peaks, PERIOD, motion.limits)
+    slow = summing_up.summed_up(other, path, (begin, end), later, peaks, PERIOD)
     assert slow.stop_time == 2.0
     assert found.figures == ()
 
 
 def measured_path(path, count, before):
-    return measure_path(path, count, PERIOD, ARM, before=before, brake_limits=ARM)
+    return measure(path, count, PERIOD, ARM, before=before, tolerance=1.0)
 
 
 def test_a_path_that_is_broken_off_is_measured_with_the_stop():
@@ -160,7 +165,7 @@ def test_the_last_record_is_at_the_end_or_within_a_period_behind_it(duration, re
 @pytest.mark.parametrize("request_", [asked(), asked([0.0, 1.0, 2.0, 3.0])])
 def test_motions_may_use_the_tolerance_of_the_guard_to_brake(measured, request_):
     made(request_)
-    assert measured()["brake_limits"] == ARM.scaled(1.001)
+    assert measured()["tolerance"] == 1.001
     q, p = measured()["before"]
     np.testing.assert_allclose(q, np.tile(HERE.q, (3, 1)), atol=1e-15)
     np.testing.assert_array_equal(p, np.zeros((3, 3)))
@@ -171,7 +176,7 @@ def test_what_is_taken_over_may_use_it_too_and_goes_on_from_what_was_sent(measur
     start = first.state_at(first.record_count // 2)
     assert start.before is not None
     motion = made(MotionRequest([Keyframe(tuple(exp(np.array([0.0, 0.4, 0.3]))))]), start=start)
-    assert measured()["brake_limits"] == ARM.scaled(1.001)
+    assert measured()["tolerance"] == 1.001
     np.testing.assert_array_equal(measured()["before"][0], start.before[0])
     assert motion.before is start.before
 
@@ -216,7 +221,6 @@ def test_a_motion_is_what_was_drafted():
     assert motion.request is request
     assert motion.limits == ARM
     assert motion.period == PERIOD
-    assert motion.rough is not None
     assert angle(motion.sample(motion.keyframe_times).q, request.keys).max() < 1e-9
     assert (motion.start_time, motion.end_time) == (
         motion.keyframe_times[0],

@@ -40,6 +40,8 @@ def motions():
         orientd.plan(KEYS, method="minimum_effort", options={"inertia": np.array([1.0, 2.0, 3.0])}),
     )
     yield "least", orientd.plan(KEYS, method="min_acceleration", approach=True)
+    keyframes = [Keyframe((1.0, 0.0, 0.0, 0.0), name="here"), Keyframe((0.8, 0.0, 0.0, 0.6))]
+    yield "names", orientd.plan(MotionRequest(keyframes))
     yield "shaped", shaped()
     first = orientd.plan(KEYS)
     start = first.state_at(first.record_count // 2)

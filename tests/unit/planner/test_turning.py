@@ -81,3 +81,16 @@ def test_what_makes_no_turn_is_named(change, message):
 def test_a_motion_without_keyframes_and_rate_is_none():
     with pytest.raises(RequestError, match="keyframes"):
         motion_file.parse({"duration": 2.0})
+
+
+def test_whole_turns_to_a_direction_go_about_the_axis_of_the_least_roll():
+    request = motion_file.parse({"keyframes": [{"direction": [0, 1, 0], "turns": 1}]})
+    motion = plan(request, start=START, limits=LIMITS, period=PERIOD)
+    samples = motion.sample(PERIOD * np.arange(motion.record_count))
+    points = rotate(START.q, [1.0, 0.0, 0.0])
+    least = np.cross(points, [0.0, 1.0, 0.0])
+    omega = rotate(samples.q, samples.omega_body)
+    assert np.abs(np.cross(omega, least / np.linalg.norm(least))).max() < 1e-9
+    turned = PERIOD * float(np.linalg.norm(omega, axis=1).sum())
+    assert turned == pytest.approx(2.0 * np.pi + np.arccos(points[1]), abs=1e-3)
+    assert rotate(samples.q[-1], [1.0, 0.0, 0.0]) == pytest.approx([0.0, 1.0, 0.0], abs=1e-9)

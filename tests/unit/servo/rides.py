@@ -63,18 +63,8 @@ def up_to_its_limits(random, motion):
     }
     limits = replace(motion.limits, **peaks)
 
-    def setpoints(first, count):
-        samples = motion.path.sample(PERIOD * np.arange(first, first + count))
-        return samples.q, samples.position
-
     found = measure(
-        setpoints,
-        motion.record_count,
-        PERIOD,
-        limits,
-        before=None,
-        holds_after=True,
-        brake_limits=limits.scaled(GUARD_TOLERANCE),
+        motion.path, motion.record_count, PERIOD, limits, before=None, tolerance=GUARD_TOLERANCE
     )
     # What takes longer to stop is refused.
     if found.brake_rate < 0.25:

@@ -4,14 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from orientd.servo.path.segment import point_of
 from rides import LIMITS, SOME_METHODS, Ride, Track, motions
 from scipy.spatial.transform import Rotation
 
 from orientd.errors import OrientdError
 from orientd.planner import Keyframe, MotionRequest, plan
 from orientd.planner import State as PlannedState
-from orientd.servo.path.segment import Segment
+from orientd.servo.path.segment import Segment, point_of
 from orientd.tolerances import GUARD_TOLERANCE
 
 NAMES = ("velocity", "acceleration", "jerk")

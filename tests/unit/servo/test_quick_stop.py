@@ -85,18 +85,20 @@ def test_a_stop_takes_hardly_longer_than_any_stop_could(kind):
 
 
 @pytest.mark.parametrize(
-    ("drawn", "record", "fewest"),
+    ("drawn", "record", "fewest", "times"),
     [
-        (([7003, 0], 2, "reserve"), 191, 17),
-        (([7003, 0], 2, "reserve"), 321, 67),
-        (([9000, 1], 7, "reserve"), 4973, 26),
+        (([7003, 0], 2, "reserve"), 191, 17, MOST),
+        (([7003, 0], 2, "reserve"), 321, 67, 1.5),
+        (([9000, 1], 7, "reserve"), 4973, 26, MOST),
     ],
 )
-def test_a_stop_comes_to_rest_before_the_path_turns_back_or_soon_behind(drawn, record, fewest):
+def test_a_stop_comes_to_rest_before_the_path_turns_back_or_soon_behind(
+    drawn, record, fewest, times
+):
     # A turn about one axis and back; the numbers are what ShortestStop finds.
     *_, motion = motions(*drawn, ["kks_hermite"])
     ride = Ride(Track(motion), record)
-    assert ride.stop() <= MOST_AT_A_REVERSAL * fewest
+    assert ride.stop() <= times * fewest
     assert ride.excess() <= 1.001
     assert ride.rig.servo.state is ServoState.HOLDING
 
@@ -121,7 +123,7 @@ def test_a_stop_keeps_the_limits_where_the_path_comes_to_a_motion_that_brakes_ha
         for _ in range(cycles):
             ride.run()
         # While the stop is rolled out, from where the weaker brake would have led.
-        if not scaling.is_overridden:
+        if not scaling.plan:
             scaling.brake_rate = whole
         ride.come_to_rest()
         assert ride.rig.servo.state is ServoState.HOLDING, ride.rig.servo.setpoints.fault_text

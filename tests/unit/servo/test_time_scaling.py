@@ -109,7 +109,7 @@ def test_before_a_motion_it_stands_still():
 
 def test_it_counts_its_moves_and_stands_where_it_is_put():
     clock = TimeScaling(H)
-    assert (clock.moves, clock.is_overridden) == (0, False)
+    assert (clock.moves, clock.plan) == (0, [])
     clock.begin(4.0, 0.5)
     assert (clock.rate, clock.target, clock.acceleration, clock.moves) == (0.5, 0.5, 0.0, 1)
     assert clock.is_steady
@@ -133,25 +133,23 @@ def test_a_beginning_forgets_the_motion_before_it():
     clock.begin(4.0, 0.0)
     clock.target = 1.0
     rates(clock, 50)
-    clock.override(0.3)
+    clock.plan = [0.2, 0.3]
     clock.begin(2.0, 0.6)
-    assert (clock.rate, clock.acceleration, clock.is_overridden) == (0.6, 0.0, False)
+    assert (clock.rate, clock.acceleration, clock.plan) == (0.6, 0.0, [])
     assert clock.is_steady
-    clock.override(0.3)
+    clock.plan = [0.2, 0.3]
     clock.halt()
-    assert (clock.rate, clock.acceleration, clock.is_overridden) == (0.0, 0.0, False)
+    assert (clock.rate, clock.acceleration, clock.plan) == (0.0, 0.0, [])
 
 
-def test_another_law_overrides_it_until_its_last_rate():
+def test_planned_rates_are_taken_before_its_own():
     clock = TimeScaling(H)
     clock.begin(4.0, 1.0)
-    clock.override(0.99)
-    assert (clock.rate, clock.is_overridden, clock.moves) == (0.99, True, 2)
+    clock.plan = [0.2, 0.0, 0.99]
+    assert clock.advance() == 0.99
     assert clock.acceleration == pytest.approx(-0.01 / H)
-    clock.override(0.0)
-    assert (clock.rate, clock.acceleration, clock.is_overridden) == (0.0, 0.0, True)
-    clock.override(0.2, is_last=True)
-    assert (clock.rate, clock.is_overridden) == (0.2, False)
+    assert (clock.advance(), clock.acceleration) == (0.0, 0.0)
+    assert (clock.advance(), clock.plan, clock.moves) == (0.2, [], 4)
 
 
 def test_a_rate_never_leaves_0_to_1():
@@ -160,8 +158,8 @@ def test_a_rate_never_leaves_0_to_1():
         clock.begin(4.0, 0.5)
         clock.target = target
         # Far too quick for the law to come down in time.
-        clock.override(led - 0.02 * np.sign(target - 0.5))
-        clock.override(led)
+        clock.plan = [led, led - 0.02 * np.sign(target - 0.5)]
+        rates(clock, 2)
         assert min(rates(clock, 200)) >= 0.0
         assert max(rates(clock, 200)) <= 1.0
         assert clock.rate == target

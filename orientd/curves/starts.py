@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
-from orientd.curves.construct import Path, squared_acceleration
 from orientd.curves.contract import Curve
 from orientd.curves.interpolating import C2Cumulative
+from orientd.curves.products import Path, squared_acceleration
 from orientd.curves.rotation_vector import RotationVectorSpline
 from orientd.errors import PlanError
 from orientd.rotation import Floats
@@ -16,43 +16,6 @@ from orientd.rotation import Floats
 COASTED = 10.0
 """From this angle on, in rad, that an end velocity goes through in its interval, whole turns are
 tried."""
-
-Spline = TypeVar("Spline", bound=Curve)
-
-
-def spline_through(
-    family: type[Spline],
-    q: Floats,
-    instants: Floats,
-    first: Floats | None,
-    last: Floats | None,
-    **options: Any,  # noqa: ANN401 - of any family
-) -> Spline | None:
-    """Return a spline with the same keyframes and ends, if there is one.
-
-    Args:
-        family: of the spline.
-        q: orientations of the keyframes, their signs as the spline is to have them.
-        instants: of the keyframes, s.
-        first: body angular velocity at the first keyframe, rad/s; natural without it.
-        last: the same at the last keyframe.
-        options: of the family.
-    """
-    try:
-        spline = family(  # type: ignore[call-arg]  # which families of keyframes take
-            keys=q,
-            times=instants,
-            start="natural" if first is None else "clamped",
-            end="natural" if last is None else "clamped",
-            omega_start=first,
-            omega_end=last,
-            align=False,
-            **options,
-        )
-        spline.ends()  # of which a spline that spins too fast to be sampled has none
-    except (PlanError, ValueError):
-        return None
-    return spline
 
 
 def spline_path(
@@ -63,9 +26,24 @@ def spline_path(
     last: Floats | None,
     **options: Any,  # noqa: ANN401 - of any family
 ) -> Path | None:
-    """Return the path of :func:`spline_through` keyframes, if there is one."""
-    spline = spline_through(family, q, instants, first, last, **options)
-    return None if spline is None else spline.evaluate
+    """Return the path of a spline with the same keyframes and ends, if there is one.
+
+    Args:
+        family: of the spline.
+        q: orientations of the keyframes, their signs as the spline is to have them.
+        instants: of the keyframes, s.
+        first: body angular velocity at the first keyframe, rad/s; natural without it.
+        last: the same at the last keyframe.
+        options: of the family.
+    """
+    for side, omega in (("start", first), ("end", last)):
+        options |= {side: "natural" if omega is None else "clamped", f"omega_{side}": omega}
+    try:
+        spline = family(keys=q, times=instants, align=False, **options)
+        spline.ends()  # of which a spline that spins too fast to be sampled has none
+    except (PlanError, ValueError):
+        return None
+    return spline.evaluate
 
 
 def start_path(
@@ -76,9 +54,8 @@ def start_path(
     Raises:
         PlanError: there is none.
     """
-    path = winding_path(q, instants, first, last)
-    if path is None:
-        path = spline_path(RotationVectorSpline, q, instants, first, last)
+    ends = (q, instants, first, last)
+    path = winding_path(*ends) or spline_path(RotationVectorSpline, *ends)
     if path is None:
         raise PlanError(
             "no curve was found through the keyframes near which to look for one of least effort: "

@@ -8,7 +8,7 @@ differences of the values, which would cancel on spans much shorter than their n
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,34 +59,6 @@ class CumulativeBasis:
             weights = bernstein(coefficients.shape[-1] - 1, u)
             np.einsum("nmd,dn->mn", coefficients[span], weights, out=found[order])
         return found
-
-    def reversed(self) -> CumulativeBasis:
-        """Return the same functions in the opposite order on every span."""
-        return replace(
-            self,
-            values=self.values[:, ::-1],
-            rates=self.rates[:, ::-1],
-            curvatures=self.curvatures[:, ::-1],
-        )
-
-    def taylor(self) -> Floats:
-        """Return value, first, second and third derivative at the start of each span.
-
-        Raises:
-            ValueError: a function is of higher degree than three.
-        """
-        if self.values.shape[1] > 3:
-            raise ValueError("only functions of degree 3 and less have four Taylor coefficients")
-        change = self.curvatures[..., -1] - self.curvatures[..., 0]
-        return np.stack(
-            [
-                self.values[..., 0],
-                self.rates[..., 0],
-                self.curvatures[..., 0],
-                change / np.diff(self.breaks)[:, None],
-            ],
-            axis=-1,
-        )
 
 
 def bernstein(degree: int, u: Floats) -> Floats:

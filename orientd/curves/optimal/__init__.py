@@ -1,1 +1,0 @@
-"""Curves of least effort or acceleration, and the searches for them."""
