@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from orientd.fleet.client import connect_fleet
     from orientd.planner.offline import plan_offline as plan
     from orientd.planner.saved import load_motion
-    from orientd.rotation.named import Quaternion
+    from orientd.rotation.convert import Quaternion
     from orientd.rpc.client import connect
     from orientd.rpc.reports import OnTarget
 
@@ -32,7 +32,7 @@ _HOMES = {
     "connect": ("orientd.rpc.client", "connect"),
     "connect_fleet": ("orientd.fleet.client", "connect_fleet"),
     "OnTarget": ("orientd.rpc.reports", "OnTarget"),
-    "Quaternion": ("orientd.rotation.named", "Quaternion"),
+    "Quaternion": ("orientd.rotation.convert", "Quaternion"),
     "load_motion": ("orientd.planner.saved", "load_motion"),
     "plan": ("orientd.planner.offline", "plan_offline"),
 }

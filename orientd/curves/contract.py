@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from orientd.curves.keyframes import (
     STATE_ENDS,
+    VELOCITY_ENDS,
     EndState,
     check_aligned,
     check_end,
@@ -44,6 +45,10 @@ _FEW = 8
 """Numbers that a parameter may have to be shown in full."""
 
 FREE: EndState = (None, None)
+Ends = tuple[EndState, EndState]
+
+NEEDED = Parameter.empty
+"""Of a parameter without a default."""
 
 SHARED = {
     "keys": "unit quaternions ``(w, x, y, z)``, at least two.",
@@ -82,24 +87,25 @@ class Curve(Family, Drawable):
         continuity: how many derivatives of the orientation are continuous at the knots for the
             parameters at hand: 0, 1 or 2.  A single segment has no knots inside and says 2.
         made_of: the parameters by the family's own names; not to be changed.
+        shared: the parameters that families of one kind share, with their defaults.
     """
 
     continuity: int
     made_of: Mapping[str, Any] = MappingProxyType({})
-    _ends: tuple[EndState, EndState] = (FREE, FREE)
+    shared: ClassVar[Mapping[str, Any]] = MappingProxyType({})
+    _defaults: ClassVar[Mapping[str, Any]]
+    _ends: Ends = (FREE, FREE)
 
     def __init_subclass__(cls) -> None:
         """Declare the parameters of a family, and describe those that it shares with others."""
         super().__init_subclass__()
-        taken = [
-            parameter
-            for method in (cls._make, cls._solve)
-            for parameter in signature(method).parameters.values()
-            if parameter.kind is Parameter.KEYWORD_ONLY
-        ]
+        kind = Parameter.KEYWORD_ONLY
+        taken = [Parameter(name, kind, default=default) for name, default in cls.shared.items()]
+        taken += [one for one in signature(cls._solve).parameters.values() if one.kind is kind]
         taken.sort(key=lambda parameter: parameter.name == "align")
         cls.takes = tuple(parameter.name for parameter in taken)
         cls.__signature__ = Signature(taken)  # type: ignore[attr-defined]
+        cls._defaults = {name: one for name, one in cls.shared.items() if one is not NEEDED}
         if "name" in vars(cls) and cls.__doc__:
             cls.__doc__ = _described(cls.__doc__, cls.takes)
 
@@ -109,7 +115,7 @@ class Curve(Family, Drawable):
                 given[name] = unnamed(value)
         if not given.keys() <= set(self.takes):
             given = own_names(type(self), given)
-        self._make(**given)
+        self._make(**{**self._defaults, **given})
         self.made_of = {name: _kept(value) for name, value in given.items()}
 
     def _make(self, *args: Any, **given: Any) -> None:  # noqa: ANN401
@@ -211,12 +217,7 @@ class Curve(Family, Drawable):
     @cached_property
     def trajectory(self) -> Trajectory:
         """The table that the curve is sampled from, fitted when it is first needed."""
-        return self._fitted(1)
-
-    def _fitted(self, pieces: int) -> Trajectory:
-        fitted = Trajectory.fit(
-            self._orientations, self._knots, continuity=self.continuity, pieces=pieces
-        )
+        fitted = Trajectory.fit(self._orientations, self._knots, continuity=self.continuity)
         return fitted.pinned(*self._ends)
 
     def _inside(self, times: Floats) -> Floats:
@@ -243,16 +244,9 @@ class Between(Curve):
     """A curve that joins two orientations; ``_solve`` gets both and the interval."""
 
     interpolates = True
+    shared: ClassVar[Mapping[str, Any]] = {"q0": NEEDED, "q1": NEEDED, "t0": 0.0, "t1": 1.0}
 
-    def _make(
-        self,
-        *,
-        q0: ArrayLike,
-        q1: ArrayLike,
-        t0: float = 0.0,
-        t1: float = 1.0,
-        **own: Any,  # noqa: ANN401 - of any family
-    ) -> None:
+    def _make(self, q0: object, q1: object, t0: object, t1: object, **own: object) -> None:
         ends = check_quaternion(q0, "q0"), check_quaternion(q1, "q1")
         self._solve(*ends, check_interval(t0, t1), **own)
 
@@ -260,13 +254,9 @@ class Between(Curve):
 class Drawn(Curve):
     """A curve that control quaternions draw; ``_solve`` gets them, checked and aligned."""
 
-    def _make(
-        self,
-        *,
-        control: ArrayLike,
-        align: bool = True,
-        **own: Any,  # noqa: ANN401 - of any family
-    ) -> None:
+    shared: ClassVar[Mapping[str, Any]] = {"control": NEEDED, "align": True}
+
+    def _make(self, control: object, align: object, **own: object) -> None:
         self._solve(check_aligned(control, align, "control"), **own)
 
 
@@ -275,69 +265,62 @@ class Through(Curve):
 
     interpolates = True
     fewest: ClassVar[int] = 2
+    shared: ClassVar[Mapping[str, Any]] = {"keys": NEEDED, "times": None, "align": True}
 
     def _make(
         self,
-        *,
-        keys: ArrayLike,
-        times: str | ArrayLike | None = None,
-        align: bool = True,
+        keys: object,
+        times: object,
+        align: object,
         **own: Any,  # noqa: ANN401 - of any family
-    ) -> None:
-        self._pass(keys, times, align, own)
-
-    def _pass(
-        self, keys: object, times: object, align: object, own: dict[str, Any], *ends: EndState
     ) -> None:
         q = check_aligned(keys, align, minimum=self.fewest)
-        self._aligns = align
-        self._solve(q, resolve_times(times, q, own.get("turns")), *ends, **own)
-
-
-class WithEnds(Through):
-    """A curve through keyframes with conditions at both ends, which ``_solve`` gets last."""
-
-    meets_end_velocities = True
-    conditions: ClassVar[Mapping[str, tuple[int, int]]] = STATE_ENDS
-
-    def _make(
-        self,
-        *,
-        keys: ArrayLike,
-        times: str | ArrayLike | None = None,
-        start: str = "natural",
-        end: str = "natural",
-        omega_start: ArrayLike | None = None,
-        omega_end: ArrayLike | None = None,
-        alpha_start: ArrayLike | None = None,
-        alpha_end: ArrayLike | None = None,
-        align: bool = True,
-        **own: Any,  # noqa: ANN401 - of any family
-    ) -> None:
-        first = check_end("start", start, omega_start, alpha_start, self.conditions)
-        last = check_end("end", end, omega_end, alpha_end, self.conditions)
-        self._pass(keys, times, align, own, first, last)
+        self._aligns = bool(align)
+        self._solve(q, resolve_times(times, q, own.get("turns")), **own)
 
 
 class WithEndVelocities(Through):
-    """A curve through keyframes whose ends are free of acceleration or have a velocity given."""
+    """A curve through keyframes with conditions at its ends, which ``_solve`` gets last."""
 
     meets_end_velocities = True
+    conditions: ClassVar[Mapping[str, tuple[int, int]]] = VELOCITY_ENDS
+    shared: ClassVar[Mapping[str, Any]] = {
+        **Through.shared,
+        **dict.fromkeys(("start", "end"), "natural"),
+        **dict.fromkeys(("omega_start", "omega_end")),
+    }
 
     def _make(
         self,
-        *,
-        keys: ArrayLike,
-        times: str | ArrayLike | None = None,
-        start: str = "natural",
-        end: str = "natural",
-        omega_start: ArrayLike | None = None,
-        omega_end: ArrayLike | None = None,
-        align: bool = True,
+        keys: object,
+        times: object,
+        align: object,
         **own: Any,  # noqa: ANN401 - of any family
     ) -> None:
-        first, last = check_end("start", start, omega_start), check_end("end", end, omega_end)
-        self._pass(keys, times, align, own, first, last)
+        ends = []
+        for side in ("start", "end"):
+            names = side, f"omega_{side}", f"alpha_{side}"
+            condition, omega, alpha = (own.pop(name, None) for name in names)
+            ends.append(check_end(side, condition, omega, alpha, self.conditions))
+        self._ends = prescribed((ends[0], ends[1]))
+        super()._make(keys, times, align, ends=tuple(ends), **own)
+
+
+def prescribed(ends: Ends) -> Ends:
+    """Return what to pin at both ends: a free one has no acceleration."""
+    free = None, np.zeros(3)
+    return free if ends[0][0] is None else ends[0], free if ends[1][0] is None else ends[1]
+
+
+class WithEndStates(WithEndVelocities):
+    """A curve through keyframes whose ends may have accelerations, too."""
+
+    conditions = STATE_ENDS
+    shared: ClassVar[Mapping[str, Any]] = {
+        **WithEndVelocities.shared,
+        "alpha_start": None,
+        "alpha_end": None,
+    }
 
 
 def _described(text: str, takes: tuple[str, ...]) -> str:

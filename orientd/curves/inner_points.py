@@ -231,11 +231,7 @@ class SphericalQuadratic(TriangleCurve, Through):
 
 
 def check_criterion(criterion: object, allowed: tuple[int, int]) -> None:
-    """Refuse a criterion that is not one of two equation numbers.
-
-    Raises:
-        ValueError: it is not.
-    """
+    """Refuse a criterion that is not one of two equation numbers."""
     if isinstance(criterion, bool) or criterion not in allowed:
         raise ParameterError(
             "criterion", f"criterion must be {allowed[0]} or {allowed[1]}, got {criterion!r}"
@@ -243,12 +239,8 @@ def check_criterion(criterion: object, allowed: tuple[int, int]) -> None:
 
 
 def check_chords(q: Floats) -> Floats:
-    """Return the distances between neighbouring keyframes, shape ``(n - 1,)``.
-
-    Raises:
-        ValueError: two neighbours are the same, or opposite points of the sphere.
-    """
-    chords: Floats = np.sqrt(np.sum((q[1:] - q[:-1]) ** 2, axis=-1))
+    """Return the distances between neighbouring keyframes, refusing a circle without a plane."""
+    chords = _lengths(q[1:] - q[:-1])
     for is_bad, said in ((chords < 1e-14, "the same"), (chords > 2.0 - 1e-14, "opposite")):
         if np.any(is_bad):
             place = int(np.argmax(is_bad))
@@ -266,13 +258,10 @@ def carried_bases(q: Floats, chords: Floats) -> Floats:
     Returns:
         Columns in the tangent space of keyframe *i*, shape ``(n - 1, 4, 3)``.
     """
-    basis = frame_of(q)[:, 1:]
-    normals = (q[1:] - q[:-1]) / chords[:, None]
-    carried: Floats = np.empty((len(chords), 4, 3))
-    for i, normal in enumerate(normals):
-        carried[i] = basis
-        basis = 2.0 * np.outer(normal, normal @ basis) - basis
-    return carried
+    carried = [frame_of(q)[:, 1:]]
+    for normal in (q[1:-1] - q[:-2]) / chords[:-1, None]:
+        carried.append(2.0 * np.outer(normal, normal @ carried[-1]) - carried[-1])
+    return np.array(carried)
 
 
 def projected_tangent(point: Floats, q: Floats) -> Floats:
@@ -291,21 +280,11 @@ def projected_tangent(point: Floats, q: Floats) -> Floats:
 
 
 def speed_ratios(speeds: Floats, a1: float | str) -> Floats:
-    r"""Return the :math:`a_i` of eq. 15 that make the speed continuous.
-
-    Args:
-        speeds: chord over interval of each segment, shape ``(n,)``.
-        a1: the first, or ``"balanced"``.
-
-    Raises:
-        ValueError: *a1* is neither a positive number nor the word.
-    """
-    signs = np.where(np.arange(len(speeds)) % 2 == 0, 1.0, -1.0)
+    """Return the ratios of eq. 15 that make the speed continuous, from chord over interval."""
+    signs = (-1.0) ** np.arange(len(speeds))
     logs: Floats = np.zeros(len(speeds))
-    logs[1:] = -signs[1:] * np.cumsum(signs[1:] * -np.diff(np.log(speeds)))
-    if isinstance(a1, str):
-        if a1 != "balanced":
-            raise ParameterError("a1", f"a1 must be a positive number or 'balanced', got {a1!r}")
+    logs[1:] = signs[1:] * np.cumsum(signs[1:] * np.diff(np.log(speeds)))
+    if isinstance(a1, str) and a1 == "balanced":
         shift = -float(np.mean(signs * logs))
     else:
         first = check_number(a1, "a1")
@@ -317,17 +296,11 @@ def speed_ratios(speeds: Floats, a1: float | str) -> Floats:
 
 
 def frame_of(q: Floats) -> Floats:
-    """Return an orthonormal frame of four dimensions that turns with the keyframes.
+    """Return an orthonormal frame of four dimensions that turns with the keyframes, as columns.
 
     Its first vector is the first keyframe, the second points to the second one, the third is
     found from those that follow, so that a search in this frame has the same result whatever the
-    frames the orientations are given in.
-
-    Args:
-        q: unit quaternions, shape ``(n, 4)``.
-
-    Returns:
-        Columns, shape ``(4, 4)``, of positive determinant.
+    frames the orientations are given in.  Its determinant is positive.
     """
     rows = np.zeros((0, 4))
     for candidate in (*q, *np.eye(4)):
@@ -415,7 +388,12 @@ def best_direction(
         searches.append((_on_kinks(normals), STARTS))
     found = [
         multistart(
-            values, derivatives, some, move=move, count=many, iterations=16 if has_kinks else 40
+            values,
+            derivatives,
+            some,
+            move=move,
+            count=many,
+            iterations=16 if has_kinks else 40,
         )
         for some, many in searches
     ]

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd import kernels
-from orientd.curves.contract import WithEnds
+from orientd.curves.contract import Ends, WithEndStates, prescribed
 from orientd.curves.keyframes import (
-    EndState,
     ParameterError,
     check_integer,
     increments,
@@ -33,7 +32,7 @@ def interpolate(
     keys: Floats,
     times: Floats,
     order: int,
-    ends: tuple[EndState, EndState],
+    ends: Ends,
     *,
     steps: Floats | None = None,
     near: Floats | None = None,
@@ -88,9 +87,7 @@ def interpolate(
     return breaks, (base, np.arange(spans), vectors, values)
 
 
-def unwound(
-    keys: Floats, times: Floats, order: int, ends: tuple[EndState, EndState], w: Floats
-) -> list[Spline]:
+def unwound(keys: Floats, times: Floats, order: int, ends: Ends, w: Floats) -> list[Spline]:
     """Return other solutions: one inner increment of more than pi has lost whole turns.
 
     Where the ends are fast, the way up from small steps may gather turns that lead nowhere.
@@ -108,7 +105,7 @@ def unwound(
     return found
 
 
-class Interpolating(Product, WithEnds):
+class Interpolating(Product, WithEndStates):
     """A product of an order *k* whose increments are solved for."""
 
     def _set_solved(
@@ -116,7 +113,7 @@ class Interpolating(Product, WithEnds):
         q: Floats,
         instants: Floats,
         order: int,
-        ends: tuple[EndState, EndState],
+        ends: Ends,
         turns: ArrayLike | None,
     ) -> None:
         """Solve for the increments."""
@@ -128,9 +125,7 @@ class Interpolating(Product, WithEnds):
             others = unwound(q, instants, order, ends, spline[1][2])
             if others:
                 spline = min([spline, *others], key=_effort)
-        # A free end has no acceleration.
-        start, end = ((None, _FREE) if omega is None else (omega, alpha) for omega, alpha in ends)
-        self._set_parts(*spline, order - 2, (start, end))
+        self._set_parts(*spline, order - 2)
 
 
 def _effort(spline: Spline) -> float:
@@ -174,15 +169,9 @@ class C2Cumulative(Interpolating):
     meets_end_accelerations = True
 
     def _solve(
-        self,
-        q: Floats,
-        instants: Floats,
-        first: EndState,
-        last: EndState,
-        *,
-        turns: ArrayLike | None = None,
+        self, q: Floats, instants: Floats, ends: Ends, *, turns: ArrayLike | None = None
     ) -> None:
-        self._set_solved(q, instants, 4, (first, last), turns)
+        self._set_solved(q, instants, 4, ends, turns)
 
 
 class KksInterpolating(Interpolating):
@@ -232,7 +221,8 @@ class KksInterpolating(Interpolating):
         self,
         q: Floats,
         instants: Floats,
-        *ends: EndState,
+        ends: Ends,
+        *,
         order: int = 6,
         turns: ArrayLike | None = None,
     ) -> None:
@@ -244,6 +234,7 @@ class KksInterpolating(Interpolating):
                 raise ParameterError(name, f"{name} must be None for order {order}, got {alpha!r}")
             is_still = omega is not None and alpha is None and k > 4
             states.append((omega, _FREE if is_still else alpha))
+        self._ends = prescribed((states[0], states[1]))
         self._set_solved(q, instants, k, (states[0], states[1]), turns)
         self._key_times = instants
 

@@ -42,11 +42,7 @@ class ParameterError(ValueError):
 
 
 def check_numbers(value: object, name: str, expected: str) -> Floats:
-    """Return numbers as a new array.
-
-    Raises:
-        ValueError: they are not numbers in an array; *expected* says what *name* must be.
-    """
+    """Return numbers as a new array; *expected* says in an error what they must be."""
     if isinstance(value, np.ndarray) and value.dtype == np.float64:
         return value.copy()
     try:
@@ -89,11 +85,7 @@ def _check_finite(array: Floats, name: str) -> None:
 
 
 def check_quaternion(value: object, name: str) -> Floats:
-    """Return one unit quaternion ``(w, x, y, z)``, normalised to rounding, shape ``(4,)``.
-
-    Raises:
-        ValueError: it is not four finite numbers of norm 1 within 1e-6.
-    """
+    """Return one unit quaternion ``(w, x, y, z)``, normalised to rounding, shape ``(4,)``."""
     array = check_numbers(value, name, "a unit quaternion (w, x, y, z)")
     if array.shape != (4,):
         raise ParameterError(name, f"{name} must be a unit quaternion (w, x, y, z), got {value!r}")
@@ -118,21 +110,13 @@ def check_keys(value: object, name: str = "keys", *, minimum: int = 2) -> Floats
 def check_aligned(
     value: object, align_signs: object, name: str = "keys", *, minimum: int = 2
 ) -> Floats:
-    """Return checked keyframes, their signs aligned from the first one on if *align_signs*.
-
-    Raises:
-        ValueError: as :func:`check_keys`, or *align_signs* is not a truth value.
-    """
+    """Return checked keyframes, their signs aligned from the first one on if *align_signs*."""
     keys = check_keys(value, name, minimum=minimum)
     return align(keys) if check_bool(align_signs, "align") else keys
 
 
 def check_vector(value: object, name: str, length: int = 3) -> Floats:
-    """Return one finite vector, shape ``(length,)``.
-
-    Raises:
-        ValueError: it is not *length* finite numbers.
-    """
+    """Return one finite vector, shape ``(length,)``."""
     array = check_numbers(value, name, f"a vector of {length} numbers")
     if array.shape != (length,) or not np.isfinite(array).all():
         raise ParameterError(
@@ -142,11 +126,7 @@ def check_vector(value: object, name: str, length: int = 3) -> Floats:
 
 
 def check_number(value: object, name: str) -> float:
-    """Return a finite number.
-
-    Raises:
-        ValueError: it is not one.
-    """
+    """Return a finite number."""
     array = check_numbers(value, name, "a finite number")
     if array.ndim != 0 or not math.isfinite(array):
         raise ParameterError(name, f"{name} must be a finite number, got {value!r}")
@@ -156,11 +136,7 @@ def check_number(value: object, name: str) -> float:
 def check_integer(
     value: object, name: str, *, minimum: int | None = None, maximum: int | None = None
 ) -> int:
-    """Return a whole number, given as an int or as a float without a fraction.
-
-    Raises:
-        ValueError: it is not one, less than *minimum* or more than *maximum*.
-    """
+    """Return a whole number, given as an int or as a float without a fraction."""
     expected = "a whole number" if minimum is None else f"a whole number of at least {minimum}"
     array = check_numbers(value, name, expected)
     if array.ndim != 0 or not math.isfinite(array) or float(array) % 1.0:
@@ -173,22 +149,14 @@ def check_integer(
 
 
 def check_bool(value: object, name: str) -> bool:
-    """Return a truth value.
-
-    Raises:
-        ValueError: it is neither true nor false.
-    """
+    """Return a truth value."""
     if not isinstance(value, bool | np.bool_):
         raise ParameterError(name, f"{name} must be True or False, got {value!r}")
     return bool(value)
 
 
 def check_choice(value: object, name: str, allowed: Collection[str]) -> str:
-    """Return one of the allowed words.
-
-    Raises:
-        ValueError: it is none of them.
-    """
+    """Return a word that must be one of those allowed."""
     if not isinstance(value, str) or value not in allowed:
         words = ", ".join(repr(word) for word in allowed)
         raise ParameterError(name, f"{name} must be one of {words}, got {value!r}")
@@ -210,9 +178,6 @@ def check_end(
         omega: velocity.
         alpha: acceleration.
         conditions: those that the family knows, as in ``STATE_ENDS``.
-
-    Raises:
-        ValueError: the condition is none of them, or one of the two is missing or one too many.
     """
     word = check_choice(condition, side, conditions)
     least, most = conditions[word]
@@ -233,11 +198,7 @@ def check_end(
 
 
 def check_interval(t0: object, t1: object) -> tuple[float, float]:
-    """Return the ends of a time interval in seconds.
-
-    Raises:
-        ValueError: they are not finite numbers, the second greater than the first.
-    """
+    """Return the ends of a time interval in seconds."""
     start, end = check_number(t0, "t0"), check_number(t1, "t1")
     if not end > start:
         raise ParameterError("t1", f"t1 must be greater than t0 = {start!r}, got {end!r}")
@@ -349,25 +310,14 @@ def inner_multiplicity(vector: Floats, order: int) -> int:
 
 
 def increments(keys: Floats) -> Floats:
-    """Return the half-angle logarithms ``log(q_i^-1 q_{i+1})`` of a sequence, signs as given.
-
-    Args:
-        keys: unit quaternions, shape ``(n, 4)``.
-
-    Returns:
-        Half-angle vectors, shape ``(n - 1, 3)``, of length up to pi.
-    """
+    """Return the half-angle logarithms ``log(q_i^-1 q_{i+1})``, signs as given, ``(n - 1, 3)``."""
     steps: Floats = np.empty((len(keys) - 1, 3))
     put_steps(np.ascontiguousarray(keys, dtype=np.float64), steps)
     return steps
 
 
 def check_turns(turns: ArrayLike, intervals: int) -> np.ndarray[Any, np.dtype[Any]]:
-    """Return whole turns, one count for each interval.
-
-    Raises:
-        ValueError: they are not.
-    """
+    """Return whole turns, one count for each interval."""
     count = np.asarray(turns)
     if count.shape != (intervals,) or count.dtype.kind not in "iuf" or np.any(count % 1 != 0):
         raise ParameterError(

@@ -21,7 +21,7 @@ each with more weight than its multiplier has (the exact penalty of Han, 1977).
 The search begins at a cumulative spline in finer knots.  A cumulative spline is not one over finer
 knots, as it would be in Euclidean space, but close to one.  Its control quaternions are estimated
 from the curve and its acceleration.  If the estimate misses the keyframes by far, the spline of the
-finer knots passes through points of the curve instead.
+finer knots through points of the curve is tried too.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
-from orientd.curves.contract import WithEnds
+from orientd.curves.contract import Ends, WithEndStates
 from orientd.curves.interpolating import interpolate
-from orientd.curves.keyframes import EndState, ParameterError, check_integer
-from orientd.curves.newton import solve_banded
+from orientd.curves.keyframes import ParameterError, check_integer
+from orientd.curves.newton import solve_entries
 from orientd.curves.products import Path, Product, product_trajectory
 from orientd.curves.starts import start_path
 from orientd.errors import PlanError
@@ -69,11 +69,11 @@ degrees, up to 50 % apart."""
 FEW = 10
 """Keyframes, for which looking twice takes no longer than once for twice as many."""
 
-FAR = 0.1
-"""Rad of half angle by which an estimate misses a keyframe so that another start is tried too."""
-
 WORSE = 1e-3
 """Relative; the nodes see a curve that is not their spline with an error."""
+
+FAR = 0.1
+"""Rad of half angle by which an estimate misses a keyframe so that another start is tried too."""
 
 ROUNDING = 1e-20
 
@@ -102,7 +102,7 @@ SLACK = 1e-10
 _MORE = "add keyframes, lower the end velocities or make neighbouring intervals more alike"
 
 
-class MinimumEffort(Product, WithEnds):
+class MinimumEffort(Product, WithEndStates):
     r"""Pass through keyframes with little torque: of all splines on a grid the one of least effort.
 
     .. math:: q(t) = q_0 \prod_j \exp\bigl(w_j \tilde B_{j,k}(t)\bigr), \qquad
@@ -158,7 +158,8 @@ class MinimumEffort(Product, WithEnds):
         self,
         q: Floats,
         instants: Floats,
-        *ends: EndState,
+        ends: Ends,
+        *,
         inertia: ArrayLike | None = None,
         order: int | None = None,
         smoothness: int = 2,
@@ -243,7 +244,7 @@ class EffortProblem:
         instants: Floats,
         order: int,
         smoothness: int,
-        ends: tuple[EndState, EndState],
+        ends: Ends,
         inertia: Floats | None,
         spans: int,
     ) -> None:
@@ -261,7 +262,8 @@ class EffortProblem:
         self.knots = effort_knots(instants, order, spans, order - 1 - smoothness)
         self.basis = basis = cumulative_basis(self.knots, order)
         self.inertia = inertia
-        self._keys, self._order, self._velocities = keys, order, (ends[0][0], ends[1][0])
+        self._keys, self._order = keys, order
+        self._velocities = (ends[0][0], None), (ends[1][0], None)
         self._steps = between(keys[:-1], keys[1:])
         places = np.minimum(spans * np.arange(len(instants)), len(basis.first))
         self._starts = places[:-1]
@@ -315,23 +317,21 @@ class EffortProblem:
         Raises:
             PlanError: the search does not settle.
         """
-        guesses = [refined(path, self.knots, self._order)]
+        guesses, inertia = [refined(path, self.knots, self._order)], self.inertia
         missed = self.linearised(guesses[0]).missed
-        if np.max(np.sum(missed * missed, axis=1)) > FAR**2 and self._order == 4:
-            breaks = np.unique(self.knots)
-            first, last = ((omega, None) for omega in self._velocities)
+        if self._order == 4 and np.max(np.sum(missed * missed, axis=1)) > FAR**2:
+            breaks = self.basis.breaks
             with suppress(PlanError):
-                spline = interpolate(path(breaks)[0].copy(), breaks, 4, (first, last))
+                spline = interpolate(path(breaks)[0].copy(), breaks, 4, self._velocities)
                 guesses.append(spline[1][2])
         found: list[Floats] = []
-        errors: list[PlanError] = []
+        problems: list[PlanError] = []
         for guess in guesses:
             try:
                 found.append(self.least_effort(guess))
             except PlanError as error:
-                errors.append(error)
-        if self.inertia is not None and (not found or self._is_wide()):
-            inertia = self.inertia
+                problems.append(error)
+        if inertia is not None and (not found or self._is_wide()):
             with suppress(PlanError):
                 self.inertia = None
                 eased = self.least_effort(guesses[0])
@@ -339,7 +339,7 @@ class EffortProblem:
                 found.append(self.least_effort(eased))
             self.inertia = inertia
         if not found:
-            raise errors[0]
+            raise problems[0]
         return min(found, key=lambda one: self.linearised(one).effort)
 
     def _is_wide(self) -> bool:
@@ -417,9 +417,6 @@ class EffortProblem:
         columns = [np.tile(other, one.shape[1]).ravel() for one, other in blocks]
         self._row = np.concatenate([*rows, *columns[1:]])
         self._column = np.concatenate([*columns, *rows[1:]])
-        self._reach = int(np.max(np.abs(self._row - self._column)))
-        size = 3 * len(order)
-        self._band = (self._reach + self._row - self._column) * size + self._column
         self._ties = np.einsum("ef,ij->eifj", self._factors, np.eye(3)).ravel()
 
     def _step(self, here: Linearised) -> tuple[Floats, Floats]:
@@ -445,9 +442,7 @@ class EffortProblem:
         np.maximum.at(reached, self._row, np.abs(entries) * scale[self._column])
         scale[~is_free] = 1.0 / reached[~is_free]
         entries *= scale[self._row] * scale[self._column]
-        flat = np.bincount(self._band, entries, minlength=(2 * self._reach + 1) * size)
-        band = flat.astype(np.float64).reshape(-1, size)
-        solution = scale * solve_banded(self._reach, self._reach, band, scale * right.ravel())
+        solution = scale * solve_entries(self._row, self._column, entries, scale * right.ravel())
         found = solution.reshape(-1, 3)[self._place]
         return found[: self._count], found[self._count :]
 
@@ -509,7 +504,7 @@ def effort_knots(instants: Floats, order: int, spans: int, multiplicity: int) ->
 
 
 def _end_rows(
-    basis: CumulativeBasis, ends: tuple[EndState, EndState], *, is_free: bool
+    basis: CumulativeBasis, ends: Ends, *, is_free: bool
 ) -> tuple[Indices, Floats, Floats]:
     """Return linear conditions on pairs of the outermost increments, one in each row.
 

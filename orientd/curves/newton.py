@@ -167,7 +167,10 @@ def multistart(
         step = -np.einsum("sij,sj->si", axes, along)
         length = np.sqrt(np.sum(step * step, axis=1, keepdims=True))
         step *= np.minimum(1.0, 0.5 / np.where(length > 0.0, length, 1.0))
-        tried = move(np.repeat(x, len(SHARES), axis=0), _all_shares(step))
+        tried = move(
+            np.repeat(x, len(SHARES), axis=0),
+            (SHARES[:, None] * step[:, None]).reshape(-1, step.shape[1]),
+        )
         reached = values(tried).reshape(len(x), -1)
         # The first share that is as good as any, so that a flat minimum is stepped into.
         lowest = reached.min(axis=1, keepdims=True)
@@ -215,12 +218,6 @@ def differences(
     return derivatives
 
 
-def _all_shares(step: Floats) -> Floats:
-    """Return every share of each step, one step after the other."""
-    scaled: Floats = SHARES[:, None] * step[:, None]
-    return scaled.reshape(-1, step.shape[1])
-
-
 def solve_blocks(blocks: Floats, rows: Indices, columns: Indices, right: Floats) -> Floats:
     """Solve a square system whose matrix is a sum of small blocks near the diagonal.
 
@@ -231,7 +228,7 @@ def solve_blocks(blocks: Floats, rows: Indices, columns: Indices, right: Floats)
         blocks: shape ``(n, p, q)``.
         rows: the first row of each block, shape ``(n,)``.
         columns: the first column of each block; may lie outside the matrix.
-        right: the right side, shape ``(size,)`` or ``(size, k)``.
+        right: the right side, shape ``(size,)``.
 
     Returns:
         The solution, shaped like *right*.  Time and memory grow linearly with *size*.
@@ -239,19 +236,19 @@ def solve_blocks(blocks: Floats, rows: Indices, columns: Indices, right: Floats)
     Raises:
         numpy.linalg.LinAlgError: the matrix is singular.
     """
-    size = len(right)
     _, height, width = blocks.shape
-    lower = int(np.max(rows + height - 1 - np.maximum(columns, 0), initial=0))
-    upper = int(np.max(columns + width - 1 - rows, initial=0))
-    lower, upper = min(lower, size - 1), min(upper, size - 1)
-    band: Floats = np.zeros((lower + upper + 1, size))
-    for r in range(height):
-        for c in range(width):
-            row, column = rows + r, columns + c
-            inside = (column >= 0) & (column < size) & (row < size)
-            diagonal = upper + row - column
-            np.add.at(band, (diagonal[inside], column[inside]), blocks[inside, r, c])
-    return solve_banded(lower, upper, band, right)
+    row = np.broadcast_to(rows[:, None, None] + np.arange(height)[:, None], blocks.shape)
+    column = np.broadcast_to(columns[:, None, None] + np.arange(width), blocks.shape)
+    inside = (column >= 0) & (column < len(right)) & (row < len(right))
+    return solve_entries(row[inside], column[inside], blocks[inside], right)
+
+
+def solve_entries(row: Indices, column: Indices, entries: Floats, right: Floats) -> Floats:
+    """Solve a square system of entries near the diagonal, of which those at one place add up."""
+    lower, upper = (int(np.max(one, initial=0)) for one in (row - column, column - row))
+    places = (upper + row - column) * len(right) + column
+    band = np.bincount(places, entries, minlength=(lower + upper + 1) * len(right))
+    return solve_banded(lower, upper, band.reshape(-1, len(right)).astype(np.float64), right)
 
 
 def solve_banded(lower: int, upper: int, band: Floats, right: Floats) -> Floats:

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
-from orientd.curves.contract import FREE, Between, Curve, Drawn, Through
+from orientd.curves.contract import FREE, Between, Curve, Drawn, Ends, Through
 from orientd.curves.keyframes import (
-    EndState,
     ParameterError,
     check_choice,
     check_integer,
@@ -56,11 +55,12 @@ class Product(Curve):
         breaks: Floats,
         parts: Parts,
         continuity: int,
-        ends: tuple[EndState, EndState] = (FREE, FREE),
+        ends: Ends | None = None,
     ) -> None:
         """Set up the curve over its spans, with what was asked for at both ends."""
         self._set_knots(breaks, continuity)
-        self._parts, self._ends = parts, ends
+        self._parts = parts
+        self._ends = self._ends if ends is None else ends
 
     def _set_controls(
         self,
@@ -68,7 +68,7 @@ class Product(Curve):
         controls: Floats,
         vectors: Floats,
         continuity: int,
-        ends: tuple[EndState, EndState] = (FREE, FREE),
+        ends: Ends | None = None,
     ) -> None:
         """Set up the curve of control quaternions, ``(n + 1, 4)``, and increments, ``(n, 3)``."""
         first = np.ascontiguousarray(basis.first - 1, dtype=np.int64)
@@ -97,7 +97,7 @@ def product_trajectory(
     breaks: Floats,
     parts: Parts,
     continuity: int = 2,
-    ends: tuple[EndState, EndState] = (FREE, FREE),
+    ends: Ends = (FREE, FREE),
 ) -> Trajectory:
     """Return the trajectory of a product, which need be no curve of a family."""
     largest = float(np.max(np.abs(parts[2])))

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from orientd.curves.contract import WithEndVelocities
-from orientd.curves.keyframes import EndState, ParameterError, increments
+from orientd.curves.contract import Ends, WithEndVelocities
+from orientd.curves.keyframes import ParameterError, increments
 from orientd.curves.newton import Linearised, homotopy, newton, solve_blocks
 from orientd.errors import PlanError
 from orientd.rotation import Floats, exp, multiply, right_jacobian, right_jacobian_inverse
@@ -56,7 +56,7 @@ class RotationVectorSpline(WithEndVelocities):
     summary = "C2 cubic in the rotation vector, end velocities met"
     source = "Mayorov 2019 (scipy.spatial.transform.RotationSpline)"
 
-    def _solve(self, q: Floats, instants: Floats, first: EndState, last: EndState) -> None:
+    def _solve(self, q: Floats, instants: Floats, ends: Ends) -> None:
         steps = 2.0 * increments(q)
         length = np.sqrt(np.sum(steps * steps, axis=-1))
         if not np.all(length < 2.0 * np.pi * (1.0 - 1e-9)):
@@ -67,9 +67,8 @@ class RotationVectorSpline(WithEndVelocities):
                 f"[{place}] to keys[{place + 1}] {length[place]:.9g} rad apart with their signs",
             )
         self._set_knots(instants, 2)
-        self._ends = first, last
         h = np.diff(instants)
-        omega_body = key_velocities(steps, h, first[0], last[0])
+        omega_body = key_velocities(steps, h, ends[0][0], ends[1][0])
         slope_end = h[:, None] * _apply(right_jacobian_inverse(steps), omega_body[1:])
         self._keys = q
         self._linear = h[:, None] * omega_body[:-1]

@@ -13,9 +13,9 @@ knots that shorten upwards) or a Catmull-Rom spline (runs that lengthen, then sh
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -141,14 +141,7 @@ class DeCasteljau(TriangleCurve, Drawn):
     summary = "one Bezier segment of any degree by repeated slerp"
     source = "Shoemake 1985; Nielson 1993, eq. 17; Schlag 1991"
 
-    def _make(
-        self,
-        *,
-        control: ArrayLike,
-        align: bool = False,
-        **own: Any,  # noqa: ANN401 - of any family
-    ) -> None:
-        super()._make(control=control, align=align, **own)
+    shared: ClassVar[Mapping[str, Any]] = {**Drawn.shared, "align": False}
 
     def _solve(self, controls: Floats, *, t0: float = 0.0, t1: float = 1.0) -> None:
         self._set_triangles(np.array(check_interval(t0, t1)), controls[None], 2)

@@ -10,7 +10,7 @@ import numpy as np
 from orientd.driver import ShapedPath
 from orientd.errors import StartError
 from orientd.planner import refusal
-from orientd.planner.certify import STATE, Rough, before, joint_brake, measure, summed_up
+from orientd.planner.certify import STATE, before, joint_brake, measure, summed_up
 from orientd.planner.motion import Motion
 from orientd.planner.path import SAME_ANGLE, Path, RecordedPath
 from orientd.rotation import Floats, angle, check_unit
@@ -70,17 +70,6 @@ def reshaped(
     begin, end, *keyframes = moved(
         np.array([motion.start_time, motion.end_time, *motion.keyframe_times])
     )
-    # Where the path is another one, steps of the acceleration must be expected.
-    given = motion.sample(path_times).q
-    changed = period * np.flatnonzero(angle(q, given) > SAME_ANGLE)
-    rough = motion.rough
-    if rough is not None:
-        bounds = moved(np.array([rough.begin, rough.end]))
-        continuity = min(rough.continuity, 1) if len(changed) else rough.continuity
-        edges = np.concatenate([bounds, changed])
-        rough = Rough(float(edges.min()), float(edges.max()), continuity)
-    elif len(changed):
-        rough = Rough(float(changed[0]), float(changed[-1]), 1)
     peaks = measure(
         np.ascontiguousarray(path.table[:, :STATE]),
         len(path_times),
@@ -113,7 +102,6 @@ def reshaped(
             figures=(*certificate.figures, *shape.figures),
             notes=(*motion.certificate.notes, *shape.notes),
         ),
-        rough=rough,
         first_joints=tuple(joints[0].tolist()),
         last_joints=tuple(joints[-1].tolist()),
         joint_shares=shares,

@@ -8,26 +8,21 @@ corner, the quicker, and the tolerance says how wide it may be cut.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from orientd.curves import Trajectory
 from orientd.errors import PlanError
-from orientd.planner.candidate import CandidateMotion
-from orientd.planner.certify import limit_table
 from orientd.planner.connect import join, try_joins
+from orientd.planner.job import certified
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath, quintic
-from orientd.planner.plan_job import certified
-from orientd.planner.planning import plan
+from orientd.planner.planning import plan, timed
 from orientd.planner.recorded import HISTORY, RecordedMotion
 from orientd.planner.request import MotionRequest, State
-from orientd.planner.timing import KeyframePath, quickest
+from orientd.planner.timing import Indices, KeyframePath, quickest
 from orientd.rotation import Floats, angle
-
-Indices = np.ndarray[Any, np.dtype[np.intp]]
 
 _DISTANCES = 24  # from the corner at which to leave and to join
 _SHARES = np.concatenate([np.linspace(0.3, 1.0, 15), [1.1, 1.2]])  # of the time cut out
@@ -36,13 +31,6 @@ _BELOW = 0.99  # share of the velocity at which a motion may be left
 _TRIES = 12  # blends whose timing is found
 _POINTS = 65
 _SAME = 1e-9
-
-
-class _Cut(NamedTuple):
-    """Where to leave the first motion and to join the second one: records, shape ``(n,)``."""
-
-    leave: Indices
-    join: Indices
 
 
 def blend(
@@ -129,9 +117,12 @@ def _blended(
     first: RecordedMotion, second: Motion, path: Path, tolerance: float, earliest: int
 ) -> tuple[int, Motion] | None:
     """Return the quickest blend that passes the corner within the tolerance."""
-    cut = _cuts(first, second, first.state_at(first.last_record).q, earliest)
-    for is_timed_anew in (True, False) if _is_timed_anew(second) else (False,):
-        found = _best(first, second, path, tolerance, cut, is_timed_anew=is_timed_anew)
+    cuts = _cuts(first, second, first.state_at(first.last_record).q, earliest)
+    request = second.request
+    is_slower = request.total is not None or request.pace is not None or not request.is_quickest
+    modes = (False,) if is_slower or path.trajectory.continuity < 2 else (True, False)
+    for is_timed_anew in modes if len(cuts[0]) else ():
+        found = _best(first, second, path, tolerance, cuts, is_timed_anew=is_timed_anew)
         if found is not None:
             return found
     return None
@@ -142,7 +133,7 @@ def _best(
     second: Motion,
     path: Path,
     tolerance: float,
-    cut: _Cut,
+    cuts: tuple[Indices, Indices],
     *,
     is_timed_anew: bool,
 ) -> tuple[int, Motion] | None:
@@ -153,29 +144,27 @@ def _best(
         second: the motion it leads into.
         path: of that.
         tolerance: how far from the corner it may pass, rad.
-        cut: where to leave the first motion and to join the second one.
+        cuts: records at which to leave the first motion and to join the second one.
         is_timed_anew: whether to run through the blend and what follows as quickly as the limits
             permit, or through what follows at the times it has.
     """
-    period, corner = first.facts.period, first.state_at(first.last_record).q
-    if not len(cut.leave):
-        return None
-    limits = second.limits
-    omega = np.abs(first.rows_at(cut.leave)[:, 4:7])
+    period, corner, limits = first.facts.period, first.state_at(first.last_record).q, second.limits
+    leave, joined = cuts
+    omega = np.abs(first.rows_at(leave)[:, 4:7])
     speeds = np.linalg.norm(omega, axis=1) / limits.velocity
     speeds = np.maximum(speeds, np.max(omega / limits.axis_velocity, axis=1))
     # Where the first motion is left it may be at its limits.
-    quickest_state = first.state_at(int(cut.leave[np.argmax(speeds)]))
-    shares, pairs = _SHARES, np.arange(len(cut.leave))
+    quickest_state = first.state_at(int(leave[np.argmax(speeds)]))
+    shares, pairs = _SHARES, np.arange(len(leave))
     if is_timed_anew:
         # Those that leave out most first.  At the limit of the velocity there is no way but
         # straight on.
-        shares, pairs = _FEW_SHARES, np.argsort(cut.leave - cut.join, kind="stable")
+        shares, pairs = _FEW_SHARES, np.argsort(leave - joined, kind="stable")
         pairs = pairs[speeds[pairs] <= _BELOW]
     if not len(pairs):
         return None
     pairs = np.repeat(pairs, len(shares))
-    leave, joined = cut.leave[pairs], cut.join[pairs]
+    leave, joined = leave[pairs], joined[pairs]
     spared = first.last_record - leave + joined
     cycles = spared * np.tile(shares, len(pairs) // len(shares))
     if not is_timed_anew:
@@ -183,14 +172,14 @@ def _best(
     durations = period * cycles
     here, there = first.rows_at(leave), second.sample(period * joined.astype(np.float64))
     begins = here[:, :4], here[:, 4:7], here[:, 7:10]
-    w, kept = try_joins(begins, there, durations, quickest_state, limit_table(limits))
+    w, kept = try_joins(begins, there, durations, quickest_state, limits)
     order = np.arange(len(spared))
     if not is_timed_anew:
         # The quickest first.
         kept = kept[(spared - cycles)[kept] > 0.0]
         order = kept[np.argsort(-(spared - cycles)[kept], kind="stable")]
-    best: tuple[int, Motion, float] | None = None
-    tries = 0
+    best: tuple[int, Motion] | None = None
+    tries, most_saved = 0, 0.0
     for one in order.tolist():
         blended = join(here[one, :4], w[one], float(durations[one]))
         instants = np.linspace(0.0, float(durations[one]), _POINTS)
@@ -202,49 +191,28 @@ def _best(
             break
         tries += 1
         start = first.state_at(int(leave[one]))
-        time = period * int(joined[one])
+        passed, far = float(instants[nearest]), float(distances[nearest])
+        followed = _followed(blended, start, second, path, period * int(joined[one]), passed)
         try:
-            candidate, passed = _draft(
-                blended,
-                start,
-                second,
-                path,
-                time,
-                float(instants[nearest]),
-                is_timed_anew=is_timed_anew,
-            )
-            motion = certified(
-                candidate, second.request, start, second.limits, period, motion_id=second.id
-            )
+            motion = _motion(followed, start, second, far, is_timed_anew=is_timed_anew)
         except PlanError:
             continue
         saved = period * (first.last_record - leave[one]) + second.duration - motion.duration
-        if best is None or saved > best[2]:
+        if saved > most_saved:
             note = (
-                f"blended with the motion before: passes the corner at {distances[nearest]:.4g} "
-                f"rad, {saved:.3f} s sooner than by way of rest"
+                f"blended with the motion before: passes the corner at {far:.4g} rad, "
+                f"{saved:.3f} s sooner than by way of rest"
             )
-            notes = (*motion.certificate.notes, note)
-            motion = replace(
-                motion,
-                certificate=replace(motion.certificate, notes=notes),
-                corner=(passed, float(distances[nearest])),
-            )
-            best = int(leave[one]), motion, saved
-            if not is_timed_anew:
-                break
-    return best[:2] if best is not None and best[2] > 0.0 else None
+            best, most_saved = (int(leave[one]), motion.noted(note)), saved
+        if not is_timed_anew:
+            break
+    return best
 
 
-def _is_timed_anew(motion: Motion) -> bool:
-    """Return whether a motion is the quickest along its path, and its blend is to be, too."""
-    request = motion.request
-    is_slower = request.total is not None or request.pace is not None
-    return request.is_quickest and not is_slower and motion.rough is None
-
-
-def _cuts(first: RecordedMotion, second: Motion, corner: Floats, earliest: int) -> _Cut:
-    """Return pairs of records at equal distances from the corner, beyond no other keyframe."""
+def _cuts(
+    first: RecordedMotion, second: Motion, corner: Floats, earliest: int
+) -> tuple[Indices, Indices]:
+    """Return records to leave and to join at, as far from the corner, beyond no other keyframe."""
     period, begin = first.facts.period, first.facts.last_passed
     coming = second.keyframe_times[angle(second.request.keys, corner) > _SAME]
     end = float(coming[0]) if len(coming) else second.end_time
@@ -252,7 +220,7 @@ def _cuts(first: RecordedMotion, second: Motion, corner: Floats, earliest: int) 
     leave = np.arange(max(earliest, at_hand, int(np.ceil(begin / period))), last)
     joined = np.arange(1, min(int(end / period), second.record_count - 2) + 1)
     if not len(leave) or not len(joined):
-        return _Cut(leave[:0], joined[:0])
+        return leave[:0], joined[:0]
     before = angle(first.rows_at(leave)[:, :4], corner)
     after = angle(second.sample(period * joined.astype(np.float64)).q, corner)
     # From the corner on as far as the distance grows.
@@ -260,24 +228,17 @@ def _cuts(first: RecordedMotion, second: Motion, corner: Floats, earliest: int) 
     after = np.maximum.accumulate(after)
     most = min(before[-1], after[-1])
     if not most > _SAME:
-        return _Cut(leave[:0], joined[:0])
+        return leave[:0], joined[:0]
     distances = most * np.linspace(0.0, 1.0, _DISTANCES + 1)[1:]
     back = np.minimum(np.searchsorted(before, distances), len(leave) - 1)
     ahead = np.minimum(np.searchsorted(after, distances), len(joined) - 1)
-    return _Cut(leave[len(leave) - 1 - back], joined[ahead])
+    return leave[len(leave) - 1 - back], joined[ahead]
 
 
-def _draft(
-    blended: Trajectory,
-    start: State,
-    second: Motion,
-    path: Path,
-    time: float,
-    nearest: float,
-    *,
-    is_timed_anew: bool,
-) -> tuple[CandidateMotion, float]:
-    """Return the path of a blend and what it leads into, and when it is nearest to the corner.
+def _followed(
+    blended: Trajectory, start: State, second: Motion, path: Path, time: float, nearest: float
+) -> KeyframePath:
+    """Return a blend and what it leads into; its first time is that of the corner.
 
     Args:
         blended: the blend, from path time 0 on.
@@ -286,35 +247,49 @@ def _draft(
         path: of that.
         time: path time of the second motion at which it is joined, s.
         nearest: path time at which the blend is nearest to the corner, s.
-        is_timed_anew: as for :func:`_best`.
     """
     shift = blended.duration - time
     there = path.positions.state(time)
-    here = start.position, start.velocity, start.acceleration
-    piece = quintic(here, there, blended.duration)
     positions = path.positions.since(time).delayed(shift)
     if start.is_position_moving or np.any(there[0] != start.position):
+        here = start.position, start.velocity, start.acceleration
+        piece = quintic(here, there, blended.duration)
         breaks = np.array([0.0, blended.duration])
         positions = positions.after(PositionPath(breaks, piece[None], start.position, there[0]))
-    times = second.keyframe_times + shift
-    times = np.where(second.keyframe_times < time, nearest, times)
-    if not is_timed_anew:
-        begin, rough = max(float(times[0]), 0.0), second.rough
-        if rough is not None:
-            rough = replace(rough, begin=rough.begin + shift, end=rough.end + shift)
-        later = path.trajectory.restricted(time, path.duration).shifted(shift)
-        whole_path = Path.joined([blended, later], positions, start.q)
-        end = second.end_time + shift
-        return CandidateMotion(whole_path, begin, end, times, rough), nearest
+    later = path.trajectory.restricted(time, path.duration).shifted(shift)
+    passed = second.keyframe_times
+    times = np.append(nearest, np.where(passed < time, nearest, passed + shift))
+    return KeyframePath(Trajectory.joined([blended, later]), positions, times)
+
+
+def _motion(
+    followed: KeyframePath, start: State, second: Motion, far: float, *, is_timed_anew: bool
+) -> Motion:
+    """Return the motion along a blend and what it leads into, *far* from the corner, rad.
+
+    Raises:
+        PlanError: it breaks a limit.
+    """
+    request, limits, period = second.request, second.limits, second.period
     # An end velocity is one at a time of its own: what comes after it stays as it is.
-    end = second.end_time if second.request.omega_end is not None else path.duration
-    core = Trajectory.joined([blended, path.trajectory.restricted(time, end).shifted(shift)])
-    whole = KeyframePath(core, positions, np.append(nearest, times))
-    quick = quickest(whole, second.limits, second.period)
-    parts = [quick.trajectory]
-    if end < path.duration - _SAME:
-        parts.append(path.trajectory.restricted(end, path.duration).shifted(quick.duration - end))
-    passed, times = float(quick.times[0]), quick.times[1:]
-    whole_path = Path.joined(parts, quick.positions, start.q)
-    begin = max(float(times[0]), 0.0)
-    return CandidateMotion(whole_path, begin, float(times[-1]), times, None), passed
+    end, last = followed.duration, followed.duration
+    if request.omega_end is not None:
+        end = float(followed.times[-1])
+
+    def certify(quick: KeyframePath) -> Motion:
+        trajectory, (passed, *times) = quick.trajectory, quick.times.tolist()
+        if is_timed_anew and end < last - _SAME:
+            rest = followed.trajectory.restricted(end, last).shifted(quick.duration - end)
+            trajectory = Trajectory.joined([trajectory, rest])
+        whole = replace(quick, trajectory=trajectory, times=np.array(times))
+        motion = certified(whole, request, start, limits, period, motion_id=second.id)
+        return replace(motion, corner=(passed, far))
+
+    if not is_timed_anew:
+        return certify(followed)
+    core = replace(followed, trajectory=followed.trajectory.restricted(0.0, end))
+
+    def make(within: Limits, share: float, _: KeyframePath | None) -> KeyframePath:
+        return quickest(core, within, period, share=share)
+
+    return timed(make, certify, limits)

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from types import MappingProxyType
 from typing import cast
 
 import numpy as np
@@ -58,8 +57,6 @@ _GIVEN = 0.2
 _ATTEMPTS = 16
 """Plans made at most: each costs as much as the first."""
 
-NO_FRAMES: Mapping[str, Frame] = MappingProxyType({})
-
 
 class DevicePlanner:
     """Plan motions that a device's driver agrees to.
@@ -77,12 +74,12 @@ class DevicePlanner:
         *,
         limits: Limits,
         period: float,
-        frames: Mapping[str, Frame] = NO_FRAMES,
+        frames: Mapping[str, Frame] | None = None,
     ) -> None:
         self._examiner = examiner
         self._limits = limits
         self._period = period
-        self._frames = frames
+        self._frames = frames or {}
 
     def placed(self, request: MotionRequest, start: State | None) -> MotionRequest:
         """Return *request* in the coordinates of the device; see :func:`in_device_coordinates`."""
@@ -177,7 +174,8 @@ class DevicePlanner:
             RequestError: the request is not one that its method or the device allows.
             PlanError: it cannot be planned, or would break a limit.
         """
-        if self.shapes_paths:
+        if type(self._examiner).shape is not Driver.shape:
+            # The driver makes a path of its own of every motion.
             record = first.last_record
             start, joints = first.state_at(record), first.facts.last_joints
             motion = self.plan(request, start=start, joints=joints, motion_id=motion_id)
@@ -194,11 +192,6 @@ class DevicePlanner:
         self._check_options(request)
         self._examine(motion)
         return record, motion
-
-    @property
-    def shapes_paths(self) -> bool:
-        """Whether the driver makes a path of its own of every motion."""
-        return type(self._examiner).shape is not Driver.shape
 
     def _check_options(self, request: MotionRequest) -> None:
         """Have the driver look at its options of this motion."""
@@ -284,11 +277,7 @@ class Fitting:
         )
 
     def followed(self, motion: Motion) -> Motion:
-        """Return *motion* as the axes can follow its path.
-
-        Raises:
-            PlanError: they cannot.
-        """
+        """Return *motion* as the axes can follow its path, or raise :class:`.PlanError`."""
         try:
             return self._fitted(motion)
         except LimitError as error:
@@ -316,11 +305,7 @@ class Fitting:
         return evenly if paced is None or evenly.duration < paced.duration else paced
 
     def _slowed(self, motion: Motion, refusal: LimitError, least: float) -> Motion:
-        """Return *motion* planned with less of the device's speed, down to *least*, for its axes.
-
-        Raises:
-            PlanError: the axes cannot follow, however slowly.
-        """
+        """Return *motion* planned with less of the device's speed for its axes, down to *least*."""
         own, speed, worst = motion.limits, 1.0, refusal
         fitted: Motion | None = None
         refused, fits = 1.0, 0.0
@@ -356,8 +341,7 @@ class Fitting:
     def _paced(self, motion: Motion) -> Motion | None:
         """Return *motion* at the pace that the driver finds for its axes, if that fits.
 
-        Raises:
-            LimitError: the axes cannot follow where the times are the user's.
+        Where the times are the user's and the axes cannot follow, this raises what is wrong.
         """
         period = motion.period
         refusal: PlanError | None = None
@@ -433,12 +417,7 @@ class Fitting:
     def _by_way(self, request: MotionRequest, refusal: PlanError | None = None) -> Motion | None:
         """Return the motion in which the axes turn together to a single keyframe, if there is one.
 
-        Args:
-            request: what to do.
-            refusal: why the axes cannot follow the shortest turn; ``None`` where it is not tried.
-
-        Raises:
-            PlanError: it takes longer than asked for, breaks a limit, or begins in motion.
+        The *refusal* says why the axes cannot follow the shortest turn, where that was tried.
         """
         is_moving = not self.start.is_at_rest
         if not (request.is_single and self.joints) or (is_moving and refusal is not None):

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from orientd.curves import is_same
 from orientd.drawing import Drawable
 from orientd.driver import Vector3
-from orientd.planner.certify import Certificate, Rough, before
+from orientd.planner.certify import Certificate, before
 from orientd.planner.limits import Limits
 from orientd.planner.path import Path, PathSamples, RecordedPath
 from orientd.planner.recorded import (
@@ -35,7 +35,7 @@ _SAME = 1e-9
 
 _COMPARED = (
     *("request", "limits", "period", "start_time", "end_time", "keyframe_times", "record_count"),
-    *("certificate", "rough", "first_joints", "last_joints", "before"),
+    *("certificate", "first_joints", "last_joints", "before"),
     "joint_shares",
 )
 
@@ -58,7 +58,6 @@ class Motion(Drawable):
         keyframe_times: path times of all keyframes, s, shape ``(n,)``.
         record_count: number of records; the last one is at rest.
         certificate: what it was checked for.
-        rough: the part whose acceleration has steps; ``None`` if there is none.
         first_joints: axis angles it begins at, rad; empty unless it was made for a device's axes.
         last_joints: axis angles it ends at, rad.
         before: the three setpoints before path time 0, as in :class:`State`; ``None`` where the
@@ -77,7 +76,6 @@ class Motion(Drawable):
     keyframe_times: Floats
     record_count: int
     certificate: Certificate
-    rough: Rough | None = None
     first_joints: tuple[float, ...] = ()
     last_joints: tuple[float, ...] = ()
     before: tuple[Floats, Floats] | None = None
@@ -128,7 +126,6 @@ class Motion(Drawable):
             "start_time": self.start_time,
             "end_time": self.end_time,
             "certificate": asdict(self.certificate),
-            "rough": None if self.rough is None else asdict(self.rough),
             "first_joints": self.first_joints,
             "last_joints": self.last_joints,
             "joint_shares": self.joint_shares,

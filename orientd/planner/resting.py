@@ -1,4 +1,4 @@
-"""Motions with moving ends that rest inside: connectors at the ends, the quickest motion between.
+"""Motions that rest inside: turns from keyframe to keyframe, and connectors at ends that move.
 
 A **connector** leads from the velocity at the first keyframe to rest at the second, and another one
 from rest at the next-to-last keyframe to the velocity at the last.  The part between them goes from
@@ -10,22 +10,32 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import cast
 
 import numpy as np
 
 from orientd.curves import Trajectory
 from orientd.planner import refusal
-from orientd.planner.connect import USUAL, WITHOUT_RESERVE, Connection, join, turn_to_stop
+from orientd.planner.connect import (
+    USUAL,
+    WITHOUT_RESERVE,
+    Connection,
+    approach,
+    hold,
+    turn_to_stop,
+)
+from orientd.planner.job import PlanJob
 from orientd.planner.limits import LONGEST, Limits
+from orientd.planner.methods import Ends
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath
-from orientd.planner.plan_job import PlanJob
 from orientd.planner.request import DEFAULT_METHOD, Keyframe, MotionRequest, State
-from orientd.planner.timing import SAME, KeyframePath, least_with_stops
+from orientd.planner.timing import SAME, SHARE, KeyframePath
 from orientd.rotation import Floats, angle, log
 from orientd.rotation import between as turn_between
 
+STOPS = "stops at every keyframe: this takes less time than the curve through them"
 CONNECTS = "a connector joins both keyframes, in place of the curve between them"
 WAITS = "rests on its way, since it was given that much time"
 
@@ -42,7 +52,6 @@ _WHOLE = 1e-9  # of a period, and of a duration
 _SLOWEST = 0.1  # pace at which to look for a connector that takes longer
 _BISECTIONS = 12
 _ABOUT = 0.99  # of a duration that was asked for
-_NO_TURN = np.zeros((5, 3))
 
 
 def arrives(start: State, key: Floats, limits: Limits) -> bool:
@@ -60,27 +69,39 @@ def can_rest(job: PlanJob) -> bool:
     """Return whether the request allows a motion that rests at keyframes."""
     request = job.request
     is_plain = request.method == DEFAULT_METHOD and not request.turns.any()
-    is_taken_over = job.start.is_position_moving and not request.approach
-    return is_plain and request.positions is None and not is_taken_over
+    return is_plain and request.positions is None and not job.is_taken_over
 
 
-def resting_keyframes(job: PlanJob) -> tuple[int, int]:
-    """Return the first and the last keyframe to rest at; the last is below the first if none is."""
-    begins, ends = job.ends.moves
-    return int(begins), len(job.request.keys) - 1 - int(ends)
+def least_with_stops(keys: Floats, limits: Limits) -> float:
+    """Return what turns from key to key take at the least, from rest to rest, s.
+
+    That is without limits of the jerk and of components.
+    """
+    turns = angle(keys[:-1], keys[1:])
+    turns = turns[turns > 0.0]
+    velocity, acceleration = limits.velocity, limits.acceleration
+    peaks = np.minimum(np.sqrt(turns * acceleration), velocity)
+    # Where neither is limited their quotient is not a number.
+    rises = np.fmin(np.sqrt(turns / acceleration), velocity / acceleration)
+    return float(np.sum(turns / peaks + rises))
 
 
-def job_between(job: PlanJob) -> PlanJob | None:
-    """Return the job of the part from rest to rest; ``None`` if nothing turns in it."""
-    first, last = resting_keyframes(job)
-    keys = job.request.keys[first : last + 1]
-    if len(keys) < 2 or not bool((angle(keys[:-1], keys[1:]) > SAME).any()):
-        return None
-    request = MotionRequest(
-        [Keyframe(tuple(q)) for q in keys.tolist()], options=job.request.options
-    )
-    start = State.at_rest(request.keys[0], job.halt.last)
-    return job.of_part(request, start, first)
+def with_stops(job: PlanJob, limits: Limits, share: float = SHARE) -> KeyframePath:
+    """Return the turns from keyframe to keyframe, from rest to rest.
+
+    Args:
+        job: what to plan, without positions.
+        limits: to keep.
+        share: of acceleration and jerk to use.
+
+    Raises:
+        PlanError: one of them takes longer than is planned.
+    """
+    pairs = pairwise(job.request.keys)
+    turns = [approach(*pair, limits, share=share, jerk_share=share) for pair in pairs]
+    durations = [0.0 if turn is None else turn.duration for turn in turns]
+    times = np.concatenate([[0.0], np.cumsum(durations)])
+    return _laid(job, [[turn] for turn in turns if turn is not None], times)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,7 +112,7 @@ class Connectors:
         head: from the first keyframe to rest at the next one, or to the last one where none is left
             to rest at; empty where the motion begins at rest.
         tail: from rest to the last keyframe; empty where there is none.
-        rests: the first and the last keyframe to rest at.
+        rests: the first and the last keyframe to rest at; the last is below the first if none is.
     """
 
     head: tuple[Trajectory, ...]
@@ -112,7 +133,7 @@ class Connectors:
         Raises:
             PlanError: there is one that was not found.
         """
-        keys, (begin, end) = job.request.keys, end_states(job)
+        keys, (begin, end) = job.request.keys, _end_states(job)
         first, last = rests = rests or resting_keyframes(job)
         if first > last:
             return cls(job.connected(begin, end, connection).parts, (), rests)
@@ -133,6 +154,36 @@ class Connectors:
         head, tail = (part[-1].domain[1] if part else 0.0 for part in (self.head, self.tail))
         return head, tail
 
+    def note(self, job: PlanJob) -> str:
+        """Return what to say of a motion with these connectors."""
+        last = len(job.request.keys) - 1
+        inner = sorted({one for one in self.rests if 0 < one < last})
+        if self.has_no_rest or not inner:
+            return CONNECTS
+        names = " and ".join(f"keyframes[{one}]" for one in inner)
+        return f"stops at {names}: no quicker curve through all keyframes was found"
+
+
+def resting_keyframes(job: PlanJob) -> tuple[int, int]:
+    """Return the first and the last keyframe to rest at; the last is below the first if none is."""
+    begins, ends = job.ends.moves
+    return int(begins), len(job.request.keys) - 1 - int(ends)
+
+
+def job_between(job: PlanJob) -> PlanJob | None:
+    """Return the job of the part from rest to rest; ``None`` if nothing turns in it."""
+    first, last = resting_keyframes(job)
+    keys = job.request.keys[first : last + 1]
+    if len(keys) < 2 or not bool((angle(keys[:-1], keys[1:]) > SAME).any()):
+        return None
+    keyframes = [Keyframe(tuple(q)) for q in keys.tolist()]
+    request = MotionRequest(keyframes, options=job.request.options)
+    start = State.at_rest(request.keys[0], job.halt.last)
+    halt = PositionPath.held(start.position)
+    return replace(
+        job, request=request, start=start, ends=Ends(), halt=halt, notes=(), offset=first
+    )
+
 
 def quickest_connectors(job: PlanJob) -> Connectors:
     """Return the connectors to try first.
@@ -143,10 +194,9 @@ def quickest_connectors(job: PlanJob) -> Connectors:
     Raises:
         PlanError: none were found.
     """
-    usual = Connectors.of(job)
-    first, last = resting_keyframes(job)
-    begin, _ = end_states(job)
-    if first > last or not first or not arrives(begin, job.request.keys[first], job.limits):
+    usual, (first, last) = Connectors.of(job), resting_keyframes(job)
+    begin, _ = _end_states(job)
+    if not 0 < first <= last or not arrives(begin, job.request.keys[first], job.limits):
         return usual
     others = [Connectors.of(job, one) for one in WITHOUT_RESERVE]
     quickest = min(others, key=lambda one: sum(one.durations))
@@ -188,13 +238,11 @@ def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> K
     Raises:
         TotalError: it takes longer than the duration that the request asks for.
     """
-    first, last = connectors.rests
-    head, tail = connectors.head, connectors.tail
-    if first > last:
-        return _path(job, [head], np.array([0.0, head[-1].domain[1]]))
+    (first, last), (head, tail) = connectors.rests, (connectors.head, connectors.tail)
     before, after = connectors.durations
-    least = 0.0 if between is None else between.duration
-    duration = least
+    if first > last:
+        return _laid(job, [head], np.array([0.0, before]))
+    duration = least = 0.0 if between is None else between.duration
     if job.request.total is not None:
         refusal.check_total(job.request.total, before + least + after)
         duration = max(job.request.total - before - after, least)
@@ -202,17 +250,17 @@ def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> K
         # A velocity begins at a record.
         duration = math.ceil(least / job.period - _WHOLE) * job.period
     inner: Sequence[Trajectory] = ()
-    passed = np.full(last - first + 1, 0.0 if tail else duration)
+    passed: Floats = np.full(last - first + 1, 0.0 if tail else duration)
+    notes: tuple[str, ...] = ()
     if between is not None:
-        factor = duration / least
-        passed = factor * between.keyframe_times
+        passed, notes = duration / least * between.keyframe_times, between.certificate.notes
         inner = [cast("Path", between.path).trajectory.slowed(duration)]
     elif duration > _WHOLE * job.period:
-        inner = [join(job.request.keys[first], _NO_TURN, duration)]
+        inner = [hold(job.request.keys[first], duration)]
     begin, end = np.zeros(int(bool(head))), np.full(int(bool(tail)), before + duration + after)
     is_pair = len(job.request.keys) == 2 and bool(head and tail)
     times = [begin, end] if is_pair else [begin, before + passed, end]
-    return _path(job, [head, inner, tail], np.concatenate(times))
+    return _laid(job, [head, inner, tail], np.concatenate(times), notes)
 
 
 def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
@@ -225,7 +273,7 @@ def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
         TotalError: the quickest takes longer.
         PlanError: none was found.
     """
-    begin, end = end_states(job)
+    begin, end = _end_states(job)
     slow, fast = _SLOWEST, 1.0
     paths: list[KeyframePath] = []
     for _ in range(_BISECTIONS):
@@ -239,23 +287,13 @@ def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
             slow = pace
             continue
         fast = pace
-        paths.append(_path(job, [found], np.array([0.0, duration])))
+        paths.append(_laid(job, [found], np.array([0.0, duration])))
         if duration > _ABOUT * total:
             break
     return sorted(paths, key=lambda path: -path.duration)
 
 
-def rests_noted(job: PlanJob, connectors: Connectors) -> str:
-    """Return what to say of a motion with connectors."""
-    count = len(job.request.keys)
-    inner = sorted({one for one in connectors.rests if 0 < one < count - 1})
-    if connectors.has_no_rest or not inner:
-        return CONNECTS
-    names = " and ".join(f"keyframes[{one}]" for one in inner)
-    return f"stops at {names}: no quicker curve through all keyframes was found"
-
-
-def end_states(job: PlanJob) -> tuple[State, State]:
+def _end_states(job: PlanJob) -> tuple[State, State]:
     """Return the states at the first and the last keyframe."""
     ends, keys, zero = job.ends, job.request.keys, np.zeros(3)
     vectors = (ends.omega_start, ends.alpha_start, ends.omega_end)
@@ -264,11 +302,17 @@ def end_states(job: PlanJob) -> tuple[State, State]:
     return State(keys[0], first, first_rate, at), State(keys[-1], last, zero, at)
 
 
-def _path(job: PlanJob, parts: Sequence[Sequence[Trajectory]], times: Floats) -> KeyframePath:
+def _laid(
+    job: PlanJob,
+    parts: Sequence[Sequence[Trajectory]],
+    times: Floats,
+    notes: tuple[str, ...] = (),
+) -> KeyframePath:
     """Return the path of parts, each from time 0 on, laid end to end."""
     laid: list[Trajectory] = []
     since = 0.0
     for part in parts:
         laid += [one.shifted(since) for one in part]
         since = laid[-1].domain[1] if laid else since
-    return KeyframePath(Trajectory.joined(laid), PositionPath.held(job.halt.last), times)
+    held = PositionPath.held(job.halt.last)
+    return KeyframePath(Trajectory.joined(laid), held, times, notes)

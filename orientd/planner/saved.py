@@ -20,7 +20,7 @@ import numpy as np
 from orientd.bounded_file import check_regular
 from orientd.driver import Figure
 from orientd.errors import OrientdError
-from orientd.planner.certify import Certificate, Peak, Rough
+from orientd.planner.certify import Certificate, Peak
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.path import RecordedPath
@@ -86,7 +86,6 @@ def _motion(header: dict[str, Any], arrays: dict[str, Any]) -> Motion:
             f"the motion {header['id']} was saved by a version whose stops do not count the "
             "device's axes; plan it again"
         )
-    rough = header["rough"]
     return Motion(
         id=header["id"],
         request=_request(header["request"]),
@@ -100,7 +99,6 @@ def _motion(header: dict[str, Any], arrays: dict[str, Any]) -> Motion:
         keyframe_times=arrays["keyframe_times"],
         record_count=len(rows),
         certificate=_certificate(header["certificate"]),
-        rough=None if rough is None else Rough(**rough),
         first_joints=tuple(header["first_joints"]),
         last_joints=tuple(header["last_joints"]),
         before=before,

@@ -6,16 +6,18 @@ functions that return an orientation say which of the two they return.
 """
 
 from orientd.rotation.convert import (
+    Quaternion,
     from_axis_angle,
     from_euler,
     from_matrix,
     from_scipy,
+    is_rotation,
     to_euler,
     to_matrix,
     to_scipy,
+    unnamed,
 )
 from orientd.rotation.jacobian import right_jacobian, right_jacobian_inverse
-from orientd.rotation.named import Quaternion, is_rotation, unnamed
 from orientd.rotation.quaternion import (
     HALF_TURN,
     ROUNDING,

@@ -6,9 +6,11 @@ import math
 
 import numpy as np
 
-from orientd.planner.certify import OFF_GRID
+from orientd.planner.certify import OFF_GRID, Peaks, measure
 from orientd.planner.limits import Limits
-from orientd.planner.timing.candidate_path import KeyframePath
+from orientd.planner.path import Path
+from orientd.planner.recorded import HISTORY
+from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats
 from orientd.tolerances import GUARD_TOLERANCE
 
@@ -43,7 +45,7 @@ def factor_of_records(keyframe_path: KeyframePath, limits: Limits, period: float
     jerks :math:`f^3` times as small; jerks of a curve whose acceleration has steps are steps over a
     period, which shrink with :math:`f^2`.
     """
-    peaks, level = keyframe_path.peaks(period, limits), keyframe_path.continuity
+    peaks, level = _peaks(keyframe_path, limits, period), keyframe_path.trajectory.continuity
     bend, twist = OFF_GRID[level]
     spins, bends, twists = (share / GUARD_TOLERANCE for share in peaks.drawn)
     spun, bent, twisted = peaks.planned
@@ -54,6 +56,22 @@ def factor_of_records(keyframe_path: KeyframePath, limits: Limits, period: float
         (math.cbrt if level >= 2 else math.sqrt)(max(twist * twisted, twists)),
         peaks.linear_velocity.ratio,
         math.sqrt(peaks.linear_acceleration.ratio),
+    )
+
+
+def _peaks(keyframe_path: KeyframePath, limits: Limits, period: float) -> Peaks:
+    """Return the largest backward differences of a path alone, held where it begins or ends so."""
+
+    path = Path(keyframe_path.trajectory, keyframe_path.positions)
+    is_held, holds_after = keyframe_path.held_ends(limits)
+    before = np.tile(path.first, (HISTORY, 1)), np.tile(path.positions.first, (HISTORY, 1))
+    return measure(
+        path,
+        round(keyframe_path.duration / period) + 1,
+        period,
+        limits,
+        before=before if is_held else None,
+        rests=(is_held, holds_after),
     )
 
 

@@ -8,7 +8,7 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.planner.certify.brake import SLOWEST_STOP, jerk_to_stop, speed_to_stop
-    from orientd.planner.certify.certificate import Certificate, Peak, Rough
+    from orientd.planner.certify.certificate import Certificate, Peak
     from orientd.planner.certify.joints import joint_brake
     from orientd.planner.certify.measuring import (
         OFF_GRID,
@@ -23,7 +23,7 @@ __getattr__ = lazily(
     __name__,
     {
         "orientd.planner.certify.brake": ("SLOWEST_STOP", "jerk_to_stop", "speed_to_stop"),
-        "orientd.planner.certify.certificate": ("Certificate", "Peak", "Rough"),
+        "orientd.planner.certify.certificate": ("Certificate", "Peak"),
         "orientd.planner.certify.joints": ("joint_brake",),
         "orientd.planner.certify.measuring": (
             "OFF_GRID",

@@ -85,18 +85,3 @@ class Certificate:
     figures: tuple[Figure, ...] = ()
     notes: tuple[str, ...] = ()
     has_control_points: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Rough:
-    """A part of a path that is less than twice continuously differentiable.
-
-    Attributes:
-        begin: path time of the first step of a derivative, s.
-        end: path time of the last one, s.
-        continuity: how many derivatives of the orientation are continuous.
-    """
-
-    begin: float
-    end: float
-    continuity: int

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from orientd.planner.connect.connector import turn_to_stop
-from orientd.planner.connect.curve_connector import join_in
-from orientd.planner.connect.lead_ins import (
+from orientd.planner.connect.connector import hold, join, join_in, try_joins, turn_to_stop
+from orientd.planner.connect.leads import (
     CONNECTIONS,
     USUAL,
     WITHOUT_RESERVE,
     Connection,
     LeadIn,
+    approach,
     lead_in,
+    lead_out,
 )
-from orientd.planner.connect.leads import approach, lead_out
 from orientd.planner.connect.position_stop import position_lead
-from orientd.planner.connect.quintic_connector import join, try_joins
-from orientd.planner.connect.stops_at_keyframes import STOPS, stops_take, turns_with_stops

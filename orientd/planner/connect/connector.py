@@ -1,30 +1,126 @@
-"""Connectors: the shortest way found from one state of motion to another, inside the limits.
+"""Quintic joins of two states of motion, and connectors made of them inside the limits.
 
-A connector that is found is a quintic join with, where that is quicker or needed, a ramp before it
-and one behind: a ramp changes the acceleration alone, at the limit of the jerk.  From that it is
-shortened to what the limits permit, which ``orientd/kernels/c/shorten.h`` explains, and is many
-short joins then.  If the acceleration at its beginning has to fall at once, ramps come before it.
+What a join is stands in ``orientd/kernels/c/connectors.h``.  A connector that is found is a quintic
+join with, where that is quicker or needed, a ramp before it and one behind: a ramp changes the
+acceleration alone, at the limit of the jerk.  From that it is shortened to what the limits permit,
+which ``orientd/kernels/c/shorten.h`` explains, and is many short joins then.  If the acceleration
+at its beginning has to fall at once, ramps come before it.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from orientd import kernels
-from orientd.curves import Trajectory
+from orientd.curves import Indices, Trajectory
+from orientd.errors import PlanError
 from orientd.planner.certify import limit_table
-from orientd.planner.connect.quintic_connector import FACTORS, joins, state_row
 from orientd.planner.limits import LONGEST, Limits
 from orientd.planner.request import State
-from orientd.rotation import angle
+from orientd.planner.timing import KeyframePath
+from orientd.rotation import Floats, angle
 
+FACTORS = 5
 CONNECTOR_RESERVE = 0.96
 """Share of acceleration and jerk that a connector uses, so that a motion can be stopped in it."""
 
+_MOST_PIECES = 16_384  # of a trajectory of joins
 _MOST_JOINS = 36
+# Sums of Bernstein polynomials of degree 5, each from one on to the last.
+_BASIS = np.tri(FACTORS, FACTORS + 1, k=0)[::-1, ::-1].copy()
 _TURN_SLACK = 1.001  # times the turn that a connector may make, for rounding
+_TRIES, _FEWEST = 60, 2  # durations of a join onto a curve, and the fewest cycles of one
+
+
+def joins(q: Floats, w: Floats, breaks: Floats) -> Trajectory:
+    """Return joins end to end; where they meet, velocity and acceleration are to be the same.
+
+    Args:
+        q: orientations that they begin at, shape ``(n, 4)``.
+        w: their half-angle increments, shape ``(n, 5, 3)``.
+        breaks: when they begin, and when the last one ends, s, shape ``(n + 1,)``.
+
+    Raises:
+        PlanError: they turn too far for a table of moderate size.
+    """
+    first = FACTORS * np.arange(len(q))
+    values = np.repeat(_BASIS[None], len(q), axis=0)
+    return Trajectory.of_product(
+        breaks, (np.ascontiguousarray(q), first, w.reshape(-1, 3), values), most=_MOST_PIECES
+    )
+
+
+def join(q: Floats, w: Floats, duration: float) -> Trajectory:
+    """Return the trajectory of one join over ``[0, duration]``; see :func:`joins`."""
+    return joins(q[None], w[None], np.array([0.0, duration]))
+
+
+def hold(q: Floats, duration: float) -> Trajectory:
+    """Return the trajectory that stays at *q* for a duration, s."""
+    return join(q, np.zeros((FACTORS, 3)), duration)
+
+
+def try_joins(
+    first: Sequence[Floats],
+    last: Sequence[Floats],
+    durations: Floats,
+    around: State,
+    limits: Limits,
+) -> tuple[Floats, Indices]:
+    """Return the increments of several joins, the shorter way round, and which keep the limits.
+
+    Args:
+        first: orientations, velocities and accelerations that they begin with, shapes ``(n, 4)``,
+            ``(n, 3)`` and ``(n, 3)``.
+        last: those that they end with.
+        durations: s, shape ``(n,)``.
+        around: velocity and acceleration may be as high as in this state, whatever the limits.
+        limits: of norm and components.
+
+    Returns:
+        Increments, shape ``(n, 5, 3)``, and the places of those that keep the limits, in order.
+    """
+    w: Floats = np.empty((len(durations), FACTORS, 3))
+    kept = np.empty(len(durations), dtype=np.int64)
+    begins, ends = (
+        np.ascontiguousarray(np.concatenate(states[:3], axis=1)) for states in (first, last)
+    )
+    kernels.try_joins(begins, ends, durations, state_row(around), limit_table(limits), w, kept)
+    return w, np.flatnonzero(kept)
+
+
+def join_in(path: KeyframePath, start: State, *, limits: Limits, period: float) -> Trajectory:
+    """Return the shortest trajectory from path time 0 by which a device gets onto a keyframe path.
+
+    A curve that cannot be told the acceleration it should begin with is left to a join from the
+    state the device is in, and is on the path, in step with it, a little later.
+
+    Args:
+        path: begins where the device is, with its velocity.
+        start: where the device is commanded to be.
+        limits: to keep; the path may go up to them itself.
+        period: it takes a whole number of periods, s.
+
+    Raises:
+        PlanError: none within the first interval keeps the limits.
+    """
+    most = int(path.times[1] / period)
+    cycles = np.unique(np.geomspace(_FEWEST, max(most, _FEWEST), _TRIES).astype(int))
+    durations = period * cycles[cycles <= most]
+    if len(durations):
+        here = (start.q, start.omega_body, start.alpha_body)
+        first = [np.tile(part, (len(durations), 1)) for part in here]
+        last = path.trajectory.sample(durations)
+        w, kept = try_joins(first, last, durations, start, limits)
+        if len(kept):
+            return join(start.q, w[kept[0]], float(durations[kept[0]]))
+    raise PlanError(
+        "no way found from the acceleration the device has onto the curve; c2_cumulative begins "
+        "with it, `approach: true` would lead in"
+    )
 
 
 def connector(
@@ -97,3 +193,8 @@ def turn_to_stop(state: State, limits: Limits) -> float:
     is_long = highest * jerk > most**2
     half = 0.5 * (highest / most + most / jerk) if is_long else math.sqrt(highest / jerk)
     return speed * fall + rise * fall**2 / 3.0 + highest * half
+
+
+def state_row(state: State) -> Floats:
+    """Return orientation, angular velocity and acceleration of a state, shape ``(10,)``."""
+    return np.concatenate([state.q, state.omega_body, state.alpha_body])

@@ -1,7 +1,7 @@
 r"""How a moving position comes to rest: at a point, or wherever it stops.
 
 The pieces are quintics with position, velocity and acceleration given at both ends.  A stop goes to
-:math:`p + vT/2 + aT^2/12`, where its velocity is the cubic of :mod:`orientd.planner.connect.leads`.
+:math:`p + vT/2 + aT^2/12`, where its velocity is the cubic of ``orientd/kernels/c/leave.c``.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from orientd.planner.connect.leads import check_lead
-from orientd.planner.limits import Limits
+from orientd.errors import PlanError
+from orientd.planner.limits import LONGEST, Limits
 from orientd.planner.path import DEGREE, Motion3, PositionPath, quintic
 from orientd.planner.request import State
 from orientd.rotation import Floats
@@ -129,3 +129,13 @@ def _shortest(
     grid = np.unique(np.ceil(np.geomspace(period, longest, _GRID) / period - 1e-9)) * period
     kept = np.flatnonzero(_keeps(here, target, grid, bounds))
     return float(grid[kept[0]]) if len(kept) else None
+
+
+def check_lead(what: str, duration: float) -> None:
+    """Refuse a lead that would take days.
+
+    Raises:
+        PlanError: it is longer than allowed.
+    """
+    if not duration <= LONGEST:
+        raise PlanError(f"{what} takes {duration:.6g} s, at most {LONGEST:g} s is planned")

@@ -10,26 +10,20 @@ from orientd.planner.timing.axis_turn import (
     longest_stop,
     phases_of_turn,
 )
-from orientd.planner.timing.by_parts import (
-    corners,
-    least_with_stops,
-    quickest_by_parts,
-)
-from orientd.planner.timing.candidate_path import KeyframePath, PathRequest
-from orientd.planner.timing.even_timing import evenly_paced
-from orientd.planner.timing.knot_times import with_chosen_times
-from orientd.planner.timing.quickest_timing import (
-    FirstProfile,
-    Profile,
-    QuickPath,
-    aimed_at,
-    lasting,
-    quickest,
-)
-from orientd.planner.timing.timing import (
+from orientd.planner.timing.even import evenly_made, evenly_paced
+from orientd.planner.timing.keyframe_path import KeyframePath
+from orientd.planner.timing.knots import (
     SAME,
     Indices,
     Knots,
     chord_knots,
+    chosen_knots,
     turn_lengths,
+)
+from orientd.planner.timing.profiles import (
+    QuickPath,
+    aimed_at,
+    corners,
+    lasting,
+    quickest,
 )

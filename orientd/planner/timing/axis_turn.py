@@ -13,7 +13,7 @@ import numpy as np
 from orientd.curves import AxisTurn
 from orientd.planner.certify import jerk_to_stop, speed_to_stop
 from orientd.planner.limits import Limits
-from orientd.planner.timing.candidate_path import KeyframePath
+from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats, angle, exp, multiply
 
 SHARE = 0.999
@@ -191,7 +191,7 @@ def turned_at_once(
         q[0], axis, turn, phases_of_turn(axis, turn, limits, share=share, jerk_share=share)
     )
     times = _times(found, goal)
-    return KeyframePath(found.trajectory, keyframe_path.positions, times, is_turn=True)
+    return KeyframePath(found.trajectory, keyframe_path.positions, times)
 
 
 def _times(turn: AxisTurn, turns: Floats) -> Floats:

@@ -10,8 +10,7 @@ from orientd.curves import METHODS
 from orientd.errors import OrientdError
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify.brake import brake_rate
-from orientd.planner.certify.measuring import limit_table
-from orientd.planner.connect.quintic_connector import try_joins
+from orientd.planner.connect import try_joins
 from orientd.planner.recorded import states_between
 from orientd.rotation import exp, multiply
 
@@ -39,7 +38,7 @@ def make_calls():
     states_between(rows[:-1], rows[1:], PERIOD, np.linspace(0.1, 0.9, 8))
     brake_rate(rows[:, 4:7], rows[:, 7:10], np.full(9, 2.0), 8.0, 200.0)
     ends = [(rows[k : k + 4, :4], rows[:4, 4:7], rows[:4, 7:10]) for k in (0, 1)]
-    try_joins(*ends, np.linspace(0.5, 2.0, 4), start, limit_table(LIMITS))
+    try_joins(*ends, np.linspace(0.5, 2.0, 4), start, LIMITS)
     many = [Keyframe(tuple(q.tolist())) for q in keyframes(6)]
     timed = [Keyframe(one.q, 2.0 * k) for k, one in enumerate(many)]
     moving_ends = {"start_velocity": (0.3, 0.0, 0.1), "end_velocity": (0.0, 0.2, 0.0)}

@@ -11,9 +11,8 @@ from orientd.curves import METHODS
 from orientd.errors import PlanError
 from orientd.planner import Keyframe, MotionRequest, State, plan
 from orientd.planner.path import PositionPath
-from orientd.planner.timing.by_parts import corners
-from orientd.planner.timing.candidate_path import KeyframePath
-from orientd.planner.timing.quickest_timing import TimingProblem, retimed
+from orientd.planner.timing import KeyframePath, corners
+from orientd.planner.timing.profiles import profiles, retimed
 from orientd.rotation import angle
 
 CORNERED = ("piecewise_slerp", "squad", "circular_blending", "shoemake_bezier", "nielson_shieh")
@@ -35,8 +34,7 @@ def part_of(method, number):
     """Return a curve as a path, and a part of it from rest to rest with its profile."""
     whole = curve(method)
     path = KeyframePath(whole.trajectory, PositionPath.held(np.zeros(3)), whole.knots)
-    problem = TimingProblem.of(path, LIMITS["arm"], PERIOD, 0.999)
-    profile = problem.solved_at_rest(whole.knots)[number]
+    profile = profiles(path, LIMITS["arm"], PERIOD, rests=whole.knots)[number]
     return path, retimed(path, profile), profile
 
 

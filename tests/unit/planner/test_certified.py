@@ -10,11 +10,10 @@ import pytest
 from planned import LIMITS, PERIOD, times_of
 
 from orientd.errors import LimitError
-from orientd.planner import Keyframe, Limits, MotionRequest, State, plan, plan_job
+from orientd.planner import Keyframe, Limits, MotionRequest, State, job, plan
 from orientd.planner.certify import summary as summing_up
 from orientd.planner.certify.certificate import Peak
 from orientd.planner.certify.measuring import measure
-from orientd.planner.timing import quickest_timing
 from orientd.rotation import angle, exp
 
 ARM = LIMITS["arm"]
@@ -35,10 +34,9 @@ def made(request, *, start=HERE, limits=ARM):
 
 @pytest.fixture
 def measured(monkeypatch):
-    """What a path was measured with; the quickest one is measured where it is found."""
-    spy = Mock(wraps=plan_job.measure)
-    monkeypatch.setattr(plan_job, "measure", spy)
-    monkeypatch.setattr(quickest_timing, "measure", spy)
+    """What a path was measured with."""
+    spy = Mock(wraps=job.measure)
+    monkeypatch.setattr(job, "measure", spy)
     return lambda: spy.call_args.kwargs
 
 
@@ -223,7 +221,6 @@ def test_a_motion_is_what_was_drafted():
     assert motion.request is request
     assert motion.limits == ARM
     assert motion.period == PERIOD
-    assert motion.rough is not None
     assert angle(motion.sample(motion.keyframe_times).q, request.keys).max() < 1e-9
     assert (motion.start_time, motion.end_time) == (
         motion.keyframe_times[0],

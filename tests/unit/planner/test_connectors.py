@@ -7,9 +7,8 @@ from reference import connectors, joins
 from orientd import kernels
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify.measuring import limit_table
-from orientd.planner.connect.connector import connector
-from orientd.planner.connect.quintic_connector import joins as trajectory_of_joins
-from orientd.planner.connect.quintic_connector import state_row, try_joins
+from orientd.planner.connect.connector import connector, state_row, try_joins
+from orientd.planner.connect.connector import joins as trajectory_of_joins
 from orientd.planner.timing.axis_turn import double_s
 from orientd.rotation import angle, exp, multiply, normalize
 
@@ -112,8 +111,7 @@ def test_joins_that_are_tried_are_those_of_numpy(limits, speed):
     )
     durations = rng.uniform(0.3, 9.0, 200)
     around = random_state(rng, speed)
-    table = limit_table(limits.with_reserve())
-    w, kept = try_joins(first, last, durations, around, table)
+    w, kept = try_joins(first, last, durations, around, limits.with_reserve())
     reference = joins.increments(first, last, durations)[0]
     assert np.abs(w - reference).max() <= 1e-12
     bounds = connectors.Bounds.of(around, around, limits)

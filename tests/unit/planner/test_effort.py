@@ -6,11 +6,10 @@ from planned import PERIOD
 from reference.aims import end_state, retarget
 
 from orientd.errors import PlanError
-from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
-from orientd.planner.timing import candidate_path as path_request
-from orientd.planner.timing import even_timing
-from orientd.planner.timing.candidate_path import PathRequest
-from orientd.planner.timing.timing import LONGER, shortest
+from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, job, plan
+from orientd.planner.job import PlanJob
+from orientd.planner.timing import even
+from orientd.planner.timing.even import shortest
 from orientd.rotation import exp, multiply, normalize
 
 # Requests that begin in motion, as random search found them: the largest steps, accelerations and
@@ -43,12 +42,11 @@ WORST = {
 def effort(monkeypatch):
     """Count curves, and records that are looked at."""
     spent = {"curves": 0, "records": 0}
-    keyframe_path = PathRequest.keyframe_path
-    time_even, measure = even_timing.time_even, path_request.measure
+    path, time_even, measure = PlanJob.path, even.time_even, job.measure
 
     def counted_core(*arguments):
         spent["curves"] += 1
-        return keyframe_path(*arguments)
+        return path(*arguments)
 
     def counted_time_even(*arguments):
         # One look at no more than all records.
@@ -56,13 +54,13 @@ def effort(monkeypatch):
         spent["records"] += least if least == most else 0
         return time_even(*arguments)
 
-    def counted_measure(setpoints, count, *arguments, **options):
+    def counted_measure(whole, count, *arguments, **options):
         spent["records"] += count
-        return measure(setpoints, count, *arguments, **options)
+        return measure(whole, count, *arguments, **options)
 
-    monkeypatch.setattr(PathRequest, "keyframe_path", counted_core)
-    monkeypatch.setattr(even_timing, "time_even", counted_time_even)
-    monkeypatch.setattr(path_request, "measure", counted_measure)
+    monkeypatch.setattr(PlanJob, "path", counted_core)
+    monkeypatch.setattr(even, "time_even", counted_time_even)
+    monkeypatch.setattr(job, "measure", counted_measure)
     return spent
 
 
@@ -116,7 +114,7 @@ def test_the_search_turns_to_fewer_cycles_where_more_are_worse():
         tried.append(cycles)
         return max(0.9, 400.0 / cycles, cycles / 800.0)
 
-    found = shortest(attempt, 3000, most=10**7, has_one_shape=False)
+    found = shortest(attempt, 3000, most=10**7)
     assert found == pytest.approx(400, rel=2e-3)
     assert found in tried
     assert len(tried) < 25
@@ -129,15 +127,6 @@ def test_the_search_gives_up_where_the_least_is_too_much():
         tried.append(cycles)
         return np.inf if cycles > 5000 else max(400.0 / cycles, cycles / 300.0)
 
-    assert shortest(attempt, 3000, most=10**7, has_one_shape=False) is None
+    assert shortest(attempt, 3000, most=10**7) is None
     assert len(tried) < 20
     assert max(tried) < 10_000
-
-
-def test_no_lead_at_a_duration_does_not_mean_that_more_are_worse():
-    def attempt(cycles):
-        return 1.01 if cycles < 1000 else LONGER if cycles < 1500 else 1000.0 / cycles
-
-    found = shortest(attempt, 990, most=10**7, has_one_shape=False)
-    assert found is not None
-    assert found >= 1500

@@ -1,16 +1,16 @@
 """How long a keyframe path takes at its own pace, from its records."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from planned import LIMITS, rotations
 from reference.survey import coarse_factor, factor_of_records
 
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
-from orientd.planner.methods import Ends
-from orientd.planner.path.position import PositionPath
-from orientd.planner.timing import even_timing
-from orientd.planner.timing.candidate_path import PathRequest
-from orientd.planner.timing.even_timing import pace_of
+from orientd.planner.job import PlanJob
+from orientd.planner.timing import Knots, even
+from orientd.planner.timing.even import pace_of
 from orientd.rotation import normalize
 
 ARM = LIMITS["arm"]
@@ -24,11 +24,10 @@ def request(count=400, seed=9, **fields):
 
 def keyframe_path(asked, duration, end_velocity=None):
     times = np.linspace(0.0, 1.0, len(asked.keys))
-    kept = np.arange(len(times))
-    ends = Ends(None, end_velocity, None)
-    return PathRequest(asked, ends, times, kept, PositionPath.held(np.zeros(3))).keyframe_path(
-        duration
-    )
+    asked = replace(asked, end_velocity=end_velocity)
+    position = (0.0, 0.0, 0.0) if asked.positions is None else asked.positions[0]
+    job = PlanJob.of(asked, State.at_rest(asked.keys[0], position), ARM, PERIOD)
+    return job.path(Knots(times, np.arange(len(times))), duration)
 
 
 def looked_at(path, limits, **options):
@@ -67,14 +66,14 @@ def test_a_peak_that_the_spots_have_missed_is_found_in_the_end(monkeypatch):
     start = State.at_rest(asked.keys[0])
     right = plan(asked, start=start, limits=ARM, period=PERIOD)
     assert right.record_count > 4 * 8192
-    looks, known = [], even_timing.time_even
+    looks, known = [], even.time_even
 
     def blind(*given):
         cycles, *rest = known(*given)
         looks.append(is_everywhere := given[15])
         return cycles if is_everywhere else cycles // 2, *rest
 
-    monkeypatch.setattr(even_timing, "time_even", blind)
+    monkeypatch.setattr(even, "time_even", blind)
     motion = plan(asked, start=start, limits=ARM, period=PERIOD)
     # Missed the first time, when nothing but the spots is looked at.
     assert any(looks)
@@ -91,7 +90,7 @@ AXES = DEFAULT_LIMITS.with_rates({"velocity": [2.0, 0.7, 1.5], "jerk": 300.0})
 def test_the_kernel_says_what_numpy_says(limits, count, end_velocity):
     keys = np.array([4.0, 0.0, 0.0, 0.0]) + np.random.default_rng(count).normal(size=(count, 4))
     asked = MotionRequest([Keyframe(tuple(q)) for q in normalize(keys).tolist()])
-    made = keyframe_path(asked, 1.4 * count, end_velocity and np.array(end_velocity))
+    made = keyframe_path(asked, 1.4 * count, end_velocity)
     found = looked_at(made, limits, everywhere=True)
     assert found.coarse == pytest.approx(coarse_factor(made, limits, PERIOD), rel=1e-9)
     assert found.factor == pytest.approx(factor_of_records(made, limits, PERIOD), rel=1e-9)

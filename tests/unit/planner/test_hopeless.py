@@ -18,7 +18,7 @@ from orientd.planner import (
     plan,
     planning,
 )
-from orientd.planner.timing import even_timing
+from orientd.planner.timing import even
 from orientd.rotation import exp, multiply
 
 THREE = ((1.0, 0.0, 0.0, 0.0), (0.8, 0.6, 0.0, 0.0), (0.6, 0.0, 0.8, 0.0))
@@ -62,13 +62,13 @@ def test_a_quickest_motion_gives_up_some_speed_to_be_stopped():
     ],
 )
 def test_limits_that_would_take_days_are_refused_before_any_attempt(monkeypatch, limits, duration):
-    time_even = even_timing.time_even
+    time_even = even.time_even
 
     def looked_at(*given):
         *_, least, most = given
         return time_even(*given) if least > most else pytest.fail("an attempt")
 
-    monkeypatch.setattr(even_timing, "time_even", looked_at)
+    monkeypatch.setattr(even, "time_even", looked_at)
     monkeypatch.setattr(planning, "quickest", lambda *_, **__: pytest.fail("an attempt"))
     with pytest.raises(PlanError, match="at most 86400 s is planned"):
         planned(duration=duration, limits=Limits.partial(**limits))

@@ -12,11 +12,10 @@ from orientd.curves import METHODS
 from orientd.errors import RequestError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify import before, measure
+from orientd.planner.job import PlanJob
 from orientd.planner.path.path import Path
 from orientd.planner.path.position import PositionPath
-from orientd.planner.plan_job import PlanJob
-from orientd.planner.timing.candidate_path import KeyframePath
-from orientd.planner.timing.quickest_timing import quickest
+from orientd.planner.timing import KeyframePath, quickest
 from orientd.rotation import exp, multiply
 from orientd.tolerances import GUARD_TOLERANCE
 
@@ -141,8 +140,8 @@ def test_what_is_drawn_between_the_records_hardly_ever_needs_a_second_timing(jer
         random = np.random.default_rng(seed)
         request = MotionRequest([Keyframe(q) for q in rotations(random, 12, 0.4)])
         job = PlanJob.of(request, State.at_rest(request.keys[0]), limits, PERIOD)
-        shape = job.shape(is_quick=True)
-        quick = quickest(shape.path, limits, PERIOD, guess=shape.profile)
+        knots, guess = job.knots(is_quick=True)
+        quick = quickest(job.path(knots, guess), limits, PERIOD, known=knots.profile)
         whole = Path.joined([quick.trajectory], quick.positions)
         peaks = measure(
             whole,
@@ -163,9 +162,10 @@ def test_a_path_at_the_quickest_pace_has_the_orientations_of_its_curve():
     random = np.random.default_rng(3)
     request = MotionRequest([Keyframe(q) for q in rotations(random, 5, 0.7)])
     job = PlanJob.of(request, State.at_rest(request.keys[0]), LIMITS["soft"], PERIOD)
-    shape = job.shape(is_quick=True)
-    quick = quickest(shape.path, LIMITS["soft"], PERIOD, guess=shape.profile)
-    clock, curve = quick.profile.clock(), shape.path.trajectory
+    knots, guess = job.knots(is_quick=True)
+    path = job.path(knots, guess)
+    quick = quickest(path, LIMITS["soft"], PERIOD, known=knots.profile)
+    clock, curve = quick.profile.clock(), path.trajectory
     t = np.sort(random.uniform(0.0, quick.duration, 2000))
     s, rate, change = clock(t * (clock.times[-1] / quick.duration))
     pace = clock.times[-1] / quick.duration

@@ -6,7 +6,8 @@ from planned import LIMITS, anywhere, random_request
 
 from orientd.errors import RequestError
 from orientd.planner import Keyframe, MotionRequest, State, plan
-from orientd.planner.timing.timing import chord_knots, shortest
+from orientd.planner.timing import chord_knots
+from orientd.planner.timing.even import shortest
 from orientd.rotation import exp
 
 ARM = LIMITS["arm"]
@@ -98,17 +99,6 @@ def test_the_search_returns_only_what_was_tried_and_kept_the_limits():
         return 0.5 if is_kept else 1.02
 
     assert shortest(attempt, 100, most=10**6) in kept
-
-
-def test_the_search_does_not_go_below_the_least():
-    tried = []
-
-    def attempt(cycles):
-        tried.append(cycles)
-        return 0.1
-
-    assert shortest(attempt, 3, least=40, most=1000) == 40
-    assert min(tried) == 40
 
 
 def test_the_search_gives_up_where_nothing_helps():

@@ -3,62 +3,38 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
-from orientd.curves import METHODS
+from orientd.curves import METHODS, Trajectory
 from orientd.errors import LimitError, PlanError
 from orientd.planner import refusal
-from orientd.planner.candidate import CandidateMotion, leads_out, with_leads
 from orientd.planner.certify import before, measure, summed_up
 from orientd.planner.connect import (
     CONNECTIONS,
     USUAL,
     Connection,
     LeadIn,
+    join_in,
     lead_in,
+    lead_out,
     position_lead,
 )
 from orientd.planner.limits import LONGEST, Limits, is_still
-from orientd.planner.methods import Ends, can_turn, check_method
+from orientd.planner.methods import Ends, build, can_turn, check_method
 from orientd.planner.motion import Motion
-from orientd.planner.path import PositionPath, end_states
+from orientd.planner.path import Path, PositionPath, end_states, position_path
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.resolve import half_turn_notes
-from orientd.planner.timing import (
-    FirstProfile,
-    Indices,
-    KeyframePath,
-    PathRequest,
-    aimed_at,
-    chord_knots,
-    with_chosen_times,
-)
+from orientd.planner.timing import KeyframePath, Knots, aimed_at, chord_knots, chosen_knots
 from orientd.rotation import Floats
 from orientd.tolerances import GUARD_TOLERANCE
 
 _HOPELESS = 1e3  # times as long as a motion may take, with each keyframe
 _END_SLACK = 1e-9  # of a period
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Shape:
-    """The curve of keyframes without times, in about its duration.
-
-    Attributes:
-        path_request: what it is made from.
-        path: the curve.
-        profile: its first profile, if one is known.
-        has_chosen_times: whether its times were chosen for the quickest way.
-    """
-
-    path_request: PathRequest
-    path: KeyframePath
-    profile: FirstProfile | None
-    has_chosen_times: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +52,6 @@ class PlanJob:
         is_even: whether the way from rest to the first keyframe keeps the reserve of an even pace,
             as it does where keyframes have times: these ask for stops that take less time.
         notes: what the certificate says of the request.
-        merged: what there is to say of keyframes that are passed as one.
         offset: the index of the first keyframe in the request that this is a part of.
     """
 
@@ -89,10 +64,8 @@ class PlanJob:
     halt: PositionPath
     is_even: bool
     notes: tuple[str, ...] = ()
-    merged: list[str] = field(default_factory=list)
     offset: int = 0
     _leads: dict[tuple[Connection, bytes], LeadIn] = field(default_factory=dict)
-    _shapes: dict[bool, Shape] = field(default_factory=dict)
 
     @classmethod
     def of(cls, request: MotionRequest, start: State, own: Limits, period: float) -> PlanJob:
@@ -130,25 +103,15 @@ class PlanJob:
         """Return the same job, to be done at an even pace."""
         return self if self.is_even else replace(self, is_even=True, _leads={})
 
-    def of_part(self, request: MotionRequest, start: State, offset: int) -> PlanJob:
-        """Return the job of a part of the motion, from rest to rest.
-
-        Args:
-            request: the keyframes of the part.
-            start: at rest at the first of them.
-            offset: the index of that keyframe in the request.
-        """
-        halt = PositionPath.held(start.position)
-        return PlanJob(
-            request, start, self.limits, self.own, self.period, Ends(), halt, self.is_even,
-            offset=offset,
-        )  # fmt: skip
+    @property
+    def is_taken_over(self) -> bool:
+        """Whether a position goes on from a motion."""
+        return self.start.is_position_moving and not self.request.approach
 
     @property
     def has_one_shape(self) -> bool:
         """Whether another duration is the same curve at another rate."""
-        is_taken_over = self.start.is_position_moving and not self.request.approach
-        return not (is_taken_over or any(self.ends.moves))
+        return not (self.is_taken_over or any(self.ends.moves))
 
     @property
     def is_led_by_connector(self) -> bool:
@@ -156,50 +119,63 @@ class PlanJob:
         is_moving = self.request.is_single or self.ends.moves[0] or not self.start.is_at_rest
         return self.request.approach and is_moving
 
-    def shape(self, *, is_quick: bool) -> Shape:
-        """Return the curve of keyframes without times.
+    def knots(self, *, is_quick: bool) -> tuple[Knots, float]:
+        """Return times for keyframes that come without, and about how long the motion takes, s.
 
         Args:
             is_quick: whether to choose times for the quickest way, by the own limits so that the
                 path is the same at any share of its pace.
         """
-        if is_quick not in self._shapes:
-            self._shapes[is_quick] = self._shape(is_quick=is_quick)
-        return self._shapes[is_quick]
-
-    def _shape(self, *, is_quick: bool) -> Shape:
         if not is_quick:
             refusal.check_continuity(self.request)
         is_uniform = not METHODS[self.request.method].interpolates
         knots = chord_knots(self.request, self.limits, is_uniform=is_uniform)
-        path_request = self.path_request(knots.times, knots.kept)
-        self.merged[:] = knots.merged(self.request, self.offset)
         guess = knots.first_guess(self.limits.with_reserve())
-        if path_request.has_one_shape and guess > _HOPELESS * len(knots.times) * LONGEST:
+        if self.has_one_shape and guess > _HOPELESS * len(knots.times) * LONGEST:
             refusal.check_duration(guess)
         guess = min(max(guess, 2.0 * self.period), LONGEST)
-        profile = None
-        chosen = with_chosen_times(path_request, guess, aimed_at(self.own)) if is_quick else None
-        if chosen is not None:
-            path_request, profile = chosen
-        profile = profile if self.limits is self.own else None
-        is_moving = not path_request.has_one_shape
-        make = partial(self.moving, path_request) if is_moving else path_request.keyframe_path
-        return Shape(path_request, make(guess), profile, chosen is not None)
+        if is_quick and self.has_one_shape and self.halt.is_held:
+            knots = chosen_knots(self.request, knots, guess, aimed_at(self.own)) or knots
+        return knots, guess
 
-    def path_request(self, times: Floats, kept: Indices) -> PathRequest:
-        """Return what the keyframe path through the *kept* keyframes is made from."""
-        start, given, halt = self.start, self.request.positions, self.halt
-        if given is not None and not self.request.approach:
-            only = given[np.flatnonzero(np.isfinite(given[:, 0]))[0]]
-            halt = position_lead(start, only, limits=self.limits, period=self.period)
-        is_taken_over = start.is_position_moving and not self.request.approach
-        first = (start.position, start.velocity, start.acceleration) if is_taken_over else None
-        return PathRequest(self.request, self.ends, times, kept, halt, first)
+    def path(self, knots: Knots, duration: float) -> KeyframePath:
+        """Return the path through the keyframes that takes *duration* seconds.
 
-    def moving(self, path_request: PathRequest, duration: float) -> KeyframePath:
-        """Return one of many keyframe paths to try, each of which may be hard to find."""
-        return path_request.keyframe_path(duration)
+        Raises:
+            PlanError: the method cannot join these keyframes.
+        """
+        request, kept = self.request, knots.kept
+        times = knots.times * (duration / knots.times[-1])
+        times[-1] = duration
+        ends = self.ends if knots.profile is None else replace(self.ends, leaves_freely=True)
+        curve = build(request, request.keys[kept], times[kept], request.turns[kept], ends)
+        try:
+            trajectory = curve.trajectory
+        except ValueError as error:
+            raise PlanError(f"{request.method} has no smooth curve here: {error}") from error
+        if trajectory.domain != (0.0, duration):
+            trajectory = trajectory.shifted(-trajectory.domain[0]).slowed(duration)
+        positions, merged = self._positions(knots, times), knots.merged(request, self.offset)
+        return KeyframePath(trajectory, positions, times, merged)
+
+    def _positions(self, knots: Knots, times: Floats) -> PositionPath:
+        asked, start, kept = self.request.positions, self.start, knots.kept
+        given = asked
+        if asked is not None and len(kept) < len(asked):
+            # Those of the kept keyframes, taken from their repetitions if need be.
+            given = asked[kept]
+            owners = np.searchsorted(kept, np.arange(len(asked)), side="right") - 1
+            for index in np.flatnonzero(np.isfinite(asked[:, 0])):
+                if not np.isfinite(given[owners[index], 0]):
+                    given[owners[index]] = asked[index]
+        if not self.is_taken_over:
+            return position_path(times[kept], given, self.halt.last)
+        points = np.empty((0, 3)) if given is None else given[np.isfinite(given[:, 0])]
+        if len(points) < 2:
+            target = points[0] if len(points) else None
+            return position_lead(start, target, limits=self.limits, period=self.period)
+        first = start.position, start.velocity, start.acceleration
+        return position_path(times[kept], given, self.halt.last, first)
 
     def lead_to(self, first: State, connection: Connection = USUAL) -> LeadIn:
         """Return the lead-in to a state at the first keyframe.
@@ -252,102 +228,112 @@ class PlanJob:
                 raise
             return find(is_direct=not is_direct)
 
-    def leads_from(self, path: KeyframePath) -> KeyframePath:
-        """Return a path unchanged, if there is a lead-out from its end.
+    def leads_out(self, last: State, end: float) -> list[Trajectory]:
+        """Return what leads to rest from a state at a path time; nothing if it is at rest.
 
         Raises:
             PlanError: no lead-out keeps the limits.
         """
-        leads_out(end_states(path.trajectory)[1], path.duration, self.limits, self.period)
-        return path
+        if is_still(last.omega_body, last.alpha_body, self.limits):
+            return []
+        try:
+            lead = lead_out(last, limits=self.limits, period=self.period)
+        except PlanError as error:
+            raise PlanError(f"no lead-out from the last keyframe: {error}") from error
+        return [lead.shifted(end)]
 
-    def leads_to(self, path: KeyframePath) -> KeyframePath:
-        """Return a path unchanged, if there are leads to it and from it.
+    def with_leads(self, path: KeyframePath | State, lead: LeadIn | None) -> KeyframePath:
+        """Return the path from hold to hold around a keyframe path.
 
-        Raises:
-            PlanError: no lead keeps the limits.
-        """
-        if self.request.approach:
-            self.lead_to(_first_state(path))
-        return self.leads_from(path)
-
-    def with_leads(self, path: KeyframePath, lead: LeadIn | None) -> CandidateMotion:
-        """Return the path from hold to hold around a keyframe path."""
-        return with_leads(path, lead, self.start, self.limits, self.period)
-
-    def motion(self, path: KeyframePath, name: str, merged: Sequence[str] | None = None) -> Motion:
-        """Return the motion along a keyframe path, led in and out, certified.
+        In front goes the lead-in; behind goes a lead-out if the keyframe path does not end at rest.
 
         Args:
-            path: from the first keyframe to the last.
-            name: of the motion.
-            merged: what to say of merged keyframes in place of what the job says.
+            path: from the first keyframe to the last; or the state at the only one.
+            lead: from where the device is to the first keyframe; ``None`` where the keyframe path
+                is to begin right there.
 
         Raises:
-            StartError: there is no lead-in, and the path begins elsewhere.
-            LimitError: it breaks a limit.
+            StartError: there is no lead-in, and the keyframe path begins elsewhere.
             PlanError: no lead keeps the limits.
         """
-        return self.led(_first_state(path), partial(self.with_leads, path), name, merged)
+        parts = [] if lead is None else [*lead.parts]
+        begin = 0.0 if lead is None else lead.cycles * self.period
+        if isinstance(path, State):
+            if lead is None:
+                raise ValueError("a single keyframe needs a lead-in")
+            parts += self.leads_out(path, begin)
+            return KeyframePath(Trajectory.joined(parts), lead.positions, np.array([begin]))
+        core, positions = path.trajectory, path.positions
+        if lead is not None:
+            positions = positions.delayed(begin).after(lead.positions)
+        else:
+            joint = self._joint(path)
+            if joint is not None:
+                parts.append(joint)
+                core = core.restricted(joint.duration, core.duration)
+        parts.append(core.shifted(begin) if begin else core)
+        parts += self.leads_out(end_states(path.trajectory)[1], begin + path.duration)
+        return KeyframePath(Trajectory.joined(parts), positions, path.times + begin, path.notes)
 
-    def led(
+    def _joint(self, path: KeyframePath) -> Trajectory | None:
+        """Return what leads onto a path that begins here; ``None`` if nothing need."""
+        start, (first, _) = self.start, end_states(path.trajectory)
+        bend = first.alpha_body - start.alpha_body
+        if start.is_at_rest or is_still(np.zeros(3), bend, self.limits):
+            rates = first.q, first.omega_body, first.alpha_body
+            refusal.check_start(start, State(*rates, *path.positions.state(0.0)), self.limits)
+            return None
+        # The keyframe path knows nothing of the acceleration the device has.
+        return join_in(path, start, limits=self.limits, period=self.period)
+
+    def motion(
         self,
-        first: State,
-        candidate: Callable[[LeadIn | None], CandidateMotion],
+        path: KeyframePath | State,
         name: str,
-        merged: Sequence[str] | None = None,
+        *notes: str,
         connections: Sequence[Connection] = CONNECTIONS,
     ) -> Motion:
         """Return the motion behind the first lead-in with which it keeps its limits, certified.
 
         Args:
-            first: where the lead-in leads to.
-            candidate: makes the whole motion with a lead-in, if the request asks for one.
+            path: from the first keyframe to the last; or the state at the only one.
             name: of the motion.
-            merged: what to say of merged keyframes in place of what the job says.
+            notes: what else the certificate says.
             connections: to try, one after the other, with a motion.
 
         Raises:
+            StartError: there is no lead-in, and the path begins elsewhere.
             LimitError: the motion breaks a limit, in its lead-in with every one of them.
             PlanError: no lead keeps the limits.
         """
+        first = path if isinstance(path, State) else path.first
         refused: LimitError | None = None
         for connection in connections if self.is_led_by_connector else (USUAL,):
             lead = self.lead_to(first, connection) if self.request.approach else None
             try:
-                motion = self.certified(candidate(lead), name, merged)
+                motion = self.certified(self.with_leads(path, lead), name)
             except LimitError as error:
                 if not error.is_in_lead_in:
                     raise
                 refused = refused or error
             else:
-                note = f"led in by {connection.name}: with {USUAL.name} {refused}"
-                return motion if refused is None else motion.noted(note)
+                if refused is not None:
+                    notes += (f"led in by {connection.name}: with {USUAL.name} {refused}",)
+                return motion.noted(*notes)
         raise refused or PlanError("no lead-in was tried")
 
-    def certified(
-        self, candidate: CandidateMotion, motion_id: str, merged: Sequence[str] | None = None
-    ) -> Motion:
-        """Return the motion, held against its limits on the records that will be sent.
+    def certified(self, whole: KeyframePath, name: str) -> Motion:
+        """Return the motion along a path from hold to hold, held against its limits.
 
-        Args:
-            candidate: from hold to hold.
-            motion_id: names the motion.
-            merged: what to say of merged keyframes in place of what the job says.
+        Raises:
+            LimitError: it breaks one.
         """
-        motion = certified(
-            candidate, self.request, self.start, self.own, self.period, motion_id=motion_id
-        )
-        return motion.noted(*self.notes, *(self.merged if merged is None else merged))
-
-
-def _first_state(path: KeyframePath) -> State:
-    first, _ = end_states(path.trajectory)
-    return replace(first, position=path.positions.first)
+        motion = certified(whole, self.request, self.start, self.own, self.period, motion_id=name)
+        return motion.noted(*self.notes, *whole.notes)
 
 
 def certified(
-    candidate: CandidateMotion,
+    whole: KeyframePath,
     request: MotionRequest,
     start: State,
     limits: Limits,
@@ -355,10 +341,10 @@ def certified(
     *,
     motion_id: str,
 ) -> Motion:
-    """Return the motion of a candidate, held against its limits on the records that will be sent.
+    """Return the motion along a path, held against its limits on the records that will be sent.
 
     Args:
-        candidate: from hold to hold, or from the state it takes over.
+        whole: from hold to hold, or from the state it takes over.
         request: what it was made for.
         start: where the device is commanded to be.
         limits: to keep.
@@ -368,14 +354,12 @@ def certified(
     Raises:
         LimitError: it breaks one.
     """
-    path = candidate.path
+    path = Path.joined([whole.trajectory], whole.positions, start.q)
     count = math.ceil(path.duration / period - _END_SLACK) + 1
-
+    begin, end = whole.times[[0, -1]].tolist()
     # Between the records any motion may go up to the limits, a timing of the user's on them, too;
     # the guard's tolerance is all that is left to brake with there.
-    core = candidate.keyframe_path
-    known = None if core is None else core.found_as_whole(path, start, period, limits)
-    peaks = known or measure(
+    peaks = measure(
         path,
         count,
         period,
@@ -383,7 +367,7 @@ def certified(
         before=before(start, period) if start.is_known else None,
         tolerance=GUARD_TOLERANCE,
     )
-    place = refusal.Place(request, candidate.begin, candidate.end, candidate.keyframe_times)
+    place = refusal.Place(request, begin, end, whole.times)
     refusal.check_limits(peaks, place)
     refusal.check_stop(peaks, place)
     return Motion(
@@ -392,18 +376,10 @@ def certified(
         limits=limits,
         period=period,
         path=path,
-        start_time=candidate.begin,
-        end_time=candidate.end,
-        keyframe_times=candidate.keyframe_times,
+        start_time=begin,
+        end_time=end,
+        keyframe_times=whole.times,
         record_count=count,
-        certificate=summed_up(
-            request,
-            path,
-            (candidate.begin, candidate.end),
-            candidate.keyframe_times,
-            peaks,
-            period,
-        ),
-        rough=candidate.rough,
+        certificate=summed_up(request, path, (begin, end), whole.times, peaks, period),
         before=start.before,
     )

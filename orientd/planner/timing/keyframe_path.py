@@ -1,0 +1,84 @@
+"""A path through keyframes: what is timed, and with its leads what becomes a motion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from orientd.curves import Trajectory
+from orientd.planner import refusal
+from orientd.planner.limits import STILL, Limits, is_still
+from orientd.planner.path import PositionPath, end_states
+from orientd.planner.request import State
+from orientd.rotation import Floats
+
+_NO_MOVES = np.empty(0), np.empty((0, 18))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KeyframePath:
+    """Orientation and position from path time 0 on, and when each keyframe is passed.
+
+    Attributes:
+        trajectory: the orientations.
+        positions: what the position does.
+        times: of all keyframes of the request, s.
+        notes: what the certificate says of it.
+    """
+
+    trajectory: Trajectory
+    positions: PositionPath
+    times: Floats
+    notes: tuple[str, ...] = ()
+
+    @property
+    def duration(self) -> float:
+        """From its beginning to its end, s."""
+        return self.trajectory.duration
+
+    @property
+    def first(self) -> State:
+        """The state it begins in."""
+        begin, _ = end_states(self.trajectory)
+        return replace(begin, position=self.positions.first)
+
+    @property
+    def is_from_rest_to_rest(self) -> bool:
+        """Whether neither end turns."""
+        _, omega, _ = self.trajectory.ends()
+        return all(math.hypot(*one) <= STILL for one in omega.tolist())
+
+    @property
+    def moves(self) -> tuple[Floats, Floats]:
+        """Breaks and coefficients of the position, shape ``(m + 1,)`` and ``(m, 18)``."""
+        if self.positions.is_held:
+            return _NO_MOVES
+        return self.positions.breaks, self.positions.coefficients.reshape(-1, 18)
+
+    def held_ends(self, limits: Limits) -> tuple[bool, bool]:
+        """Return whether the device may hold right before it, and right after it."""
+        _, omega, alpha = self.trajectory.ends()
+        first, last = (is_still(*rates, limits) for rates in zip(omega, alpha, strict=True))
+        return first, last
+
+    def slowed(self, duration: float) -> Self:
+        """Return the same path taking *duration* seconds."""
+        factor, positions = duration / self.duration, self.positions
+        return replace(
+            self,
+            trajectory=self.trajectory.slowed(duration),
+            positions=positions if positions.is_held else positions.slowed(factor),
+            times=self.times * factor,
+        )
+
+    def lasting(self, total: float) -> Self:
+        """Return the same path taking *total* seconds, which are no fewer.
+
+        Raises:
+            TotalError: it takes longer.
+        """
+        refusal.check_total(total, self.duration)
+        return self.slowed(max(total, self.duration))

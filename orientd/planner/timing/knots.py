@@ -1,0 +1,228 @@
+r"""Times for keyframes that come without: by chord length, or of the quickest way that is found.
+
+The intervals are proportional to the angles between keyframes (Nielson 1993, eq. 23),
+:math:`t_i = t_{i-1} + \arccos\langle q_{i-1}, q_i\rangle`, with the angle taken by an arc tangent,
+which keeps its digits, and whole turns added.  Where a position has further to go than the
+orientation, measured in time at the limits, the position sets the interval.
+
+The pace along the curve is found afterwards, so these times decide nothing but where the curve
+passes between the keyframes.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from orientd import kernels
+from orientd.errors import PlanError, RequestError
+from orientd.planner.certify import limit_table
+from orientd.planner.limits import LONGEST, Limits
+from orientd.planner.request import DEFAULT_METHOD, MotionRequest
+from orientd.rotation import Floats, align, angle, between
+
+SAME = 1e-9
+"""Rad and m; keyframes nearer than this are one."""
+
+BESIDE = 1.5e-4
+"""Rad; keyframes nearer than this, 0.009 degrees, are one where their neighbours are far: less than
+a joint repeats, and a tenth of a servo's step, and to pass both would take a turn on the spot."""
+
+MOST_KEYFRAMES = 100
+"""For which other times are tried; with more of them a plan would take too long."""
+
+_FAR_LESS = 1e-3  # of the longer interval beside a short one
+_MOST_DESCENDED = 12  # keyframes for which the slope of the duration is looked at
+_DESCENTS = 2
+_PIECES, _FEWEST = 10, 100  # elements of an interval and of all, as time_quickest begins with
+_SAME_AXIS = 1e-6  # of the length, across the first axis; more than for one turn at once
+
+Indices = np.ndarray[Any, np.dtype[np.intp]]
+Booleans = np.ndarray[Any, np.dtype[np.bool_]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Knots:
+    """Keyframes with times up to a factor.
+
+    Attributes:
+        times: from 0 on, one for every keyframe of the request.
+        kept: indices of the keyframes that the curve passes; the others repeat one of them.
+        length: of the way, rad.
+        profile: a first profile on the curve with these times, if they were chosen for the quickest
+            way: its coefficients and utilisation, shape ``(4, n + 2)``.
+    """
+
+    times: Floats
+    kept: Indices
+    length: float = 0.0
+    profile: Floats | None = None
+
+    def merged(self, request: MotionRequest, first: int = 0) -> tuple[str, ...]:
+        """Return what there is to say of keyframes that are beside another and not passed.
+
+        Args:
+            request: the keyframes.
+            first: the index of the first of them in what was asked for.
+        """
+        if len(self.kept) == len(self.times):
+            return ()
+        left_out = np.setdiff1d(np.arange(len(self.times)), self.kept)
+        # Keyframes that are passed as one have one time.
+        owners = self.kept[np.searchsorted(self.times[self.kept], self.times[left_out])]
+        apart = angle(request.keys[left_out], request.keys[owners])
+        return tuple(
+            f"keyframes[{first + one}] is {far:.2g} rad beside keyframes[{first + owner}]: "
+            "passed as one"
+            for one, owner, far in zip(
+                *map(np.ndarray.tolist, (left_out, owners, apart)), strict=True
+            )
+            if far > SAME
+        )
+
+    def first_guess(self, limits: Limits) -> float:
+        """Return about how long the motion takes, s: a place to begin a search."""
+        count = len(self.kept) - 1
+        step = self.length / count
+        return max(
+            1.2 * self.length / limits.velocity,
+            count * math.sqrt(3.0 * step / limits.acceleration),
+            count * math.cbrt(12.0 * step / limits.jerk),
+        )
+
+
+def chord_knots(request: MotionRequest, limits: Limits, *, is_uniform: bool) -> Knots:
+    """Return times for the keyframes of a request that gives none.
+
+    Args:
+        request: without times.
+        limits: weigh turns against moves.
+        is_uniform: equal intervals instead, for curves that do not interpolate.
+
+    Raises:
+        RequestError: the keyframes are all the same.
+        PlanError: the way is too long for the limits of velocity, whatever the curve.
+    """
+    lengths = turn_lengths(request)
+    if not is_uniform:
+        _check_way(lengths, limits.velocity)
+    moves = move_lengths(request, limits)
+    if moves is not None:
+        _check_way(moves, limits.linear_velocity)
+        lengths = np.maximum(lengths, moves * radians_per_metre(limits))
+    is_repeated = lengths <= SAME
+    if not is_uniform:
+        is_repeated |= _is_beside(lengths)
+    if is_repeated.all():
+        raise RequestError("keyframes", "are all the same; give them times to make the device wait")
+    length, count = float(lengths.sum()), len(request.keyframes)
+    kept = np.arange(count)
+    if is_uniform:
+        return Knots(np.linspace(0.0, 1.0, count), kept, length)
+    if is_repeated.any():
+        lengths[is_repeated] = 0.0
+        kept = np.flatnonzero(np.concatenate([[True], ~is_repeated]))
+        # The motion ends at the last one, whichever it is beside.
+        is_other = float(angle(request.keys[kept[-1]], request.keys[-1])) > SAME
+        if is_other and len(kept) > 1 and not request.turns[kept[-1] :].any():
+            kept[-1] = count - 1
+    times = np.concatenate([[0.0], np.cumsum(lengths)])
+    return Knots(times / times[-1], kept, length)
+
+
+def chosen_knots(
+    request: MotionRequest, knots: Knots, duration: float, limits: Limits
+) -> Knots | None:
+    """Return the times of the quickest way that is found, on a curve of some duration.
+
+    That curve leaves rest with an acceleration, since the pace along it is yet to be found.
+
+    Args:
+        request: from rest to rest.
+        knots: by chord length.
+        duration: of the curve to be made, s.
+        limits: to keep, with what is kept in reserve.
+
+    Returns:
+        ``None`` where other times are not tried: where the method is another one, a position moves,
+        whole turns are made, all is one turn, there are too many keyframes, or nothing limits the
+        jerk.
+    """
+    is_default = request.method == DEFAULT_METHOD and not request.options
+    is_plain = is_default and request.positions is None and not request.turns.any()
+    is_free = min(limits.jerk, *limits.axis_jerk) == math.inf
+    if is_free or not (is_plain and 3 <= len(knots.kept) <= MOST_KEYFRAMES):
+        return None
+    keys = align(request.keys[knots.kept])
+    if _is_about_one_axis(keys):
+        return None
+    count = len(keys) - 1
+    elements = count * max(_PIECES, math.ceil(_FEWEST / count))
+    chosen, profile = np.empty(count + 1), np.empty((4, elements + 2))
+    lengths, table = angle(keys[:-1], keys[1:]), limit_table(limits)
+    descents = _DESCENTS if len(keys) <= _MOST_DESCENDED else 0
+    if not kernels.choose_knots(keys, lengths, table, duration, descents, chosen, profile):
+        return None
+    times = np.interp(knots.times, knots.times[knots.kept], chosen)
+    return replace(knots, times=times, profile=profile)
+
+
+def _is_about_one_axis(keys: Floats) -> bool:
+    """Return whether all steps turn one way about one axis: such a turn is known in closed form."""
+    steps = between(keys[:-1], keys[1:])[:, 1:]
+    lengths = np.sqrt(np.einsum("ij,ij->i", steps, steps))
+    return bool(np.all(steps @ steps[0] >= (1.0 - _SAME_AXIS) * lengths * lengths[0]))
+
+
+def _is_beside(lengths: Floats) -> Booleans:
+    """Return which intervals are so short, beside their neighbours, that nobody can mean them."""
+    padded = np.concatenate([[0.0], lengths, [0.0]])
+    longer = np.maximum(padded[:-2], padded[2:])
+    is_beside: Booleans = (lengths <= BESIDE) & (lengths <= _FAR_LESS * longer)
+    return is_beside
+
+
+def turn_lengths(request: MotionRequest) -> Floats:
+    """Return by how much each interval turns, whole turns included, rad, shape ``(n - 1,)``."""
+    lengths = angle(request.keys[:-1], request.keys[1:])
+    if request.turns.any():
+        lengths += 2.0 * np.pi * np.abs(request.turns[1:])
+    return lengths
+
+
+def move_lengths(request: MotionRequest, limits: Limits) -> Floats | None:
+    """Return how far the position has to go in each interval, m; ``None`` where that is no matter.
+
+    Moves are spread over intervals whose ends have no position.
+    """
+    positions = request.positions
+    if positions is None or not math.isfinite(limits.linear_velocity):
+        return None
+    lengths = np.zeros(len(positions) - 1)
+    given = np.flatnonzero(np.isfinite(positions[:, 0]))
+    for first, last in pairwise(given):
+        distance = float(np.linalg.norm(positions[last] - positions[first]))
+        lengths[first:last] = distance / (last - first)
+    return lengths
+
+
+def _check_way(lengths: Floats, velocity: float) -> None:
+    least = float(lengths.sum()) / velocity
+    if not least <= LONGEST:
+        raise PlanError(
+            f"the keyframes take {least:.6g} s at the limit of the velocity, at most {LONGEST:g} s "
+            "is planned"
+        )
+
+
+def radians_per_metre(limits: Limits) -> float:
+    """Return how far it turns in the time of a metre, both at their limits, rad/m."""
+    if not math.isfinite(limits.velocity):
+        return 1.0
+    # Finite, as it is multiplied by no way at all, too.
+    return min(limits.velocity / limits.linear_velocity, sys.float_info.max)

@@ -1,0 +1,281 @@
+"""The quickest timing of a keyframe path: along itself as fast as its limits permit.
+
+The limits are Bobrow's, of velocity, acceleration and jerk of a motion along a given path (Bobrow,
+Dubowsky and Gibson 1985; Pham and Pham 2018 for what is usual today), here as norms and components
+of vectors of the rotation group, where omega and alpha are as linear in the derivatives of the
+parameter as on any other path.  The squared path velocity is found on a mesh that is narrow where
+it changes quickly; ``orientd/kernels/c/timing.h`` and ``profile.h`` say how.
+
+A curve whose velocity or acceleration has a step at a knot is passed there at rest; so is the end
+of one that has a velocity there which nobody asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orientd.curves import TimeMap, Trajectory
+from orientd.errors import PlanError
+from orientd.kernels import time_quickest
+from orientd.planner import refusal
+from orientd.planner.certify import limit_table
+from orientd.planner.limits import Limits
+from orientd.planner.timing.axis_turn import SHARE, VELOCITY_SHARE, turned_at_once
+from orientd.planner.timing.keyframe_path import KeyframePath
+from orientd.rotation import Floats
+from orientd.tolerances import GUARD_TOLERANCE
+
+_STEP = 1e-6  # of the largest velocity and acceleration, between both sides of a knot
+_PACE_POWER = 1.3  # about: ends that move keep their own pace
+_MOST_PACES = 16  # to try until one takes a given duration
+_NEARLY = 0.994  # of a duration that was asked for: the rest slows the path down inside
+_SAME = 1e-9  # of a duration
+_ROOTS = np.array([1.0, 1 / 2, 1 / 3])  # of shares of velocity, acceleration and jerk, for a pace
+
+# Rows of a profile, see timing.h.
+_SHARES, _AIMS, _PLACES, _TIMES, _ROWS = 1, 4, 7, 10, 11
+_PART = 7  # numbers of a part
+
+
+def aimed_at(limits: Limits, share: float = SHARE) -> Limits:
+    """Return the limits that the quickest timing uses, with *share* of acceleration and jerk."""
+    return limits.with_reserve(share).times(velocity=VELOCITY_SHARE, linear_velocity=VELOCITY_SHARE)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profile:
+    """The squared path velocity on a mesh of *n* elements, a quadratic spline.
+
+    Attributes:
+        rows: as ``orientd/kernels/c/timing.h`` has them, shape ``(11, n + 2)``, read only.
+        leaves: lengths over which the path leaves rest, shape ``(2,)``.
+        moves: whether the path moves at its start and at its end.
+        span: path times where the part begins and ends that it is of, s.
+    """
+
+    rows: Floats
+    leaves: Floats
+    moves: tuple[bool, bool]
+    span: tuple[float, float]
+
+    @property
+    def duration(self) -> float:
+        """How long the part takes, s."""
+        return float(self.rows[_TIMES, -2])
+
+    @property
+    def slower(self) -> float:
+        """How much slower to be where some utilisation is above 1, as a factor; else 1."""
+        shares = self.rows[_SHARES:_AIMS, :-2].max(1)
+        return max(1.0, float(np.max(shares**_ROOTS)))
+
+    def clock(self) -> TimeMap:
+        """Return the path time since the part begins by time."""
+        places, values, slopes, times = self.rows[_PLACES:, :-1]
+        return TimeMap(times, places, values, slopes, self.leaves)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class QuickPath(KeyframePath):
+    """A path in the shortest time that keeps some share of the limits.
+
+    Attributes:
+        profile: that it is timed by; ``None`` for one turn, and where it rests on its way.
+    """
+
+    profile: Profile | None = None
+
+
+def profiles(
+    path: KeyframePath,
+    limits: Limits,
+    period: float,
+    *,
+    share: float = SHARE,
+    rests: Floats | None = None,
+    known: Floats | None = None,
+    slower: float = 1.0,
+    total: float = 0.0,
+) -> list[Profile]:
+    """Return the quickest profiles of the parts of a path.
+
+    Args:
+        path: to be timed.
+        limits: to keep.
+        period: of the device, s.
+        share: of the limits of acceleration and jerk to use.
+        rests: knots between which there are parts, both ends included, s, shape ``(p + 1,)``: each
+            of them is from rest to rest.  ``None`` leaves the path in one part, with its ends as
+            they are.
+        known: coefficients and utilisation on the first mesh, shape ``(4, n + 2)``, or the rows of
+            a profile to be improved on its own mesh; ``None`` searches from a guess on.
+        slower: by how much slower to be where no end that moves is near; the coefficients of the
+            known profile are not used then.
+        total: how long to take, s, if that is a little longer; 0 for the shortest time.
+
+    Raises:
+        PlanError: there is none of some part.
+    """
+    trajectory, aims = path.trajectory, aimed_at(limits, share)
+    found = time_quickest(
+        trajectory.breaks,
+        trajectory.pieces,
+        trajectory.knots,
+        trajectory.knots[[0, -1]] if rests is None else rests,
+        rests is not None,
+        *path.moves,
+        limit_table(aims),
+        np.array([aims.linear_velocity, aims.linear_acceleration]),
+        share / GUARD_TOLERANCE,
+        period,
+        total,
+        np.empty((0, 0)) if known is None else known,
+        1.0,
+        slower,
+    )
+    if isinstance(found, bool):
+        why = "it would have to stand still on the way" if found else "the limits leave no way"
+        raise PlanError(f"no quickest timing was found: {why}")
+    parts = np.frombuffer(found[1]).reshape(-1, _PART)
+    ends = np.cumsum(parts[:-1, 0].astype(np.intp) + 2)
+    rows = np.split(np.frombuffer(found[0]).reshape(_ROWS, -1), ends, axis=1)
+    return [
+        Profile(np.ascontiguousarray(some), part[1:3], (bool(part[3]), bool(part[4])), span)
+        for some, part, span in zip(rows, parts, parts[:, 5:].tolist(), strict=True)
+    ]
+
+
+def corners(trajectory: Trajectory) -> Floats:
+    """Return the knots inside a trajectory at which its velocity or acceleration has a step."""
+    knots = trajectory.knots[1:-1]
+    if trajectory.continuity >= 2 or not len(knots):
+        return knots[:0]
+    _, omega, alpha = trajectory.sample(np.concatenate([np.nextafter(knots, -np.inf), knots]))
+    step = np.zeros(len(knots), dtype=bool)
+    for rows in (omega, alpha):
+        before, after = np.split(rows, 2)
+        largest = np.linalg.norm(rows, axis=1).max()
+        step |= np.linalg.norm(after - before, axis=1) > _STEP * largest
+    return knots[step]
+
+
+def quickest(
+    path: KeyframePath,
+    limits: Limits,
+    period: float,
+    *,
+    share: float = SHARE,
+    known: Floats | None = None,
+    has_rests: bool = False,
+) -> QuickPath:
+    """Return the same path in the shortest time that is found within the limits.
+
+    An end at rest stays at rest and gets no acceleration where there is a limit of the jerk; at an
+    end that moves, velocity and acceleration stay what they are.
+
+    Args:
+        path: with continuous acceleration, or at rest at its corners.
+        limits: to keep.
+        period: of the device, s.
+        share: of the limits of acceleration and jerk to use.
+        known: a first profile, as for :func:`profiles`.
+        has_rests: whether to begin and end at rest, and to rest at corners.
+
+    Raises:
+        PlanError: none was found.
+    """
+    inner = corners(path.trajectory) if has_rests else ()
+    rests = None
+    if len(inner) or (has_rests and not path.is_from_rest_to_rest):
+        rests = np.concatenate([[0.0], inner, [path.duration]])
+    elif known is None:
+        # Where a profile is known already it is not one turn about one axis.
+        turn = turned_at_once(path, limits, share)
+        if turn is not None:
+            return QuickPath(turn.trajectory, turn.positions, turn.times, path.notes)
+    found = profiles(path, limits, period, share=share, rests=rests, known=known)
+    quick = _joined([_on_records(retimed(path, one), period) for one in found])
+    refusal.check_duration(quick.duration)
+    return quick
+
+
+def lasting(
+    path: KeyframePath,
+    quick: KeyframePath,
+    limits: Limits,
+    period: float,
+    total: float,
+    *,
+    share: float = SHARE,
+) -> KeyframePath:
+    """Return a path in a longer time than the shortest, with the same velocities at its ends.
+
+    Args:
+        path: what was timed.
+        quick: what :func:`quickest` made of it.
+        limits: as for :func:`quickest`.
+        period: as for :func:`quickest`.
+        total: how long it is to take, s.
+        share: as for :func:`quickest`.
+
+    Raises:
+        TotalError: the shortest time is longer.
+        PlanError: no such timing was found.
+    """
+    known, pace = quick.profile if isinstance(quick, QuickPath) else None, 1.0
+    if known is None or not any(known.moves):
+        return quick.lasting(total)
+    refusal.check_total(total, quick.duration)
+    for _ in range(_MOST_PACES):
+        (profile,) = profiles(
+            path, limits, period, share=share, known=known.rows, slower=pace, total=total
+        )
+        if abs(profile.duration - total) <= _SAME * total:
+            return retimed(path, profile).slowed(total)
+        pace *= (0.5 * (1.0 + _NEARLY) * total / profile.duration) ** _PACE_POWER
+    raise PlanError(f"no timing of {total:g} s was found that keeps the velocities at the ends")
+
+
+def retimed(path: KeyframePath, profile: Profile) -> QuickPath:
+    """Return the part of a path that a profile is of, timed by it, from time 0 on."""
+    clock, trajectory = profile.clock(), path.trajectory
+    begin, end = profile.span
+    if (begin, end) != trajectory.domain:
+        trajectory = trajectory.restricted(begin, end)
+
+    def path_times(times: Floats) -> tuple[Floats, Floats, Floats]:
+        s, rate, change = clock(times)
+        return begin + s, rate, change
+
+    positions = path.positions.retimed(path_times, clock.times)
+    times = clock.times_of(path.times - begin)
+    # Corners are where parts meet, at rest.
+    smooth = replace(clock.retimed(trajectory), continuity=2)
+    return QuickPath(smooth, positions, times, path.notes, profile)
+
+
+def _on_records(quick: QuickPath, period: float) -> QuickPath:
+    """Return a path at the speed of its profile, or what its records need."""
+    profile = quick.profile
+    if profile is None or profile.moves[1]:
+        # What goes on from an end that moves begins at a record.
+        return quick.slowed(period * round(quick.duration / period))
+    # Where nothing moves at the ends the same pace, a little slower, mends a little too much.
+    return quick if any(profile.moves) else quick.slowed(quick.duration * profile.slower)
+
+
+def _joined(parts: Sequence[QuickPath]) -> QuickPath:
+    """Return parts that follow each other as one path."""
+    if len(parts) == 1:
+        return parts[0]
+    begins = np.concatenate([[0.0], np.cumsum([part.duration for part in parts])]).tolist()
+    positions, times = parts[0].positions, np.zeros(len(parts[0].times))
+    for part, begin in zip(parts, begins[:-1], strict=True):
+        times += part.times
+        if begin:
+            positions = part.positions.delayed(begin).after(positions)
+    shifted = [part.trajectory.shifted(at) for part, at in zip(parts, begins[:-1], strict=True)]
+    return QuickPath(Trajectory.joined(shifted), positions, times, parts[0].notes)
