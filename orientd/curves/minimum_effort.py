@@ -20,8 +20,8 @@ each with more weight than its multiplier has (the exact penalty of Han, 1977).
 
 The search begins at a cumulative spline in finer knots.  A cumulative spline is not one over finer
 knots, as it would be in Euclidean space, but close to one.  Its control quaternions are estimated
-from the curve and its acceleration.  If nothing is found from there, the spline of the finer knots
-passes through points of the curve instead.
+from the curve and its acceleration.  If the estimate misses the keyframes by far, the spline of the
+finer knots through points of the curve is tried too.
 """
 
 from __future__ import annotations
@@ -71,6 +71,9 @@ FEW = 10
 
 WORSE = 1e-3
 """Relative; the nodes see a curve that is not their spline with an error."""
+
+FAR = 0.1
+"""Rad of half angle by which an estimate misses a keyframe so that another start is tried too."""
 
 ROUNDING = 1e-20
 
@@ -314,26 +317,29 @@ class EffortProblem:
         Raises:
             PlanError: the search does not settle.
         """
-        guess, inertia = refined(path, self.knots, self._order), self.inertia
-        found, problem = [], None
-        try:
-            found.append(self.least_effort(guess))
-        except PlanError as error:
-            problem = error
-        if inertia is not None and (problem is not None or self._is_wide()):
+        guesses, inertia = [refined(path, self.knots, self._order)], self.inertia
+        missed = self.linearised(guesses[0]).missed
+        if self._order == 4 and np.max(np.sum(missed * missed, axis=1)) > FAR**2:
+            breaks = self.basis.breaks
+            with suppress(PlanError):
+                spline = interpolate(path(breaks)[0].copy(), breaks, 4, self._velocities)
+                guesses.append(spline[1][2])
+        found: list[Floats] = []
+        problems: list[PlanError] = []
+        for guess in guesses:
+            try:
+                found.append(self.least_effort(guess))
+            except PlanError as error:
+                problems.append(error)
+        if inertia is not None and (not found or self._is_wide()):
             with suppress(PlanError):
                 self.inertia = None
-                eased = self.least_effort(guess)
+                eased = self.least_effort(guesses[0])
                 self.inertia = inertia
                 found.append(self.least_effort(eased))
             self.inertia = inertia
-        elif problem is not None and self._order == 4:
-            with suppress(PlanError):
-                breaks = self.basis.breaks
-                spline = interpolate(path(breaks)[0].copy(), breaks, 4, self._velocities)
-                found.append(self.least_effort(spline[1][2]))
-        if problem is not None and not found:
-            raise problem
+        if not found:
+            raise problems[0]
         return min(found, key=lambda one: self.linearised(one).effort)
 
     def _is_wide(self) -> bool:

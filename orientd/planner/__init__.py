@@ -28,9 +28,9 @@ if TYPE_CHECKING:
         Limits,
         Rate,
     )
-    from orientd.planner.many import in_parallel, need_backend, plan_many
     from orientd.planner.methods import check_method, curve_of
     from orientd.planner.motion import Motion
+    from orientd.planner.offline import in_parallel, need_backend, plan_many
     from orientd.planner.path.path import PathSamples
     from orientd.planner.path.position import position_path
     from orientd.planner.planning import plan
@@ -71,9 +71,9 @@ __getattr__ = lazily(
             "Limits",
             "Rate",
         ),
-        "orientd.planner.many": ("in_parallel", "need_backend", "plan_many"),
         "orientd.planner.methods": ("check_method", "curve_of"),
         "orientd.planner.motion": ("Motion",),
+        "orientd.planner.offline": ("in_parallel", "need_backend", "plan_many"),
         "orientd.planner.path.path": ("PathSamples",),
         "orientd.planner.path.position": ("position_path",),
         "orientd.planner.planning": ("plan",),

@@ -13,7 +13,6 @@ from orientd.driver import IDENTITY, ZERO, Driver, Quaternion, Vector3
 from orientd.errors import Fault, NotYetError
 from orientd.floats import combine, difference, norm
 from orientd.servo.guard import Guard
-from orientd.servo.motion_law import limits_in_plane
 from orientd.servo.path import (
     PathFollower,
     PathPart,
@@ -194,9 +193,7 @@ class SetpointGenerator:
 
     def _leave(self) -> None:
         """Come to rest without the path, as near to that as the device's axes can."""
-        guard = self._guard
-        limits = limits_in_plane(self._servo_limits, guard.omega, guard.alpha)
-        self._pursue(limits, self.last.q)
+        self._pursue(self._servo_limits, self.last.q)
         self._is_off_path = True
 
     def stop(self, event: Event) -> None:

@@ -32,6 +32,10 @@ enum { OUT_OF_MEMORY = -2 };
 
 INLINE double *row_of(matrix_t a, index_t i) { return a.v + i * a.m; }
 
+/* As fmax and fmin, without a call; the second one where one of them is not a number. */
+INLINE double larger(double a, double b) { return a > b ? a : b; }
+INLINE double smaller(double a, double b) { return a < b ? a : b; }
+
 INLINE index_t least(index_t a, index_t b) { return a < b ? a : b; }
 INLINE index_t most(index_t a, index_t b) { return a > b ? a : b; }
 

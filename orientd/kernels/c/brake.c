@@ -14,7 +14,7 @@ typedef struct { const double *speed, *size, *along, *jerk; double *bound; index
 
 /* The root in the form that does not cancel. */
 INLINE double root(double rest, double half, double leading) {
-    rest = most_of(rest, 0.0);
+    rest = larger(rest, 0.0);
     double divisor = half + sqrt(half * half + leading * rest);
     return divisor > 0.0 ? rest / divisor : INFINITY;
 }
@@ -54,7 +54,7 @@ static void put_bounds(points_t at, double most, row_t worst) {
     }
     INDEPENDENT
     for (index_t i = 0; i < at.n; i++) {
-        double place = smaller(sqrt(most_of(1.0 - size[i] * scale, 0.0)), 1.0) * cells;
+        double place = smaller(sqrt(larger(1.0 - size[i] * scale, 0.0)), 1.0) * cells;
         int cell = (int)place;
         cell = cell < cells ? cell : cells - 1;
         double allowed = most * (table[cell] + (place - cell) * (table[cell + 1] - table[cell]));
@@ -130,10 +130,10 @@ INLINE void put_points(const sight_t *sight, index_t points, double period, int 
         for (index_t i = begin; i < end; i++) {
             vec_t v = at(rates, i + 2), a = at(rates + 1, i + 1), j = at(rates + 2, i);
             double along = column == 0 ? fabs(dot(v, a)) : size_of(v, column) * size_of(a, column);
-            to[0][i] = most_of(p ? to[0][i] : 0.0, square_of(v, column));
-            to[1][i] = most_of(p ? to[1][i] : 0.0, square_of(a, column));
-            to[2][i] = most_of(p ? to[2][i] : 0.0, along);
-            to[3][i] = most_of(p ? to[3][i] : 0.0, square_of(j, column));
+            to[0][i] = larger(p ? to[0][i] : 0.0, square_of(v, column));
+            to[1][i] = larger(p ? to[1][i] : 0.0, square_of(a, column));
+            to[2][i] = larger(p ? to[2][i] : 0.0, along);
+            to[3][i] = larger(p ? to[3][i] : 0.0, square_of(j, column));
         }
     }
     INDEPENDENT
@@ -150,6 +150,22 @@ static void note_rate(points_t at, double most, double most_jerk, brake_law_t la
     slowest = least_of(at, most, most_jerk, law, 0, slowest);
     if (slowest.rate < found->rate)
         found->rate = slowest.rate, found->rate_place = (double)(record + slowest.place);
+}
+
+bool is_risky(const double bounds[12], double period, const measure_t *how, double rate) {
+    double u = 1.0 / period, bound;
+    for (int column = 0; column < (has_axes(how->limits) ? 4 : 1); column++) {
+        double speed = u * bounds[column], size = u * u * bounds[4 + column];
+        double jerk = u * u * u * bounds[8 + column], along = speed * size;
+        points_t at = {&speed, &size, &along, &jerk, &bound, 1};
+        double most = how->tolerance * row_of(how->limits, 1)[column];
+        put_bounds(at, most, how->law.worst);
+        if (!(size < INFINITY && jerk < INFINITY)
+            || is_at_risk(at, 0, rate, how->tolerance * row_of(how->limits, 2)[column],
+                          how->law.most_change))
+            return true;
+    }
+    return false;
 }
 
 void brake(const block_t *block, const sight_t *sight, double period, const measure_t *how,

@@ -20,7 +20,12 @@ bool has_axes(matrix_t limits) {
 index_t setpoints_of(const setpoints_t *from) { return from->before.n + from->count + from->held; }
 
 void begin_block(const setpoints_t *from, block_t *block) {
-    *block = (block_t){.first = from->first - from->before.n};
+    block->count = block->unknown = 0, block->first = from->first - from->before.n;
+}
+
+void begin_sight(sight_t *sight, index_t boxes) {
+    memset(sight->known, 0, sizeof sight->known);
+    sight->unproven = 0, sight->boxes = boxes;
 }
 
 /* Write records of a trajectory, the first of which is at a place in the block. */
@@ -124,7 +129,7 @@ static void take_stops(const block_t *block, index_t begin, const measure_t *how
         double jerk = smaller(smaller(twists[0], twists[1] / x),
                               smaller(twists[2] / y, twists[3] / z));
         double peak = sqrt(jerk * speed + 0.5 * push * push);
-        double brief = most_of(push + 2.0 * peak, 0.0) / jerk;
+        double brief = larger(push + 2.0 * peak, 0.0) / jerk;
         double held = speed + (push * push - 2.0 * pull * pull) / (2.0 * jerk);
         times_of[i] = peak <= pull ? brief : (push + 2.0 * pull) / jerk + held / pull;
     }
@@ -141,34 +146,119 @@ static bool is_moving(const setpoints_t *from) {
     return !is_same;
 }
 
-int certify(const setpoints_t *from, const measure_t *how, extremes_t *found) {
-    struct { block_t block; sight_t sight; } *own = calloc(1, sizeof *own);
-    *found = (extremes_t){.rate = how->law.fastest};
-    if (own == NULL)
-        return OUT_OF_MEMORY;
-    block_t *block = &own->block;
-    index_t total = setpoints_of(from), past = from->before.n > 0;
-    bool is_proof = how->tolerance > 0.0, with_axes = has_axes(how->limits);
+/* Share of a limit from which on a difference is taken to be about the largest. */
+#define HIGH 0.9
+
+typedef struct {
+    const setpoints_t *from;
+    const measure_t *how;
+    extremes_t *found;
+    bool with_axes;
+    block_t block;
+    sight_t sight;
+} certifying_t;
+
+/* What no difference of a block exceeds, and where it begins. */
+typedef struct { double bounds[12]; index_t place, past; } outline_t;
+
+static bool is_open(const certifying_t *at, const outline_t *outline, int slot) {
+    return !(outline->bounds[slot] <= cut_of(at->sight.known[slot / 4][slot % 4]));
+}
+
+/* Look at a block between its records, too. */
+static void look_closely(certifying_t *at, const outline_t *outline) {
+    take_phases(&at->block, true, &at->sight);
+    note_differences(&at->block, outline->past, at->with_axes, true, &at->sight, at->found);
+    brake(&at->block, &at->sight, at->from->period, at->how, at->found);
+    for (int slot = 0; slot < 12; slot += at->with_axes ? 1 : 4)
+        if (is_open(at, outline, slot))
+            prove(&at->block, outline->past, slot / 4 + 1, slot % 4, &at->sight, at->found);
+        else
+            note(outline->bounds[slot], at->found->squares + slot);
+}
+
+/* Write what bounds the differences of a block; return whether they are to be looked at now. */
+static bool put_outline(const certifying_t *at, outline_t *outline) {
+    double unit = 1.0;
+    bool is_high = at->block.unknown > 0;
+    for (int slot = 0; slot < 12; slot += at->with_axes ? 1 : 4) {
+        unit *= slot % 4 ? 1.0 : at->from->period;
+        double limit = row_of(at->how->limits, slot / 4)[slot % 4];
+        outline->bounds[slot] = crude_bound(&at->sight, slot / 4 + 1, slot % 4);
+        is_high |= at->sight.known[slot / 4][slot % 4] > HIGH * limit * unit
+                && is_open(at, outline, slot);
+    }
+    return is_high || is_risky(outline->bounds, at->from->period, at->how, at->found->rate);
+}
+
+/* Bound all differences: where it might matter between the records, too.  A block that is far below
+ * the limits is left until the largest differences on the records are known. */
+static int prove_all(certifying_t *at) {
+    const setpoints_t *from = at->from;
+    index_t total = setpoints_of(from), count = 0, past = from->before.n > 0;
     bool moves = is_moving(from);
-    own->sight.boxes = BOXES_AT_LEAST + BOXES_A_RECORD * total;
-    begin_block(from, block);
+    outline_t *left = malloc((size_t)(total / (BLOCK - KEPT) + 2) * sizeof *left);
+    if (left == NULL)
+        return OUT_OF_MEMORY;
     for (index_t read = 0; read < total;) {
-        index_t known = least(block->count, KEPT);
-        read = fill_block(from, read, block);
-        take_differences(block, from->period, past, with_axes, is_proof, &own->sight, found);
-        if (moves)
-            take_moves(block, past, found);
-        if (is_proof) {
-            brake(block, &own->sight, from->period, how, found);
-            if (moves)
-                brake_moves(block, from->period, past, how, found);
-            take_stops(block, known, how, found);
+        index_t known = least(at->block.count, KEPT);
+        outline_t outline = {.place = read, .past = past};
+        read = fill_block(from, read, &at->block);
+        take_records(&at->block, from->period, true, &at->sight);
+        note_differences(&at->block, past, at->with_axes, false, &at->sight, at->found);
+        if (put_outline(at, &outline))
+            look_closely(at, &outline);
+        else
+            left[count++] = outline;
+        if (moves) {
+            take_moves(&at->block, past, at->found);
+            brake_moves(&at->block, from->period, past, at->how, at->found);
         }
+        take_stops(&at->block, known, at->how, at->found);
         past = 0;
     }
-    found->unproven = (double)own->sight.unproven;
-    double speed = sqrt(found->moved[0]) / from->period / how->move_limits.v[1];
-    found->stop_time = speed > found->stop_time ? speed : found->stop_time;
-    free(own);
+    for (index_t i = 0; i < count; i++) {
+        bool is_needed = is_risky(left[i].bounds, from->period, at->how, at->found->rate);
+        for (int slot = 0; slot < 12; slot += at->with_axes ? 1 : 4)
+            is_needed |= is_open(at, &left[i], slot);
+        for (int slot = 0; slot < 12 && !is_needed; slot += at->with_axes ? 1 : 4)
+            note(left[i].bounds[slot], at->found->squares + slot);
+        if (!is_needed)
+            continue;
+        begin_block(from, &at->block);
+        at->block.first += most(left[i].place - KEPT, 0);
+        fill_block(from, most(left[i].place - KEPT, 0), &at->block);
+        take_records(&at->block, from->period, true, &at->sight);
+        look_closely(at, &left[i]);
+    }
+    free(left);
     return 0;
+}
+
+int certify(const setpoints_t *from, const measure_t *how, extremes_t *found) {
+    certifying_t *at = malloc(sizeof *at);
+    *found = (extremes_t){.rate = how->law.fastest};
+    if (at == NULL)
+        return OUT_OF_MEMORY;
+    index_t total = setpoints_of(from), past = from->before.n > 0;
+    int failed = 0;
+    at->from = from, at->how = how, at->found = found, at->with_axes = has_axes(how->limits);
+    begin_sight(&at->sight, BOXES_AT_LEAST + BOXES_A_RECORD * total);
+    begin_block(from, &at->block);
+    if (how->tolerance > 0.0)
+        failed = prove_all(at);
+    else
+        for (index_t read = 0; read < total; past = 0) {
+            read = fill_block(from, read, &at->block);
+            take_records(&at->block, from->period, false, &at->sight);
+            take_phases(&at->block, false, &at->sight);
+            note_differences(&at->block, past, at->with_axes, true, &at->sight, found);
+            if (is_moving(from))
+                take_moves(&at->block, past, found);
+        }
+    found->unproven = (double)at->sight.unproven;
+    double speed = sqrt(found->moved[0]) / from->period / how->move_limits.v[1];
+    found->stop_time = larger(speed, found->stop_time);
+    free(at);
+    return failed;
 }

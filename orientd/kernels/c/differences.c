@@ -166,21 +166,21 @@ INLINE void put_bounds(const sight_t *sight, index_t begin, index_t order, int c
         double crude = reach_at(reach, order, 1.0), hull = 0.0, rest = 0.0, bent = 0.0;
         double found = 0.0, speed = 0.0;
         for (index_t k = 0; k < PHASE_NODES; k++)
-            hull = most_of(hull, size_of(coefficient(sight, k, i, order), column));
+            hull = larger(hull, size_of(coefficient(sight, k, i, order), column));
         for (index_t k = 0; k < order; k++)
-            rest = most_of(rest, segments->rest[i + k]);
+            rest = larger(rest, segments->rest[i + k]);
         for (index_t p = 0; p < PHASES; p++)
-            found = most_of(found, size_of(at(&sight->rates[p][order - 1], i), column));
+            found = larger(found, size_of(at(&sight->rates[p][order - 1], i), column));
         for (index_t k = 0; k <= order; k++) {
             bent += weights[k] * segments->steps[i + k];
-            speed = most_of(speed, segments->speed[i + k]);
+            speed = larger(speed, segments->speed[i + k]);
         }
         hull += (order == 1 ? 1.0 : order == 2 ? 2.0 : 4.0) * rest + BENT * bent;
         hull = hull < crude ? hull : crude;
         /* From the rate on at which the averages allow more than is known already. */
         double low = lowest_rate(reach, order, known);
         double fall = order == 1 ? reach.most : (double)order * (reach.most + reach.steps);
-        double near = most_of(known, hull + (1.0 - low) * (fall + reach.slope));
+        double near = larger(known, hull + (1.0 - low) * (fall + reach.slope));
         crude = near < crude ? near : crude;
         hulls[i] = hull;
         bounds[i] = speed <= LARGEST_TURN ? crude : found;
@@ -196,12 +196,6 @@ static void put_bounds_of(const sight_t *sight, index_t begin, index_t order, in
     case 12: put_bounds(sight, begin, 3, 0, known, hulls, bounds); break;
     default: put_bounds(sight, begin, order, column, known, hulls, bounds);
     }
-}
-
-/* Note a size of which the square is kept; one that is not a number is, and stays, the largest. */
-static void note(double size, double *square) {
-    if (!(size * size <= *square) && *square < INFINITY)
-        *square = size * size;
 }
 
 /* Return whether some vectors are larger than a size, or not numbers, but for rounding. */
@@ -230,7 +224,7 @@ static bool are_above(const lanes_t *vectors, index_t begin, index_t end, int co
 
 /* Note the differences of a kind on the records, and at the phases behind them. */
 static void note_found(sight_t *sight, index_t first, index_t order, int column, index_t shift,
-                       extremes_t *found) {
+                       index_t phases, extremes_t *found) {
     index_t slot = 4 * (order - 1) + column;
     double *known = &sight->known[order - 1][column];
     double *on_records = found->squares + ON_RECORDS + slot;
@@ -238,7 +232,7 @@ static void note_found(sight_t *sight, index_t first, index_t order, int column,
     if (are_above(rates, first, sight->counts[order - 1], column, sqrt(*on_records)))
         for (index_t i = first; i < sight->counts[order - 1]; i++)
             note(size_of(at(rates, i), column), on_records);
-    for (index_t phase = 0; phase < (sight->windows[order - 1] > 0 ? PHASES : 1); phase++) {
+    for (index_t phase = 0; phase < phases; phase++) {
         index_t end = phase ? sight->windows[order - 1] : sight->counts[order - 1];
         index_t begin = phase ? most(first, sight->first) : first;
         rates = &sight->rates[phase][order - 1];
@@ -252,17 +246,34 @@ static void note_found(sight_t *sight, index_t first, index_t order, int column,
     }
 }
 
-/* Note bounds of the differences of a kind. */
-static void note_bounds(const block_t *block, sight_t *sight, index_t first, index_t order,
-                        int column, index_t shift, extremes_t *found) {
+double crude_bound(const sight_t *sight, index_t order, int column) {
+    const segments_t *segments = &sight->segments;
+    double largest = 0.0;
+    lane_t bounds;
+    INDEPENDENT
+    for (index_t i = sight->first; i < sight->windows[order - 1]; i++) {
+        double speed = 0.0, bound = reach_at(reach_of(segments, i, order, column), order, 1.0);
+        for (index_t k = 0; k <= order; k++)
+            speed = larger(speed, segments->speed[i + k]);
+        bounds[i] = speed <= LARGEST_TURN ? bound : INFINITY;
+    }
+    for (index_t i = sight->first; i < sight->windows[order - 1]; i++)
+        if (!(bounds[i] <= largest) && largest == largest)
+            largest = bounds[i];
+    return largest;
+}
+
+void prove(const block_t *block, index_t past, index_t order, int column, sight_t *sight,
+           extremes_t *found) {
     lane_t hulls, bounds;
     double *known = &sight->known[order - 1][column];
-    index_t slot = 4 * (order - 1) + column;
+    index_t slot = 4 * (order - 1) + column, first = (3 - order) * past;
     put_bounds_of(sight, sight->first, order, column, *known, hulls, bounds);
     for (index_t i = most(first, sight->first); i < sight->windows[order - 1]; i++) {
         double bound = bounds[i];
         if (!(bound <= cut_of(*known))
-            && is_growing(&sight->segments, i, order, column, reach_of(&sight->segments, i, order, column)))
+            && is_growing(&sight->segments, i, order, column,
+                          reach_of(&sight->segments, i, order, column)))
             bound = hulls[i];
         if (!(bound <= cut_of(*known))) {
             double before = *known;
@@ -271,45 +282,50 @@ static void note_bounds(const block_t *block, sight_t *sight, index_t first, ind
             sight->unproven += bound == NOT_TIGHT;
             bound = bound == NOT_TIGHT ? *known : bound;
             if (*known > before)
-                found->places[slot] = (double)(shift + i + order);
+                found->places[slot] = (double)(block->first + i + order);
         }
         note(bound, found->squares + slot);
     }
+    note(*known, found->squares + slot);
 }
 
-void take_differences(const block_t *block, double period, index_t past, bool with_axes,
-                      bool is_proof, sight_t *sight, extremes_t *found) {
-    index_t shift = block->first;
+void take_records(const block_t *block, double period, bool is_proof, sight_t *sight) {
     for (index_t order = 1; order <= 3; order++) {
         sight->counts[order - 1] = most(block->count - order, 0);
-        sight->windows[order - 1] = block->unknown < block->count ? most(block->count - 1 - order, 0) : 0;
+        sight->windows[order - 1] = block->unknown < block->count
+                                  ? most(block->count - 1 - order, 0) : 0;
     }
     sight->first = least(block->unknown, sight->windows[0]);
     if (block->count < 2)
         return;
     memcpy(sight->q[0], block->rows, sizeof sight->q[0]);
     differ(sight->q[0], block->count, sight->rates[0]);
-    if (sight->windows[0]) {
+    if (sight->windows[0])
         put_laws(block, period, &sight->rates[0][0], &sight->segments);
-        for (index_t p = 1; p < PHASES; p++) {
-            draw(block, &sight->segments, node_of(p), sight->q[p]);
-            differ(sight->q[p], block->count - 1, sight->rates[p]);
-        }
-    }
-    if (is_proof && sight->windows[0]) {
+    if (sight->windows[0] && is_proof)
         put_segments(block->count - 1, &sight->rates[0][0], &sight->segments);
-        put_hulls(sight, sight->windows[0]);
-        for (index_t k = sight->first; k < block->count - 1; k++)
-            sight->unproven += !(sight->segments.speed[k] <= LARGEST_TURN);
+}
+
+void take_phases(const block_t *block, bool is_proof, sight_t *sight) {
+    if (!sight->windows[0])
+        return;
+    for (index_t p = 1; p < PHASES; p++) {
+        draw(block, &sight->segments, node_of(p), sight->q[p]);
+        differ(sight->q[p], block->count - 1, sight->rates[p]);
     }
+    if (!is_proof)
+        return;
+    put_hulls(sight, sight->windows[0]);
+    for (index_t k = sight->first; k < block->count - 1; k++)
+        sight->unproven += !(sight->segments.speed[k] <= LARGEST_TURN);
+}
+
+void note_differences(const block_t *block, index_t past, bool with_axes, bool with_phases,
+                      sight_t *sight, extremes_t *found) {
     for (index_t order = 1; order <= 3; order++)
         for (int column = 0; column < (with_axes ? 4 : 1); column++) {
-            index_t first = (3 - order) * past, slot = 4 * (order - 1) + column;
-            if (!is_proof)
-                sight->known[order - 1][column] = sqrt(found->squares[slot]);
-            note_found(sight, first, order, column, shift, found);
-            if (is_proof)
-                note_bounds(block, sight, first, order, column, shift, found);
-            note(sight->known[order - 1][column], found->squares + slot);
+            index_t phases = with_phases && sight->windows[order - 1] > 0 ? PHASES : 1;
+            note_found(sight, (3 - order) * past, order, column, block->first, phases, found);
+            note(sight->known[order - 1][column], found->squares + 4 * (order - 1) + column);
         }
 }

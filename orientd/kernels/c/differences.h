@@ -31,10 +31,6 @@ INLINE double turn_factor(double square) {
     return 2.0 * (1.0 - square * (1.0 / 3 - square * rest));
 }
 
-/* As fmax and fmin where both are numbers, without a call. */
-INLINE double most_of(double a, double b) { return a > b ? a : b; }
-INLINE double smaller(double a, double b) { return a < b ? a : b; }
-
 typedef double lane_t[BLOCK];
 typedef struct { lane_t x, y, z; } lanes_t;
 
@@ -126,6 +122,15 @@ typedef struct {
     index_t counts[3], windows[3], first, unproven, boxes;
 } sight_t;
 
+/* Note a size of which the square is kept; one that is not a number is, and stays, the largest. */
+INLINE void note(double size, double *square) {
+    if (!(size * size <= *square) && *square < INFINITY)
+        *square = size * size;
+}
+
+/* Begin with nothing found, and so many boxes that may be looked at. */
+void begin_sight(sight_t *sight, index_t boxes);
+
 /* Begin a block with no setpoints; the first to come is at a place among those there are. */
 void begin_block(const setpoints_t *from, block_t *block);
 
@@ -136,14 +141,29 @@ index_t setpoints_of(const setpoints_t *from);
  * Return the place of the first that is not in it. */
 index_t fill_block(const setpoints_t *from, index_t place, block_t *block);
 
-/* Take the differences of a block, and note bounds of them, or the largest at the phases.
+/* Take the differences of the records of a block, and what is known of the path between them.
  *
  * period: from one setpoint to the next, s.
+ * is_proof: whether bounds are wanted. */
+void take_records(const block_t *block, double period, bool is_proof, sight_t *sight);
+
+/* Take the differences at the phases between them, too. */
+void take_phases(const block_t *block, bool is_proof, sight_t *sight);
+
+/* Note the largest differences that were taken.
+ *
  * past: how many accelerations, and twice as many velocities, are not to count as largest.
- * is_proof: whether bounds are wanted.
- * sight: zeros before the first block, where bounds are wanted. */
-void take_differences(const block_t *block, double period, index_t past, bool with_axes,
-                      bool is_proof, sight_t *sight, extremes_t *found);
+ * with_phases: whether those between the records count.
+ * sight: begun before the first block. */
+void note_differences(const block_t *block, index_t past, bool with_axes, bool with_phases,
+                      sight_t *sight, extremes_t *found);
+
+/* Return what no difference of a kind exceeds, at any phase and rate; infinite without a proof. */
+double crude_bound(const sight_t *sight, index_t order, int column);
+
+/* Note bounds of the differences of a kind, near the largest that was found. */
+void prove(const block_t *block, index_t past, index_t order, int column, sight_t *sight,
+           extremes_t *found);
 
 /* Note the largest differences of the position. */
 void take_moves(const block_t *block, index_t past, extremes_t *found);
@@ -152,6 +172,9 @@ void take_moves(const block_t *block, index_t past, extremes_t *found);
 bool has_axes(matrix_t limits);
 
 /* brake.c */
+
+/* Return whether differences up to some bounds might not let a path be slowed down at a rate. */
+bool is_risky(const double bounds[12], double period, const measure_t *how, double rate);
 
 /* Lower the brake rate to the least that is safe in a block at any phase. */
 void brake(const block_t *block, const sight_t *sight, double period, const measure_t *how,
@@ -183,17 +206,17 @@ INLINE double peak_of(const segments_t *segments, index_t k, index_t order, int 
     if (column == 0)
         return order == 1 ? segments->speed[k] : order == 2 ? segments->bend[k] : segments->twist[k];
     if (order == 1)
-        return most_of(size_of(at(&segments->leave, k), column),
+        return larger(size_of(at(&segments->leave, k), column),
                        size_of(at(&segments->arrive, k), column))
              + 0.125 * segments->twist[k] + 0.25 * segments->steps[k];
     if (order == 2)
-        return most_of(most_of(size_of(at(&segments->begin, k), column),
+        return larger(larger(size_of(at(&segments->begin, k), column),
                                size_of(at(&segments->end, k), column)),
-                       most_of(size_of(at(&segments->before, k), column),
+                       larger(size_of(at(&segments->before, k), column),
                                size_of(at(&segments->behind, k), column)))
              + 0.6 * segments->speed[k] * segments->bend[k];
     vec_t jerk = at(&segments->jerk, k), last = plus(jerk, at(&segments->spin, k));
-    return most_of(size_of(jerk, column), size_of(last, column)) + segments->spread[k];
+    return larger(size_of(jerk, column), size_of(last, column)) + segments->spread[k];
 }
 
 /* Return the step of the acceleration between a record and the next, or of a component of it. */
@@ -207,11 +230,11 @@ INLINE reach_t reach_of(const segments_t *segments, index_t i, index_t order, in
     reach_t reach = {peak_of(segments, i, order, column), step_of(segments, i, column), 0.0, 0.0};
     double slope = 0.0, bend = 0.0;
     for (index_t k = i; k < i + order; k++) {
-        reach.most = most_of(reach.most, peak_of(segments, k + 1, order, column));
+        reach.most = larger(reach.most, peak_of(segments, k + 1, order, column));
         reach.steps += segments->jump[k] + step_of(segments, k + 1, column);
-        reach.off = most_of(reach.off, segments->coupling[order - 1][k]);
-        slope = most_of(slope, segments->slope[k]);
-        bend = most_of(bend, segments->coupling[order == 2 ? 1 : 2][k]);
+        reach.off = larger(reach.off, segments->coupling[order - 1][k]);
+        slope = larger(slope, segments->slope[k]);
+        bend = larger(bend, segments->coupling[order == 2 ? 1 : 2][k]);
     }
     reach.slope = order == 1 ? slope : order == 2 ? 2.0 * slope + bend : 4.0 * slope + 2.0 * bend;
     return reach;

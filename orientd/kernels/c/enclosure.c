@@ -86,13 +86,13 @@ static double hull_of(const difference_t *d, double from, double to, double *kno
     double largest = 0.0, width = to - from;
     for (index_t n = 0; n < PHASE_NODES; n++) {
         values[n] = value_at(d, from + width * node_of(n));
-        *known = most_of(*known, size_of(values[n], d->column));
+        *known = larger(*known, size_of(values[n], d->column));
     }
     for (index_t k = 0; k < PHASE_NODES; k++) {
         vec_t sum = vec(0, 0, 0);
         for (index_t n = 0; n < PHASE_NODES; n++)
             sum = plus(sum, times(bernstein(k, n), values[n]));
-        largest = most_of(largest, size_of(sum, d->column));
+        largest = larger(largest, size_of(sum, d->column));
     }
     return largest + width * width * d->rest;
 }
@@ -117,19 +117,19 @@ static difference_t difference_of(const block_t *block, const segments_t *segmen
                       0.0, 0.0, 0.0, 0.0, 0.0};
     double w = 0.0, a = 0.0, j = 0.0, change = 0.0, off[3] = {0.0};
     for (index_t k = i; k <= i + order; k++) {
-        w = most_of(w, peak_of(segments, k, 1, column));
-        a = most_of(a, peak_of(segments, k, 2, column));
-        j = most_of(j, peak_of(segments, k, 3, column));
+        w = larger(w, peak_of(segments, k, 1, column));
+        a = larger(a, peak_of(segments, k, 2, column));
+        j = larger(j, peak_of(segments, k, 3, column));
         vec_t jerk = at(&segments->jerk, k);
-        change = most_of(change, 2.0 * (size_of(at(&segments->spin, k), column)
+        change = larger(change, 2.0 * (size_of(at(&segments->spin, k), column)
                                         + segments->spread[k]));
         for (index_t l = i; l < k; l++)
-            change = most_of(change, size_of(minus(jerk, at(&segments->jerk, l)), column));
+            change = larger(change, size_of(minus(jerk, at(&segments->jerk, l)), column));
     }
     for (index_t k = i; k < i + order; k++) {
-        d.rest = most_of(d.rest, segments->rest[k]);
+        d.rest = larger(d.rest, segments->rest[k]);
         for (index_t l = 0; l < 3; l++)
-            off[l] = most_of(off[l], segments->coupling[l][k]);
+            off[l] = larger(off[l], segments->coupling[l][k]);
     }
     double steps = d.reach.steps;
     d.rest *= order == 1 ? 1.0 : order == 2 ? 2.0 : 4.0;
@@ -170,15 +170,15 @@ double enclose(const block_t *block, const segments_t *segments, index_t i, inde
         double crude = reach_at(d.reach, order, box.high), near = size + spread;
         /* The lowest rate by the slope at the highest, which changes by no more than the lean. */
         double lowest = size_of(minus(value, times(height, slope)), column);
-        double line = most_of(size, lowest) + turn + height * lean;
+        double line = larger(size, lowest) + turn + height * lean;
         double least_bound = line < near ? line : near;
         least_bound = crude < least_bound ? crude : least_bound;
         if (!(size < INFINITY))
             return NAN;
-        *known = most_of(*known, size);
+        *known = larger(*known, size);
         bool is_last = left <= 0 || count + 2 > STACK;
         if (least_bound <= cut_of(*known) || is_last) {
-            bound = most_of(bound, least_bound);
+            bound = larger(bound, least_bound);
             continue;
         }
         bool is_climbing = height <= 0.0 || inner(value, slope, column)
@@ -189,7 +189,7 @@ double enclose(const block_t *block, const segments_t *segments, index_t i, inde
         if (is_climbing && (place < 0.0 || hull <= cut_of(*known))) {
             double here = hull <= cut_of(*known) ? hull : hull_of(&d, box.from, box.to, known);
             if (here <= cut_of(*known) || width <= NARROW) {
-                bound = most_of(bound, here < least_bound ? here : least_bound);
+                bound = larger(bound, here < least_bound ? here : least_bound);
                 continue;
             }
         }

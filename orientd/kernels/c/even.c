@@ -128,6 +128,7 @@ static void see_records(const even_t *asked, index_t first, index_t last, index_
         .rests = {asked->is_held[0], asked->is_held[1]},
     };
     block_t *block = &scratch->block;
+    begin_sight(&scratch->sight, 0);
     begin_block(&from, block);
     if (first == 0 && asked->is_held[0]) {
         fill_block(&from, 0, block);
@@ -140,7 +141,9 @@ static void see_records(const even_t *asked, index_t first, index_t last, index_
     found->left -= total;
     for (index_t read = 0; read < total && found->left >= 0;) {
         read = fill_block(&from, read, block);
-        take_differences(block, asked->period, 0, with_axes, false, &scratch->sight, &found->of);
+        take_records(block, asked->period, false, &scratch->sight);
+        take_phases(block, false, &scratch->sight);
+        note_differences(block, 0, with_axes, true, &scratch->sight, &found->of);
         if (asked->moves.n)
             take_moves(block, 0, &found->of);
     }

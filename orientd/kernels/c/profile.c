@@ -80,7 +80,7 @@ void put_path(search_t *s, const rate_t *rates, int count) {
                 }
                 put_products(rate, p + 3 * spot, q + 3 * spot, third, aims[e], products);
                 if (rate->order == 1)
-                    s->top[spot][e] = fmax(s->top[spot][e], products[0]);
+                    s->top[spot][e] = larger(products[0], s->top[spot][e]);
                 else if (rate->order == 2) {
                     double **to = s->bends[spot][s->bend_count];
                     to[0][e] = products[0], to[1][e] = products[1], to[2][e] = products[3];
@@ -139,12 +139,12 @@ static double largest_share(const search_t *s) {
     for (int spot = 0; spot < SPOTS; spot++)
         for (index_t e = 0; e < s->n; e++) {
             double y = s->y[spot][e], d = s->d[spot][e];
-            largest = fmax(largest, y * s->top[spot][e]);
+            largest = larger(y * s->top[spot][e], largest);
             for (int k = 0; k < s->bend_count; k++)
-                largest = fmax(largest, sqrt(fmax(length2(s->bends[spot][k], e, y, d), 0.0)));
+                largest = larger(sqrt(larger(length2(s->bends[spot][k], e, y, d), 0.0)), largest);
             for (int k = 0; k < s->twist_count; k++)
-                largest = fmax(largest, sqrt(fmax(length3(s->twists[spot][k], e, y, d, s->b[e])
-                                                      * y, 0.0)));
+                largest = larger(sqrt(larger(length3(s->twists[spot][k], e, y, d, s->b[e]) * y,
+                                             0.0)), largest);
         }
     return largest;
 }

@@ -64,7 +64,7 @@ void put_shares(const profile_path_t *path, const double *values, const double *
                 double u = place / (PLACES - 1.0), x = u * h, v[3];
                 double y = values[e] + x * (slopes[e] + 0.5 * x * bend);
                 double slope = slopes[e] + x * bend;
-                y = fmax(y, 0.0);
+                y = larger(y, 0.0);
                 for (index_t k = 0; k < 3; k++) {
                     double one = between(p[k], p[k + 3], p[k + 6], u);
                     double two = between(s[k], s[k + 3], s[k + 6], u);
@@ -73,9 +73,9 @@ void put_shares(const profile_path_t *path, const double *values, const double *
                            : rate->order == 2 ? two * y + 0.5 * one * slope
                                               : three * y + 1.5 * two * slope + 0.5 * one * bend;
                 }
-                most = fmax(most, square_of(rate, v) * (rate->order == 2 ? 1.0 : y));
+                most = larger(square_of(rate, v) * (rate->order == 2 ? 1.0 : y), most);
             }
-            largest[e] = fmax(largest[e], sqrt(most));
+            largest[e] = larger(sqrt(most), largest[e]);
         }
     }
 }

@@ -62,8 +62,8 @@ void put_segments(index_t count, const lanes_t *turns, segments_t *restrict to) 
         vec_t behind = plus(before, step), last = plus(plus(second, third), step);
         vec_t rate = plus(plus(at(&to->first, i), second), plus(times(0.5, third),
                                                                 times(over, step)));
-        double w1 = most_of(norm(v), norm(w)), j1 = norm(third), d = norm(step);
-        double most = most_of(most_of(norm(second), norm(before)), most_of(norm(behind), norm(last)));
+        double w1 = larger(norm(v), norm(w)), j1 = norm(third), d = norm(step);
+        double most = larger(larger(norm(second), norm(before)), larger(norm(behind), norm(last)));
         /* Between its ends the velocity is at most this much larger. */
         double w2 = w1 + 0.125 * j1 + 0.25 * d, a2 = most + 0.3 * w2 * w2 * most;
         put(&to->begin, i, second), put(&to->before, i, before), put(&to->behind, i, behind);
@@ -72,7 +72,7 @@ void put_segments(index_t count, const lanes_t *turns, segments_t *restrict to) 
         double spread = 0.6 * w2 * d + w2 * w2 * (0.7 * a2 + 0.2 * j1) + 0.5 * a2 * j1;
         put(&to->jerk, i, jerk), put(&to->spin, i, spin);
         to->speed[i] = w2, to->bend[i] = a2, to->steps[i] = d, to->spread[i] = spread;
-        to->twist[i] = most_of(norm(jerk), norm(plus(jerk, spin))) + spread;
+        to->twist[i] = larger(norm(jerk), norm(plus(jerk, spin))) + spread;
     }
     for (index_t i = 0; i + 1 < count; i++) {
         double w = to->speed[i];
@@ -82,12 +82,12 @@ void put_segments(index_t count, const lanes_t *turns, segments_t *restrict to) 
     to->jump[count - 1] = 0.0;
     INDEPENDENT
     for (index_t i = 0; i < count - 1; i++) {
-        double w = most_of(to->speed[i], to->speed[i + 1]);
-        double a = most_of(to->bend[i], to->bend[i + 1]);
-        double j = most_of(to->twist[i], to->twist[i + 1]);
+        double w = larger(to->speed[i], to->speed[i + 1]);
+        double a = larger(to->bend[i], to->bend[i + 1]);
+        double j = larger(to->twist[i], to->twist[i + 1]);
         double d = to->steps[i] + to->steps[i + 1] + to->jump[i];
         double change = norm(minus(at(&to->jerk, i + 1), at(&to->jerk, i)))
-                      + 2.0 * most_of(norm(at(&to->spin, i)) + to->spread[i],
+                      + 2.0 * larger(norm(at(&to->spin, i)) + to->spread[i],
                                      norm(at(&to->spin, i + 1)) + to->spread[i + 1]);
         double f = 0.1 * a * w, e = j / 12 + 0.125 * d + f, n = w * e + 0.085 * w * w * a;
         to->coupling[0][i] = f, to->coupling[1][i] = n;

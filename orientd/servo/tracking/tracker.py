@@ -12,6 +12,7 @@ from orientd.servo.motion_law import (
     advance,
     divided,
     halt,
+    halt_inside,
     limits_of,
     loosened,
     saturated,
@@ -102,6 +103,7 @@ class Tracker:
 
         The rates are backward differences.  What moves faster than the limits is slowed down first.
         """
+        self._servo_limits = servo_limits
         self._limits, self._units = limits_of(servo_limits, self._period)
         # The law's state is in its own units.
         self._q = q
@@ -147,12 +149,21 @@ class Tracker:
                 self.is_at_rest = not self._reference.awaits
                 self._before, self._wish = (self._q, ZERO, ZERO), ZERO
                 return TrackPoint(self._q, ZERO, ZERO)
-            omega, self._wish = halt(self._omega, self._alpha, self._loose)
+            omega, self._wish = self._stopped()
             return self._move(omega, self._wish)
         self.is_at_rest = False
         alpha = advance(self._omega, self._alpha, self._wanted(found), self._loose)
         self._wish = alpha
         return self._move(plus(self._omega, alpha, self._period), alpha)
+
+    def _stopped(self) -> tuple[Vector3, Vector3]:
+        """Return velocity and acceleration one cycle further towards rest."""
+        if not self._servo_limits.has_axes:
+            return halt(self._omega, self._alpha, self._loose)
+        units = self._units
+        omega, alpha = times(self._omega, units), times(self._alpha, units)
+        omega, alpha = halt_inside(omega, alpha, self._servo_limits, self._period)
+        return divided(omega, units), divided(alpha, units)
 
     def ease(self, share: float | None) -> TrackPoint:
         """Take the last step back; go a *share* of the way from an even step to it, or brake."""

@@ -6,17 +6,15 @@ what clients wrote, and reads variables by their RTDE names with :meth:`Controll
 
 from __future__ import annotations
 
-import re
+from collections import deque
 from collections.abc import Callable, Sequence
 
-from orientd_sim.ur.arm import TICK, Arm, Behaviour, Mode, Tool, UnreachableError
+from orientd_sim.ur.arm import TICK, Arm, Behaviour, Mode, Tool
+from orientd_sim.ur.functions import FLAGS, Functions
 from orientd_sim.ur.outputs import OUTPUT_GETTERS
-from orientd_sim.ur.programs import UnknownStatementError, parse
-from orientd_sim.ur.script import SIGNATURE, ControlScript, StatementProgram
-from orientd_sim.ur.variables import REGISTERS, ProgramState, RobotMode, SafetyMode
+from orientd_sim.ur.urscript import Program, Script, ScriptError, compile_script
+from orientd_sim.ur.variables import INPUTS, REGISTERS, ProgramState, RobotMode, SafetyMode
 from orientd_sim.ur.wire import Value
-
-_OFFSETS = re.compile(r"reg_offset_(int|float) = # \w+ register offset\n\s*(\d+)")
 
 _STOPPED_BY_SAFETY = frozenset(
     {
@@ -29,20 +27,17 @@ _STOPPED_BY_SAFETY = frozenset(
     }
 )
 _HARD_DECELERATION = 30.0
-_INJECTED = "# inject move path\n"
+_SHORTEST_TICKS = 50
+"""A program plays at least so long that its client can see it."""
 
-Program = ControlScript | StatementProgram
+_HISTORY = 2500
+
+Event = tuple[str, int, int, str, str]
+"""What the primary interface tells: kind, line, column, title, text."""
 
 
 class RefusedError(Exception):
     """A request that the robot's present state does not allow; the text is what it answers."""
-
-
-def _injected(text: str) -> str:
-    """Return the motions that a client has put into the text of the control script."""
-    _, _, after = text.partition(_INJECTED)
-    lines = after.splitlines()
-    return "\n".join(lines[: next((n for n, one in enumerate(lines) if one.strip() == "end"), 0)])
 
 
 class Controller:
@@ -68,21 +63,35 @@ class Controller:
         self.payload_cog: tuple[float, ...] = (0.0, 0.0, 0.0)
         self.payload_inertia: tuple[float, ...] = (0.0,) * 6
         self.gravity: tuple[float, ...] = (0.0, 0.0, 9.82)
-        self.digital_outputs = 0
+        self.digital_inputs = self.digital_outputs = 0
+        self.analog_inputs = [0.0] * 4
         self.analog_outputs = [0.0, 0.0]
+        self.analog_types = 0
+        self.tool_voltage = 0
+        self.flags = [False] * FLAGS
+        self.external_force: tuple[float, ...] = (0.0,) * 6
+        self.uses_external_force = False
+        self.input_bits = self.output_bits = 0
         self.input_ints = [0] * REGISTERS
         self.input_doubles = [0.0] * REGISTERS
         self.output_ints = [0] * REGISTERS
         self.output_doubles = [0.0] * REGISTERS
         self.log: list[str] = []
+        self.told: deque[str] = deque(maxlen=100)
+        self.popup = ""
+        self.events: deque[Event] = deque(maxlen=1000)
+        self.history: deque[tuple[float, ...]] = deque([self.arm.actual_q], maxlen=_HISTORY)
         self.on_message: Callable[[str], None] = lambda _text: None
         self.program: Program | None = None
+        self.secondary: Program | None = None
         self._next_program: Program | None = None
         self._written: list[tuple[Sequence[str], Sequence[Value]]] = []
         self._due: list[tuple[int, Callable[[], None]]] = []
-        self._watchdog: tuple[str, int] | None = None
+        self._watchdog: tuple[str, int, str] | None = None
         self._watchdog_fed = 0
         self._stopped_since = 0
+        self._playing_since = 0
+        self._compiled: dict[str, Script] = {}
 
     # The cycle.
 
@@ -102,6 +111,7 @@ class Controller:
         breach = self.arm.step(self.speed_scaling)
         if breach is not None and self.behaviour.stops_on_breach and self.is_powered:
             self.protective_stop(str(breach))
+        self.history.append(self.arm.actual_q)
         if self.runtime_state is ProgramState.PAUSING and self.arm.is_still:
             self.runtime_state = ProgramState.PAUSED
 
@@ -122,21 +132,41 @@ class Controller:
         self.speed_fraction += max(-step, min(step, change))
 
     def _run_program(self) -> None:
+        if self.secondary is not None and self._has_ended(self.secondary):
+            self.secondary.end()
+            self.secondary = None
         if self.program is None or self.runtime_state is not ProgramState.PLAYING:
             return
-        if self.safety_mode in _STOPPED_BY_SAFETY:
+        if self.safety_mode in _STOPPED_BY_SAFETY or self._watchdog_bites():
             return
-        if self._watchdog is not None and self.ticks - self._watchdog_fed > self._watchdog[1]:
-            self._end_program("watchdog: no input in time")
-            return
-        try:
-            goes_on = self.program.advance()
-        except (UnreachableError, UnknownStatementError, IndexError) as error:
-            # The last: a register that there is not.
-            self._end_program(f"program ended: {error}")
-            return
-        if not goes_on:
+        if self._has_ended(self.program):
             self._end_program("")
+
+    def _has_ended(self, program: Program) -> bool:
+        """Run a program for one cycle."""
+        try:
+            goes_on = program.advance()
+        except ScriptError as error:
+            self._report("program ended", error)
+            return True
+        is_seen = program is self.secondary or self.ticks - self._playing_since >= _SHORTEST_TICKS
+        return not goes_on and is_seen
+
+    def _report(self, what: str, error: ScriptError) -> None:
+        place = f" (line {error.line})" if error.line else ""
+        self.say(f"{what}: {error}{place}")
+        self.events.append(("exception", error.line, error.column, "", str(error)))
+
+    def _watchdog_bites(self) -> bool:
+        if self._watchdog is None or self.ticks - self._watchdog_fed <= self._watchdog[1]:
+            return False
+        if self._watchdog[2] == "stop":
+            self._end_program("watchdog: no input in time")
+        else:
+            self.say("watchdog: no input in time")
+            self._watchdog = None
+            self.pause()
+        return True
 
     # Programs.
 
@@ -151,37 +181,25 @@ class Controller:
         return self.is_powered and self.safety_mode not in _STOPPED_BY_SAFETY
 
     def upload(self, text: str) -> None:
-        """Take a program sent to the script port; ignore it where a robot would."""
-        if not self.is_remote or not self.can_move:
+        """Take a program sent to a script port: a line, ``def .. end`` or ``sec .. end``."""
+        functions = Functions(self)
+        try:
+            script = self._compiled.get(text) or compile_script(text, functions.table())
+        except ScriptError as error:
+            self._report("program refused", error)
+            return
+        self._compiled = {**dict(list(self._compiled.items())[-7:]), text: script}
+        if not self.is_remote or not (self.can_move or script.is_secondary):
             self.say("program refused: not in remote control, or stopped")
             return
-        if text.lstrip().startswith("sec "):
-            return
-        try:
-            program = self._read(text)
-        except UnknownStatementError as error:
-            self.say(f"program refused: {error}")
+        program = Program(script, functions)
+        if script.is_secondary:
+            self.secondary = program
             return
         if self.program is not None:
             self._end_program("replaced by another program")
         self._next_program = program
         self.later(self.behaviour.program_start, lambda: self._start(program))
-
-    def _read(self, text: str) -> Program:
-        """Return the program of a text.
-
-        Raises:
-            UnknownStatementError: a line of it is none of those that are understood.
-        """
-        if not text.lstrip().startswith(SIGNATURE):
-            return StatementProgram(self, parse(text))
-        offsets = {kind: int(number) for kind, number in _OFFSETS.findall(text)}
-        return ControlScript(
-            self,
-            int_offset=offsets.get("int", 0),
-            double_offset=offsets.get("float", 0),
-            path=parse(_injected(text)),
-        )
 
     def _start(self, program: Program) -> None:
         if program is not self._next_program or not self.can_move:
@@ -189,12 +207,18 @@ class Controller:
         self._next_program = None
         self._watchdog = None
         self.program = program
+        self._playing_since = self.ticks
         self.arm.hold() if self.arm.is_still else self.arm.brake(_HARD_DECELERATION)
         self.runtime_state = ProgramState.PLAYING
+        self.events.append(("key", 0, 0, "PROGRAM_XXX_STARTED", program.script.name or "unnamed"))
 
     def _end_program(self, why: str) -> None:
         if why:
             self.say(why)
+        if self.program is not None:
+            name = self.program.script.name or "unnamed"
+            self.events.append(("key", 0, 0, "PROGRAM_XXX_STOPPED", name))
+            self.program.end()
         self.program = None
         self._watchdog = None
         self.runtime_state = ProgramState.STOPPED
@@ -230,20 +254,46 @@ class Controller:
             self._watchdog_fed = self.ticks
             self.runtime_state = ProgramState.PLAYING
         elif self.loaded_program and self.runtime_state is ProgramState.STOPPED:
-            self.program = StatementProgram(self, parse("sleep(3600)"))
-            self.runtime_state = ProgramState.PLAYING
+            functions = Functions(self)
+            waiting = compile_script("while True:\n  sync()\nend\n", functions.table())
+            self._next_program = Program(waiting, functions)
+            self._start(self._next_program)
         else:
             raise RefusedError("Failed to execute: play")
 
-    def set_watchdog(self, register: str, frequency: float) -> None:
-        """End the program when *register* is not written *frequency* times a second."""
-        self._watchdog = (register, max(1, round(1.0 / (max(frequency, 1e-3) * TICK))))
+    def set_watchdog(self, register: str, frequency: float, action: str) -> None:
+        """``stop`` or ``pause`` the program when *register* is not written so often a second.
+
+        Raises:
+            ValueError: there is no such register or action.
+        """
+        if register not in INPUTS or action not in ("pause", "stop", "ignore"):
+            raise ValueError(f"rtde_set_watchdog: no register {register!r} or action {action!r}")
+        ticks = max(1, round(1.0 / (max(frequency, 1e-3) * TICK)))
+        self._watchdog = None if action == "ignore" else (register, ticks, action)
         self._watchdog_fed = self.ticks
 
     def say(self, text: str) -> None:
         """Write a line into the log and to the clients."""
         self.log.append(f"{self.timestamp:.3f} {text}")
         self.on_message(text)
+
+    def tell(self, text: str) -> None:
+        """Write a program's words into its log and to the clients."""
+        self.told.append(text)
+        self.events.append(("text", 0, 0, "", text))
+
+    def open_popup(
+        self, text: str, title: str, *, warning: bool, error: bool, blocking: bool
+    ) -> None:
+        """Show a window on the pendant."""
+        self.popup = text or title
+        self.events.append(("popup", warning, error << 1 | blocking, title, text))
+
+    @property
+    def force(self) -> tuple[float, ...]:
+        """The force at the tool; there is none but what a client has written."""
+        return self.external_force if self.uses_external_force else (0.0,) * 6
 
     def push(self, q: Sequence[float], seconds: float) -> None:
         """Let somebody move the joints by hand to *q*, rad, in so many seconds.
@@ -358,6 +408,8 @@ class Controller:
         """Take an RTDE input variable; masks and values of one package are applied in order."""
         if self._watchdog is not None and name == self._watchdog[0]:
             self._watchdog_fed = self.ticks
+        if name == "external_force_torque" and isinstance(value, tuple):
+            self.external_force = value
         if isinstance(value, tuple):
             return
         if name.startswith("input_int_register_"):

@@ -8,13 +8,27 @@ times are nanoseconds of the machine's monotonic clock.
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from pathlib import Path
+
+from orientd_sim.ur.wire import Value
 
 SETPOINT_ROW = struct.Struct("<qq6d")
 """When a servo command arrived, in which tick, and its six numbers, bit-exact."""
 
 ARM_ROW = struct.Struct("<qq6d6d6d")
 """One tick: when it ran, the pose commanded, the pose measured, the joints measured."""
+
+_SERVO_COMMANDS = (11, 24)
+
+
+def servo_target(names: Sequence[str], values: Sequence[Value]) -> tuple[float, ...] | None:
+    """Return the six numbers of a servo command as ``ur_rtde`` writes it, or ``None``."""
+    if len(values) != 12 or not names[0].startswith("input_int_register_"):
+        return None
+    if values[0] not in _SERVO_COMMANDS:
+        return None
+    return tuple(float(one) for one in values[1:7] if not isinstance(one, tuple))
 
 
 class SetpointRecording:

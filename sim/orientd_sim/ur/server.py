@@ -21,11 +21,11 @@ from pathlib import Path
 
 from orientd_sim.ur import dashboard, faults, primary
 from orientd_sim.ur.arm import Behaviour
-from orientd_sim.ur.commands import RegisterCommand
 from orientd_sim.ur.connection import ClientConnection
 from orientd_sim.ur.controller import Controller
-from orientd_sim.ur.recording import SetpointRecording
+from orientd_sim.ur.recording import SetpointRecording, servo_target
 from orientd_sim.ur.session import ClientSession
+from orientd_sim.ur.urscript import Splitter
 from orientd_sim.ur.wire import Value, WireError
 
 RTDE_PORT = 30004
@@ -39,7 +39,6 @@ _SCRIPT_KINDS = ("script", "primary", "secondary")
 TICK_NS = 2_000_000
 _PRIORITY = 10
 _LONGEST_CATCH_UP_NS = 250_000_000
-_SCRIPT_END = b"\nend\n"
 
 
 class Server:
@@ -72,6 +71,7 @@ class Server:
         self._owners: dict[str, ClientSession] = {}
         self._sessions: dict[ClientConnection, ClientSession] = {}
         self._texts: dict[ClientConnection, bytearray] = {}
+        self._splitters: dict[ClientConnection, Splitter] = {}
         self._informed: set[ClientConnection] = set()
         self._connections: dict[int, ClientConnection] = {}
         self._listeners: dict[int, tuple[socket.socket, str]] = {}
@@ -190,6 +190,8 @@ class Server:
             self._sessions[connection] = ClientSession(self.robot, self._owners, self._write)
         else:
             self._texts[connection] = bytearray()
+        if kind in _SCRIPT_KINDS:
+            self._splitters[connection] = Splitter()
         if kind == "dashboard":
             self._answer(connection, dashboard.WELCOME, time.monotonic_ns())
         elif kind in _SCRIPT_KINDS[1:]:
@@ -216,11 +218,9 @@ class Server:
     def _read_text(self, connection: ClientConnection, now_ns: int) -> None:
         text = self._texts[connection]
         if connection.kind in _SCRIPT_KINDS:
-            # The only `end` at the beginning of a line is the program's last.
-            while (at := text.find(_SCRIPT_END)) >= 0:
-                program = bytes(text[: at + len(_SCRIPT_END)])
-                del text[: at + len(_SCRIPT_END)]
-                self.robot.upload(program.decode("utf-8", "replace"))
+            for program in self._splitters[connection].feed(bytes(text)):
+                self.robot.upload(program)
+            text.clear()
             return
         while (at := text.find(b"\n")) >= 0:
             line = bytes(text[:at]).decode("utf-8", "replace")
@@ -247,6 +247,9 @@ class Server:
         fd = connection.sock.fileno()
         self._connections.pop(fd, None)
         self._texts.pop(connection, None)
+        splitter = self._splitters.pop(connection, None)
+        if splitter is not None and splitter.unfinished:
+            self.robot.say(f"program refused: it has no end: {splitter.unfinished[:80]!r}")
         self._informed.discard(connection)
         session = self._sessions.pop(connection, None)
         if session is not None:
@@ -255,14 +258,11 @@ class Server:
 
     def _write(self, names: tuple[str, ...], values: list[Value]) -> None:
         self.robot.write_package(names, values)
-        is_servo = (
-            values[0] in (RegisterCommand.SERVO_L, RegisterCommand.SERVO_J) and len(values) == 12
-        )
-        if is_servo and names[0].startswith("input_int_register_"):
+        target = servo_target(names, values)
+        if target is not None:
             self.setpoints += 1
             self._setpoints_this_tick += 1
             if self.recording.is_on:
-                target = tuple(float(v) for v in values[1:7] if not isinstance(v, tuple))
                 self.recording.add_setpoint(time.monotonic_ns(), self.robot.ticks, target)
 
     def _broadcast(self, text: str) -> None:
@@ -345,6 +345,7 @@ class Server:
                 "overwritten": self.overwritten, "stalls": self.stalls,
                 "malformed": sum(session.malformed for session in self._sessions.values()),
                 "rtde_clients": len(self._sessions), "log": robot.log[-20:],
+                "told": list(robot.told)[-20:],
             }
         )  # fmt: skip
 

@@ -30,37 +30,43 @@ class Tool:
         """Drop what was computed for the last tick."""
         self._poses.clear()
 
-    def at(self, q: Sequence[float]) -> Transform:
-        """Return the tool for joint angles *q*."""
-        return multiply(self._arm.kinematics.forward(q), from_pose(self.offset))
+    def at(self, q: Sequence[float], offset: Pose | None = None) -> Transform:
+        """Return the tool for joint angles *q*, or one with another offset."""
+        flange = self._arm.kinematics.forward(q)
+        return multiply(flange, from_pose(self.offset if offset is None else offset))
 
     def find_joints(
-        self, pose: Sequence[float], near: Sequence[float] | None = None
-    ) -> Joints | None:
+        self, pose: Sequence[float], near: Sequence[float] | None = None,
+        offset: Pose | None = None,
+    ) -> Joints | None:  # fmt: skip
         """Return the joint angles for a pose of the tool, or ``None`` out of reach.
 
         Where *near* is not given the angles nearest to the last ones are taken, so that a stream of
         poses is a stream of joint angles without jumps.
         """
-        key = (tuple(pose), self.offset)
+        offset = self.offset if offset is None else offset
+        key = (tuple(pose), offset)
         if near is None:
             near = self._arm.target_q
             if self._arm.mode is Mode.SERVO and self._last_solution is not None:
                 if self._last_solution[:2] == key:
                     return self._last_solution[2]
                 near = self._last_solution[2]
-        flange = multiply(from_pose(pose), inverse(from_pose(self.offset)))
+        flange = multiply(from_pose(pose), inverse(from_pose(offset)))
         q = self._arm.kinematics.inverse(flange, near)
         self._last_solution = None if q is None else (*key, q)
         return q
 
-    def joints_at(self, pose: Sequence[float], near: Sequence[float] | None = None) -> Joints:
+    def joints_at(
+        self, pose: Sequence[float], near: Sequence[float] | None = None,
+        offset: Pose | None = None,
+    ) -> Joints:  # fmt: skip
         """Return the joint angles for a pose of the tool.
 
         Raises:
             UnreachableError: the arm does not reach it; a program ends for that.
         """
-        q = self.find_joints(pose, near)
+        q = self.find_joints(pose, near, offset)
         if q is None:
             raise UnreachableError(f"get_inverse_kin: no solution for {tuple(pose)}")
         return q
