@@ -36,7 +36,7 @@ from numpy.typing import ArrayLike
 from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
 from orientd.curves.contract import Ends, WithEndStates
 from orientd.curves.interpolating import interpolate
-from orientd.curves.keyframes import ParameterError, check_integer
+from orientd.curves.keyframes import ParameterError, check_integer, check_numbers
 from orientd.curves.newton import solve_entries
 from orientd.curves.products import Path, Product, product_trajectory
 from orientd.curves.starts import start_path
@@ -248,17 +248,7 @@ class EffortProblem:
         inertia: Floats | None,
         spans: int,
     ) -> None:
-        """Pose the problem.
-
-        Args:
-            keys: keyframes, with the signs wanted, shape ``(N + 1, 4)``.
-            instants: theirs.
-            order: of the spline.
-            smoothness: how many derivatives are continuous at the keyframes.
-            ends: what is given at both ends.
-            inertia: shape ``(3, 3)``, or none.
-            spans: between two keyframes.
-        """
+        """Pose the problem for *keys* with the signs wanted and so many *spans* between two."""
         self.knots = effort_knots(instants, order, spans, order - 1 - smoothness)
         self.basis = basis = cumulative_basis(self.knots, order)
         self.inertia = inertia
@@ -331,7 +321,9 @@ class EffortProblem:
                 found.append(self.least_effort(guess))
             except PlanError as error:
                 problems.append(error)
-        if inertia is not None and (not found or self._is_wide()):
+        apart = 2.0 * np.arccos(np.minimum(np.abs(self._steps[:, 0]), 1.0))
+        is_violent = len(apart) < FEW and bool(np.any(apart > LARGE))
+        if inertia is not None and (not found or is_violent):
             with suppress(PlanError):
                 self.inertia = None
                 eased = self.least_effort(guesses[0])
@@ -341,11 +333,6 @@ class EffortProblem:
         if not found:
             raise problems[0]
         return min(found, key=lambda one: self.linearised(one).effort)
-
-    def _is_wide(self) -> bool:
-        """Return whether keyframes are few, and some of them far apart."""
-        apart = 2.0 * np.arccos(np.minimum(np.abs(self._steps[:, 0]), 1.0))
-        return len(apart) < FEW and bool(np.any(apart > LARGE))
 
     def least_effort(self, increments: Floats) -> Floats:
         """Return increments of stationary effort near a guess, shape ``(count, 3)``.
@@ -420,11 +407,7 @@ class EffortProblem:
         self._ties = np.einsum("ef,ij->eifj", self._factors, np.eye(3)).ravel()
 
     def _step(self, here: Linearised) -> tuple[Floats, Floats]:
-        """Return the Gauss-Newton step, and the multipliers of the equations.
-
-        Raises:
-            numpy.linalg.LinAlgError: the system is singular.
-        """
+        """Return the Gauss-Newton step, and the multipliers of the equations."""
         size = 3 * len(self._place)
         right = np.zeros((len(self._place), 3))
         np.subtract.at(
@@ -469,23 +452,15 @@ class EffortProblem:
 
 
 def check_inertia(inertia: ArrayLike) -> Floats:
-    """Return an inertia over its largest moment: the effort is least where it was.
-
-    Raises:
-        ValueError: it is not a symmetric positive definite matrix or three positive moments.
-    """
-    expected = "inertia must be three moments or a symmetric positive definite 3x3 matrix, got"
-    try:
-        matrix = np.asarray(inertia, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise ParameterError("inertia", f"{expected} {inertia!r}") from error
+    """Return an inertia over its largest moment: the effort is least where it was."""
+    expected = "three moments or a symmetric positive definite 3x3 matrix"
+    matrix = check_numbers(inertia, "inertia", expected)
     if matrix.shape == (3,):
         matrix = np.diag(matrix)
-    if matrix.shape != (3, 3) or not np.all(np.isfinite(matrix)):
-        raise ParameterError("inertia", f"{expected} {inertia!r}")
-    moments = np.linalg.eigvalsh(matrix)
+    is_matrix = matrix.shape == (3, 3) and bool(np.isfinite(matrix).all())
+    moments = np.linalg.eigvalsh(matrix) if is_matrix else np.zeros(3)
     if not moments[0] > 0.0 or np.max(np.abs(matrix - matrix.T)) > 1e-9 * moments[-1]:
-        raise ParameterError("inertia", f"{expected} {inertia!r}")
+        raise ParameterError("inertia", f"inertia must be {expected}, got {inertia!r}")
     scaled: Floats = 0.5 * (matrix + matrix.T) / moments[-1]
     return scaled
 
@@ -545,9 +520,7 @@ def keyframe_factors(basis: CumulativeBasis, places: Indices) -> tuple[Indices, 
 
     What is under way at the first keyframe is undone from the right, what has been passed at the
     second completed, and what is under way there begun.
-
-    Returns:
-        Both of shape ``(N, F)``; shares are zero where an interval has fewer factors.
+    Shares are zero where an interval has fewer factors.
     """
     functions = basis.values.shape[1]
     first = basis.first - 1

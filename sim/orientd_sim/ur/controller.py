@@ -24,6 +24,7 @@ _STOPPED_BY_SAFETY = frozenset(
         SafetyMode.ROBOT_EMERGENCY_STOP,
         SafetyMode.VIOLATION,
         SafetyMode.FAULT,
+        SafetyMode.RECOVERY,
     }
 )
 _HARD_DECELERATION = 30.0
@@ -50,7 +51,7 @@ class Controller:
         # Clients take a clock that starts at zero for a controller that is still booting.
         self.timestamp = 100.0
         self.robot_mode = RobotMode.RUNNING
-        self.safety_mode = SafetyMode.NORMAL
+        self.safety_status = SafetyMode.NORMAL
         self.runtime_state = ProgramState.STOPPED
         self.is_remote = True
         self.is_touching = False
@@ -79,6 +80,9 @@ class Controller:
         self.log: list[str] = []
         self.told: deque[str] = deque(maxlen=100)
         self.popup = ""
+        self.operational_mode = "NONE"
+        self.user_role = "PROGRAMMER"
+        self.missing_files: set[str] = set()
         self.events: deque[Event] = deque(maxlen=1000)
         self.history: deque[tuple[float, ...]] = deque([self.arm.actual_q], maxlen=_HISTORY)
         self.on_message: Callable[[str], None] = lambda _text: None
@@ -290,6 +294,10 @@ class Controller:
         self.popup = text or title
         self.events.append(("popup", warning, error << 1 | blocking, title, text))
 
+    def close_popup(self) -> None:
+        """Close the window on the pendant."""
+        self.popup = ""
+
     @property
     def force(self) -> tuple[float, ...]:
         """The force at the tool; there is none but what a client has written."""
@@ -320,38 +328,45 @@ class Controller:
         elif self.runtime_state is ProgramState.PLAYING:
             self.runtime_state = leaves
 
-    def emergency_stop(self) -> None:
-        """Stop the arm, end the program and cut the power."""
-        self.say("emergency stop")
-        self._halt(SafetyMode.ROBOT_EMERGENCY_STOP)
+    @property
+    def safety_mode(self) -> SafetyMode:
+        """The mode that clients of old know; other safeguards are safeguard stops to them."""
+        is_other = self.safety_status > SafetyMode.UNDEFINED_SAFETY_MODE
+        return SafetyMode.SAFEGUARD_STOP if is_other else self.safety_status
+
+    def emergency_stop(self, mode: SafetyMode = SafetyMode.ROBOT_EMERGENCY_STOP) -> None:
+        """Stop the arm, end the program and cut the power; also for a violation or a fault."""
+        self.say(mode.name.lower().replace("_", " "))
+        self._halt(mode)
         self._end_program("")
         self.robot_mode = RobotMode.POWER_OFF
 
-    def safeguard_stop(self) -> None:
+    def safeguard_stop(self, mode: SafetyMode = SafetyMode.SAFEGUARD_STOP) -> None:
         """Stop the arm and pause the program until the safeguard is released."""
         if self.safety_mode in _STOPPED_BY_SAFETY:
             return
-        self.say("safeguard stop")
-        self._halt(SafetyMode.SAFEGUARD_STOP)
+        self.say(mode.name.lower().replace("_", " "))
+        self._halt(mode)
         if self.runtime_state is ProgramState.PLAYING:
             self.runtime_state = ProgramState.PAUSED
 
-    def violation(self) -> None:
-        """Break a safety limit: stop the arm, end the program, cut the power."""
-        self.say("safety violation")
-        self._halt(SafetyMode.VIOLATION)
-        self._end_program("")
-        self.robot_mode = RobotMode.POWER_OFF
+    def reduce(self, mode: SafetyMode = SafetyMode.REDUCED) -> None:
+        """Enter the reduced or the recovery mode, if the mode is normal."""
+        if self.safety_status is SafetyMode.NORMAL:
+            self.safety_status = mode
+            if mode is SafetyMode.RECOVERY and self.runtime_state is not ProgramState.STOPPED:
+                self._end_program("recovery mode")
 
     def _halt(self, mode: SafetyMode) -> None:
-        self.safety_mode = mode
+        self.safety_status = mode
         self._stopped_since = self.ticks
         self.arm.brake(_HARD_DECELERATION)
 
     def release(self) -> None:
-        """Let go of the emergency button or the safeguard; a protective stop needs an unlock."""
-        if self.safety_mode in (SafetyMode.SAFEGUARD_STOP, SafetyMode.ROBOT_EMERGENCY_STOP):
-            self.safety_mode = SafetyMode.NORMAL
+        """Let go of a button or a safeguard, or of a mode; a protective stop needs an unlock."""
+        latched = (SafetyMode.PROTECTIVE_STOP, SafetyMode.VIOLATION, SafetyMode.FAULT)
+        if self.safety_mode not in latched:
+            self.safety_status = SafetyMode.NORMAL
 
     def unlock_protective_stop(self) -> None:
         """Leave a protective stop.
@@ -366,12 +381,12 @@ class Controller:
                 "protective stop before unlocking"
             )
         if self.safety_mode is SafetyMode.PROTECTIVE_STOP:
-            self.safety_mode = SafetyMode.NORMAL
+            self.safety_status = SafetyMode.NORMAL
 
     def restart_safety(self) -> None:
         """Leave a violation or a fault; the arm stays without power."""
         if self.safety_mode in (SafetyMode.VIOLATION, SafetyMode.FAULT):
-            self.safety_mode = SafetyMode.NORMAL
+            self.safety_status = SafetyMode.NORMAL
             self.robot_mode = RobotMode.POWER_OFF
 
     def power_on(self) -> None:
@@ -416,6 +431,10 @@ class Controller:
             self.input_ints[int(name[19:])] = int(value)
         elif name.startswith("input_double_register_"):
             self.input_doubles[int(name[22:])] = float(value)
+        elif name.startswith("input_bit_register"):
+            shift, count = (int(name[19:]), 1) if name[18] == "_" else (32 * ("32" in name), 32)
+            mask = (1 << count) - 1
+            self.input_bits = self.input_bits & ~(mask << shift) | (int(value) & mask) << shift
 
     def write_package(self, names: Sequence[str], values: Sequence[Value]) -> None:
         """Take one package of inputs, which a program sees from the next cycle on."""
@@ -438,7 +457,11 @@ class Controller:
                 self.digital_outputs &= ~(mask << shift)
                 self.digital_outputs |= (mask & bits) << shift
         analog = given.get("standard_analog_output_mask")
+        types = given.get("standard_analog_output_type")
         for port in (0, 1):
+            if isinstance(analog, int) and isinstance(types, int) and analog >> port & 1:
+                bit = 1 << 2 + port
+                self.analog_types = self.analog_types & ~bit | (types >> port & 1) << 2 + port
             level = given.get(f"standard_analog_output_{port}")
             if isinstance(analog, int) and analog & (1 << port) and isinstance(level, float):
                 self.analog_outputs[port] = level

@@ -10,9 +10,13 @@ Not part of any real robot.  The server answers it at all times, a frozen contro
 ``silence`` / ``speak``    answer requests but send no data packages / send them again
 ``delay OUT IN``           hold packages back, s: to clients, from clients
 ``die``                    kill the process, without any farewell
-``protective_stop [AFTER]``, ``emergency_stop [AFTER]``, ``safeguard [AFTER]``, ``violation
-[AFTER]``                  the stop, now or some seconds from now
-``release``                let go of the emergency button or the safeguard
+``protective_stop``, ``emergency_stop``, ``system_emergency_stop``, ``safeguard``,
+``automatic_safeguard``, ``three_position``, ``violation``, ``fault``, ``reduced``, ``recovery``
+                           the stop or the mode, now or, with a number, some seconds from now
+``release``                let go of the button, the safeguard or the mode
+``input KIND NUMBER VALUE``  set an input: ``digital`` 0 to 17 (8 on: configurable, 16 on: tool),
+                           ``analog`` 0 to 3 (2 on: tool)
+``missing FILE``           `load` of this program or installation finds no file
 ``stop``, ``pause``, ``play``  the buttons of the pendant
 ``slider FRACTION``        the speed slider
 ``limiter FRACTION``       slow programs down as the controller's own limiter does
@@ -37,6 +41,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from orientd_sim.ur.controller import Controller, RefusedError
+from orientd_sim.ur.variables import SafetyMode
 
 if TYPE_CHECKING:
     from orientd_sim.ur.server import Server
@@ -73,6 +78,23 @@ def _stop_robot(action: Callable[[Controller], None]) -> Callable[[Server, Seque
             action(robot)
 
     return ask
+
+
+def _enter(
+    action: Callable[[Controller, SafetyMode], None], mode: SafetyMode
+) -> Callable[[Server, Sequence[str]], None]:
+    return _stop_robot(lambda robot: action(robot, mode))
+
+
+def _input(server: Server, words: Sequence[str]) -> None:
+    kind, number, value = words[0], int(words[1]), float(words[2])
+    if kind not in ("digital", "analog") or not 0 <= number < (18 if kind == "digital" else 4):
+        raise ValueError(f"expected digital 0 to 17 or analog 0 to 3, got {kind} {number}")
+    if kind == "analog":
+        server.robot.analog_inputs[number] = value
+    else:
+        rest = server.robot.digital_inputs & ~(1 << number)
+        server.robot.digital_inputs = rest | bool(value) << number
 
 
 def _joint(word: str) -> int:
@@ -116,8 +138,20 @@ _VERBS: dict[str, Callable[[Server, Sequence[str]], str | None]] = {
     "die": lambda server, _words: server.die(),
     "protective_stop": _stop_robot(Controller.protective_stop),
     "emergency_stop": _stop_robot(Controller.emergency_stop),
+    "system_emergency_stop": _enter(Controller.emergency_stop, SafetyMode.SYSTEM_EMERGENCY_STOP),
+    "violation": _enter(Controller.emergency_stop, SafetyMode.VIOLATION),
+    "fault": _enter(Controller.emergency_stop, SafetyMode.FAULT),
     "safeguard": _stop_robot(Controller.safeguard_stop),
-    "violation": _stop_robot(Controller.violation),
+    "automatic_safeguard": _enter(
+        Controller.safeguard_stop, SafetyMode.AUTOMATIC_MODE_SAFEGUARD_STOP
+    ),
+    "three_position": _enter(
+        Controller.safeguard_stop, SafetyMode.SYSTEM_THREE_POSITION_ENABLING_STOP
+    ),
+    "reduced": _stop_robot(Controller.reduce),
+    "recovery": _enter(Controller.reduce, SafetyMode.RECOVERY),
+    "input": _input,
+    "missing": lambda server, words: server.robot.missing_files.add(" ".join(words)),
     "release": lambda server, _words: server.robot.release(),
     "stop": lambda server, _words: server.robot.stop(),
     "pause": lambda server, _words: server.robot.pause(),

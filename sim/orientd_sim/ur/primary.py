@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 
 from orientd_sim.ur.arm import TWISTS
-from orientd_sim.ur.controller import Controller
+from orientd_sim.ur.controller import Controller, Event
 from orientd_sim.ur.variables import ProgramState, RobotMode, SafetyMode
 
 EVERY_TICKS = 50
@@ -28,6 +28,22 @@ def version_message(robot: Controller) -> bytes:
     return _framed(
         _ROBOT_MESSAGE, contents + struct.pack(">BBii", major, minor, bugfix, build) + date
     )
+
+
+def event_message(robot: Controller, event: Event) -> bytes:
+    """Return what happened as a message: a program's words, its start, its end, its exception."""
+    kind, line, column, title, text = event
+    number = {"text": 0, "popup": 2, "key": 7, "exception": 10}[kind]
+    contents = struct.pack(">QbB", round(robot.timestamp * 1e6), -2, number)
+    words, name = text.encode(), title.encode()[:255]
+    if kind == "exception":
+        contents += struct.pack(">ii", line, column)
+    elif kind == "key":
+        contents += struct.pack(">iiB", 0, 0, len(name)) + name
+    elif kind == "popup":  # its line and column are how it is shown
+        flags = (line, column >> 1, column & 1)
+        contents += struct.pack(">II3BB", 0, 0, *flags, len(name)) + name
+    return _framed(_ROBOT_MESSAGE, contents + words)
 
 
 def state_message(robot: Controller, *, is_first: bool) -> bytes:

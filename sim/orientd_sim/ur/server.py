@@ -161,6 +161,11 @@ class Server:
             if not self.is_silent:
                 connection.send(session.outputs(), now_ns, self.delay_out_ns)
             connection.flush(now_ns)
+        while robot.events:
+            event = primary.event_message(robot, robot.events.popleft())
+            for connection in self._connections.values():
+                if connection.kind == "primary":
+                    connection.send(event, now_ns)
         if robot.ticks % primary.EVERY_TICKS == 0:
             self._tell_state(now_ns)
         if self.recording.is_on:
@@ -335,6 +340,8 @@ class Server:
             {
                 "ticks": robot.ticks, "timestamp": robot.timestamp,
                 "robot_mode": robot.robot_mode.name, "safety_mode": robot.safety_mode.name,
+                "safety_status": robot.safety_status.name, "popup": robot.popup,
+                "digital_outputs": robot.digital_outputs,
                 "runtime_state": robot.runtime_state.name, "is_remote": robot.is_remote,
                 "speed_slider": robot.speed_slider, "speed_scaling": robot.speed_scaling,
                 "actual_q": robot.arm.actual_q, "target_q": robot.arm.target_q,
