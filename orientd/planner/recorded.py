@@ -158,8 +158,8 @@ class RecordedMotion:
         """
         rows = self.rows(record - HISTORY, HISTORY + 1)
         here, before = rows[-1].copy(), rows[:-1].copy()
-        parts = np.split(here[:STATE_FLOATS], [4, 7, 10, 13, 16])
-        return State(*parts, before=(before[:, :4], before[:, 10:13]))
+        turning, linear = (here[:4], here[4:7], here[7:10]), (here[10:13], here[13:16], here[16:19])
+        return State(*turning, *linear, before=(before[:, :4], before[:, 10:13]))
 
     def joints_at(self, record: int) -> Joints:
         """Return the axis angles planned at a record, rad; none where it knows of none."""
