@@ -255,13 +255,7 @@ def settled(
 
 
 def nodes_along(path: Path, q: Floats, knots: Floats) -> Nodes | None:
-    """Return nodes on a guess, close where it is fast; nothing where that would be too many.
-
-    Args:
-        path: a curve through the keyframes.
-        q: keyframes, with the signs wanted, shape ``(n, 4)``.
-        knots: their instants.
-    """
+    """Return nodes on a guess, close where it is fast; nothing where that would be too many."""
     h, count = np.diff(knots), 8
     times = knots[:-1, None] + h[:, None] * np.arange(count + 1) / count
     times[:, -1] = knots[1:]

@@ -520,9 +520,7 @@ def keyframe_factors(basis: CumulativeBasis, places: Indices) -> tuple[Indices, 
 
     What is under way at the first keyframe is undone from the right, what has been passed at the
     second completed, and what is under way there begun.
-
-    Returns:
-        Both of shape ``(N, F)``; shares are zero where an interval has fewer factors.
+    Shares are zero where an interval has fewer factors.
     """
     functions = basis.values.shape[1]
     first = basis.first - 1

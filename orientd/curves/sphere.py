@@ -89,11 +89,8 @@ class NielsonHeiland(CubicSegments):
 def control_quaternions(q: Floats, r: Floats, left: Floats, f: Floats) -> Floats:
     """Return the control quaternions *D*, by Newton's method on their right increments.
 
-    Args:
-        q: keyframes, shape ``(n, 4)``.
-        r: where the inner points after each keyframe divide their arcs, shape ``(n - 1,)``.
-        left: the same of the inner points before each keyframe.
-        f: the same of the inner keyframes, shape ``(n - 2,)``.
+    The fractions are those of the formula: of the inner points after each keyframe and before the
+    next, and of the inner keyframes.
 
     Raises:
         PlanError: it does not converge.
@@ -140,9 +137,6 @@ def slerp_jacobians(p: Floats, q: Floats, u: Floats) -> tuple[Floats, Floats]:
 
     With :math:`w = \log(p^{-1} q)` as a rotation vector, increments *a* of *p* and *b* of *q* turn
     the slerp by :math:`\exp(-u w)\, a + u J_r(u w) (J_r^{-1}(w)\, b - J_l^{-1}(w)\, a)`.
-
-    Returns:
-        Matrices with respect to *p* and to *q*, shape ``(n, 3, 3)`` each.
     """
     w = 2.0 * log_half(multiply(conjugate(p), q))
     turn = exp_half(0.5 * u[:, None] * w)

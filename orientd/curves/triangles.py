@@ -51,13 +51,9 @@ class TriangleCurve(Curve):
     def _set_triangles(
         self, knots: Floats, points: Floats, continuity: int, intervals: Intervals | None = None
     ) -> None:
-        """Set up the curve.
+        """Set up the curve of control quaternions, shape ``(segments, order, 4)``.
 
-        Args:
-            knots: where the segments begin, and the end, in seconds, shape ``(segments + 1,)``.
-            points: control quaternions, shape ``(segments, order, 4)``.
-            continuity: what holds at the knots.
-            intervals: of the entries of the triangle; without them those of a Bezier curve.
+        Without *intervals* of the entries of the triangle they are those of a Bezier curve.
         """
         self._set_knots(knots, continuity)
         self._points = points
@@ -75,13 +71,7 @@ class TriangleCurve(Curve):
 
 
 def moving_slerp(p: Floats, q: Floats, shares: Floats, times: Floats) -> Floats:
-    """Return the slerps between points that move with time.
-
-    Args:
-        p: unit quaternions, the first axis goes with *times*.
-        q: unit quaternions, shaped like *p*.
-        shares: where between them, broadcast against the leading axes.
-        times: instants, s, for the message.
+    """Return the slerps between points that move with time, which the first axis goes with.
 
     Raises:
         PlanError: two of them are antipodal, so that the arc between them is not defined.
@@ -108,14 +98,9 @@ class CubicSegments(TriangleCurve, Through):
         instants: Floats,
         continuity: int | None = None,
     ) -> None:
-        """Set up the curve of keyframes, ``(n, 4)``, with control quaternions beside them.
+        """Set up the curve of keyframes, with control quaternions after and before each.
 
-        Args:
-            q: keyframes.
-            after: control quaternions after each keyframe but the last, shape ``(n - 1, 4)``.
-            before: control quaternions before each keyframe but the first.
-            instants: of the keyframes.
-            continuity: without it that of inner points equally far from a keyframe.
+        Without *continuity* it is that of inner points equally far from a keyframe.
         """
         if continuity is None:
             h = np.diff(instants)
@@ -208,11 +193,7 @@ def bisected_reflections(q: Floats) -> Floats:
 
 
 def check_share(value: object, name: str) -> float:
-    """Return a number in ``(0, 1]``, given as a number or as a fraction in words.
-
-    Raises:
-        ValueError: it is not one.
-    """
+    """Return a number in ``(0, 1]``, given as a number or as a fraction in words."""
     number: object = value
     if isinstance(value, str):
         try:
