@@ -41,7 +41,6 @@ if TYPE_CHECKING:
         RecordedMotion,
         states_between,
     )
-    from orientd.planner.replay import plan_as_recorded, replay_request
     from orientd.planner.request import (
         DEFAULT_METHOD,
         Frame,
@@ -52,7 +51,7 @@ if TYPE_CHECKING:
         named_frames,
     )
     from orientd.planner.resolve import in_device_coordinates, report_frame
-    from orientd.planner.task import distinct, task_of
+    from orientd.planner.task import distinct, plan_as_recorded, replay_request, task_of
 
 __getattr__ = lazily(
     __name__,
@@ -84,7 +83,6 @@ __getattr__ = lazily(
             "RecordedMotion",
             "states_between",
         ),
-        "orientd.planner.replay": ("plan_as_recorded", "replay_request"),
         "orientd.planner.request": (
             "DEFAULT_METHOD",
             "Frame",
@@ -95,6 +93,6 @@ __getattr__ = lazily(
             "named_frames",
         ),
         "orientd.planner.resolve": ("in_device_coordinates", "report_frame"),
-        "orientd.planner.task": ("distinct", "task_of"),
+        "orientd.planner.task": ("distinct", "plan_as_recorded", "replay_request", "task_of"),
     },
 )

@@ -17,6 +17,7 @@ import numpy as np
 
 from orientd.errors import LimitError, PlanError, RequestError, StartError
 from orientd.planner import refusal, resting
+from orientd.planner.certify import share_to_stop
 from orientd.planner.connect import CONNECTIONS, WITHOUT_RESERVE, approach
 from orientd.planner.job import PlanJob
 from orientd.planner.limits import ANGULAR, LONGEST, PERIODS, UNITS, Limits
@@ -58,8 +59,11 @@ _MUCH = 0.9  # of a limit, and of the longest stop
 _WHOLE = 1.0 + 1e-6  # of a limit
 _MOST_OVER = 1.1  # times a limit that a timing is slowed down for
 _MOST_TIMINGS = 12  # until the records keep the limits, and until a stop is short enough
+_LONG = 1.5  # times the longest stop: a curve that will have to keep more of a reserve
+_USUAL = 0.8  # of what a stop from the velocity's limit asks for
+_COSTLY = 1.02  # times as long as before: too much for a quicker stop
 _NO_LONGER = 0.98  # of a stop's time, above which twice the reserve has not helped
-_LEAST_MORE, _GREATEST_MORE = 2.0, 4.0  # times the reserve, for the next timing
+_LEAST_MORE, _GREATEST_MORE = 1.2, 16.0  # times the reserve, for the next timing
 
 
 def plan(
@@ -219,7 +223,7 @@ def _turn(job: PlanJob, target: State, name: str) -> Motion:
     if usual is None:
         return job.motion(target, name)
 
-    def make(limits: Limits, share: float, _: KeyframePath | None) -> KeyframePath:
+    def make(limits: Limits, share: float) -> KeyframePath:
         shares = {"share": share, "jerk_share": share}
         found = approach(here, target.q, limits, is_even=job.is_even, is_part=False, **shares)
         turn = found or usual
@@ -302,11 +306,11 @@ def _with_stops(job: PlanJob, name: str, tried: _Tried) -> None:
     least = resting.least_with_stops(request.keys, job.limits)
     if resting.can_rest(job) and not any(job.ends.moves):
 
-        def make(limits: Limits, share: float, _: KeyframePath | None) -> KeyframePath:
+        def make(limits: Limits, share: float) -> KeyframePath:
             return resting.with_stops(job, limits, share)
 
         def stopping() -> Motion | None:
-            if least >= took or make(job.limits, SHARE, None).duration >= took:
+            if least >= took or make(job.limits, SHARE).duration >= took:
                 return None
             certify, has_lead_in = partial(job.motion, name=name), request.approach
             motion = timed(make, certify, job.limits, has_lead_in=has_lead_in)
@@ -465,22 +469,29 @@ def _timed(
     """
     total, period = job.request.total, job.period
 
-    def make(limits: Limits, share: float, last: KeyframePath | None) -> KeyframePath:
-        rows = last.profile.rows if isinstance(last, QuickPath) and last.profile else known
-        quick = quickest(path, limits, period, share=share, known=rows, has_rests=has_rests)
+    def make(limits: Limits, share: float) -> KeyframePath:
+        nonlocal known
+        quick = quickest(path, limits, period, share=share, known=known, has_rests=has_rests)
+        known = None if quick.profile is None else quick.profile.rows
         if total is None:
             return quick
         return lasting(path, quick, limits, period, total, share=share)
 
+    share, seconds = SHARE, job.limits.velocity / job.limits.acceleration
+    longest = _longest_stop(job.limits, job.limits.velocity)
+    if path.duration > _LONG * longest and math.isfinite(seconds):
+        # About what it will have to use in the end.
+        share = min(1.0 - _USUAL * (1.0 - share_to_stop(seconds, longest)), SHARE)
     certify, has_lead_in = partial(job.motion, name=name), job.request.approach
-    return timed(make, certify, job.limits, has_lead_in=has_lead_in)
+    return timed(make, certify, job.limits, share=share, has_lead_in=has_lead_in)
 
 
 def timed(
-    make: Callable[[Limits, float, KeyframePath | None], KeyframePath],
+    make: Callable[[Limits, float], KeyframePath],
     certify: Callable[[KeyframePath], Motion],
     limits: Limits,
     *,
+    share: float = SHARE,
     has_lead_in: bool = False,
 ) -> Motion:
     """Return the motion along a path that is timed until its records keep the limits.
@@ -489,24 +500,28 @@ def timed(
     the jerk has a step, and a stop may take too long: then it uses less of the limits.
 
     Args:
-        make: times the path by limits and a share of acceleration and jerk to use; it gets what it
-            made before.
+        make: times the path by limits and a share of acceleration and jerk to use.
         certify: makes the whole motion and holds it against its limits.
         limits: to keep.
+        share: of acceleration and jerk to begin with.
         has_lead_in: whether what comes before the first keyframe is not a part of the path.
 
     Raises:
         LimitError: it breaks a limit with any of these timings.
         PlanError: there is no timing, or a stop takes too long.
     """
-    share, path, stop_time = SHARE, None, math.inf
+    used, stop_time = share, math.inf
     motion: Motion | None = None
     refused: PlanError | None = None
     for _ in range(_MOST_TIMINGS):
-        path = make(limits, share, path)
-        before, last = motion, stop_time
         try:
-            motion = certify(path)
+            path = make(limits, share)
+        except PlanError:
+            if motion is None:
+                raise
+            return motion
+        try:
+            found = certify(path)
         except LimitError as error:
             over = error.value / error.limit
             is_in_lead_in = error.is_in_lead_in and has_lead_in
@@ -514,22 +529,32 @@ def timed(
                 raise
             limits, refused = _lowered(limits, error.unit, over, path), error
             continue
+        before, last, motion = motion, stop_time, found
         fastest = motion.certificate.peak_velocity
         is_on_curve = _is_curve(path) and motion.start_time <= fastest.time <= motion.end_time
         if is_on_curve and fastest.ratio > _WHOLE:
             limits = _lowered(limits, UNITS["velocity"], fastest.ratio, path)
             continue
         rate = motion.certificate.brake_rate
-        stop_time, longest = 1.0 / rate if rate else math.inf, _longest_stop(motion)
+        stop_time, longest = (
+            1.0 / rate if rate else math.inf,
+            _longest_stop(motion.limits, motion.certificate.peak_velocity.value),
+        )
         if stop_time <= longest or motion.duration <= longest:
             return motion
-        if before is not None and stop_time > _NO_LONGER * last:
-            return before
+        # How fast a stop can be goes with the square root of the reserve, or less.
+        power = 0.5
+        if before is not None:
+            is_costly = last <= LONGEST_STOP and motion.duration > _COSTLY * before.duration
+            if is_costly or stop_time > _NO_LONGER * last:
+                return before
+            power = math.log(last / stop_time) / math.log((1.0 - share) / (1.0 - used))
+            power = min(max(power, 0.3), 0.5)
         if share <= LEAST_SHARE:
             raise refusal.of_slow_stop(stop_time, longest, share)
-        # How fast a stop can be goes with the square root of the reserve.
-        more = min(max(1.05 * (stop_time / longest) ** 2, _LEAST_MORE), _GREATEST_MORE)
-        share = max(1.0 - more * (1.0 - share), LEAST_SHARE)
+        more = 1.05 * (stop_time / longest) ** (1.0 / power)
+        more = min(max(more, _LEAST_MORE), _GREATEST_MORE)
+        used, share = share, max(1.0 - more * (1.0 - share), LEAST_SHARE)
     if motion is None:
         raise refused or PlanError("no timing keeps the limits")
     return motion
@@ -557,8 +582,7 @@ def _told_of_stops(motion: Motion) -> Motion:
     return motion.noted(SLOW)
 
 
-def _longest_stop(motion: Motion) -> float:
-    """Return how long a stop on a motion may take, s."""
-    limits, speed = motion.limits, motion.certificate.peak_velocity.value
+def _longest_stop(limits: Limits, speed: float) -> float:
+    """Return how long a stop on a motion of some velocity may take, s."""
     rise = min(limits.acceleration / limits.jerk, math.sqrt(speed / limits.jerk))
     return longest_stop(max(speed / limits.acceleration, rise) + rise)

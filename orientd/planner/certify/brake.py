@@ -72,6 +72,16 @@ LAW = np.stack([_SIGMA, _G]), _WORST, np.array([_SIGMA_G, FASTEST_BRAKE_RATE, _M
 """What the kernels take of this module."""
 
 
+def share_to_stop(seconds: float, stop_time: float) -> float:
+    """Return the share of the acceleration with which a stop on the path takes a time.
+
+    Args:
+        seconds: velocity over acceleration.
+        stop_time: s.
+    """
+    return 1.0 - float(np.interp(seconds / stop_time, _WORST, _RESERVE_ROOT)) ** 2
+
+
 def speed_to_stop(share: float, stop_time: float) -> float:
     """Return the velocity from which a stop on the path takes a time, over the acceleration, s.
 
