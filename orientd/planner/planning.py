@@ -342,7 +342,8 @@ def _with_moving_ends(job: PlanJob, name: str, tried: _Tried) -> None:
     except PlanError as error:
         tried.refused[connecting] = error
         return
-    if tried.took <= least + sum(connectors.durations):
+    # A curve between the rests may be quicker than the turns that are counted.
+    if tried.took <= resting.WORTH * (least + sum(connectors.durations)):
         return
     if total is not None and connectors.has_no_rest:
         _unhurried(job, total, name, tried)
