@@ -473,8 +473,5 @@ def _rows(q: Floats) -> Sequence[Quaternion]:
 
 def _rates(limits: Limits) -> tuple[float, float, float]:
     """Return the angular rates that keep *limits* about whatever axis."""
-    return (
-        min(limits.velocity, *limits.axis_velocity),
-        min(limits.acceleration, *limits.axis_acceleration),
-        min(limits.jerk, *limits.axis_jerk),
-    )
+    numbers = limits.numbers()
+    return min(numbers[:4]), min(numbers[4:8]), min(numbers[8:12])

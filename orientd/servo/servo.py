@@ -118,7 +118,7 @@ class Servo:
         self._arrival = Arrival()
         self._is_enabled = False
         self._is_orderly = False
-        self._feedback: Feedback | None = None
+        self._feedback = _NO_FEEDBACK
         self._enabled_ns = 0
         self._taken = 0  # what was asked for before the process was ready counts
         self._stops = 0
@@ -183,10 +183,8 @@ class Servo:
             arrival.is_awaited = False
             return
         try:
-            measured_ns = self._feedback.time_ns if self._feedback else 0
-            problem = arrival.look(
-                self._driver.gaps(), measured_ns, round(self._driver.arrival_time * 1e9)
-            )
+            allowed_ns = round(self._driver.arrival_time * 1e9)
+            problem = arrival.look(self._driver.gaps(), self._feedback.time_ns, allowed_ns)
             if problem:
                 raise AxisFaultError(problem)
         except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
@@ -373,7 +371,7 @@ class Servo:
         if self._cycle_count % PARENT_CHECK == 0 and not self._parent_is_alive():
             self.request_end("the daemon is gone")
         watchdog, heartbeat_ns = self._watchdog, self._memory.pulse[0]
-        measured_ns = self._feedback.time_ns if self._feedback else 0
+        measured_ns = self._feedback.time_ns
         if not watchdog.notice(now_ns, heartbeat_ns, measured_ns):
             return
         if now_ns < heartbeat_ns <= self._clock.now_ns():
@@ -408,9 +406,9 @@ class Servo:
     def _publish(
         self, deadline_ns: int, lateness_ns: int, point: PathPoint, *, is_written: bool
     ) -> None:
-        measured = self._feedback or _NO_FEEDBACK
-        setpoints, ring, follower = self.setpoints, self._memory.cycles, self.setpoints.follower
-        flags = (_WRITTEN if is_written else 0) | (_FEEDBACK if self._feedback else 0)
+        measured, setpoints, ring = self._feedback, self.setpoints, self._memory.cycles
+        follower = setpoints.follower
+        flags = (_WRITTEN if is_written else 0) | (_FEEDBACK if measured is not _NO_FEEDBACK else 0)
         flags |= _FROM_REST if setpoints.is_from_rest else 0
         flags |= _ARRIVING if self._arrival.is_awaited else 0
         record = CYCLE_RECORD.pack(

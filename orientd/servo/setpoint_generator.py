@@ -134,7 +134,7 @@ class SetpointGenerator:
         """Come to rest as fast as the limits allow, wherever that leaves the path."""
         self.stop(Event.HALT)
         if self.is_moving and not self.pursuit.is_on:
-            self._leave()
+            self._pursue(self._servo_limits, is_off_path=True)
 
     def clear_fault(self) -> None:
         """Leave the fault behind."""
@@ -181,20 +181,15 @@ class SetpointGenerator:
         self.time_scaling.halt()
         # Where a narrower limit is broken already, what there is of it is taken away.
         speed = max(part.servo_limits.linear_velocity, norm(self._guard.velocity))
-        self._pursue(replace(part.servo_limits, linear_velocity=speed), self._guard.q)
+        self._pursue(replace(part.servo_limits, linear_velocity=speed), is_off_path=False)
         self.motion = part.number
         self.state = following
 
-    def _pursue(self, servo_limits: ServoLimits, sent: Quaternion) -> None:
-        """Go on from what was written without the path; *sent* is what the axes made of that."""
-        self._servo_limits = servo_limits
-        self._is_off_path, self._is_there, self._sent = False, False, sent
+    def _pursue(self, servo_limits: ServoLimits, *, is_off_path: bool) -> None:
+        """Go on without the path from what was written: after targets, or to come to rest."""
+        self._servo_limits, self._is_off_path = servo_limits, is_off_path
+        self._is_there, self._sent = False, self.last.q
         self.pursuit.begin(servo_limits)
-
-    def _leave(self) -> None:
-        """Come to rest without the path, as near to that as the device's axes can."""
-        self._pursue(self._servo_limits, self.last.q)
-        self._is_off_path = True
 
     def stop(self, event: Event) -> None:
         """Begin to come to rest, on the path or away from the target."""
@@ -218,7 +213,7 @@ class SetpointGenerator:
         self.brake(fault, text)
         if not self.is_moving:
             return self._hold()
-        self._leave()
+        self._pursue(self._servo_limits, is_off_path=True)
         return self._follow(UNKNOWN)
 
     def fail(self, fault: Fault, text: str) -> bool:

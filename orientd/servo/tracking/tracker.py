@@ -6,7 +6,7 @@ from math import inf
 from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
-from orientd.floats import combine, difference, exp, multiply, norm, normalize, plus
+from orientd.floats import combine, difference, dot, exp, multiply, norm, normalize, plus
 from orientd.servo.motion_law import (
     TrackingLimits,
     advance,
@@ -185,7 +185,7 @@ class Tracker:
         if size < _ARRIVED:
             return q, None
         axis = plus(ZERO, ahead, 1.0 / size)
-        speed, rate = _dot(omega, axis), _dot(alpha, axis)
+        speed, rate = dot(omega, axis), dot(alpha, axis)
         return q, AxisStop(times(axis, self._units), speed + 0.5 * h * rate, rate, limits)
 
     def _move(self, omega: Vector3, alpha: Vector3) -> TrackPoint:
@@ -241,7 +241,7 @@ class Tracker:
         if speed < _ARRIVED:
             return False
         way = divided(difference(self._q, end.q), self._units)
-        along, rate = _dot(way, self._omega) / speed, _dot(self._alpha, self._omega) / speed
+        along, rate = dot(way, self._omega) / speed, dot(self._alpha, self._omega) / speed
         # What is sent next turns on for two cycles more.
         stop = stopping_angle(speed, rate, self._limits.acceleration, self._limits.jerk)
         stop += 2.0 * self._period * speed
@@ -276,7 +276,3 @@ class Tracker:
 
     def _soften(self, delay: float) -> None:
         self._soft, self._soft_for = softened(self._limits, delay), delay
-
-
-def _dot(a: Vector3, b: Vector3) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

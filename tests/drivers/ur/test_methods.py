@@ -1,14 +1,15 @@
 """The client library's own methods, one by one: each does what it says, or fails.
 
-What is not tested here is in `sim/orientd_sim/ur/METHODS.md`, too, with why.
+What is not tested here is in `sim/emulated_ur/METHODS.md`, too, with why.
 """
 
 import os
 import socket
 
 import pytest
-from emulated_robot import EmulatedRobot
 from ur_rig import until
+
+from emulated_ur.process import EmulatedRobot
 
 rtde_control = pytest.importorskip("rtde_control")
 

@@ -4,12 +4,12 @@ import math
 
 import pytest
 
-from orientd_sim.ur import dashboard
-from orientd_sim.ur.arm.arm import HOME, Arm, Breach, Mode
-from orientd_sim.ur.arm.models import MODELS, version_of
-from orientd_sim.ur.controller import Behaviour, Controller, RefusedError
-from orientd_sim.ur.server import Server
-from orientd_sim.ur.variables import ProgramState, RobotMode, SafetyMode
+from emulated_ur import dashboard
+from emulated_ur.arm.arm import HOME, Arm, Breach, Mode
+from emulated_ur.arm.models import MODELS, version_of
+from emulated_ur.controller import Behaviour, Controller, RefusedError
+from emulated_ur.server import Server
+from emulated_ur.variables import ProgramState, RobotMode, SafetyMode
 
 SCRIPT = """def control():
   # Commands in registers, as client libraries upload it.

@@ -4,13 +4,13 @@ import struct
 
 import pytest
 
-from orientd_sim.ur import Behaviour, Controller, dashboard, faults
-from orientd_sim.ur.outputs import OUTPUT_GETTERS
-from orientd_sim.ur.primary import event_message
-from orientd_sim.ur.server import Server
-from orientd_sim.ur.session import ClientSession
-from orientd_sim.ur.variables import INPUTS, OUTPUTS
-from orientd_sim.ur.wire import Layout
+from emulated_ur import Behaviour, Controller, dashboard, faults
+from emulated_ur.outputs import OUTPUT_GETTERS
+from emulated_ur.primary import event_message
+from emulated_ur.server import Server
+from emulated_ur.session import ClientSession
+from emulated_ur.variables import INPUTS, OUTPUTS
+from emulated_ur.wire import Layout
 
 ROS_DRIVER = """
     timestamp actual_q actual_qd speed_scaling target_speed_fraction runtime_state actual_TCP_force

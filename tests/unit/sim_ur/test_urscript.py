@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from orientd_sim.ur import Behaviour, Controller
-from orientd_sim.ur.urscript import ScriptError, Splitter, compile_script
-from orientd_sim.ur.variables import ProgramState
+from emulated_ur import Behaviour, Controller
+from emulated_ur.urscript import ScriptError, Splitter, compile_script
+from emulated_ur.variables import ProgramState
 
 
 @pytest.fixture
