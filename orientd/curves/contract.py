@@ -268,7 +268,7 @@ class Drawn(Curve):
         self._solve(check_aligned(control, align, "control"), **own)
 
 
-class DrawnOverKnots(Drawn):
+class DrawnOverKnots(Curve):
     """A curve of an order over knots; ``_solve`` gets control quaternions, order and knots."""
 
     shared: ClassVar[Mapping[str, Any]] = {**Drawn.shared, "order": 4, "knots": None}
