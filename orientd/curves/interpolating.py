@@ -67,7 +67,7 @@ def interpolate(
     Raises:
         PlanError: no such spline was found.
     """
-    known = [sum(vector is not None for vector in end) for end in ends]
+    known = [(omega is not None) + (alpha is not None) for omega, alpha in ends]
     given = np.array([[_FREE if vector is None else vector for vector in end] for end in ends])
     spans = len(keys) - 1 + (order % 2 if order != 4 else (known[0] == 2) + (known[1] == 2))
     breaks, base = np.empty(spans + 1), np.empty((spans, 4))

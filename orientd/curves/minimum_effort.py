@@ -52,12 +52,12 @@ from orientd.rotation import (
     rotate,
 )
 
-DIVISIONS = (1, 2, 4)
-"""Into how many times as many spans an interval is divided until the effort is below that of the
-spline to start from: one that turns by radians in a span is not near one over finer knots."""
+DIVISIONS = (2, 4)
+"""Into how many times as many spans an interval is divided while the effort is not below that of
+the spline to start from: one that turns by radians in a span is not near one over finer knots."""
 
 FEWEST = 2
-"""Spans from which the search begins where it does not settle with more."""
+"""Spans with which the search begins: with more it settles less often."""
 
 WIDE = 2.2
 """Rad between keyframes, beyond which torque changes so much that two more spans are taken."""
@@ -176,34 +176,34 @@ class MinimumEffort(Product, WithEndStates):
         path, q = start_path(q, instants, first[0], last[0])
         has_acceleration = first[1] is not None or last[1] is not None
 
-        def posed(count: int) -> EffortProblem:
-            return EffortProblem(q, instants, k, smooth, (first, last), matrix, count)
-
+        # The search begins with few spans, and with more from what it has found.
+        is_wide = matrix is not None and bool(np.any(angle(q[1:], q[:-1]) > WIDE))
+        wanted = pieces + 2 * is_wide
+        near, best = path, None
         error = PlanError(
             f"no curve of less effort than c2_cumulative was found: take more spans, {_MORE}"
         )
-        counts = [more * pieces for more in DIVISIONS]
-        for count in counts if FEWEST in counts else [*counts, FEWEST]:
-            problem = posed(count)
+        for count in sorted({FEWEST, wanted, *(more * pieces for more in DIVISIONS)}):
+            problem = EffortProblem(q, instants, k, smooth, ends, matrix, count)
             try:
-                solved = problem.solved(path)
+                if near is path:
+                    solved = problem.solved(path)
+                else:
+                    solved = problem.least_effort(refined(near, problem.knots, k))
             except PlanError as failed:
                 error = failed
                 continue
+            near = problem.path(solved)
             # The spline to start from knows nothing of accelerations at its ends.
             if has_acceleration or problem.is_better(solved, path):
-                break
-        else:
+                best = problem, solved
+                if count >= wanted:
+                    break
+        if best is None:
             raise error
-        is_wide = matrix is not None and bool(np.any(angle(q[1:], q[:-1]) > WIDE))
-        wanted = max(count, pieces + 2 * is_wide)
-        if wanted > count:
-            finer = posed(wanted)
-            with suppress(PlanError):
-                guess = refined(problem.path(solved), finer.knots, k)
-                problem, solved = finer, finer.least_effort(guess)
+        problem, solved = best
         controls = problem.controls(solved)
-        self._set_controls(problem.basis, controls, solved, smooth, (first, last))
+        self._set_controls(problem.basis, controls, solved, smooth, ends)
 
 
 @dataclass(frozen=True)

@@ -17,18 +17,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
-from orientd.curves.contract import FREE, Between, Curve, Drawn, Ends, Through
+from orientd.curves.contract import FREE, Between, Curve, Drawn, DrawnOverKnots, Ends, Through
 from orientd.curves.keyframes import (
     ParameterError,
     check_choice,
     check_integer,
     check_interval,
-    check_keys,
     check_number,
     check_vector,
     increments,
     inner_multiplicity,
-    resolve_knots,
 )
 from orientd.curves.trajectory import Samples, Trajectory
 from orientd.rotation import Floats, between, conjugate, log_half, multiply, nearer_sign
@@ -227,7 +225,7 @@ class KksBezier(Product, Drawn):
         )
 
 
-class KksBspline(Product, Drawn):
+class KksBspline(Product, DrawnOverKnots):
     r"""Blend control quaternions with the cumulative B-spline basis; control is local.
 
     .. math:: q(t) = q_{l-k+1} \prod_{i=l-k+2}^{l}
@@ -241,12 +239,6 @@ class KksBspline(Product, Drawn):
     change of the world frame, and instants there are refused.
 
     Picture: ``orientd plot kks_bspline``.
-
-    Args:
-        control: control quaternions, at least *order*.
-        order: degree plus one, at least 2.
-        knots: non-decreasing knots in seconds, ``len(control) + order`` of them, or ``None`` for
-            knots one second apart with the domain starting at 0.
     """
 
     name = "kks_bspline"
@@ -254,10 +246,7 @@ class KksBspline(Product, Drawn):
     source = "Kim, Kim and Shin 1995, sec. 5.3"
     local = True
 
-    def _solve(self, controls: Floats, *, order: int = 4, knots: ArrayLike | None = None) -> None:
-        order = check_integer(order, "order", minimum=2)
-        check_keys(controls, "control", minimum=order)
-        vector = resolve_knots(knots, len(controls), order)
+    def _solve(self, controls: Floats, order: int, vector: Floats) -> None:
         repeated = inner_multiplicity(vector, order)
         self._set_controls(
             cumulative_basis(vector, order),

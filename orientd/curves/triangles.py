@@ -18,20 +18,16 @@ from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from orientd.curves.contract import Curve, Drawn, Through
+from orientd.curves.contract import Curve, Drawn, DrawnOverKnots, Through
 from orientd.curves.hermite import half_velocities
 from orientd.curves.keyframes import (
     ParameterError,
     check_choice,
-    check_integer,
     check_interval,
-    check_keys,
     check_number,
     increments,
     inner_multiplicity,
-    resolve_knots,
 )
 from orientd.curves.products import with_phantoms
 from orientd.errors import PlanError
@@ -283,7 +279,7 @@ class SchlagCatmullRom(TriangleCurve, Through):
         self._set_triangles(instants, with_phantoms(q)[window], 1 if len(q) > 2 else 2, intervals)
 
 
-class SchlagBSpline(TriangleCurve, Drawn):
+class SchlagBSpline(TriangleCurve, DrawnOverKnots):
     r"""Approximate control quaternions by de Boor's triangle of slerps.
 
     .. math:: P_i^r(t) = \mathrm{slerp}\Bigl(P_{i-1}^{r-1}, P_i^{r-1},
@@ -297,13 +293,6 @@ class SchlagBSpline(TriangleCurve, Drawn):
     of 45 degrees and by 2 % at 170 (Kim, Kim and Shin, 1995, say so without figures).
 
     Picture: ``orientd plot schlag_bspline``.
-
-    Args:
-        control: unit quaternions ``(w, x, y, z)``, at least *order*.
-        order: *k*, one more than the degree, at least 2.
-        knots: non-decreasing instants in seconds, *order* more than control quaternions; without
-            them uniform ones that make the curve start at 0.  The domain is
-            ``[knots[order - 1], knots[-order]]``.
     """
 
     name = "schlag_bspline"
@@ -311,10 +300,7 @@ class SchlagBSpline(TriangleCurve, Drawn):
     source = "Schlag 1991, after de Boor 1972"
     local = True
 
-    def _solve(self, points: Floats, *, order: int = 4, knots: ArrayLike | None = None) -> None:
-        size = check_integer(order, "order", minimum=2)
-        check_keys(points, "control", minimum=size)
-        x = resolve_knots(knots, len(points), size)
+    def _solve(self, points: Floats, size: int, x: Floats) -> None:
         spans = np.arange(size - 1, len(points))
         spans = spans[x[spans + 1] > x[spans]]
         # On the span of knot L, entry i of level r blends over [x_i, x_{i+k-r}],
