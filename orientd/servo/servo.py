@@ -25,7 +25,7 @@ from orientd.errors import (
 from orientd.servo.device_reports import Arrival, DeviceReports
 from orientd.servo.path import PathPart, PathPoint
 from orientd.servo.setpoint_generator import SetpointGenerator
-from orientd.servo.state_table import Event, advance
+from orientd.servo.state_table import advance
 from orientd.servo.watchdog import ServoWatchdog, WatchdogTimeouts
 from orientd.stream import (
     CYCLE_RECORD,
@@ -196,7 +196,7 @@ class Servo:
         if not self.ending:
             self.ending = reason
             if self.setpoints.state in _DRIVEN:
-                self.setpoints.stop(Event.STOP)
+                self.setpoints.stop()
 
     @property
     def has_ended(self) -> bool:
@@ -268,7 +268,7 @@ class Servo:
             # Still being written; or stops, more than there is room for, while the driver was busy.
             if self._taken < (oldest := ring.oldest(self._taken)):
                 self._taken = oldest
-                self.setpoints.stop(Event.STOP)
+                self.setpoints.stop()
             return
         self._taken += 1
         index, code, motion, path_index, leave, final, start_ns, speed, *servo_limits = fields
@@ -300,7 +300,7 @@ class Servo:
         if is_quickest:
             self.setpoints.halt()
         else:
-            self.setpoints.stop(Event.STOP)
+            self.setpoints.stop()
 
     def _obey(self, command: Command, part: PathPart, speed: float, start_ns: int) -> str:
         """Carry out one command; return why it was refused, or nothing."""
@@ -322,15 +322,14 @@ class Servo:
         elif command is Command.ENABLE:
             self._enable()
         elif command in (Command.DISABLE, Command.FREE):
-            event = Event.FREE if command is Command.FREE else Event.DISABLE
-            following = advance(setpoints.state, event)
+            following = advance(setpoints.state, command)
             self._is_enabled = False
             self._driver.disable()
             setpoints.state = following
             if command is Command.FREE:
                 self._driver.free()
         elif command is Command.RESET:
-            advance(setpoints.state, Event.RESET)
+            advance(setpoints.state, Command.RESET)
             if self._is_enabled:
                 self._is_enabled = False
                 self._driver.disable()
@@ -344,7 +343,7 @@ class Servo:
 
     def _tune(self) -> str:
         """Hand the driver the options of the motions to come; return why it refuses them."""
-        advance(self.setpoints.state, Event.TUNE)
+        advance(self.setpoints.state, Command.TUNE)
         ring = self._memory.tunings
         fields = ring.read(ring.head - 1)
         if fields is None:
@@ -357,7 +356,7 @@ class Servo:
         return ""
 
     def _enable(self) -> None:
-        following = advance(self.setpoints.state, Event.ENABLE)
+        following = advance(self.setpoints.state, Command.ENABLE)
         if self._is_enabled:
             return
         feedback = self._driver.enable()
