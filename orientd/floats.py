@@ -94,6 +94,11 @@ def plus(a: Vector3, b: Vector3, factor: float) -> Vector3:
     return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
 
 
+def dot(a: Vector3, b: Vector3) -> float:
+    """Return the scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
 def norm(v: Vector3) -> float:
     """Return the Euclidean length of *v*."""
     x, y, z = v

@@ -13,7 +13,7 @@ import grimp
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = {"orientd": "", "orientd_dynamixel": "drivers", "orientd_loopback": "drivers",
-            "orientd_sim": "sim", "orientd_ur": "drivers"}  # fmt: skip
+            "orientd_ur": "drivers", "emulated_dynamixel": "sim", "emulated_ur": "sim"}  # fmt: skip
 GENERATED = ("_pb2", "_pb2_grpc")
 
 MOST_LINES = 650

@@ -5,13 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+_EMULATORS = {
+    "emulated-dynamixel": "emulated_dynamixel/README.md",
+    "emulated-ur": "emulated_ur/README.md",
+    "ur-methods": "emulated_ur/METHODS.md",
+}
 _SKIPPED = {".venv", "build", "docs", ".git"}
 
 
 def pages(source: Path) -> Iterator[tuple[str, str]]:
-    """Yield a page for each ``DECISION.md`` of the tree, which it includes, and for METHODS.md."""
+    """Yield a page for each ``DECISION.md`` of the tree, which it includes, and for emulators."""
     root = source.parent
-    yield "reference/ur-methods.md", "```{include} ../../sim/orientd_sim/ur/METHODS.md\n```\n"
+    for name, file in _EMULATORS.items():
+        yield f"reference/{name}.md", f"```{{include}} ../../sim/{file}\n```\n"
     names = []
     for record in sorted(root.rglob("DECISION.md")):
         place = record.relative_to(root)

@@ -13,7 +13,7 @@ Options:
     (:mod:`orientd_loopback.recording`).
 ``model``
     ``module:Class`` of a body that follows the setpoints with lag and noise, for example
-    ``orientd_sim.joint:LaggedBody``; named, not imported, so that this package needs no other.
+    ``orientd_loopback.joint:LaggedBody``; named, not imported, so that this package needs no other.
 ``model_options``
     keyword arguments of the model.
 ``fault_file``

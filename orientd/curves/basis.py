@@ -43,15 +43,7 @@ class CumulativeBasis:
     curvatures: Floats
 
     def at(self, span: Indices, times: Floats) -> Floats:
-        """Return values, first and second derivatives at instants in given spans.
-
-        Args:
-            span: index of the span of each instant, shape ``(n,)``.
-            times: instants in seconds, shape ``(n,)``.
-
-        Returns:
-            Shape ``(3, m, n)``.
-        """
+        """Return values, first and second derivatives at *times* in given spans, ``(3, m, n)``."""
         start, end = self.breaks[span], self.breaks[span + 1]
         u = (times - start) / (end - start)
         found: Floats = np.empty((3, self.values.shape[1], len(times)))
@@ -62,15 +54,7 @@ class CumulativeBasis:
 
 
 def bernstein(degree: int, u: Floats) -> Floats:
-    """Return the Bernstein polynomials of a degree.
-
-    Args:
-        degree: not negative.
-        u: parameters in ``[0, 1]``, shape ``(n,)``.
-
-    Returns:
-        ``C(degree, j) u^j (1 - u)^(degree - j)`` in row *j*, shape ``(degree + 1, n)``.
-    """
+    """Return ``C(degree, j) u^j (1 - u)^(degree - j)`` in row *j*, shape ``(degree + 1, n)``."""
     weights: Floats = np.zeros((degree + 1, len(u)))
     weights[0] = 1.0
     rest = 1.0 - u

@@ -27,11 +27,8 @@ first may load and compile."""
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 
-CLOSE = 1e-7
-"""Relative change at which the integral over a span counts as found."""
-
-MOST_PIECES = 256
-"""Into which a span between two knots is divided."""
+PARTS = 16
+"""Into which every piece of a curve is cut: the length has corners where a curve turns back."""
 
 MET = 1e-9
 """Rad, or rad/s; a keyframe or a velocity met within this is met."""
@@ -205,8 +202,7 @@ def ranked(candidates: Sequence[Candidate], column: str = "effort") -> list[Cand
 def measure(curve: Curve, task: CurveTask, *, inertia: Floats | None = None) -> Figures:
     """Return the figures of a curve that does a task.
 
-    Integrals are by Gauss's rule with ten nodes on each span between knots, which is halved until
-    its share changes by less than a ten-millionth: the length has corners where a curve turns back.
+    Integrals are by Gauss's rule with ten nodes on each part of a piece of the curve's table.
     Where a derivative jumps at a knot, both sides count.
 
     Args:
@@ -246,32 +242,19 @@ def _largest(vectors: Floats) -> float:
 
 def _integrated(curve: Curve, inertia: Floats | None) -> tuple[Floats, Floats]:
     """Return the instants of the rules, and length, effort and squared torque by them."""
+    breaks = curve.trajectory.breaks
+    parts = np.repeat(np.diff(breaks) / PARTS, PARTS)[:, None]
+    begins = (
+        np.repeat(breaks[:-1], PARTS)[:, None]
+        + parts * np.tile(np.arange(PARTS), len(breaks) - 1)[:, None]
+    )
+    times, weights = begins + parts * (0.5 * NODES + 0.5), 0.5 * parts * WEIGHTS
+    _, omega, alpha = curve.evaluate(times.ravel())
     moments = np.zeros(3) if inertia is None else inertia
-    open_spans = np.arange(len(curve.knots) - 1)
-    found: Floats = np.full((len(open_spans), 3), np.nan)
-    instants, pieces = [], 1
-    while len(open_spans):
-        times, weights = _rule(curve.knots[open_spans], curve.knots[open_spans + 1], pieces)
-        _, omega, alpha = curve.evaluate(times.ravel())
-        torque = moments * alpha + np.cross(omega, moments * omega)
-        integrands = np.linalg.norm([omega, alpha, torque], axis=-1)
-        integrands[1:] **= 2
-        integrals = np.einsum("csn,sn->sc", integrands.reshape(3, *times.shape), weights)
-        change = np.abs(integrals - found[open_spans])
-        found[open_spans] = integrals
-        is_close = np.all(change <= CLOSE * np.maximum(integrals, found.mean(axis=0)), axis=1)
-        is_done = is_close | (pieces >= MOST_PIECES)
-        instants.append(times[is_done].ravel())
-        open_spans, pieces = open_spans[~is_done], 2 * pieces
-    return np.concatenate(instants), found.sum(axis=0)
-
-
-def _rule(starts: Floats, ends: Floats, pieces: int) -> tuple[Floats, Floats]:
-    """Return nodes and weights of Gauss's rule on equal *pieces* of spans, a span in each row."""
-    begins = np.arange(pieces)[:, None] / pieces
-    nodes = (begins + 0.5 * (NODES + 1.0) / pieces).ravel()
-    spans = (ends - starts)[:, None]
-    return starts[:, None] + spans * nodes, spans * np.tile(0.5 * WEIGHTS / pieces, pieces)
+    torque = moments * alpha + np.cross(omega, moments * omega)
+    integrands = np.linalg.norm([omega, alpha, torque], axis=-1)
+    integrands[1:] **= 2
+    return times.ravel(), integrands @ weights.ravel()
 
 
 def _peak(vectors: Callable[[Floats], Floats], times: Floats) -> float:

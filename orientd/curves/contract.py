@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import import_module
 from inspect import Parameter, Signature, signature
 from types import MappingProxyType
@@ -24,8 +24,10 @@ from orientd.curves.keyframes import (
     EndState,
     check_aligned,
     check_end,
+    check_integer,
     check_interval,
     check_quaternion,
+    resolve_knots,
     resolve_times,
 )
 from orientd.curves.roles import Family, own_names
@@ -54,6 +56,12 @@ SHARED = {
     "keys": "unit quaternions ``(w, x, y, z)``, at least two.",
     "times": 'instants in seconds, ``"uniform"``, or ``"chord"``, which ``None`` stands for.',
     "control": "control quaternions ``(w, x, y, z)``, at least two.",
+    "order": "degree plus one, at least 2, and at most the number of control quaternions.",
+    "knots": (
+        "non-decreasing instants in seconds, *order* more than control quaternions; without them\n"
+        "            a second apart, and the curve starts at 0.  Its domain is\n"
+        "            ``[knots[order - 1], knots[-order]]``."
+    ),
     "q0": "first orientation.",
     "q1": "last orientation.",
     "t0": "first instant, s.",
@@ -260,6 +268,17 @@ class Drawn(Curve):
         self._solve(check_aligned(control, align, "control"), **own)
 
 
+class DrawnOverKnots(Curve):
+    """A curve of an order over knots; ``_solve`` gets control quaternions, order and knots."""
+
+    shared: ClassVar[Mapping[str, Any]] = {**Drawn.shared, "order": 4, "knots": None}
+
+    def _make(self, control: object, align: object, order: object, knots: object) -> None:
+        size = check_integer(order, "order", minimum=2)
+        points = check_aligned(control, align, "control", minimum=size)
+        self._solve(points, size, resolve_knots(knots, len(points), size))
+
+
 class Through(Curve):
     """A curve through keyframes; ``_solve`` gets them, checked and aligned, and their instants."""
 
@@ -412,9 +431,7 @@ class Families(Mapping[str, type[Curve]]):
     """The names of all families, each with its class, imported when it is first asked for."""
 
     def __getitem__(self, name: str) -> type[Curve]:
-        home, written_as = _HOMES[name]
-        family: type[Curve] = getattr(import_module(f"orientd.curves.{home}"), written_as)
-        return family
+        return _family(*_HOMES[name])
 
     def __contains__(self, name: object) -> bool:
         return name in _HOMES
@@ -424,6 +441,12 @@ class Families(Mapping[str, type[Curve]]):
 
     def __len__(self) -> int:
         return len(_HOMES)
+
+
+@cache
+def _family(home: str, written_as: str) -> type[Curve]:
+    family: type[Curve] = getattr(import_module(f"orientd.curves.{home}"), written_as)
+    return family
 
 
 METHODS: Mapping[str, type[Curve]] = Families()

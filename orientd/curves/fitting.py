@@ -1,9 +1,9 @@
 r"""Fit a spline to orientations that were measured: noisy, uneven, with gaps and wild samples.
 
 The curve is the C2 cumulative cubic B-spline of Kim, Kim and Shin (1995), sec. 5.3, which only
-comes near the samples; of knots it has as few as hold an error bound.  What is bounded is the angle
-between the curve and the *filtered* samples: residuals averaged over so many neighbours that noise
-no longer matters.  A single sample may be further away by its own noise.
+comes near the samples; it has knots where an error bound asks for them.  What is bounded is the
+angle between the curve and the *filtered* samples: residuals averaged over so many neighbours that
+noise no longer matters.  A single sample may be further away by its own noise.
 
 The turning itself is nowhere known, and nothing is promised of it.  Of forty recordings with half a
 degree of noise, fitted within a bound of one degree, every curve was within one degree of it, but
@@ -58,8 +58,6 @@ _SMOOTHING, _RIDGE = 1e-7, 1e-9
 """Weight of squared second differences, and of what nothing else determines, of the largest sum."""
 _ITERATIONS = 12
 _ROUNDS = 24
-_APART = 5
-"""Knots between two that are taken out at a time: a knot is felt four spans away."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,7 +127,7 @@ class Fit:
 def fit_orientations(
     times: ArrayLike, q: ArrayLike, *, tolerance: float = DEFAULT_TOLERANCE
 ) -> Fit:
-    """Return the spline with the fewest knots found that stays near measured orientations.
+    """Return a spline that stays near measured orientations, with knots where these ask for them.
 
     Args:
         times: of the samples, s, shape ``(n,)``; in any order, with gaps.
@@ -147,7 +145,7 @@ def fit_orientations(
     wanted = math.ceil(3.0 * (samples.noise / (_NOISE_SHARE * tolerance)) ** 2)
     averaged = min(max(1, wanted), _MOST_AVERAGED) | 1
     work = _Fitter(samples, averaged, _TARGET * tolerance)
-    fitted = work.trimmed(work.thinned(work.grown()))
+    fitted = work.trimmed(work.grown())
     if fitted.error > tolerance:
         raise PlanError(
             f"no spline stays within {math.degrees(tolerance):.3g} deg of the samples: their noise "
@@ -198,19 +196,6 @@ class _Fitter:
             fitted = self.fitted(finer, fitted)
         return fitted
 
-    def thinned(self, fitted: Fit) -> Fit:
-        """Return a fit without the knots that are not needed."""
-        bound = max(self.target, fitted.error)
-        apart, is_done = 0, 0
-        while is_done < _APART and len(_breaks(fitted)) > 2:
-            breaks = _breaks(fitted)
-            tried = np.arange(1 + apart % _APART, len(breaks) - 1, _APART)
-            apart += 1
-            kept = self._without(fitted, breaks, tried, bound)
-            is_done = is_done + 1 if len(_breaks(kept)) == len(breaks) else 0
-            fitted = kept
-        return fitted
-
     def trimmed(self, fitted: Fit) -> Fit:
         """Return the same curve without its very ends, where noise has its way with a fit.
 
@@ -237,23 +222,6 @@ class _Fitter:
         errors = np.sqrt(np.sum(averages(away, self.averaged) ** 2, axis=-1))
         errors = np.maximum(errors, copy.errors[there])
         return replace(copy, samples=kept, errors=errors, averaged=self.averaged)
-
-    def _without(self, fitted: Fit, breaks: Floats, tried: Indices, bound: float) -> Fit:
-        """Return a fit without those of the *tried* breaks that it can do without."""
-        while len(tried):
-            candidate = self.fitted(np.delete(breaks, tried), fitted)
-            if candidate.error <= bound and _is_short(candidate.control):
-                return candidate
-            times = self.samples.times
-            needed = np.zeros(len(tried), dtype=bool)
-            for place, index in enumerate(tried):
-                begin, end = breaks[max(0, index - 3)], breaks[min(len(breaks) - 1, index + 3)]
-                near = candidate.errors[(times >= begin) & (times <= end)]
-                needed[place] = near.size == 0 or near.max() > bound
-            if not needed.any():
-                needed[:] = True  # it is the control polygon, or a place far away
-            tried = tried[~needed]
-        return fitted
 
     def fitted(self, breaks: Floats, before: Fit | None = None) -> Fit:
         r"""Return the spline over *breaks* nearest to the samples, the squares of angles summed.
@@ -339,10 +307,6 @@ def averages(vectors: Floats, count: int) -> Floats:
 
 def _breaks(fit: Fit) -> Floats:
     return fit.knots[ORDER - 1 : 1 - ORDER]
-
-
-def _is_short(control: Floats) -> bool:
-    return bool(np.all(angle(control[1:], control[:-1]) <= 1.5 * _LONGEST_STEP))
 
 
 def clean(times: ArrayLike, q: ArrayLike) -> Measured:

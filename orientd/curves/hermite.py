@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.basis import cumulative_basis
-from orientd.curves.contract import Between, Through
+from orientd.curves.contract import NEEDED, Through
 from orientd.curves.keyframes import (
-    EndState,
     ParameterError,
     check_bool,
     check_choice,
     check_integer,
+    check_interval,
+    check_quaternion,
     check_vector,
     increments,
 )
@@ -28,18 +31,50 @@ RULES = ("parabola", "mean", "chord")
 LEAST = "least"
 
 
-class HermiteSegment(Product, Between):
-    """One segment with states of motion given at both ends."""
+class HermiteSegment(Product):
+    """One segment with states of motion given at both ends, in the body frame to ``_solve``."""
 
+    interpolates = True
     meets_end_velocities = True
+    shared: ClassVar[Mapping[str, Any]] = {
+        **dict.fromkeys(("q0", "q1", "omega0", "omega1"), NEEDED),
+        "t0": 0.0,
+        "t1": 1.0,
+        "frame": "body",
+        "revolutions": 0,
+        "align": True,
+    }
+
+    def _make(
+        self,
+        q0: object,
+        q1: object,
+        t0: object,
+        t1: object,
+        frame: object,
+        align: object,
+        **own: Any,  # noqa: ANN401 - of any family
+    ) -> None:
+        start, end = check_quaternion(q0, "q0"), check_quaternion(q1, "q1")
+        if check_bool(align, "align"):
+            start, end = align_signs(np.stack([start, end]))
+        is_world = check_choice(frame, "frame", FRAMES) == "world"
+        # An acceleration changes frame as a velocity does: the velocity's cross product with itself
+        # is zero.
+        for name in ("omega0", "omega1", "alpha0", "alpha1"):
+            if name in own:
+                vector = check_vector(own[name], name)
+                key = start if name.endswith("0") else end
+                own[name] = rotate(conjugate(key), vector) if is_world else vector
+        self._ends = (own["omega0"], own.get("alpha0")), (own["omega1"], own.get("alpha1"))
+        self._solve(start, end, check_interval(t0, t1), **own)
 
     def _set_factors(
         self,
         start: Floats,
         interval: tuple[float, float],
-        vectors: Floats,
         revolutions: object,
-        ends: tuple[EndState, EndState],
+        vectors: Floats,
         *,
         is_reversed: bool = False,
     ) -> None:
@@ -55,18 +90,6 @@ class HermiteSegment(Product, Between):
         :math:`\sum \|w_i\| / \pi + 2` either way.  No formula will do: rounding the middle
         increment to half of what the ends bring finds the best number in five cases of six at
         5 rad/s over a second, and in one of ten at 50.
-
-        Args:
-            start: the first orientation.
-            interval: first and last instant, s.
-            vectors: half-angle vectors without whole turns, an odd number, shape ``(m, 3)``.
-            revolutions: how many turns; ``"least"`` looks for the best number.
-            ends: what was asked for at both ends.
-            is_reversed: whether the functions stand in the opposite order.
-
-        Raises:
-            ValueError: *revolutions* is neither, or turns are asked for and the middle increment,
-                being zero, has no axis.
         """
         order = len(vectors) + 1
         basis = cumulative_basis(np.repeat(interval, order), order)
@@ -104,25 +127,7 @@ class HermiteSegment(Product, Between):
                 effort = squared_acceleration(product_trajectory(basis.breaks, tried).sample, times)
                 if effort < least * (1.0 - 1e-9):
                     found, least = tried, effort
-        self._set_parts(basis.breaks, found, 2, ends)
-
-
-def nearer(start: Floats, end: Floats, align: object) -> Floats:
-    """Return the last orientation, with the sign nearer to the first if *align*."""
-    return align_signs(np.stack([start, end]))[1] if check_bool(align, "align") else end
-
-
-def in_body_frame(vector: ArrayLike, name: str, q: Floats, frame: str) -> Floats:
-    """Return a checked vector, given in the body or world frame, in the body frame at *q*.
-
-    An angular acceleration changes frame as an angular velocity does, since the velocity's own
-    cross product with itself is zero.
-
-    Raises:
-        ValueError: the vector is not three finite numbers.
-    """
-    checked = check_vector(vector, name)
-    return rotate(conjugate(q), checked) if frame == "world" else checked
+        self._set_parts(basis.breaks, found, 2)
 
 
 class KksHermite(HermiteSegment):
@@ -160,34 +165,22 @@ class KksHermite(HermiteSegment):
         start: Floats,
         end: Floats,
         interval: tuple[float, float],
+        omega0: Floats,
+        omega1: Floats,
+        revolutions: object,
         *,
-        omega0: ArrayLike,
-        omega1: ArrayLike,
-        frame: str = "body",
-        revolutions: int | str = 0,
         product: str = "local",
-        align: bool = True,
     ) -> None:
-        end = nearer(start, end, align)
-        frame = check_choice(frame, "frame", FRAMES)
         sixth = (interval[1] - interval[0]) / 6.0
-        omega_start = in_body_frame(omega0, "omega0", start, frame)
-        omega_end = in_body_frame(omega1, "omega1", end, frame)
-        first, third = sixth * omega_start, sixth * omega_end
+        first, third = sixth * omega0, sixth * omega1
         relative = between(start, end)
         is_global = check_choice(product, "product", PRODUCTS) == "global"
         if is_global:
             # Conjugating the world increments by q0 moves it to the left end of the product.
             first, third = rotate(relative, third), first
         middle = multiply(multiply(exp_half(-first), relative), exp_half(-third))
-        self._set_factors(
-            start,
-            interval,
-            np.stack([first, log_half(middle), third]),
-            revolutions,
-            ((omega_start, None), (omega_end, None)),
-            is_reversed=is_global,
-        )
+        vectors = np.stack([first, log_half(middle), third])
+        self._set_factors(start, interval, revolutions, vectors, is_reversed=is_global)
 
 
 class KksQuinticHermite(HermiteSegment):
@@ -223,42 +216,33 @@ class KksQuinticHermite(HermiteSegment):
     source = "extension of Kim, Kim and Shin 1995, sec. 5.2"
     meets_end_accelerations = True
 
+    shared: ClassVar[Mapping[str, Any]] = {
+        **HermiteSegment.shared,
+        **dict.fromkeys(("alpha0", "alpha1"), (0.0, 0.0, 0.0)),
+    }
+
     def _solve(
         self,
         start: Floats,
         end: Floats,
         interval: tuple[float, float],
-        *,
-        omega0: ArrayLike,
-        omega1: ArrayLike,
-        alpha0: ArrayLike = (0.0, 0.0, 0.0),
-        alpha1: ArrayLike = (0.0, 0.0, 0.0),
-        frame: str = "body",
-        revolutions: int | str = 0,
-        align: bool = True,
+        omega0: Floats,
+        omega1: Floats,
+        revolutions: object,
+        alpha0: Floats,
+        alpha1: Floats,
     ) -> None:
-        end = nearer(start, end, align)
-        frame = check_choice(frame, "frame", FRAMES)
         h = interval[1] - interval[0]
-        omega_start = in_body_frame(omega0, "omega0", start, frame)
-        alpha_start = in_body_frame(alpha0, "alpha0", start, frame)
-        omega_end = in_body_frame(omega1, "omega1", end, frame)
-        alpha_end = in_body_frame(alpha1, "alpha1", end, frame)
-        first, fifth = h / 10.0 * omega_start, h / 10.0 * omega_end
-        second = first + h * h / 40.0 * alpha_start
-        fourth = rotate(exp_half(fifth), fifth - h * h / 40.0 * alpha_end)
+        first, fifth = h / 10.0 * omega0, h / 10.0 * omega1
+        second = first + h * h / 40.0 * alpha0
+        fourth = rotate(exp_half(fifth), fifth - h * h / 40.0 * alpha1)
         middle = between(start, end)
         for outer in (first, second):
             middle = multiply(exp_half(-outer), middle)
         for outer in (fifth, fourth):
             middle = multiply(middle, exp_half(-outer))
-        self._set_factors(
-            start,
-            interval,
-            np.stack([first, second, log_half(middle), fourth, fifth]),
-            revolutions,
-            ((omega_start, alpha_start), (omega_end, alpha_end)),
-        )
+        vectors = np.stack([first, second, log_half(middle), fourth, fifth])
+        self._set_factors(start, interval, revolutions, vectors)
 
 
 class KksHermiteSpline(Product, Through):
@@ -327,16 +311,8 @@ def half_velocities(keys: Floats, times: Floats, rule: str) -> Floats:
     the two rates; ``"chord"`` is :math:`\log(q_{i-1}^{-1} q_{i+1}) / (h_{i-1} + h_i)`.  At the ends
     it is the rate of the end segment.
 
-    Args:
-        keys: unit quaternions, signs aligned, shape ``(n, 4)``.
-        times: increasing instants in seconds, shape ``(n,)``.
-        rule: one of ``RULES``.
-
     Returns:
         Half-angle rates in rad/s in the body frame at each keyframe, shape ``(n, 3)``.
-
-    Raises:
-        ValueError: *rule* is none of them.
     """
     check_choice(rule, "rule", RULES)
     steps = np.diff(times)[:, None]

@@ -253,11 +253,7 @@ def check_chords(q: Floats) -> Floats:
 
 
 def carried_bases(q: Floats, chords: Floats) -> Floats:
-    """Return a basis of the first tangent space and its mirror images at the other keyframes.
-
-    Returns:
-        Columns in the tangent space of keyframe *i*, shape ``(n - 1, 4, 3)``.
-    """
+    """Return a basis of the first tangent space and its mirror images at the other keyframes."""
     carried = [frame_of(q)[:, 1:]]
     for normal in (q[1:-1] - q[:-2]) / chords[:-1, None]:
         carried.append(2.0 * np.outer(normal, normal @ carried[-1]) - carried[-1])
@@ -338,11 +334,7 @@ def best_direction(
         pulls: the vectors *p*, in the basis of the first tangent space, shape ``(n, 3)``.
         chords: distances *d* between neighbouring keyframes, shape ``(n,)``.
         criterion: 13 or 14.
-        is_restricted: whether all weights must be positive.
-
-    Returns:
-        A unit vector in that basis, shape ``(3,)``; nothing if none makes all weights positive and
-        that is asked for.
+        is_restricted: whether all weights must be positive; if none makes them so, there is none.
     """
     halves = 0.5 * chords
 
@@ -470,13 +462,7 @@ def _inside_cone(pulls: Floats) -> Floats | None:
 
 
 def best_first_point(q: Floats, ratios: Floats, criterion: int) -> Floats:
-    """Return the first inner control point with the least criterion found (eqs. 20 and 21).
-
-    Args:
-        q: keyframes, shape ``(n, 4)``.
-        ratios: of each interval to the one before, shape ``(n - 2,)``.
-        criterion: 20 or 21.
-    """
+    """Return the first inner control point with the least criterion found (eqs. 20 and 21)."""
 
     def values(first: Floats) -> Floats:
         return criterion_values(first, q, ratios, criterion)
@@ -500,15 +486,9 @@ def best_first_point(q: Floats, ratios: Floats, criterion: int) -> Floats:
 
 
 def inner_points(first: Floats, q: Floats, ratios: Floats) -> Floats:
-    """Return all inner control points for candidates of the first one.
+    """Return all inner control points, ``(s, n - 1, 4)``, for candidates of the first, ``(s, 4)``.
 
-    Args:
-        first: candidates, shape ``(s, 4)``.
-        q: keyframes, shape ``(n, 4)``.
-        ratios: of each interval to the one before, shape ``(n - 2,)``.
-
-    Returns:
-        Shape ``(s, n - 1, 4)``.
+    *ratios* are those of each interval to the one before, shape ``(n - 2,)``.
     """
     points: Floats = np.empty((len(first), len(q) - 1, 4))
     points[:, 0] = m = first
@@ -524,18 +504,7 @@ def inner_points(first: Floats, q: Floats, ratios: Floats) -> Floats:
 
 
 def criterion_values(first: Floats, q: Floats, ratios: Floats, criterion: int) -> Floats:
-    """Return a criterion of the spherical quadratic for candidates of the first inner point.
-
-    Args:
-        first: candidates, shape ``(s, 4)``.
-        q: keyframes, shape ``(n, 4)``.
-        ratios: of each interval to the one before, shape ``(n - 2,)``.
-        criterion: 20, the length of the polygon of inner points; or 21, the sum of squared
-            distances of the segments' middles from theirs.
-
-    Returns:
-        Shape ``(s,)``.
-    """
+    """Return criterion 20 or 21 for candidates of the first inner point, shape ``(s,)``."""
     points = inner_points(first, q, ratios)
     if criterion == 20:
         ends = np.broadcast_to(q[[0, -1]], (len(points), 2, 4))

@@ -265,7 +265,7 @@ def resolve_times(times: object, keys: Floats, turns: ArrayLike | None = None) -
     return array
 
 
-def resolve_knots(knots: ArrayLike | None, count: int, order: int) -> Floats:
+def resolve_knots(knots: object, count: int, order: int) -> Floats:
     """Return a knot vector for *count* control points of a B-spline of an order, in seconds.
 
     Without *knots* they are a second apart, and the domain begins at 0.

@@ -29,12 +29,10 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from orientd.curves.contract import Ends, WithEndVelocities
-from orientd.curves.keyframes import increments
 from orientd.curves.minimum_effort import MinimumEffort
 from orientd.curves.newton import Linearised, newton, solve_blocks
-from orientd.curves.products import Path, squared_acceleration
-from orientd.curves.rotation_vector import RotationVectorSpline
-from orientd.curves.starts import spline_path, winding_path, winding_reaches
+from orientd.curves.products import Path
+from orientd.curves.starts import spline_path
 from orientd.curves.trajectory import Samples
 from orientd.errors import PlanError
 from orientd.rotation import (
@@ -47,9 +45,6 @@ from orientd.rotation import (
     right_jacobian_inverse,
     rotate,
 )
-
-LARGE = 2.0
-"""Rad, from one keyframe to the next, from which there may be several stationary curves."""
 
 STRIDE = 1.2
 """How much may happen over a piece: velocity, root of acceleration and cube root of its rate,
@@ -82,12 +77,11 @@ class MinAcceleration(WithEndVelocities):
     discretise the curve and hand it to an optimiser; here the Euler equation of the problem
     (Noakes, Heinzinger and Paden, 1989) is solved to rounding: collocation over pieces of about a
     radian, and Newton's method on the states between all of them at once (multiple shooting), from
-    the rotation-vector spline with the same ends.
+    the spline of least effort with the same ends.
 
-    The result is a stationary curve, and the best one found: large steps have several, and a fast
-    end may coast through whole turns instead of winding back, which are tried for it (at 20 rad/s
-    over intervals of 1 s they lower the integral by a factor of two to three).  Time grows
-    linearly, some 1 to 5 ms a keyframe.
+    The result is the stationary curve near that spline: large steps have several.  A fast end may
+    coast through whole turns instead of winding back (at 20 rad/s over intervals of 1 s that lowers
+    the integral by a factor of two to three).  Time grows linearly, some 1 to 5 ms a keyframe.
 
     Picture: ``orientd plot min_acceleration``.
 
@@ -106,49 +100,19 @@ class MinAcceleration(WithEndVelocities):
 
     def _solve(self, q: Floats, instants: Floats, ends: Ends) -> None:
         self._set_knots(instants, 2)
-        self._nodes = stationary(q, instants, ends[0][0], ends[1][0])
+        given = (q, instants, ends[0][0], ends[1][0])
+        near = spline_path(MinimumEffort, *given)
+        found = None if near is None else settled(near, *given)
+        if found is None:
+            raise PlanError(
+                "no curve of least acceleration was found through the keyframes: Newton's method "
+                "does not converge, or only over more pieces than are tried; add keyframes, lower "
+                "the end velocities or make neighbouring intervals more alike"
+            )
+        self._nodes = found
 
     def _orientations(self, times: Floats) -> Floats:
         return self._nodes(times)[0]
-
-
-def stationary(q: Floats, instants: Floats, first: Floats | None, last: Floats | None) -> Nodes:
-    """Return the stationary curve of least acceleration that is found.
-
-    Newton's method starts from the rotation-vector spline, and for fast ends from the cumulative
-    spline with the best whole turns at its ends, the one that costs less first.  If neither leads
-    anywhere, or a step is so large that there may be several stationary curves, it starts from the
-    spline of least effort too, and the best result counts.
-
-    Args:
-        q: keyframes, shape ``(n, 4)``.
-        instants: theirs.
-        first: velocity at the first keyframe; without it the acceleration there is zero.
-        last: the same for the last keyframe.
-
-    Raises:
-        PlanError: Newton's method does not converge.
-    """
-    ends = (q, instants, first, last)
-    guesses = [spline_path(RotationVectorSpline, *ends)]
-    if guesses[0] is None or any(winding_reaches(instants, first, last)):
-        guesses.append(winding_path(*ends))
-    paths = [path for path in guesses if path is not None]
-    paths.sort(key=lambda path: squared_acceleration(path, instants))
-    found = next(filter(None, (settled(path, *ends) for path in paths)), None)
-    is_large = float(np.max(np.sum(increments(q) ** 2, axis=1))) > 0.25 * LARGE**2
-    if found is None or is_large:
-        near = spline_path(MinimumEffort, *ends)
-        other = None if near is None else settled(near, *ends)
-        both = [nodes for nodes in (found, other) if nodes is not None]
-        found = min(both, key=lambda nodes: squared_acceleration(nodes, nodes.times), default=None)
-    if found is None:
-        raise PlanError(
-            "no curve of least acceleration was found through the keyframes: Newton's method does "
-            "not converge, or only over more pieces than are tried; add keyframes, lower the end "
-            "velocities or make neighbouring intervals more alike"
-        )
-    return found
 
 
 class Rule(NamedTuple):
@@ -291,13 +255,7 @@ def settled(
 
 
 def nodes_along(path: Path, q: Floats, knots: Floats) -> Nodes | None:
-    """Return nodes on a guess, close where it is fast; nothing where that would be too many.
-
-    Args:
-        path: a curve through the keyframes.
-        q: keyframes, with the signs wanted, shape ``(n, 4)``.
-        knots: their instants.
-    """
+    """Return nodes on a guess, close where it is fast; nothing where that would be too many."""
     h, count = np.diff(knots), 8
     times = knots[:-1, None] + h[:, None] * np.arange(count + 1) / count
     times[:, -1] = knots[1:]

@@ -20,8 +20,8 @@ each with more weight than its multiplier has (the exact penalty of Han, 1977).
 
 The search begins at a cumulative spline in finer knots.  A cumulative spline is not one over finer
 knots, as it would be in Euclidean space, but close to one.  Its control quaternions are estimated
-from the curve and its acceleration.  If nothing is found from there, the spline of the finer knots
-passes through points of the curve instead.
+from the curve and its acceleration.  If the estimate misses the keyframes by far, the spline of the
+finer knots through points of the curve is tried too.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from numpy.typing import ArrayLike
 from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
 from orientd.curves.contract import Ends, WithEndStates
 from orientd.curves.interpolating import interpolate
-from orientd.curves.keyframes import ParameterError, check_integer
+from orientd.curves.keyframes import ParameterError, check_integer, check_numbers
 from orientd.curves.newton import solve_entries
 from orientd.curves.products import Path, Product, product_trajectory
 from orientd.curves.starts import start_path
@@ -52,12 +52,12 @@ from orientd.rotation import (
     rotate,
 )
 
-DIVISIONS = (1, 2, 4)
-"""Into how many times as many spans an interval is divided until the effort is below that of the
-spline to start from: one that turns by radians in a span is not near one over finer knots."""
+DIVISIONS = (2, 4)
+"""Into how many times as many spans an interval is divided while the effort is not below that of
+the spline to start from: one that turns by radians in a span is not near one over finer knots."""
 
 FEWEST = 2
-"""Spans from which the search begins where it does not settle with more."""
+"""Spans with which the search begins: with more it settles less often."""
 
 WIDE = 2.2
 """Rad between keyframes, beyond which torque changes so much that two more spans are taken."""
@@ -71,6 +71,9 @@ FEW = 10
 
 WORSE = 1e-3
 """Relative; the nodes see a curve that is not their spline with an error."""
+
+FAR = 0.1
+"""Rad of half angle by which an estimate misses a keyframe so that another start is tried too."""
 
 ROUNDING = 1e-20
 
@@ -173,34 +176,34 @@ class MinimumEffort(Product, WithEndStates):
         path, q = start_path(q, instants, first[0], last[0])
         has_acceleration = first[1] is not None or last[1] is not None
 
-        def posed(count: int) -> EffortProblem:
-            return EffortProblem(q, instants, k, smooth, (first, last), matrix, count)
-
+        # The search begins with few spans, and with more from what it has found.
+        is_wide = matrix is not None and bool(np.any(angle(q[1:], q[:-1]) > WIDE))
+        wanted = pieces + 2 * is_wide
+        near, best = path, None
         error = PlanError(
             f"no curve of less effort than c2_cumulative was found: take more spans, {_MORE}"
         )
-        counts = [more * pieces for more in DIVISIONS]
-        for count in counts if FEWEST in counts else [*counts, FEWEST]:
-            problem = posed(count)
+        for count in sorted({FEWEST, wanted, *(more * pieces for more in DIVISIONS)}):
+            problem = EffortProblem(q, instants, k, smooth, ends, matrix, count)
             try:
-                solved = problem.solved(path)
+                if near is path:
+                    solved = problem.solved(path)
+                else:
+                    solved = problem.least_effort(refined(near, problem.knots, k))
             except PlanError as failed:
                 error = failed
                 continue
+            near = problem.path(solved)
             # The spline to start from knows nothing of accelerations at its ends.
             if has_acceleration or problem.is_better(solved, path):
-                break
-        else:
+                best = problem, solved
+                if count >= wanted:
+                    break
+        if best is None:
             raise error
-        is_wide = matrix is not None and bool(np.any(angle(q[1:], q[:-1]) > WIDE))
-        wanted = max(count, pieces + 2 * is_wide)
-        if wanted > count:
-            finer = posed(wanted)
-            with suppress(PlanError):
-                guess = refined(problem.path(solved), finer.knots, k)
-                problem, solved = finer, finer.least_effort(guess)
+        problem, solved = best
         controls = problem.controls(solved)
-        self._set_controls(problem.basis, controls, solved, smooth, (first, last))
+        self._set_controls(problem.basis, controls, solved, smooth, ends)
 
 
 @dataclass(frozen=True)
@@ -245,17 +248,7 @@ class EffortProblem:
         inertia: Floats | None,
         spans: int,
     ) -> None:
-        """Pose the problem.
-
-        Args:
-            keys: keyframes, with the signs wanted, shape ``(N + 1, 4)``.
-            instants: theirs.
-            order: of the spline.
-            smoothness: how many derivatives are continuous at the keyframes.
-            ends: what is given at both ends.
-            inertia: shape ``(3, 3)``, or none.
-            spans: between two keyframes.
-        """
+        """Pose the problem for *keys* with the signs wanted and so many *spans* between two."""
         self.knots = effort_knots(instants, order, spans, order - 1 - smoothness)
         self.basis = basis = cumulative_basis(self.knots, order)
         self.inertia = inertia
@@ -314,32 +307,32 @@ class EffortProblem:
         Raises:
             PlanError: the search does not settle.
         """
-        guess, inertia = refined(path, self.knots, self._order), self.inertia
-        found, problem = [], None
-        try:
-            found.append(self.least_effort(guess))
-        except PlanError as error:
-            problem = error
-        if inertia is not None and (problem is not None or self._is_wide()):
+        guesses, inertia = [refined(path, self.knots, self._order)], self.inertia
+        missed = self.linearised(guesses[0]).missed
+        if self._order == 4 and np.max(np.sum(missed * missed, axis=1)) > FAR**2:
+            breaks = self.basis.breaks
+            with suppress(PlanError):
+                spline = interpolate(path(breaks)[0].copy(), breaks, 4, self._velocities)
+                guesses.append(spline[1][2])
+        found: list[Floats] = []
+        problems: list[PlanError] = []
+        for guess in guesses:
+            try:
+                found.append(self.least_effort(guess))
+            except PlanError as error:
+                problems.append(error)
+        apart = 2.0 * np.arccos(np.minimum(np.abs(self._steps[:, 0]), 1.0))
+        is_violent = len(apart) < FEW and bool(np.any(apart > LARGE))
+        if inertia is not None and (not found or is_violent):
             with suppress(PlanError):
                 self.inertia = None
-                eased = self.least_effort(guess)
+                eased = self.least_effort(guesses[0])
                 self.inertia = inertia
                 found.append(self.least_effort(eased))
             self.inertia = inertia
-        elif problem is not None and self._order == 4:
-            with suppress(PlanError):
-                breaks = self.basis.breaks
-                spline = interpolate(path(breaks)[0].copy(), breaks, 4, self._velocities)
-                found.append(self.least_effort(spline[1][2]))
-        if problem is not None and not found:
-            raise problem
+        if not found:
+            raise problems[0]
         return min(found, key=lambda one: self.linearised(one).effort)
-
-    def _is_wide(self) -> bool:
-        """Return whether keyframes are few, and some of them far apart."""
-        apart = 2.0 * np.arccos(np.minimum(np.abs(self._steps[:, 0]), 1.0))
-        return len(apart) < FEW and bool(np.any(apart > LARGE))
 
     def least_effort(self, increments: Floats) -> Floats:
         """Return increments of stationary effort near a guess, shape ``(count, 3)``.
@@ -414,11 +407,7 @@ class EffortProblem:
         self._ties = np.einsum("ef,ij->eifj", self._factors, np.eye(3)).ravel()
 
     def _step(self, here: Linearised) -> tuple[Floats, Floats]:
-        """Return the Gauss-Newton step, and the multipliers of the equations.
-
-        Raises:
-            numpy.linalg.LinAlgError: the system is singular.
-        """
+        """Return the Gauss-Newton step, and the multipliers of the equations."""
         size = 3 * len(self._place)
         right = np.zeros((len(self._place), 3))
         np.subtract.at(
@@ -463,23 +452,15 @@ class EffortProblem:
 
 
 def check_inertia(inertia: ArrayLike) -> Floats:
-    """Return an inertia over its largest moment: the effort is least where it was.
-
-    Raises:
-        ValueError: it is not a symmetric positive definite matrix or three positive moments.
-    """
-    expected = "inertia must be three moments or a symmetric positive definite 3x3 matrix, got"
-    try:
-        matrix = np.asarray(inertia, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise ParameterError("inertia", f"{expected} {inertia!r}") from error
+    """Return an inertia over its largest moment: the effort is least where it was."""
+    expected = "three moments or a symmetric positive definite 3x3 matrix"
+    matrix = check_numbers(inertia, "inertia", expected)
     if matrix.shape == (3,):
         matrix = np.diag(matrix)
-    if matrix.shape != (3, 3) or not np.all(np.isfinite(matrix)):
-        raise ParameterError("inertia", f"{expected} {inertia!r}")
-    moments = np.linalg.eigvalsh(matrix)
+    is_matrix = matrix.shape == (3, 3) and bool(np.isfinite(matrix).all())
+    moments = np.linalg.eigvalsh(matrix) if is_matrix else np.zeros(3)
     if not moments[0] > 0.0 or np.max(np.abs(matrix - matrix.T)) > 1e-9 * moments[-1]:
-        raise ParameterError("inertia", f"{expected} {inertia!r}")
+        raise ParameterError("inertia", f"inertia must be {expected}, got {inertia!r}")
     scaled: Floats = 0.5 * (matrix + matrix.T) / moments[-1]
     return scaled
 
@@ -539,9 +520,7 @@ def keyframe_factors(basis: CumulativeBasis, places: Indices) -> tuple[Indices, 
 
     What is under way at the first keyframe is undone from the right, what has been passed at the
     second completed, and what is under way there begun.
-
-    Returns:
-        Both of shape ``(N, F)``; shares are zero where an interval has fewer factors.
+    Shares are zero where an interval has fewer factors.
     """
     functions = basis.values.shape[1]
     first = basis.first - 1

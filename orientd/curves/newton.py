@@ -55,8 +55,6 @@ def newton(
     tolerance: float = 1e-8,
     iterations: int = 40,
     longest: float = 1.0,
-    nearby: float | None = None,
-    contraction: float = 0.5,
 ) -> State | None:
     """Return the root that Newton's method reaches from a guess, or nothing if it does not settle.
 
@@ -68,12 +66,7 @@ def newton(
         tolerance: a step of this size is the last.  The error that remains is its square.
         iterations: at most.
         longest: steps are cut to this size, then halved until they lower the sum of squared errors.
-        nearby: instead of that, take whole steps only, and refuse a guess from which the first is
-            longer than this, or a later one than its share of the one before.  A root found so is
-            the one that belongs to the guess.
-        contraction: that share.
     """
-    limit = np.inf if nearby is None else nearby
     error, solve = equations(guess)
     for _ in range(iterations):
         try:
@@ -81,24 +74,20 @@ def newton(
         except np.linalg.LinAlgError:
             return None
         length = size(step)
-        if not length <= limit:
-            return None
-        is_free = nearby is not None or length <= tolerance
-        share = 1.0 if is_free else min(1.0, longest / length)
+        if length <= tolerance:
+            return move(guess, step)
+        share = min(1.0, longest / length)
         before = float(np.sum(error * error))
         while True:
             moved = move(guess, share * step)
             error, solve = equations(moved)
-            if is_free or np.sum(error * error) <= (1.0 - SUFFICIENT * share) * before:
+            if np.sum(error * error) <= (1.0 - SUFFICIENT * share) * before:
                 break
             share *= 0.5
-            if share < SMALLEST_SHARE:
+            # A step that is not a number ends the search, too.
+            if not share >= SMALLEST_SHARE:
                 return None
         guess = moved
-        if length <= tolerance:
-            return guess
-        if nearby is not None:
-            limit = max(contraction * length, tolerance)
     return None
 
 

@@ -17,18 +17,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
-from orientd.curves.contract import FREE, Between, Curve, Drawn, Ends, Through
+from orientd.curves.contract import FREE, Between, Curve, Drawn, DrawnOverKnots, Ends, Through
 from orientd.curves.keyframes import (
     ParameterError,
     check_choice,
     check_integer,
     check_interval,
-    check_keys,
     check_number,
     check_vector,
     increments,
     inner_multiplicity,
-    resolve_knots,
 )
 from orientd.curves.trajectory import Samples, Trajectory
 from orientd.rotation import Floats, between, conjugate, log_half, multiply, nearer_sign
@@ -155,18 +153,16 @@ class Slerp(Product, Between):
         angle = math.atan2(float(np.linalg.norm(relative[1:])), float(relative[0]))
         angle += turns * math.pi - (2.0 * math.pi if path == "complement" else 0.0)
         direction = log_half(relative)
+        given = None if axis is None else check_vector(axis, "axis")
         if np.linalg.norm(relative[1:]) <= _COINCIDENT and abs(angle) > _COINCIDENT:
-            if axis is None:
+            if given is None or not given.any():
                 raise ParameterError(
                     "axis",
-                    "axis must be given for a turn between orientations that coincide, got None",
+                    "axis must be given, and not zero, for a turn between orientations that "
+                    f"coincide, got {axis!r}",
                 )
-            direction = check_vector(axis, "axis")
-        elif axis is not None:
-            check_vector(axis, "axis")
+            direction = given
         length = float(np.linalg.norm(direction))
-        if axis is not None and length == 0.0 and abs(angle) > 0.0:
-            raise ParameterError("axis", f"axis must not be zero, got {axis!r}")
         increment = direction * (angle / length if length > 0.0 else 0.0)
         self._set_controls(
             cumulative_basis(np.repeat(interval, 2), 2), np.stack([start, end]), increment[None], 2
@@ -227,7 +223,7 @@ class KksBezier(Product, Drawn):
         )
 
 
-class KksBspline(Product, Drawn):
+class KksBspline(Product, DrawnOverKnots):
     r"""Blend control quaternions with the cumulative B-spline basis; control is local.
 
     .. math:: q(t) = q_{l-k+1} \prod_{i=l-k+2}^{l}
@@ -241,12 +237,6 @@ class KksBspline(Product, Drawn):
     change of the world frame, and instants there are refused.
 
     Picture: ``orientd plot kks_bspline``.
-
-    Args:
-        control: control quaternions, at least *order*.
-        order: degree plus one, at least 2.
-        knots: non-decreasing knots in seconds, ``len(control) + order`` of them, or ``None`` for
-            knots one second apart with the domain starting at 0.
     """
 
     name = "kks_bspline"
@@ -254,10 +244,7 @@ class KksBspline(Product, Drawn):
     source = "Kim, Kim and Shin 1995, sec. 5.3"
     local = True
 
-    def _solve(self, controls: Floats, *, order: int = 4, knots: ArrayLike | None = None) -> None:
-        order = check_integer(order, "order", minimum=2)
-        check_keys(controls, "control", minimum=order)
-        vector = resolve_knots(knots, len(controls), order)
+    def _solve(self, controls: Floats, order: int, vector: Floats) -> None:
         repeated = inner_multiplicity(vector, order)
         self._set_controls(
             cumulative_basis(vector, order),

@@ -91,9 +91,6 @@ def key_velocities(steps: Floats, h: Floats, first: Floats | None, last: Floats 
         first: velocity at the first keyframe; without it the acceleration there is zero.
         last: the same for the last keyframe.
 
-    Returns:
-        Shape ``(n + 1, 3)``.
-
     Raises:
         PlanError: the continuation in the size of the steps does not reach their full size.
     """
@@ -113,9 +110,7 @@ def key_velocities(steps: Floats, h: Floats, first: Floats | None, last: Floats 
             guess,
             size=lambda step: float(np.max(np.abs(step))) / (scale * fastest),
             tolerance=1e-9,
-            iterations=20,
-            nearby=np.inf,
-            contraction=2.0,
+            longest=np.inf,
         )
 
     omega_body, reached = homotopy(solve, still, start)

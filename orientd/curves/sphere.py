@@ -89,11 +89,8 @@ class NielsonHeiland(CubicSegments):
 def control_quaternions(q: Floats, r: Floats, left: Floats, f: Floats) -> Floats:
     """Return the control quaternions *D*, by Newton's method on their right increments.
 
-    Args:
-        q: keyframes, shape ``(n, 4)``.
-        r: where the inner points after each keyframe divide their arcs, shape ``(n - 1,)``.
-        left: the same of the inner points before each keyframe.
-        f: the same of the inner keyframes, shape ``(n - 2,)``.
+    The fractions are those of the formula: of the inner points after each keyframe and before the
+    next, and of the inner keyframes.
 
     Raises:
         PlanError: it does not converge.
@@ -140,14 +137,6 @@ def slerp_jacobians(p: Floats, q: Floats, u: Floats) -> tuple[Floats, Floats]:
 
     With :math:`w = \log(p^{-1} q)` as a rotation vector, increments *a* of *p* and *b* of *q* turn
     the slerp by :math:`\exp(-u w)\, a + u J_r(u w) (J_r^{-1}(w)\, b - J_l^{-1}(w)\, a)`.
-
-    Args:
-        p: unit quaternions, shape ``(n, 4)``.
-        q: unit quaternions, shape ``(n, 4)``.
-        u: shares, shape ``(n,)``.
-
-    Returns:
-        Matrices with respect to *p* and to *q*, shape ``(n, 3, 3)`` each.
     """
     w = 2.0 * log_half(multiply(conjugate(p), q))
     turn = exp_half(0.5 * u[:, None] * w)
@@ -187,21 +176,15 @@ class ComponentSpline(Through):
         return found
 
     def _check_direction(self) -> None:
-        """Refuse a spline that passes through zero.
-
-        Raises:
-            PlanError: it does.
-        """
+        """Refuse a spline that passes through zero."""
         spans, places = np.arange(len(self._cubics))[:, None], np.linspace(0.0, 1.0, 33)[None]
         length = np.linalg.norm(self._components(spans, places), axis=-1)
         # No segment whose length stays above what it loses between two places is looked at closer.
         lost = np.linalg.norm(self._cubics, axis=-1) @ np.array([0.0, 1.0, 2.0, 3.0]) / 64.0
         for span in np.flatnonzero(length.min(axis=1) <= lost):
             parts = (np.polynomial.Polynomial(row) for row in self._cubics[span].T)
-            roots = (
-                sum((part**2 for part in parts), np.polynomial.Polynomial([0.0])).deriv().roots()
-            )
-            u = np.clip(roots.real, 0.0, 1.0)
+            slope = sum((part * part.deriv() for part in parts), np.polynomial.Polynomial([0.0]))
+            u = np.clip(slope.roots().real, 0.0, 1.0)
             found = np.linalg.norm(self._components(np.full(len(u), span), u), axis=-1)
             if found.min(initial=np.inf) <= 1e-12:
                 share = u[int(np.argmin(found))]
@@ -264,19 +247,12 @@ class NormalizedCubic(ComponentSpline):
 
 
 def check_tension(nu: object, count: int) -> Floats:
-    """Return a tension for each of *count* keyframes.
-
-    Raises:
-        ValueError: *nu* is neither one number nor one for each keyframe, or one is negative or
-            not finite.
-    """
+    """Return a tension for each of *count* keyframes."""
     expected = f"a number or one for each of the {count} keyframes, not negative"
     array = check_numbers(nu, "nu", expected)
-    if array.shape not in ((), (count,)):
+    if array.shape not in ((), (count,)) or not np.all(np.isfinite(array) & (array >= 0.0)):
         raise ParameterError("nu", f"nu must be {expected}, got {nu!r}")
     tension: Floats = np.full(count, array, dtype=np.float64)
-    if not np.all(np.isfinite(tension) & (tension >= 0.0)):
-        raise ParameterError("nu", f"nu must be {expected}, got {nu!r}")
     return tension
 
 
@@ -288,15 +264,8 @@ def spline_slopes(points: Floats, times: Floats, tension: Floats) -> Floats:
     .. math:: \frac{2 m_{i-1} + 4 m_i}{h_{i-1}} + \frac{4 m_i + 2 m_{i+1}}{h_i} + \nu_i m_i =
               \frac{6 \Delta_{i-1}}{h_{i-1}^2} + \frac{6 \Delta_i}{h_i^2}
 
-    (Nielson, 1986).  Without tension it is the natural cubic spline.
-
-    Args:
-        points: shape ``(n, d)``.
-        times: increasing instants, shape ``(n,)``.
-        tension: not negative, shape ``(n,)``.
-
-    Returns:
-        Shape ``(n, d)``.  Time and memory grow linearly.
+    (Nielson, 1986).  Without tension it is the natural cubic spline.  *tension* is not negative;
+    time and memory grow linearly.
     """
     h = np.diff(times)
     pull = 6.0 * np.diff(points, axis=0) / (h * h)[:, None]
@@ -355,29 +324,30 @@ class CircularBlending(Through):
         is_one_circle = len(q) == 3
         order = 0 if not is_quadratic else 2 if self._is_smooth or is_one_circle else 1
         self._set_knots(instants, order)
-        self._circles, angles = circles(q)
-        h = np.diff(instants)
-        first, second = angle_polynomials(angles, h, is_quadratic=is_quadratic)
-        # Circle k passes through keys k to k + 2: the second half of k in interval k + 1, the
-        # first half of k in interval k; the end intervals have one circle only.
-        self._from = np.maximum(np.arange(len(h)) - 1, 0)
-        self._to = np.minimum(np.arange(len(h)), len(h) - 2)
-        self._from_angle = np.concatenate([first[:1], second])
-        self._to_angle = np.concatenate([first, second[-1:]])
+        self._circles, self._angles = circles(q)
+        self._is_quadratic = is_quadratic
 
     def _orientations(self, times: Floats) -> Floats:
         span, s = self._shares(times)
-        elapsed = times - self._knots[span]
         weight = s * s * (3.0 - 2.0 * s) if self._is_smooth else s
-        leaving = self._on_circle(self._from[span], self._from_angle[span], elapsed)
-        arriving = self._on_circle(self._to[span], self._to_angle[span], elapsed)
+        # Circle k passes through keys k to k + 2; the end intervals have one circle only.
+        leaving = self._on_circle(np.maximum(span - 1, 0), times)
+        arriving = self._on_circle(np.minimum(span, len(self._knots) - 3), times)
         return moving_slerp(leaving, arriving, weight, times)
 
-    def _on_circle(self, which: np.ndarray, polynomial: Floats, elapsed: Floats) -> Floats:
-        a, b, c = polynomial.T
-        angle = (a + elapsed * (b + elapsed * c))[:, None]
+    def _on_circle(self, which: np.ndarray, times: Floats) -> Floats:
+        """Return where some of the circles are at *times* in one of their two intervals."""
+        begin, middle, end = (self._knots[which + one] for one in range(3))
+        second, third = self._angles[:, which]
+        rise, climb = second / (middle - begin), (third - second) / (end - middle)
+        before, after = times - begin, times - middle
+        if self._is_quadratic:
+            angle = before * (rise + after * (climb - rise) / (end - begin))
+        else:
+            angle = np.where(after < 0.0, rise * before, second + climb * after)
         center, u, v = self._circles[:, which]
-        return normalize(center + np.cos(angle) * u + np.sin(angle) * v)
+        along, across = np.cos(angle)[:, None], np.sin(angle)[:, None]
+        return normalize(center + along * u + across * v)
 
 
 def circles(q: Floats) -> tuple[Floats, Floats]:
@@ -386,9 +356,6 @@ def circles(q: Floats) -> tuple[Floats, Floats]:
     Returns:
         Centres, first and second radius vectors, shape ``(3, n - 2, 4)``; the angles of the
         second and the third keyframe, counted from the first, shape ``(2, n - 2)``.
-
-    Raises:
-        ValueError: two of three consecutive keyframes are the same.
     """
     to_second, to_third = q[1:-1] - q[:-2], q[2:] - q[:-2]
     e, f, g = np.linalg.norm([to_second, q[2:] - q[1:-1], to_third], axis=-1)
@@ -412,24 +379,3 @@ def circles(q: Floats) -> tuple[Floats, Floats]:
     second = 2.0 * np.arctan2(y * e, y * y + x * (x - e))
     third = second + 2.0 * np.arctan2(y, x)
     return np.stack([center, u, v]), np.stack([second, third])
-
-
-def angle_polynomials(angles: Floats, h: Floats, *, is_quadratic: bool) -> tuple[Floats, Floats]:
-    """Return the angle along each circle in its first and second interval.
-
-    Args:
-        angles: of the second and third keyframe of each circle, shape ``(2, n - 2)``.
-        h: intervals, shape ``(n - 1,)``.
-        is_quadratic: one parabola over both intervals, or a line in each.
-
-    Returns:
-        Coefficients of 1, *x* and *x* squared, *x* the time since the interval began, for the
-        first and the second interval, each of shape ``(n - 2, 3)``.
-    """
-    before, after = h[:-1], h[1:]
-    rise, climb = angles[0] / before, (angles[1] - angles[0]) / after
-    bend = (climb - rise) / (before + after) if is_quadratic else np.zeros_like(rise)
-    first = np.stack([np.zeros_like(rise), rise - bend * before, bend], axis=-1)
-    slope = rise + bend * before if is_quadratic else climb
-    second = np.stack([angles[0], slope, bend], axis=-1)
-    return first, second

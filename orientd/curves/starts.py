@@ -26,15 +26,9 @@ def spline_path(
     last: Floats | None,
     **options: Any,  # noqa: ANN401 - of any family
 ) -> Path | None:
-    """Return the path of a spline with the same keyframes and ends, if there is one.
+    """Return the path of a spline with the same keyframes, their signs, and ends, if there is one.
 
-    Args:
-        family: of the spline.
-        q: orientations of the keyframes, their signs as the spline is to have them.
-        instants: of the keyframes, s.
-        first: body angular velocity at the first keyframe, rad/s; natural without it.
-        last: the same at the last keyframe.
-        options: of the family.
+    An end without a velocity is natural.
     """
     for side, omega in (("start", first), ("end", last)):
         options |= {side: "natural" if omega is None else "clamped", f"omega_{side}": omega}

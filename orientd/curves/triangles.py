@@ -18,20 +18,16 @@ from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from orientd.curves.contract import Curve, Drawn, Through
+from orientd.curves.contract import Curve, Drawn, DrawnOverKnots, Through
 from orientd.curves.hermite import half_velocities
 from orientd.curves.keyframes import (
     ParameterError,
     check_choice,
-    check_integer,
     check_interval,
-    check_keys,
     check_number,
     increments,
     inner_multiplicity,
-    resolve_knots,
 )
 from orientd.curves.products import with_phantoms
 from orientd.errors import PlanError
@@ -51,13 +47,9 @@ class TriangleCurve(Curve):
     def _set_triangles(
         self, knots: Floats, points: Floats, continuity: int, intervals: Intervals | None = None
     ) -> None:
-        """Set up the curve.
+        """Set up the curve of control quaternions, shape ``(segments, order, 4)``.
 
-        Args:
-            knots: where the segments begin, and the end, in seconds, shape ``(segments + 1,)``.
-            points: control quaternions, shape ``(segments, order, 4)``.
-            continuity: what holds at the knots.
-            intervals: of the entries of the triangle; without them those of a Bezier curve.
+        Without *intervals* of the entries of the triangle they are those of a Bezier curve.
         """
         self._set_knots(knots, continuity)
         self._points = points
@@ -75,13 +67,7 @@ class TriangleCurve(Curve):
 
 
 def moving_slerp(p: Floats, q: Floats, shares: Floats, times: Floats) -> Floats:
-    """Return the slerps between points that move with time.
-
-    Args:
-        p: unit quaternions, the first axis goes with *times*.
-        q: unit quaternions, shaped like *p*.
-        shares: where between them, broadcast against the leading axes.
-        times: instants, s, for the message.
+    """Return the slerps between points that move with time, which the first axis goes with.
 
     Raises:
         PlanError: two of them are antipodal, so that the arc between them is not defined.
@@ -108,14 +94,9 @@ class CubicSegments(TriangleCurve, Through):
         instants: Floats,
         continuity: int | None = None,
     ) -> None:
-        """Set up the curve of keyframes, ``(n, 4)``, with control quaternions beside them.
+        """Set up the curve of keyframes, with control quaternions after and before each.
 
-        Args:
-            q: keyframes.
-            after: control quaternions after each keyframe but the last, shape ``(n - 1, 4)``.
-            before: control quaternions before each keyframe but the first.
-            instants: of the keyframes.
-            continuity: without it that of inner points equally far from a keyframe.
+        Without *continuity* it is that of inner points equally far from a keyframe.
         """
         if continuity is None:
             h = np.diff(instants)
@@ -208,11 +189,7 @@ def bisected_reflections(q: Floats) -> Floats:
 
 
 def check_share(value: object, name: str) -> float:
-    """Return a number in ``(0, 1]``, given as a number or as a fraction in words.
-
-    Raises:
-        ValueError: it is not one.
-    """
+    """Return a number in ``(0, 1]``, given as a number or as a fraction in words."""
     number: object = value
     if isinstance(value, str):
         try:
@@ -302,7 +279,7 @@ class SchlagCatmullRom(TriangleCurve, Through):
         self._set_triangles(instants, with_phantoms(q)[window], 1 if len(q) > 2 else 2, intervals)
 
 
-class SchlagBSpline(TriangleCurve, Drawn):
+class SchlagBSpline(TriangleCurve, DrawnOverKnots):
     r"""Approximate control quaternions by de Boor's triangle of slerps.
 
     .. math:: P_i^r(t) = \mathrm{slerp}\Bigl(P_{i-1}^{r-1}, P_i^{r-1},
@@ -316,13 +293,6 @@ class SchlagBSpline(TriangleCurve, Drawn):
     of 45 degrees and by 2 % at 170 (Kim, Kim and Shin, 1995, say so without figures).
 
     Picture: ``orientd plot schlag_bspline``.
-
-    Args:
-        control: unit quaternions ``(w, x, y, z)``, at least *order*.
-        order: *k*, one more than the degree, at least 2.
-        knots: non-decreasing instants in seconds, *order* more than control quaternions; without
-            them uniform ones that make the curve start at 0.  The domain is
-            ``[knots[order - 1], knots[-order]]``.
     """
 
     name = "schlag_bspline"
@@ -330,10 +300,7 @@ class SchlagBSpline(TriangleCurve, Drawn):
     source = "Schlag 1991, after de Boor 1972"
     local = True
 
-    def _solve(self, points: Floats, *, order: int = 4, knots: ArrayLike | None = None) -> None:
-        size = check_integer(order, "order", minimum=2)
-        check_keys(points, "control", minimum=size)
-        x = resolve_knots(knots, len(points), size)
+    def _solve(self, points: Floats, size: int, x: Floats) -> None:
         spans = np.arange(size - 1, len(points))
         spans = spans[x[spans + 1] > x[spans]]
         # On the span of knot L, entry i of level r blends over [x_i, x_{i+k-r}],

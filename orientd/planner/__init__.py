@@ -28,9 +28,9 @@ if TYPE_CHECKING:
         Limits,
         Rate,
     )
-    from orientd.planner.many import in_parallel, need_backend, plan_many
     from orientd.planner.methods import check_method, curve_of
     from orientd.planner.motion import Motion
+    from orientd.planner.offline import in_parallel, need_backend, plan_many
     from orientd.planner.path.path import PathSamples
     from orientd.planner.path.position import position_path
     from orientd.planner.planning import plan
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
         RecordedMotion,
         states_between,
     )
-    from orientd.planner.replay import plan_as_recorded, replay_request
     from orientd.planner.request import (
         DEFAULT_METHOD,
         Frame,
@@ -52,7 +51,7 @@ if TYPE_CHECKING:
         named_frames,
     )
     from orientd.planner.resolve import in_device_coordinates, report_frame
-    from orientd.planner.task import distinct, task_of
+    from orientd.planner.task import distinct, plan_as_recorded, replay_request, task_of
 
 __getattr__ = lazily(
     __name__,
@@ -71,9 +70,9 @@ __getattr__ = lazily(
             "Limits",
             "Rate",
         ),
-        "orientd.planner.many": ("in_parallel", "need_backend", "plan_many"),
         "orientd.planner.methods": ("check_method", "curve_of"),
         "orientd.planner.motion": ("Motion",),
+        "orientd.planner.offline": ("in_parallel", "need_backend", "plan_many"),
         "orientd.planner.path.path": ("PathSamples",),
         "orientd.planner.path.position": ("position_path",),
         "orientd.planner.planning": ("plan",),
@@ -84,7 +83,6 @@ __getattr__ = lazily(
             "RecordedMotion",
             "states_between",
         ),
-        "orientd.planner.replay": ("plan_as_recorded", "replay_request"),
         "orientd.planner.request": (
             "DEFAULT_METHOD",
             "Frame",
@@ -95,6 +93,6 @@ __getattr__ = lazily(
             "named_frames",
         ),
         "orientd.planner.resolve": ("in_device_coordinates", "report_frame"),
-        "orientd.planner.task": ("distinct", "task_of"),
+        "orientd.planner.task": ("distinct", "plan_as_recorded", "replay_request", "task_of"),
     },
 )

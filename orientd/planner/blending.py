@@ -289,7 +289,7 @@ def _motion(
         return certify(followed)
     core = replace(followed, trajectory=followed.trajectory.restricted(0.0, end))
 
-    def make(within: Limits, share: float, _: KeyframePath | None) -> KeyframePath:
+    def make(within: Limits, share: float) -> KeyframePath:
         return quickest(core, within, period, share=share)
 
     return timed(make, certify, limits)

@@ -37,10 +37,8 @@ _POWERS = {"rad/s": 1, "rad/s^2": 2, "rad/s^3": 3, "s": 1}
 _STEP = 0.8
 _SLOWEST = 0.1
 """Share of the device's speed below which no motion is slowed down for its axes."""
-_SHARES = (0.8, 0.5, 0.25)
+_SHARES = (0.8, 0.5)
 """Of the accelerations, for a pace that changes little; less leaves more to change it with."""
-_LAST_SHARE = 0.2
-"""The same for a lead-in to times that are the user's: it can only be as slow as it must."""
 _BEYOND = 0.1
 """How far beyond a lead-in its pace is looked for, s."""
 _FINEST, _FINEST_OF_LEAD, _MOST_SAMPLES = 16, 64, 40_000
@@ -346,7 +344,7 @@ class Fitting:
         period = motion.period
         refusal: PlanError | None = None
         is_timed = motion.request.times is not None
-        for share in (*_SHARES, _LAST_SHARE) if is_timed else _SHARES:
+        for share in _SHARES:
             path_times = self._path_times(motion, share)
             if not len(path_times):
                 return None
@@ -365,7 +363,7 @@ class Fitting:
                 if refusal is None and is_timed:
                     # The driver says by how much too little time there is.
                     fixed = (motion.start_time, motion.end_time)
-                    self._pace(motion, fixed, fixed, _LAST_SHARE, _FINEST)
+                    self._pace(motion, fixed, fixed, _SHARES[-1], _FINEST)
                 refusal = refusal or error
                 if isinstance(error, LimitError) and error.quantity.startswith("angle of"):
                     refusal = error  # which no pace changes
@@ -475,8 +473,5 @@ def _rows(q: Floats) -> Sequence[Quaternion]:
 
 def _rates(limits: Limits) -> tuple[float, float, float]:
     """Return the angular rates that keep *limits* about whatever axis."""
-    return (
-        min(limits.velocity, *limits.axis_velocity),
-        min(limits.acceleration, *limits.axis_acceleration),
-        min(limits.jerk, *limits.axis_jerk),
-    )
+    numbers = limits.numbers()
+    return min(numbers[:4]), min(numbers[4:8]), min(numbers[8:12])

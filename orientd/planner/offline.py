@@ -1,15 +1,29 @@
-"""Plan from Python, with nothing of the daemon: orientations in, a certified motion out."""
+"""Plan from Python, with nothing of the daemon: orientations in, a certified motion out.
+
+Many requests are planned at once on every core of this machine, or on a cluster.  Joblib hands the
+work out, to processes of its own (``loky``), to Ray or to Dask; what comes back is the same
+whichever does it, in the order of what was asked.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Iterable, Mapping
-from typing import Any
+import gc
+import itertools
+import os
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from importlib.util import find_spec
+from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.errors import RequestError
+from orientd.errors import OrientdError, RequestError
 from orientd.planner.limits import DEFAULT_LIMITS, Limits, Rate
 from orientd.planner.motion import Motion
 from orientd.planner.planning import plan
@@ -17,6 +31,33 @@ from orientd.planner.request import Keyframe, MotionRequest, State
 from orientd.planner.resolve import in_device_coordinates
 from orientd.rotation import Quaternion, is_rotation, unnamed
 from orientd.spelling import unknown_key
+
+Part = TypeVar("Part")
+Result = TypeVar("Result")
+Backend = Literal["loky", "ray", "dask"]
+
+BACKENDS: tuple[str, ...] = get_args(Backend)
+
+_TOGETHER = 64
+"""Requests handed to a worker at a time."""
+
+_IDLE = 30.0
+"""Seconds after which a worker ends that is handed nothing."""
+
+_LOOK = 1.0
+"""Seconds between looks at whether the one who asks is there: who was killed reads no results."""
+
+_PATIENCE = 5.0
+"""Seconds in which a cluster must take a connection."""
+
+_ROUNDS = 8
+"""Parts that each worker of Ray is handed before what has been done is returned."""
+
+_NEEDED = {
+    "loky": ("joblib", "orientd-motion[batch]"),
+    "ray": ("ray", "ray"),
+    "dask": ("distributed", "dask[distributed]"),
+}
 
 
 def plan_offline(
@@ -119,3 +160,148 @@ def _keys(orientations: object) -> list[list[float]]:
             )
     listed: list[list[float]] = [unnamed(row).tolist() for row in rows]
     return listed
+
+
+def plan_many(
+    requests: Iterable[MotionRequest],
+    *,
+    limits: Limits = DEFAULT_LIMITS,
+    period: float = 0.002,
+    backend: Backend = "loky",
+    jobs: int = -1,
+    address: str | None = None,
+) -> Iterator[Motion | OrientdError]:
+    """Yield the motion of each request, in order; an error in the place of one that is refused.
+
+    Args:
+        requests: each begins at rest at its first keyframe; taken as they are needed.
+        limits: of the device.
+        period: of the device, s.
+        backend: what the work is handed to; see :func:`in_parallel`.
+        jobs: how many at a time; -1 for one on each core.
+        address: of a Ray or Dask cluster; by default one is begun on this machine.
+
+    Raises:
+        OrientdError: the backend is not installed.
+    """
+    waiting = iter(requests)
+    parts = iter(lambda: list(itertools.islice(waiting, _TOGETHER)), [])
+    work = partial(_plan, limits=limits, period=period)
+    for planned in in_parallel(work, parts, backend=backend, jobs=jobs, address=address):
+        yield from planned
+
+
+def _plan(
+    requests: list[MotionRequest], *, limits: Limits, period: float
+) -> list[Motion | OrientdError]:
+    found: list[Motion | OrientdError] = []
+    for request in requests:
+        try:
+            found.append(plan_offline(request, limits=limits, period=period))
+        except OrientdError as error:
+            found.append(error)
+    return found
+
+
+def in_parallel(
+    work: Callable[[Part], Result],
+    parts: Iterable[Part],
+    *,
+    backend: str = "loky",
+    jobs: int = -1,
+    address: str | None = None,
+) -> Iterator[Result]:
+    """Yield what *work* makes of each part, in order.
+
+    Args:
+        work: a function of a module, so that other processes find it.
+        parts: taken as they are needed.
+        backend: ``loky`` for processes on this machine, ``ray`` or ``dask`` for a cluster.
+        jobs: how many at a time; -1 for one on each core.
+        address: of the cluster; by default one is begun on this machine.
+
+    Raises:
+        OrientdError: the backend is unknown or not installed, or cannot be reached.
+    """
+    need_backend(backend)
+    import joblib
+
+    of_loky = {
+        "idle_worker_timeout": _IDLE,
+        "initializer": _settle,
+        "initargs": (work, os.getpid()),
+    }
+    more: dict[str, Any] = of_loky if backend == "loky" else {}
+    with _cluster(backend, address), joblib.parallel_config(backend, n_jobs=jobs, **more):
+        tasks = (joblib.delayed(work)(part) for part in parts)
+        # One part at a time: they are large already, and what is asked next depends on the pace.
+        if backend != "ray":
+            parallel = joblib.Parallel(
+                return_as="generator", batch_size=1, pre_dispatch="2 * n_jobs"
+            )
+            yield from parallel(tasks)
+            return
+        # Ray's end of joblib returns lists only.
+        with joblib.Parallel(batch_size=1) as parallel:
+            together = _ROUNDS * joblib.effective_n_jobs(jobs)
+            while some := list(itertools.islice(tasks, together)):
+                yield from parallel(some)
+
+
+def _settle(work: object, asker: int) -> None:
+    """Be a worker that leaves no trace: not in the time of its parts, nor behind the *asker*.
+
+    What is loaded for *work* by now is left out of the garbage collection after each part.
+    """
+    del work
+    gc.collect()
+    gc.freeze()
+    threading.Thread(target=_end_with, args=(asker,), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    """End this process, whatever it waits for, once its parent has."""
+    # What the kernel offers for that (PR_SET_PDEATHSIG) goes by the thread that began the worker.
+    while os.getppid() == parent:
+        time.sleep(_LOOK)
+    os._exit(1)
+
+
+def need_backend(backend: str) -> None:
+    """Raise :class:`.OrientdError` where a backend is unknown or not installed."""
+    if backend not in BACKENDS:
+        raise OrientdError(f"expected a backend of {', '.join(BACKENDS)}, got {backend!r}")
+    for module, package in dict.fromkeys((_NEEDED["loky"], _NEEDED[backend])):
+        if find_spec(module) is None:
+            raise OrientdError(f"many plans at once need {module}: pip install '{package}'")
+
+
+@contextlib.contextmanager
+def _cluster(backend: str, address: str | None) -> Iterator[None]:
+    """Be connected to a cluster, where the backend is one."""
+    if backend == "loky":
+        if address is not None:
+            raise OrientdError(f"a cluster's address needs the backend ray or dask, got {address}")
+        yield
+        return
+    entered: Any
+    try:
+        host, _, port = (address or "").rpartition("://")[2].rpartition(":")
+        if port.isdecimal():
+            # Ray itself would wait for minutes for one that is not there.
+            socket.create_connection((host, int(port)), timeout=_PATIENCE).close()
+        if backend == "ray":
+            import ray
+            from ray.util.joblib import register_ray
+
+            register_ray()
+            entered = ray.init(address=address, include_dashboard=False, logging_level="error")
+        else:
+            from distributed import Client
+
+            entered = Client(address)
+    except (OSError, ConnectionError, RuntimeError, ValueError) as error:
+        where = "on this machine" if address is None else f"at {address}"
+        raise OrientdError(f"no {backend} cluster {where}: {error}") from error
+    with entered:
+        yield

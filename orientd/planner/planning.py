@@ -17,7 +17,8 @@ import numpy as np
 
 from orientd.errors import LimitError, PlanError, RequestError, StartError
 from orientd.planner import refusal, resting
-from orientd.planner.connect import CONNECTIONS, WITHOUT_RESERVE, approach
+from orientd.planner.certify import share_to_stop
+from orientd.planner.connect import CONNECTIONS, SAME_PLACE, WITHOUT_RESERVE, approach
 from orientd.planner.job import PlanJob
 from orientd.planner.limits import ANGULAR, LONGEST, PERIODS, UNITS, Limits
 from orientd.planner.motion import Motion
@@ -38,7 +39,7 @@ from orientd.planner.timing import (
     longest_stop,
     quickest,
 )
-from orientd.rotation import Floats
+from orientd.rotation import Floats, angle
 
 EVEN = "at an even pace: stopping wherever the acceleration jumps is no quicker"
 
@@ -58,8 +59,11 @@ _MUCH = 0.9  # of a limit, and of the longest stop
 _WHOLE = 1.0 + 1e-6  # of a limit
 _MOST_OVER = 1.1  # times a limit that a timing is slowed down for
 _MOST_TIMINGS = 12  # until the records keep the limits, and until a stop is short enough
+_LONG = 1.5  # times the longest stop: a curve that will have to keep more of a reserve
+_USUAL = 0.8  # of what a stop from the velocity's limit asks for
+_COSTLY = 1.02  # times as long as before: too much for a quicker stop
 _NO_LONGER = 0.98  # of a stop's time, above which twice the reserve has not helped
-_LEAST_MORE, _GREATEST_MORE = 2.0, 4.0  # times the reserve, for the next timing
+_LEAST_MORE, _GREATEST_MORE = 1.2, 16.0  # times the reserve, for the next timing
 
 
 def plan(
@@ -215,14 +219,14 @@ def _to_single(job: PlanJob, name: str, tried: _Tried) -> None:
 def _turn(job: PlanJob, target: State, name: str) -> Motion:
     """Return the turn to a single keyframe, from rest to rest about one axis."""
     total, held, here = job.request.total, PositionPath.held(target.position), job.start.q
-    usual = approach(here, target.q, job.limits)
-    if usual is None:
+    if angle(here, target.q) <= SAME_PLACE:
         return job.motion(target, name)
 
-    def make(limits: Limits, share: float, _: KeyframePath | None) -> KeyframePath:
+    def make(limits: Limits, share: float) -> KeyframePath:
         shares = {"share": share, "jerk_share": share}
-        found = approach(here, target.q, limits, is_even=job.is_even, is_part=False, **shares)
-        turn = found or usual
+        turn = approach(here, target.q, limits, is_even=job.is_even, is_part=False, **shares)
+        if turn is None:
+            raise ValueError("a turn needs another orientation")
         # It need not take a whole number of periods: nothing comes after it.
         path = KeyframePath(turn, held, np.array([turn.duration]))
         return path if total is None else path.lasting(total)
@@ -232,13 +236,9 @@ def _turn(job: PlanJob, target: State, name: str) -> Motion:
 
 def _evenly(job: PlanJob, name: str, tried: _Tried) -> None:
     """Try the curve's own pace, slowed down by one factor."""
-    even, before = job.evenly(), next(reversed(tried.refused.values()), None)
-    note = () if before is None else (f"at an even pace: {before}",)
-    some = "an even pace"
-    tried.attempt(some, partial(_at_even_pace, even, name, *note))
-    if job.request.total is None and isinstance(tried.refused.get(some), LimitError):
-        # A peak where none was expected: look at every record then.
-        tried.attempt(some, partial(_at_even_pace, even, name, *note, everywhere=True))
+    before = next(reversed(tried.refused.values()), None)
+    notes = () if before is None else (f"at an even pace: {before}",)
+    tried.attempt("an even pace", partial(_at_even_pace, job.evenly(), name, *notes))
 
 
 def _along_curve(job: PlanJob, name: str, tried: _Tried) -> None:
@@ -302,11 +302,11 @@ def _with_stops(job: PlanJob, name: str, tried: _Tried) -> None:
     least = resting.least_with_stops(request.keys, job.limits)
     if resting.can_rest(job) and not any(job.ends.moves):
 
-        def make(limits: Limits, share: float, _: KeyframePath | None) -> KeyframePath:
+        def make(limits: Limits, share: float) -> KeyframePath:
             return resting.with_stops(job, limits, share)
 
         def stopping() -> Motion | None:
-            if least >= took or make(job.limits, SHARE, None).duration >= took:
+            if least >= took or make(job.limits, SHARE).duration >= took:
                 return None
             certify, has_lead_in = partial(job.motion, name=name), request.approach
             motion = timed(make, certify, job.limits, has_lead_in=has_lead_in)
@@ -338,11 +338,12 @@ def _with_moving_ends(job: PlanJob, name: str, tried: _Tried) -> None:
         return
     connecting = "connectors at the ends"
     try:
-        connectors = resting.quickest_connectors(job)
+        connectors = resting.Connectors.of(job)
     except PlanError as error:
         tried.refused[connecting] = error
         return
-    if tried.took <= least + sum(connectors.durations):
+    # A curve between the rests may be quicker than the turns that are counted.
+    if tried.took <= resting.WORTH * (least + sum(connectors.durations)):
         return
     if total is not None and connectors.has_no_rest:
         _unhurried(job, total, name, tried)
@@ -371,7 +372,7 @@ def _unhurried(job: PlanJob, total: float, name: str, tried: _Tried) -> None:
             durations that are possible.
     """
 
-    def connecting(path: KeyframePath) -> Motion:
+    def slower(path: KeyframePath) -> Motion:
         return _timed(job, path, None, name, has_rests=False).noted(resting.CONNECTS)
 
     def waiting(connectors: resting.Connectors) -> Motion:
@@ -379,7 +380,7 @@ def _unhurried(job: PlanJob, total: float, name: str, tried: _Tried) -> None:
 
     for path in resting.unhurried(job, total):
         if tried.best is None:
-            tried.attempt("a slower connector", partial(connecting, path))
+            tried.attempt("a slower connector", partial(slower, path))
     rests = resting.with_a_rest(job)
     for one in rests:
         if tried.best is None:
@@ -399,55 +400,47 @@ def _as_timed(job: PlanJob, name: str) -> Motion:
     return job.motion(job.path(Knots(times, np.arange(len(times))), duration), name)
 
 
-def _at_even_pace(
-    job: PlanJob, name: str, *notes: str, everywhere: bool = False, longest: float = LONGEST
-) -> Motion:
-    """Return the motion at the curve's own pace, slowed down by one factor.
+def _at_even_pace(job: PlanJob, name: str, *notes: str, longest: float = LONGEST) -> Motion:
+    """Return the motion at the curve's own pace, slowed down by one factor, in less than *longest*.
 
-    Args:
-        job: what to plan.
-        name: of the motion.
-        notes: what the certificate says.
-        everywhere: whether to look at every record at every attempt.
-        longest: that it may take from the first keyframe to the last, s.
+    That is from the first keyframe to the last, s.
     """
     knots, guess = job.knots(is_quick=False)
-    total, make = job.request.total, partial(job.path, knots)
+    total, curve = job.request.total, partial(job.path, knots)
     if total is not None:
         refusal.check_duration(total)
-        return job.motion(make(total), name, *notes)
-    if job.has_one_shape:
-        path = evenly_paced(
-            make(guess),
-            job.limits,
-            job.period,
-            intervals=len(knots.kept) - 1,
-            longest=longest,
-            everywhere=everywhere,
-        )
-    else:
-        path = evenly_made(make, guess, job.limits, job.period, longest=longest)
+        return job.motion(curve(total), name, *notes)
+    if not job.has_one_shape:
+        return job.motion(_usual_curve(job, knots, guess, longest), name, *notes)
+    path, intervals = curve(guess), len(knots.kept) - 1
+
+    def make(limits: Limits, _: float) -> KeyframePath:
+        found = evenly_paced(path, limits, job.period, intervals=intervals, longest=longest)
+        if found is None:
+            raise refusal.of_any_duration(job.start, job.limits)
+        return found
+
+    certify, has_lead_in = partial(job.motion, name=name), job.request.approach
+    motion = timed(make, certify, job.limits, is_even=True, has_lead_in=has_lead_in)
+    return motion.noted(*notes)
+
+
+def _usual_curve(job: PlanJob, knots: Knots, guess: float, longest: float) -> KeyframePath:
+    """Return the curve of the usual duration, at most *longest*, s, where others swing out."""
+    path = evenly_made(partial(job.path, knots), guess, job.limits, job.period, longest=longest)
     if path is None:
         raise refusal.of_any_duration(job.start, job.limits)
-    return job.motion(path, name, *notes)
+    return path
 
 
 def _along_usual_curve(job: PlanJob, name: str, *, longest: float = LONGEST) -> Motion:
-    """Return the quickest motion along a curve with a velocity at an end.
+    """Return the quickest motion along a curve with a velocity at an end, which fixes its duration.
 
-    It is one at some duration: take the curve of the usual one.
-
-    Args:
-        job: what to plan.
-        name: of the motion.
-        longest: that the usual duration may be, s.
+    That is at most *longest*, s.
     """
     knots, guess = job.knots(is_quick=False)
-    make = partial(job.path, knots)
-    refusal.check_smooth(job.request, make(guess).trajectory.continuity)
-    path = evenly_made(make, guess, job.limits, job.period, longest=longest)
-    if path is None:
-        raise refusal.of_any_duration(job.start, job.limits)
+    refusal.check_smooth(job.request, job.path(knots, guess).trajectory.continuity)
+    path = _usual_curve(job, knots, guess, longest)
     return _timed(job, path, None, name, has_rests=False)
 
 
@@ -465,22 +458,30 @@ def _timed(
     """
     total, period = job.request.total, job.period
 
-    def make(limits: Limits, share: float, last: KeyframePath | None) -> KeyframePath:
-        rows = last.profile.rows if isinstance(last, QuickPath) and last.profile else known
-        quick = quickest(path, limits, period, share=share, known=rows, has_rests=has_rests)
+    def make(limits: Limits, share: float) -> KeyframePath:
+        nonlocal known
+        quick = quickest(path, limits, period, share=share, known=known, has_rests=has_rests)
+        known = None if quick.profile is None else quick.profile.rows
         if total is None:
             return quick
         return lasting(path, quick, limits, period, total, share=share)
 
+    share, seconds = SHARE, job.limits.velocity / job.limits.acceleration
+    longest = _longest_stop(job.limits, job.limits.velocity)
+    if path.duration > _LONG * longest and math.isfinite(seconds):
+        # About what it will have to use in the end.
+        share = min(1.0 - _USUAL * (1.0 - share_to_stop(seconds, longest)), SHARE)
     certify, has_lead_in = partial(job.motion, name=name), job.request.approach
-    return timed(make, certify, job.limits, has_lead_in=has_lead_in)
+    return timed(make, certify, job.limits, share=share, has_lead_in=has_lead_in)
 
 
 def timed(
-    make: Callable[[Limits, float, KeyframePath | None], KeyframePath],
+    make: Callable[[Limits, float], KeyframePath],
     certify: Callable[[KeyframePath], Motion],
     limits: Limits,
     *,
+    share: float = SHARE,
+    is_even: bool = False,
     has_lead_in: bool = False,
 ) -> Motion:
     """Return the motion along a path that is timed until its records keep the limits.
@@ -489,47 +490,64 @@ def timed(
     the jerk has a step, and a stop may take too long: then it uses less of the limits.
 
     Args:
-        make: times the path by limits and a share of acceleration and jerk to use; it gets what it
-            made before.
+        make: times the path by limits and a share of acceleration and jerk to use.
         certify: makes the whole motion and holds it against its limits.
         limits: to keep.
+        share: of acceleration and jerk to begin with.
+        is_even: whether the pace is even, which has a reserve to stop with, and is found from few
+            of the records: what they exceed is not a little then.
         has_lead_in: whether what comes before the first keyframe is not a part of the path.
 
     Raises:
         LimitError: it breaks a limit with any of these timings.
         PlanError: there is no timing, or a stop takes too long.
     """
-    share, path, stop_time = SHARE, None, math.inf
+    used, stop_time = share, math.inf
     motion: Motion | None = None
     refused: PlanError | None = None
     for _ in range(_MOST_TIMINGS):
-        path = make(limits, share, path)
-        before, last = motion, stop_time
         try:
-            motion = certify(path)
+            path = make(limits, share)
+        except PlanError:
+            if motion is None:
+                raise
+            return motion
+        try:
+            found = certify(path)
         except LimitError as error:
             over = error.value / error.limit
             is_in_lead_in = error.is_in_lead_in and has_lead_in
-            if is_in_lead_in or not 1.0 < over <= _MOST_OVER or error.unit not in _QUANTITIES:
+            most = math.inf if is_even else _MOST_OVER
+            if is_in_lead_in or not 1.0 < over <= most or error.unit not in _QUANTITIES:
                 raise
             limits, refused = _lowered(limits, error.unit, over, path), error
             continue
+        before, last, motion = motion, stop_time, found
         fastest = motion.certificate.peak_velocity
         is_on_curve = _is_curve(path) and motion.start_time <= fastest.time <= motion.end_time
         if is_on_curve and fastest.ratio > _WHOLE:
             limits = _lowered(limits, UNITS["velocity"], fastest.ratio, path)
             continue
         rate = motion.certificate.brake_rate
-        stop_time, longest = 1.0 / rate if rate else math.inf, _longest_stop(motion)
-        if stop_time <= longest or motion.duration <= longest:
+        stop_time, longest = (
+            1.0 / rate if rate else math.inf,
+            _longest_stop(motion.limits, motion.certificate.peak_velocity.value),
+        )
+        if is_even or stop_time <= longest or motion.duration <= longest:
             return motion
-        if before is not None and stop_time > _NO_LONGER * last:
-            return before
+        # How fast a stop can be goes with the square root of the reserve, or less.
+        power = 0.5
+        if before is not None:
+            is_costly = last <= LONGEST_STOP and motion.duration > _COSTLY * before.duration
+            if is_costly or stop_time > _NO_LONGER * last:
+                return before
+            power = math.log(last / stop_time) / math.log((1.0 - share) / (1.0 - used))
+            power = min(max(power, 0.3), 0.5)
         if share <= LEAST_SHARE:
             raise refusal.of_slow_stop(stop_time, longest, share)
-        # How fast a stop can be goes with the square root of the reserve.
-        more = min(max(1.05 * (stop_time / longest) ** 2, _LEAST_MORE), _GREATEST_MORE)
-        share = max(1.0 - more * (1.0 - share), LEAST_SHARE)
+        more = 1.05 * (stop_time / longest) ** (1.0 / power)
+        more = min(max(more, _LEAST_MORE), _GREATEST_MORE)
+        used, share = share, max(1.0 - more * (1.0 - share), LEAST_SHARE)
     if motion is None:
         raise refused or PlanError("no timing keeps the limits")
     return motion
@@ -557,8 +575,7 @@ def _told_of_stops(motion: Motion) -> Motion:
     return motion.noted(SLOW)
 
 
-def _longest_stop(motion: Motion) -> float:
-    """Return how long a stop on a motion may take, s."""
-    limits, speed = motion.limits, motion.certificate.peak_velocity.value
+def _longest_stop(limits: Limits, speed: float) -> float:
+    """Return how long a stop on a motion of some velocity may take, s."""
     rise = min(limits.acceleration / limits.jerk, math.sqrt(speed / limits.jerk))
     return longest_stop(max(speed / limits.acceleration, rise) + rise)

@@ -26,7 +26,7 @@ STATE_FLOATS = PATH_FLOATS + 3
 and the acceleration of the position (3)."""
 
 
-_ON_RECORD = 1e-9
+_ON_RECORD = 1e-6
 """Share of a period within which an instant is that of a record."""
 
 Joints = tuple[float, ...]
@@ -158,17 +158,8 @@ class RecordedMotion:
         """
         rows = self.rows(record - HISTORY, HISTORY + 1)
         here, before = rows[-1].copy(), rows[:-1].copy()
-        q, omega, alpha, *linear = np.split(here[:STATE_FLOATS], [4, 7, 10, 13, 16])
-        position, velocity, acceleration = linear
-        return State(
-            q,
-            omega,
-            alpha,
-            position,
-            velocity,
-            acceleration,
-            before=(before[:, :4], before[:, 10:13]),
-        )
+        turning, linear = (here[:4], here[4:7], here[7:10]), (here[10:13], here[13:16], here[16:19])
+        return State(*turning, *linear, before=(before[:, :4], before[:, 10:13]))
 
     def joints_at(self, record: int) -> Joints:
         """Return the axis angles planned at a record, rad; none where it knows of none."""
@@ -186,18 +177,30 @@ class RecordedMotion:
         """
         begin, end = self.at_hand
         where = np.clip(times / self.facts.period, begin, end - 1.0)
-        nearest = np.rint(where)
-        where = np.where(np.abs(where - nearest) < _ON_RECORD, nearest, where)
-        first, last = int(where.min()), int(np.ceil(where.max()))
-        rows = self.rows(first, last + 1 - first)
-        index = where.astype(np.int64) - first
-        u = where - first - index
-        q: Floats = rows[index, :4]
-        inner = np.flatnonzero(u > 0.0)
-        if len(inner):
-            here, there = rows[index[inner], :10], rows[index[inner] + 1, :10]
-            q[inner] = states_between(here, there, self.facts.period, u[inner])[:, :4]
-        return q
+        first = int(where.min())
+        rows = self.rows(first, int(np.ceil(where.max())) + 1 - first)
+        return states_at(rows[:, :10], where - first, self.facts.period)[:, :4]
+
+
+def states_at(rows: Floats, where: Floats, period: float) -> Floats:
+    """Return the states at places among consecutive records, those beyond them at the nearest one.
+
+    Args:
+        rows: the records, as :func:`states_between` takes them.
+        where: whole numbers are records, those between them are between two.
+        period: from each record to the next, s.
+    """
+    where = np.clip(where, 0.0, len(rows) - 1.0)
+    nearest = np.rint(where)
+    where = np.where(np.abs(where - nearest) < _ON_RECORD, nearest, where)
+    index = where.astype(np.int64)
+    found: Floats = rows[index]
+    inner = np.flatnonzero(where > index)
+    if len(inner):
+        here = index[inner]
+        shares = where[inner] - here
+        found[inner] = states_between(rows[here], rows[here + 1], period, shares)
+    return found
 
 
 def states_between(here: Floats, there: Floats, period: Floats | float, shares: Floats) -> Floats:

@@ -10,13 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
+from orientd.curves import METHODS
 from orientd.driver import Vector3
 from orientd.errors import RequestError, StartError
 from orientd.planner.limits import Limits
+from orientd.planner.methods import can_turn
 from orientd.planner.request import Frame, Keyframe, MotionRequest, Pose, State
 from orientd.rotation import (
     HALF_TURN,
@@ -33,7 +34,6 @@ from orientd.rotation import (
 )
 
 _DEVICE = Frame()
-_X = np.array([1.0, 0.0, 0.0])
 
 _OPPOSITE = 1e-12
 """Square of the sine of the angle below which two directions have no common normal."""
@@ -65,7 +65,9 @@ def resolved(request: MotionRequest, start: State, limits: Limits) -> MotionRequ
         StartError: whole turns to a single keyframe begin in motion, or have no axis.
     """
     request = at_rate(in_device_coordinates(request, start), start, limits)
-    return _wound(_with_least_roll(request, start), start)
+    if any(keyframe.free_roll for keyframe in request.keyframes):
+        request = _placed(request, start)
+    return _wound(request, start)
 
 
 def report_frame(request: MotionRequest) -> Frame | None:
@@ -96,10 +98,17 @@ def in_device_coordinates(request: MotionRequest, start: State | None) -> Motion
     Raises:
         RequestError: there is no such frame; or a keyframe is relative, and *start* is not known.
     """
+    is_framed = request.frame or any(one.frame or one.relative for one in request.keyframes)
+    return _placed(request, start) if request.frames or is_framed else request
+
+
+def _placed(request: MotionRequest, start: State | None) -> MotionRequest:
+    """Return *request* in coordinates of the device, with a roll where it is free.
+
+    That is the one of the least turn from the keyframe before: the roll is carried along, and
+    nothing turns about the axis that points.
+    """
     given = request.keyframes
-    is_framed = request.frame or any(one.frame or one.relative for one in given)
-    if not (request.frames or is_framed):
-        return request
     frames = [
         _named(request.frames, one.frame or request.frame, f"keyframes[{index}].frame")
         for index, one in enumerate(given)
@@ -115,17 +124,26 @@ def in_device_coordinates(request: MotionRequest, start: State | None) -> Motion
         base[relative] = start.position + rotate(start.q, tool[relative])
     q_world_tool = multiply(q_world_base, request.keys)
     keys = normalize(multiply(q_world_tool, conjugate(q_flange_tool)))
-    axes = rotate(q_flange_tool, _pointing(request))
-    keys = _rolled(request, keys, start, axes, rotate(q_world_tool, _X))
+    axes = rotate(q_flange_tool, np.eye(3)["xyz".index(request.pointing_axis)])
+    directions = rotate(q_world_tool, np.eye(3)[0])
+    before = keys[0] if start is None else start.q
+    for index, keyframe in enumerate(given):
+        if keyframe.free_roll:
+            keys[index] = pointed(before, axes[index], directions[index])
+        before = keys[index]
     positions = request.positions
     if positions is not None:
         positions = base + rotate(q_world_base, positions) - rotate(keys, tool)
     is_body = request.velocity_frame == "body"
     by, own = (q_flange_tool, frames[0].tool) if is_body else (q_world_base, frames[0].base)
-    return _at(
+    places = np.zeros((len(keys), 3)) if positions is None else positions
+    keyframes = [
+        Keyframe((w, x, y, z), one.time, one.position and (a, b, c), one.turns, name=one.name)
+        for one, (w, x, y, z), (a, b, c) in zip(given, keys.tolist(), places.tolist(), strict=True)
+    ]
+    return replace(
         request,
-        keys,
-        positions,
+        keyframes=keyframes,
         frame="",
         frames={},
         start_velocity=_turned(by[0], request.start_velocity),
@@ -193,7 +211,7 @@ def pointed(q: Floats, axis: Floats, direction: Floats) -> Floats:
     return found
 
 
-def half_turn_notes(request: MotionRequest, start: State, *, has_turns: bool) -> list[str]:
+def half_turn_notes(request: MotionRequest, start: State) -> list[str]:
     """Return notes on half turns for the certificate: the way taken, and how to take the other."""
     keys, places = request.keys, []
     if len(keys) > 1:
@@ -204,8 +222,9 @@ def half_turn_notes(request: MotionRequest, start: State, *, has_turns: bool) ->
         places.insert(0, 0)
     notes = []
     for index in places[:_MOST_NOTES]:
-        is_approach = index == 0 and not request.is_single
-        way = "`turns: -1` there" if has_turns and not is_approach else "a keyframe on the way"
+        # The way to the first of several keyframes is the planner's, which makes no turns.
+        can = request.is_single or (index > 0 and can_turn(METHODS[request.method]))
+        way = "`turns: -1` there" if can else "a keyframe on the way"
         axis = _axis_in_words(keys[index - 1] if index else start.q, keys[index])
         notes.append(
             f"keyframes[{index}] is half a turn away: turned about {axis} in the body frame; {way} "
@@ -234,59 +253,11 @@ def _wound(request: MotionRequest, start: State) -> MotionRequest:
     return replace(request, keyframes=[*_keyframes(passed), last], approach=False)
 
 
-def _with_least_roll(request: MotionRequest, start: State) -> MotionRequest:
-    """Return *request* with the roll of its keyframes, where that is free.
-
-    Each is the one that the least turn leads to from the one before: the roll is carried along, and
-    nothing turns about the axis that points.
-    """
-    if not any(keyframe.free_roll for keyframe in request.keyframes):
-        return request
-    axes = np.tile(_pointing(request), (len(request.keys), 1))
-    keys = _rolled(request, request.keys, start, axes, rotate(request.keys, _X))
-    return _at(request, keys, request.positions)
-
-
-def _rolled(
-    request: MotionRequest, keys: Floats, start: State | None, axes: Floats, directions: Floats
-) -> Floats:
-    """Return *keys* with a roll where it is free, the *axes* of those in the *directions*."""
-    keys = keys.copy()
-    before = keys[0] if start is None else start.q
-    for index, keyframe in enumerate(request.keyframes):
-        if keyframe.free_roll:
-            keys[index] = pointed(before, axes[index], directions[index])
-        before = keys[index]
-    return keys
-
-
-def _pointing(request: MotionRequest) -> Floats:
-    axis: Floats = np.eye(3)["xyz".index(request.pointing_axis)]
-    return axis
-
-
 def _keyframes(keys: Floats, times: Floats | None = None) -> list[Keyframe]:
     seconds = [None] * len(keys) if times is None else times.tolist()
     return [
         Keyframe((w, x, y, z), t) for (w, x, y, z), t in zip(keys.tolist(), seconds, strict=True)
     ]
-
-
-def _at(
-    request: MotionRequest,
-    keys: Floats,
-    positions: Floats | None,
-    **changes: Any,  # noqa: ANN401 - the arguments of a request
-) -> MotionRequest:
-    """Return *request* with its keyframes elsewhere, in the coordinates of the device."""
-    places = np.zeros((len(keys), 3)) if positions is None else positions
-    keyframes = [
-        Keyframe((w, x, y, z), one.time, one.position and (a, b, c), one.turns, name=one.name)
-        for one, (w, x, y, z), (a, b, c) in zip(
-            request.keyframes, keys.tolist(), places.tolist(), strict=True
-        )
-    ]
-    return replace(request, keyframes=keyframes, **changes)
 
 
 def _named(frames: Mapping[str, Frame], name: str, field: str) -> Frame:

@@ -1,16 +1,17 @@
-"""From a motion request to the task that every family of curves can be put to."""
+"""From a motion request to the task of a curve, and from a fitted curve to a request."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, Protocol, TypeVar
 
 import numpy as np
 
-from orientd.curves import CurveTask
+from orientd.curves import CurveTask, Fit
 from orientd.errors import RequestError
 from orientd.planner.limits import DEFAULT_LIMITS
-from orientd.planner.request import MotionRequest
+from orientd.planner.request import Keyframe, MotionRequest, Pace
 from orientd.planner.timing import Indices, Knots, chord_knots, turn_lengths
 
 Times = Literal["file", "uniform", "chord"]
@@ -82,3 +83,61 @@ def _knots(request: MotionRequest) -> Knots:
             linear_velocity=min(request.limits.linear_velocity, limits.linear_velocity),
         )
     return chord_knots(request, limits, is_uniform=False)
+
+
+class Planned(Protocol):
+    """A plan with the times of its first and last control orientation, s from the beginning."""
+
+    @property
+    def start_time(self) -> float: ...  # noqa: D102 - said above
+
+    @property
+    def end_time(self) -> float: ...  # noqa: D102 - said above
+
+
+Plan = TypeVar("Plan", bound=Planned)
+
+
+def replay_request(
+    fit: Fit, *, slower: float | None = None, pace: Pace | None = None
+) -> MotionRequest:
+    """Return the motion along a fitted spline, with a soft start and end.
+
+    Args:
+        fit: of what was recorded.
+        slower: how many times as long it is to take; ``None`` leaves that to the planner, which
+            makes it as short as the limits permit.
+        pace: ``"even"`` keeps the proportions of what was recorded; without *slower* only.
+    """
+    times = [None] * len(fit.control)
+    if slower is not None:
+        times = (slower * (fit.times - fit.times[0])).tolist()
+    keyframes = [
+        Keyframe((w, x, y, z), time)
+        for (w, x, y, z), time in zip(fit.control.tolist(), times, strict=True)
+    ]
+    knots = (fit.knots - fit.knots[0]).tolist()
+    options = {"knots": knots}
+    return MotionRequest(keyframes, method="kks_bspline", approach=True, options=options, pace=pace)
+
+
+def plan_as_recorded(
+    fit: Fit, plan: Callable[[MotionRequest], Plan]
+) -> tuple[Plan, MotionRequest, float]:
+    """Plan a fitted spline as fast as it was recorded, or as much slower as the limits ask for.
+
+    Args:
+        fit: of what was recorded.
+        plan: plans a request.
+
+    Returns:
+        The plan, what it was made for, and how many times as long it takes as what was recorded.
+
+    Raises:
+        PlanError: it cannot be planned, at whatever speed.
+    """
+    quickest = plan(replay_request(fit, pace="even"))
+    recorded = float(np.ptp(fit.times))
+    slower = max(1.0, (quickest.end_time - quickest.start_time) / recorded)
+    request = replay_request(fit, slower=slower)
+    return plan(request), request, slower

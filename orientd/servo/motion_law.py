@@ -105,35 +105,6 @@ def limits_of(servo_limits: ServoLimits, period: float) -> tuple[TrackingLimits,
     return limits, units
 
 
-def limits_in_plane(servo_limits: ServoLimits, omega: Vector3, alpha: Vector3) -> ServoLimits:
-    """Return norms that keep the limits of components, too, in the plane of two vectors.
-
-    A stop from the angular velocity *omega* and acceleration *alpha* stays in that plane.
-    """
-    if not servo_limits.has_axes:
-        return servo_limits
-    (a, b, c), (x, y, z) = omega, alpha
-    normal = (b * z - c * y, c * x - a * z, a * y - b * x)
-    size = norm(normal)
-    if size > _STRAIGHT * norm(omega) * norm(alpha):
-        parts = [sqrt(max(1.0 - (part / size) ** 2, 0.0)) for part in normal]
-    else:
-        line = max(omega, alpha, key=norm)
-        parts = [abs(part) / (norm(line) or 1.0) for part in line]
-
-    def within(most: float, axes: Vector3) -> float:
-        return min([most, *(axis / part for axis, part in zip(axes, parts, strict=True) if part)])
-
-    return ServoLimits(
-        within(servo_limits.velocity, servo_limits.axis_velocity),
-        within(servo_limits.acceleration, servo_limits.axis_acceleration),
-        within(servo_limits.jerk, servo_limits.axis_jerk),
-        servo_limits.linear_velocity,
-        servo_limits.linear_acceleration,
-        servo_limits.brake_rate,
-    )
-
-
 def softened(limits: TrackingLimits, delay: float) -> TrackingLimits:
     """Return *limits* with the gains for a target that moves and trembles.
 
@@ -333,3 +304,31 @@ def halt(omega: Vector3, alpha: Vector3, limits: TrackingLimits) -> tuple[Vector
     wanted = velocity_command(ZERO, omega, alpha, ZERO, limits, 1.0 / limits.period)
     alpha = advance(omega, alpha, wanted, limits)
     return plus(omega, alpha, limits.period), alpha
+
+
+def halt_inside(
+    omega: Vector3, alpha: Vector3, servo_limits: ServoLimits, period: float
+) -> tuple[Vector3, Vector3]:
+    """Return velocity and acceleration one cycle further towards rest, in limits of components.
+
+    The stop goes along the line of the velocity, with all that the limits allow along it.  An
+    acceleration across that line is taken away first.
+    """
+    (a, b, c), (x, y, z) = omega, alpha
+    normal = norm((b * z - c * y, c * x - a * z, a * y - b * x))
+    is_across = normal > _STRAIGHT * norm(omega) * norm(alpha)
+    line = alpha if is_across or omega == ZERO else omega
+    size = norm(line) or 1.0
+
+    def along(most: float, axes: Vector3) -> float:
+        parts = zip(axes, line, strict=True)
+        return min([most, *(axis * size / abs(part) for axis, part in parts if part)])
+
+    velocity = along(servo_limits.velocity, servo_limits.axis_velocity)
+    acceleration = along(servo_limits.acceleration, servo_limits.axis_acceleration)
+    jerk = along(servo_limits.jerk, servo_limits.axis_jerk)
+    limits, _ = limits_of(ServoLimits(velocity, acceleration, jerk, 0.0, 0.0, 0.0), period)
+    if not is_across:
+        return halt(omega, alpha, loosened(limits, omega, alpha))
+    alpha = saturated(alpha, ZERO, limits)
+    return plus(omega, alpha, period), alpha

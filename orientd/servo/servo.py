@@ -25,7 +25,7 @@ from orientd.errors import (
 from orientd.servo.device_reports import Arrival, DeviceReports
 from orientd.servo.path import PathPart, PathPoint
 from orientd.servo.setpoint_generator import SetpointGenerator
-from orientd.servo.state_table import Event, advance
+from orientd.servo.state_table import advance
 from orientd.servo.watchdog import ServoWatchdog, WatchdogTimeouts
 from orientd.stream import (
     CYCLE_RECORD,
@@ -118,7 +118,7 @@ class Servo:
         self._arrival = Arrival()
         self._is_enabled = False
         self._is_orderly = False
-        self._feedback: Feedback | None = None
+        self._feedback = _NO_FEEDBACK
         self._enabled_ns = 0
         self._taken = 0  # what was asked for before the process was ready counts
         self._stops = 0
@@ -183,10 +183,8 @@ class Servo:
             arrival.is_awaited = False
             return
         try:
-            measured_ns = self._feedback.time_ns if self._feedback else 0
-            problem = arrival.look(
-                self._driver.gaps(), measured_ns, round(self._driver.arrival_time * 1e9)
-            )
+            allowed_ns = round(self._driver.arrival_time * 1e9)
+            problem = arrival.look(self._driver.gaps(), self._feedback.time_ns, allowed_ns)
             if problem:
                 raise AxisFaultError(problem)
         except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
@@ -198,7 +196,7 @@ class Servo:
         if not self.ending:
             self.ending = reason
             if self.setpoints.state in _DRIVEN:
-                self.setpoints.stop(Event.STOP)
+                self.setpoints.stop()
 
     @property
     def has_ended(self) -> bool:
@@ -270,7 +268,7 @@ class Servo:
             # Still being written; or stops, more than there is room for, while the driver was busy.
             if self._taken < (oldest := ring.oldest(self._taken)):
                 self._taken = oldest
-                self.setpoints.stop(Event.STOP)
+                self.setpoints.stop()
             return
         self._taken += 1
         index, code, motion, path_index, leave, final, start_ns, speed, *servo_limits = fields
@@ -302,7 +300,7 @@ class Servo:
         if is_quickest:
             self.setpoints.halt()
         else:
-            self.setpoints.stop(Event.STOP)
+            self.setpoints.stop()
 
     def _obey(self, command: Command, part: PathPart, speed: float, start_ns: int) -> str:
         """Carry out one command; return why it was refused, or nothing."""
@@ -324,15 +322,14 @@ class Servo:
         elif command is Command.ENABLE:
             self._enable()
         elif command in (Command.DISABLE, Command.FREE):
-            event = Event.FREE if command is Command.FREE else Event.DISABLE
-            following = advance(setpoints.state, event)
+            following = advance(setpoints.state, command)
             self._is_enabled = False
             self._driver.disable()
             setpoints.state = following
             if command is Command.FREE:
                 self._driver.free()
         elif command is Command.RESET:
-            advance(setpoints.state, Event.RESET)
+            advance(setpoints.state, Command.RESET)
             if self._is_enabled:
                 self._is_enabled = False
                 self._driver.disable()
@@ -346,7 +343,7 @@ class Servo:
 
     def _tune(self) -> str:
         """Hand the driver the options of the motions to come; return why it refuses them."""
-        advance(self.setpoints.state, Event.TUNE)
+        advance(self.setpoints.state, Command.TUNE)
         ring = self._memory.tunings
         fields = ring.read(ring.head - 1)
         if fields is None:
@@ -359,7 +356,7 @@ class Servo:
         return ""
 
     def _enable(self) -> None:
-        following = advance(self.setpoints.state, Event.ENABLE)
+        following = advance(self.setpoints.state, Command.ENABLE)
         if self._is_enabled:
             return
         feedback = self._driver.enable()
@@ -373,7 +370,7 @@ class Servo:
         if self._cycle_count % PARENT_CHECK == 0 and not self._parent_is_alive():
             self.request_end("the daemon is gone")
         watchdog, heartbeat_ns = self._watchdog, self._memory.pulse[0]
-        measured_ns = self._feedback.time_ns if self._feedback else 0
+        measured_ns = self._feedback.time_ns
         if not watchdog.notice(now_ns, heartbeat_ns, measured_ns):
             return
         if now_ns < heartbeat_ns <= self._clock.now_ns():
@@ -408,9 +405,9 @@ class Servo:
     def _publish(
         self, deadline_ns: int, lateness_ns: int, point: PathPoint, *, is_written: bool
     ) -> None:
-        measured = self._feedback or _NO_FEEDBACK
-        setpoints, ring, follower = self.setpoints, self._memory.cycles, self.setpoints.follower
-        flags = (_WRITTEN if is_written else 0) | (_FEEDBACK if self._feedback else 0)
+        measured, setpoints, ring = self._feedback, self.setpoints, self._memory.cycles
+        follower = setpoints.follower
+        flags = (_WRITTEN if is_written else 0) | (_FEEDBACK if measured is not _NO_FEEDBACK else 0)
         flags |= _FROM_REST if setpoints.is_from_rest else 0
         flags |= _ARRIVING if self._arrival.is_awaited else 0
         record = CYCLE_RECORD.pack(

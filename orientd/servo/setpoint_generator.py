@@ -13,7 +13,6 @@ from orientd.driver import IDENTITY, ZERO, Driver, Quaternion, Vector3
 from orientd.errors import Fault, NotYetError
 from orientd.floats import combine, difference, norm
 from orientd.servo.guard import Guard
-from orientd.servo.motion_law import limits_in_plane
 from orientd.servo.path import (
     PathFollower,
     PathPart,
@@ -25,7 +24,7 @@ from orientd.servo.path import (
 from orientd.servo.state_table import Event, advance
 from orientd.servo.tracking import TargetFollower
 from orientd.servo.watchdog import longest_gap_ns
-from orientd.stream import UNKNOWN, ServoLimits, ServoState, SharedMemory
+from orientd.stream import UNKNOWN, Command, ServoLimits, ServoState, SharedMemory
 
 # Looking a member up in its enumeration takes longer than comparing it.
 _STREAMING, _STOPPING, _TRACKING = ServoState.STREAMING, ServoState.STOPPING, ServoState.TRACKING
@@ -124,7 +123,7 @@ class SetpointGenerator:
 
     def set_speed(self, speed: float) -> str:
         """Run through the path at *speed*, 1 is as planned; return why not, or nothing."""
-        following = advance(self.state, Event.SPEED)
+        following = advance(self.state, Command.SPEED)
         if not 0.0 <= speed <= 1.0:
             return f"speed must be between 0 and 1, got {speed!r}"
         self._speed = speed
@@ -133,18 +132,18 @@ class SetpointGenerator:
 
     def halt(self) -> None:
         """Come to rest as fast as the limits allow, wherever that leaves the path."""
-        self.stop(Event.HALT)
+        self.stop()
         if self.is_moving and not self.pursuit.is_on:
-            self._leave()
+            self._pursue(self._servo_limits, is_off_path=True)
 
     def clear_fault(self) -> None:
         """Leave the fault behind."""
-        self.state = advance(self.state, Event.RESET)
+        self.state = advance(self.state, Command.RESET)
         self.fault, self.fault_text = Fault.NONE, ""
 
     def start(self, part: PathPart, speed: float, start_ns: int) -> str:
         """Stream the path that *part* begins, from *start_ns* on; return why not, or nothing."""
-        following = advance(self.state, Event.START)
+        following = advance(self.state, Command.START)
         first = self.follower.peek(part.first)
         if first is None:
             return f"path record {part.first} is not in the ring"
@@ -164,7 +163,7 @@ class SetpointGenerator:
 
     def splice(self, part: PathPart) -> str:
         """Replace the rest of the path, or follow at its end; return why not, or nothing."""
-        following = advance(self.state, Event.SPLICE)
+        following = advance(self.state, Command.SPLICE)
         scaling, brake_rate = self.time_scaling, part.servo_limits.brake_rate
         if not brake_rate > 0.0:
             return f"brake rate must be positive, got {brake_rate!r}"
@@ -178,30 +177,23 @@ class SetpointGenerator:
 
     def track(self, part: PathPart) -> None:
         """Follow targets from here on, whatever moves at present."""
-        following = advance(self.state, Event.TRACK)
+        following = advance(self.state, Command.TRACK)
         self.time_scaling.halt()
         # Where a narrower limit is broken already, what there is of it is taken away.
         speed = max(part.servo_limits.linear_velocity, norm(self._guard.velocity))
-        self._pursue(replace(part.servo_limits, linear_velocity=speed), self._guard.q)
+        self._pursue(replace(part.servo_limits, linear_velocity=speed), is_off_path=False)
         self.motion = part.number
         self.state = following
 
-    def _pursue(self, servo_limits: ServoLimits, sent: Quaternion) -> None:
-        """Go on from what was written without the path; *sent* is what the axes made of that."""
-        self._servo_limits = servo_limits
-        self._is_off_path, self._is_there, self._sent = False, False, sent
+    def _pursue(self, servo_limits: ServoLimits, *, is_off_path: bool) -> None:
+        """Go on without the path from what was written: after targets, or to come to rest."""
+        self._servo_limits, self._is_off_path = servo_limits, is_off_path
+        self._is_there, self._sent = False, self.last.q
         self.pursuit.begin(servo_limits)
 
-    def _leave(self) -> None:
-        """Come to rest without the path, as near to that as the device's axes can."""
-        guard = self._guard
-        limits = limits_in_plane(self._servo_limits, guard.omega, guard.alpha)
-        self._pursue(limits, self.last.q)
-        self._is_off_path = True
-
-    def stop(self, event: Event) -> None:
+    def stop(self) -> None:
         """Begin to come to rest, on the path or away from the target."""
-        following = advance(self.state, event)
+        following = advance(self.state, Command.STOP)
         self.time_scaling.target = 0.0
         self.pursuit.cease()
         self.state = following
@@ -212,7 +204,7 @@ class SetpointGenerator:
             return
         if self.is_moving:
             self.fault, self.fault_text = fault, text
-            self.stop(Event.BRAKE)
+            self.stop()
         else:
             self.fail(fault, text)
 
@@ -221,7 +213,7 @@ class SetpointGenerator:
         self.brake(fault, text)
         if not self.is_moving:
             return self._hold()
-        self._leave()
+        self._pursue(self._servo_limits, is_off_path=True)
         return self._follow(UNKNOWN)
 
     def fail(self, fault: Fault, text: str) -> bool:
@@ -267,10 +259,10 @@ class SetpointGenerator:
         if problem:
             return self.leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
         if follower.is_at_end:
-            self._finish(Event.FINISH if self.state is _STREAMING else Event.REST)
+            self._finish()
             return path
         if self.state is _STOPPING and scaling.is_at_rest and before == 0.0:
-            self._finish(Event.REST)
+            self._finish()
         if rate == 1.0 == before:
             return path
         change = (rate - before) / scaling.period
@@ -299,7 +291,7 @@ class SetpointGenerator:
         guard.anchor(guard.q, guard.position)
         self.time_scaling.halt()
         if self.state is _STOPPING:
-            self._finish(Event.REST)
+            self._finish()
         elif gap_ns > self._stall_ns:
             self.fail(
                 Fault.SERVO_STALLED,
@@ -321,20 +313,20 @@ class SetpointGenerator:
             return self.leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
         is_at_rest = pursuit.tracker.is_at_rest and guard.velocity == ZERO
         if self.state is _STOPPING and is_at_rest and self._is_there:
-            self._finish(Event.REST)
+            self._finish()
             # Axes that could not get there hold where they could.
             guard.anchor(self._sent, position)
             return PathPoint(self._sent, ZERO, ZERO, position, ZERO)
         return PathPoint(point.q, point.omega_body, point.alpha_body, position, guard.velocity)
 
-    def _finish(self, event: Event) -> None:
+    def _finish(self) -> None:
         """Go to rest: into holding, or into the fault that made the stop necessary."""
         self.time_scaling.halt()
         self.pursuit.end()
         if self.fault is not _NO_FAULT:
             self.fail(self.fault, self.fault_text)
         else:
-            self.state = advance(self.state, event)
+            self.state = advance(self.state, Event.REST)
 
     def _adopt(self, part: PathPart) -> None:
         """Keep what the motion promised that the path has come to."""

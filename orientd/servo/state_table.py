@@ -9,27 +9,14 @@ from __future__ import annotations
 from enum import Enum
 
 from orientd.errors import StateError
-from orientd.stream import ServoState
+from orientd.stream import Command, ServoState
 
 
 class Event(Enum):
-    """What can happen to a servo."""
+    """What happens to a servo that nobody asks for."""
 
-    ENABLE = "enable"
-    DISABLE = "disable"
-    FREE = "free"
-    START = "start"
-    TUNE = "tune"
-    SPEED = "speed"
-    FINISH = "finish"
-    SPLICE = "splice"
-    STOP = "stop"
-    HALT = "halt"
-    TRACK = "track"
-    BRAKE = "brake"
     REST = "rest"
     FAIL = "fail"
-    RESET = "reset"
 
 
 IDLE, HOLDING, STREAMING, STOPPING, FAULT, TRACKING = ServoState
@@ -39,27 +26,25 @@ _TO_REST = {
     STREAMING: STOPPING, STOPPING: STOPPING, TRACKING: STOPPING,
 }  # fmt: skip
 
-TRANSITIONS: dict[Event, dict[ServoState, ServoState]] = {
-    Event.ENABLE: {IDLE: HOLDING, HOLDING: HOLDING},
-    Event.DISABLE: {IDLE: IDLE, HOLDING: IDLE, FAULT: FAULT},
-    Event.FREE: {IDLE: IDLE, HOLDING: IDLE},
-    Event.START: {HOLDING: STREAMING},
-    Event.TUNE: {HOLDING: HOLDING},
-    Event.SPEED: {STREAMING: STREAMING},
-    Event.FINISH: {STREAMING: HOLDING},
-    Event.SPLICE: {STREAMING: STREAMING},
-    Event.STOP: _TO_REST,
-    Event.HALT: _TO_REST,
-    Event.TRACK: dict.fromkeys((HOLDING, TRACKING, STREAMING), TRACKING),
-    Event.BRAKE: dict.fromkeys((STREAMING, STOPPING, TRACKING), STOPPING),
-    Event.REST: {STOPPING: HOLDING},
+TRANSITIONS: dict[Command | Event, dict[ServoState, ServoState]] = {
+    Command.ENABLE: {IDLE: HOLDING, HOLDING: HOLDING},
+    Command.DISABLE: {IDLE: IDLE, HOLDING: IDLE, FAULT: FAULT},
+    Command.FREE: {IDLE: IDLE, HOLDING: IDLE},
+    Command.START: {HOLDING: STREAMING},
+    Command.TUNE: {HOLDING: HOLDING},
+    Command.SPEED: {STREAMING: STREAMING},
+    Command.SPLICE: {STREAMING: STREAMING},
+    Command.STOP: _TO_REST,
+    Command.HALT: _TO_REST,
+    Command.TRACK: dict.fromkeys((HOLDING, TRACKING, STREAMING), TRACKING),
+    Command.RESET: {FAULT: IDLE, IDLE: IDLE},
+    Event.REST: {STREAMING: HOLDING, STOPPING: HOLDING},
     Event.FAIL: dict.fromkeys(ServoState, FAULT),
-    Event.RESET: {FAULT: IDLE, IDLE: IDLE},
 }
-"""Where each event leads from the states in which it is possible."""
+"""Where each command or event leads from the states in which it is possible."""
 
 
-def advance(state: ServoState, event: Event) -> ServoState:
+def advance(state: ServoState, event: Command | Event) -> ServoState:
     """Return the state that *event* leads to.
 
     Raises:
@@ -69,7 +54,7 @@ def advance(state: ServoState, event: Event) -> ServoState:
     if following is None:
         possible = sorted(one.name.lower() for one in TRANSITIONS[event])
         raise StateError(
-            f"{event.value} is not possible while {state.name.lower()}, only while "
+            f"{event.name.lower()} is not possible while {state.name.lower()}, only while "
             f"{' or '.join(possible)}"
         )
     return following

@@ -115,14 +115,8 @@ class RecordRing:
 
     def read(self, index: int) -> tuple[Any, ...] | None:
         """Return the fields of record *index*, or ``None`` where it is not (or no longer) there."""
-        # As read_bytes() does, in one piece: the servo reads a record every cycle.
-        offset = index % self.capacity * self._stride
-        slot = self._slots[offset : offset + self._end].tobytes()
-        record = slot[: self._size]
-        if _check_of(slot, self._size)[0] != crc32(record):
-            return None
-        fields = self.layout.unpack(record)
-        return fields if fields[0] == index else None
+        record = self.read_bytes(index)
+        return None if record is None else self.layout.unpack(record)
 
     def release(self) -> None:
         """Let go of the shared memory, so that it can be unmapped."""

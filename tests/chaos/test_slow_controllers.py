@@ -9,10 +9,10 @@ import time
 
 import pytest
 from device_stage import DeviceStage
-from emulated_robot import EmulatedRobot
 from harness import until
 from ledger import Tally, rounds_of
 
+from emulated_ur.process import EmulatedRobot
 from orientd.errors import OrientdError, PendingError
 from orientd.rpc import control_pb2 as pb
 from orientd.stream import ServoState

@@ -35,7 +35,10 @@ class TestLaggedLoopbackConformance(TestLoopbackConformance):
     settle_cycles = 300
 
     def make_driver(self):
-        options = {"model": "orientd_sim.joint:LaggedBody", "model_options": {"bandwidth_hz": 15.0}}
+        options = {
+            "model": "orientd_loopback.joint:LaggedBody",
+            "model_options": {"bandwidth_hz": 15.0},
+        }
         options["fault_file"] = str(self.fault_file)
         return LoopbackDriver(options, period_ns=PERIOD_NS, clock=self.clock)
 
@@ -53,8 +56,11 @@ def make(**options):
         ({"orientation": {"w": 1.1, "x": 0, "y": 0, "z": 0}}, "norm 1, got 1.1"),
         ({"orientation": [1, 0, 0, 0]}, "orientation must be {w, x, y, z}"),
         ({"position": [0, 0, float("nan")]}, "position must be 3 numbers"),
-        ({"model": "orientd_sim.joint:Nothing"}, "cannot be loaded"),
-        ({"model": "orientd_sim.joint:LaggedBody", "model_options": {"speed": 1}}, "do not fit"),
+        ({"model": "orientd_loopback.joint:Nothing"}, "cannot be loaded"),
+        (
+            {"model": "orientd_loopback.joint:LaggedBody", "model_options": {"speed": 1}},
+            "do not fit",
+        ),
         ({"record": 3}, "record must be a path"),
     ],
 )
@@ -77,7 +83,7 @@ def test_the_recording_holds_every_setpoint(tmp_path):
 
 
 def test_the_lagged_body_comes_closer_by_a_constant_factor():
-    driver = make(model="orientd_sim.joint:LaggedBody", delay_cycles=0)
+    driver = make(model="orientd_loopback.joint:LaggedBody", delay_cycles=0)
     driver.open()
     driver.enable()
     target = exp((0.5, 0.0, 0.0))
@@ -92,7 +98,7 @@ def test_the_lagged_body_comes_closer_by_a_constant_factor():
 
 def test_noise_has_the_deviation_that_was_asked_for():
     options = {"noise": 0.01, "bandwidth_hz": 500.0, "seed": 4}
-    driver = make(model="orientd_sim.joint:LaggedBody", model_options=options, delay_cycles=0)
+    driver = make(model="orientd_loopback.joint:LaggedBody", model_options=options, delay_cycles=0)
     driver.open()
     driver.enable()
     errors = []

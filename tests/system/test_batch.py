@@ -26,7 +26,7 @@ def test_a_worker_whose_asker_is_gone_before_it_has_begun_ends():
     """As one does whose asker is killed while it still loads what it needs."""
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
-    begin = f"import time, orientd.planner.many as many; many._settle(None, {gone.pid})"
+    begin = f"import time, orientd.planner.offline as offline; offline._settle(None, {gone.pid})"
     worker = [sys.executable, "-c", f"{begin}; time.sleep(30)"]
     assert subprocess.run(worker, timeout=20.0).returncode == 1
 

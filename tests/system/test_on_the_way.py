@@ -271,7 +271,7 @@ def test_a_motion_is_done_once_it_is_measured_to_be_on_target(robot):
 
 
 def test_a_device_that_never_is_on_target_is_said_not_to_be(tmp_path):
-    model = "model = 'orientd_sim.joint:LaggedBody'"
+    model = "model = 'orientd_loopback.joint:LaggedBody'"
     options = f"{model}\nmodel_options = {{bandwidth_hz = 0.1}}"
     with DaemonProcess(tmp_path / "daemon", options=options) as daemon:
         daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))

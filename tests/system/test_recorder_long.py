@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 
 RATE_HZ = 500.0
 MINUTES = float(os.environ.get("ORIENTD_RECORD_MINUTES", "10"))
-NOISY = 'model = "orientd_sim.joint:LaggedBody"\nmodel_options = {noise = 2e-5}'
+NOISY = 'model = "orientd_loopback.joint:LaggedBody"\nmodel_options = {noise = 2e-5}'
 """What is measured, rad: recordings are small where everything is smooth."""
 
 ALONE = 30.0

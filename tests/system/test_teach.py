@@ -12,7 +12,6 @@ import time
 import numpy as np
 import pytest
 from command_line import COMMAND, begin, orientd
-from emulated_robot import EmulatedRobot, LaunchError
 from gimbal_bench import (
     SLOW_MACHINE,
     EmulatedGimbal,
@@ -23,6 +22,7 @@ from gimbal_bench import (
 )
 from harness import DaemonProcess, until
 
+from emulated_ur.process import EmulatedRobot, LaunchError
 from orientd import connect, motion_file
 from orientd.errors import DeviceError, OrientdError, StateError
 from orientd.rotation import angle, exp

@@ -8,10 +8,10 @@ import signal
 import numpy as np
 import pytest
 from browser import CHROMIUM, new_page, open_browser, page_of, view_of
-from emulated_robot import EmulatedRobot
 from gimbal_bench import SLOW_MACHINE, ExampleDaemon, await_hold
 from harness import DaemonProcess, children, spin, until
 
+from emulated_ur.process import EmulatedRobot
 from orientd import motion_file
 from orientd.rotation import angle
 from orientd.rpc import control_pb2 as pb

@@ -63,8 +63,8 @@ def test_the_wheel_holds_every_package_with_its_types_and_nothing_else(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     tops = {name.split("/")[0] for name in names}
     packages = {top for top in tops if not top.endswith((".dist-info", ".data"))}
-    assert {"orientd", "orientd_loopback", "orientd_sim"} <= packages
-    assert all(package.startswith("orientd") for package in packages)
+    assert {"orientd", "orientd_loopback", "emulated_dynamixel", "emulated_ur"} <= packages
+    assert all(package.startswith(("orientd", "emulated_")) for package in packages)
     assert {f"{package}/py.typed" for package in packages} <= set(names)
     assert "orientd/rpc/control.proto" in names
     assert "orientd/bench/loop.c" in names

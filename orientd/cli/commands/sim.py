@@ -33,7 +33,7 @@ def ur(
     RTDE on 30004, dashboard on 29999, script port 30003, state on 30001 and 30002.  Prints a line
     that begins with `ready` when it can be used.  Any address of 127.0.0.0/8 serves.
     """
-    emulator: Any = importlib.import_module("orientd_sim.ur")
+    emulator: Any = importlib.import_module("emulated_ur")
     if model not in emulator.MODELS:
         known = ", ".join(emulator.MODELS)
         raise typer.BadParameter(f"expected one of {known}, got {model!r}", param_hint="--model")
@@ -71,7 +71,7 @@ def dynamixel(
 
     Prints a line that begins with `ready` when it can be used.
     """
-    emulator: Any = importlib.import_module("orientd_sim.dynamixel")
+    emulator: Any = importlib.import_module("emulated_dynamixel")
     line = emulator.SerialLine(
         is_paced=not ideal,
         usb_latency_ns=0 if ideal else round(usb_ms * 1e6),

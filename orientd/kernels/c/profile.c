@@ -420,11 +420,12 @@ int improve(search_t *s, double begin, double gap, double *c) {
     for (int steps = 0; steps <= MOST_STEPS;) {
         s->weight = weight;
         steps += centre(s, c, weight, stretch);
-        if (stretch > 1.0)
-            /* Limits that were moved out for the guess are moved in again as it improves. */
-            stretch = fmax(fmin(stretch_of(s), fmax(1.0, 0.99 * stretch)),
-                           fmax(1.0, NEAR * largest_share(s)));
-        else if (weight * degree <= NEARLY * gap * duration(s))
+        if (stretch > 1.0) {
+            /* Limits that were moved out for the guess are moved in again as it improves; what is
+             * given at an end may be close to them. */
+            double share = largest_share(s), nearest = share < 1.0 ? 1.0 : NEAR * share;
+            stretch = fmax(fmin(stretch_of(s), fmax(1.0, 0.99 * stretch)), nearest);
+        } else if (weight * degree <= NEARLY * gap * duration(s))
             break;
         else
             weight = fmax(REDUCTION * weight, 0.99 * gap * duration(s) / degree);

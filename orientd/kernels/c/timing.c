@@ -568,7 +568,7 @@ static void stretch(const part_t *part, mesh_t *mesh, double total, const double
 
 static int time_part(const part_t *part, begin_t begin, mesh_t *mesh) {
     bool is_improved = begin.known.n == PROFILE_ROWS;
-    int found;
+    int found = PROFILE_NOT_FOUND;
     if (is_improved) {
         index_t size = begin.known.m;
         if (!new_mesh(mesh, size - 2))
@@ -579,10 +579,13 @@ static int time_part(const part_t *part, begin_t begin, mesh_t *mesh) {
         if (is_slower)
             slow_inside(part, mesh, begin.slower);
         found = solve(part, mesh, !is_slower, is_slower ? 1.0 : AGAIN * LAST_GAP, LAST_GAP);
-    } else {
+    }
+    /* What is known may be of no use where the limits are other ones. */
+    if (!is_improved || (found == PROFILE_NOT_FOUND && begin.slower == 1.0)) {
+        free(mesh->rows.v);
         if (!first_mesh(part, mesh))
             return OUT_OF_MEMORY;
-        bool is_known = begin.known.n > 0 && begin.known.m == mesh->n + 2;
+        bool is_known = !is_improved && begin.known.n > 0 && begin.known.m == mesh->n + 2;
         if (is_known)
             memcpy(mesh->rows.v, begin.known.v, (size_t)(AIMS * (mesh->n + 2)) * sizeof(double));
         found = search(part, mesh, is_known);

@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.planner.certify.brake import SLOWEST_STOP, jerk_to_stop, speed_to_stop
+    from orientd.planner.certify.brake import (
+        SLOWEST_STOP,
+        jerk_to_stop,
+        share_to_stop,
+        speed_to_stop,
+    )
     from orientd.planner.certify.certificate import Certificate, Peak
     from orientd.planner.certify.joints import joint_brake
     from orientd.planner.certify.measuring import (
@@ -22,7 +27,12 @@ if TYPE_CHECKING:
 __getattr__ = lazily(
     __name__,
     {
-        "orientd.planner.certify.brake": ("SLOWEST_STOP", "jerk_to_stop", "speed_to_stop"),
+        "orientd.planner.certify.brake": (
+            "SLOWEST_STOP",
+            "jerk_to_stop",
+            "share_to_stop",
+            "speed_to_stop",
+        ),
         "orientd.planner.certify.certificate": ("Certificate", "Peak"),
         "orientd.planner.certify.joints": ("joint_brake",),
         "orientd.planner.certify.measuring": (

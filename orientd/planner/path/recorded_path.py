@@ -10,17 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.curves import Indices
 from orientd.planner.path.path import Path, PathSamples
-from orientd.planner.recorded import HISTORY, STATE_FLOATS, states_between
+from orientd.planner.recorded import HISTORY, STATE_FLOATS, states_at
 from orientd.planner.request import State
 from orientd.rotation import Floats, align, angle, conjugate, exp, log, multiply
 
 SAME_ANGLE = 1e-9
 """How far two paths may be apart to be the same one, rad."""
 
-_ON_RECORD = 1e-6
-"""Share of a period within which an instant is that of a record."""
+_EVEN = 1e-6
+"""By how much of a period steps along the original may differ from one at its own pace."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +76,7 @@ class RecordedPath:
         omega = (8.0 * (near[2] - near[1]) - (near[3] - near[0])) / (12.0 * period)
         alpha = (16.0 * (near[1] + near[2]) - near[0] - near[3]) / (12.0 * period**2)
         ahead = {"prepend": path_times[0] - period, "append": path_times[-1] + period}
-        is_paced = np.abs(np.diff(path_times, **ahead) / period - 1.0) > _ON_RECORD
+        is_paced = np.abs(np.diff(path_times, **ahead) / period - 1.0) > _EVEN
         is_other = (angle(q, given.q) > SAME_ANGLE) | is_paced[:-1] | is_paced[1:]
         # A difference reaches two records far.
         is_same = np.convolve(is_other, np.ones(5))[2:-2] < 0.5
@@ -131,24 +130,7 @@ class RecordedPath:
         if np.isnan(times).any():
             raise ValueError("times must be numbers, got nan")
         h, table = self.period, self.table
-        index, share = _on_grid(times, h, len(table))
-        found: Floats = table[index, :STATE_FLOATS]
-        inner = np.flatnonzero(share > 0.0)
-        states = table[:, :STATE_FLOATS]
-        here, there = states[index[inner]], states[index[inner] + 1]
-        found[inner] = states_between(here, there, h, share[inner])
+        found = states_at(table[:, :STATE_FLOATS], times / h, h)
         beyond = (times < 0.0) | (times >= (len(table) - 1) * h)
         found[beyond, 4:10] = found[beyond, 13:] = 0.0
         return found
-
-
-def _on_grid(times: Floats, period: float, count: int) -> tuple[Indices, Floats]:
-    """Return where *times* are among records: the record before each, and the share beyond it.
-
-    Times before the first record are at it, those after the last of *count* at that.
-    """
-    where = np.clip(times / period, 0.0, count - 1.0)
-    nearest = np.rint(where)
-    where = np.where(np.abs(where - nearest) < _ON_RECORD, nearest, where)
-    index = where.astype(np.int64)
-    return index, where - index

@@ -86,10 +86,8 @@ def allowed(
     gx, gy, gz = a - u, b - v, c - w
     kx, ky, kz = gx - ax * period, gy - ay * period, gz - az * period
     most, most_jerk = share * period, share * period * period
-    intervals = [
-        _ball(gx, gy, gz, x, y, z, most * servo_limits.acceleration),
-        _ball(kx, ky, kz, x, y, z, most_jerk * servo_limits.jerk),
-    ]
+    low, high = _ball(gx, gy, gz, x, y, z, most * servo_limits.acceleration)
+    intervals = [_ball(kx, ky, kz, x, y, z, most_jerk * servo_limits.jerk)]
     if servo_limits.has_axes:
         for axes, factor, base in (
             (servo_limits.axis_acceleration, most, (gx, gy, gz)),
@@ -103,8 +101,9 @@ def allowed(
         intervals.append(_ball(a, b, c, x, y, z, most * servo_limits.linear_acceleration))
     if servo_limits.joint_shares.speed > 0.0:
         intervals.append(_within_joints(past.rate, servo_limits.joint_shares, period))
-    lows, highs = zip(*intervals, strict=True)
-    return max(lows), min(highs)
+    for least, largest in intervals:
+        low, high = max(low, least), min(high, largest)
+    return low, high
 
 
 def _within_joints(rate: float, shares: JointShares, period: float) -> tuple[float, float]:

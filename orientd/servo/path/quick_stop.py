@@ -23,8 +23,8 @@ from collections.abc import Iterator
 from copy import copy
 from math import ceil
 
-from orientd.driver import ZERO, Vector3
-from orientd.floats import combine, norm, plus
+from orientd.driver import ZERO
+from orientd.floats import combine, dot, norm, plus
 from orientd.servo.guard import Guard
 from orientd.servo.motion_law import stop_phases
 from orientd.servo.path.feasible_rates import Ahead, Past, nearest, released
@@ -119,7 +119,7 @@ class QuickStop:
         guard, servo_limits = self._guard, self._servo_limits
         # The cycles that a stop takes at least, were its path straight.
         speed = norm(guard.omega)
-        change = _dot(guard.omega, guard.alpha) / speed if speed > 0.0 else 0.0
+        change = dot(guard.omega, guard.alpha) / speed if speed > 0.0 else 0.0
         time = max(
             sum(stop_phases(speed, change, servo_limits.acceleration, servo_limits.jerk)),
             norm(guard.velocity) / servo_limits.linear_acceleration,
@@ -208,7 +208,3 @@ class QuickStop:
         ahead = index - self._passed
         start, end = self._follower.peek_ahead(ahead), self._follower.peek_ahead(ahead + 1)
         return None if start is None or end is None else Segment(start, end, self._scaling.period)
-
-
-def _dot(a: Vector3, b: Vector3) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -39,20 +39,14 @@ from orientd.tolerances import NORM_TOLERANCE
 LOOKAHEAD_NS = 10_000_000_000
 """How far ahead of its time a target may come."""
 
-SORTED = 16
-"""A target that comes late is put in its place before so many others at most."""
-
 CAPACITY = 10_000
 """Targets that wait for their time, at most: one a millisecond."""
 
 AGREEING = 5e-3
 """By how much longer the way by a late target may be than between its neighbours, rad or m."""
 
-FASTEST = 1000.0
-"""Largest angular velocity believed of a target, rad/s, per component."""
-
-FARTHEST = 1000.0
-"""Largest component of a position, m."""
+LARGEST = 1000.0
+"""Largest component believed of an angular velocity or a position, rad/s or m."""
 
 LONGEST_DELAY_NS = 150_000_000
 """How stale targets may become before they are carried on without regard to their successors."""
@@ -177,13 +171,13 @@ class Reference:
         target = target._replace(q=normalize(target.q))
         place = len(targets)
         if newest_ns is not None and time_ns <= newest_ns:
+            while place and targets[place - 1].target.time_ns >= time_ns:
+                place -= 1
             if time_ns > now_ns - 2.0 * self._period_ns:
-                place = self._make_way(target, newest_ns)
-            else:
-                place = self._place(time_ns, now_ns)
-                if place == 0:
-                    late = (newest_ns - time_ns) / 1e9
-                    return f"not newer than the newest one, {late:.6g} s older, nor to be sorted in"
+                self._make_way(target, place, newest_ns)
+            elif not self._has_room(time_ns, place, now_ns):
+                late = (newest_ns - time_ns) / 1e9
+                return f"not newer than the newest one, {late:.6g} s older, nor to be sorted in"
         elif place >= CAPACITY:
             return f"{CAPACITY} targets wait already"
         self._is_concluded = False
@@ -194,33 +188,24 @@ class Reference:
         self._unfiltered = min(self._unfiltered, place)
         return ""
 
-    def _make_way(self, target: Target, newest_ns: int) -> int:
-        """Drop what *target*, stamped before the newest one, replaces; return its place."""
+    def _make_way(self, target: Target, place: int, newest_ns: int) -> None:
+        """Drop what *target*, stamped before the newest one, replaces from its place on."""
         targets, time_ns = self._targets, target.time_ns
-        place = len(targets)
-        while place and targets[place - 1].target.time_ns >= time_ns:
-            place -= 1
         if newest_ns - time_ns <= LONGEST_DELAY_NS and 0 < place < len(targets):
             before, after = targets[place - 1].target, targets[place].target
             if _lies_between(before, target, after):
                 if after.time_ns - time_ns < self._period_ns:
                     del targets[place]
-                return place
+                return
         while len(targets) > place:
             targets.pop()
         self._newest_ns = time_ns
-        return place
 
-    def _place(self, time_ns: int, now_ns: int) -> int:
-        """Return before which target a late one belongs, 0 if the motion has been read there."""
+    def _has_room(self, time_ns: int, place: int, now_ns: int) -> bool:
+        """Whether a late target can be sorted in: the motion has not been read there."""
         targets = self._targets
-        if time_ns <= now_ns - self._delay_ns:
-            return 0
-        for place in range(len(targets), max(len(targets) - SORTED, 1) - 1, -1):
-            before_ns = targets[place - 1].target.time_ns
-            if before_ns <= time_ns:
-                return place if before_ns < time_ns else 0
-        return 0
+        is_read = place == 0 or time_ns <= now_ns - self._delay_ns
+        return not is_read and (place == len(targets) or targets[place].target.time_ns > time_ns)
 
     def at(self, now_ns: int) -> ReferenceState | None:
         """Return the motion at *now_ns*, or ``None`` without a live target."""
@@ -349,10 +334,10 @@ def _problem_of(target: Target, now_ns: int) -> str:
     size = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
     if not abs(size - 1.0) <= 2.0 * NORM_TOLERANCE:
         return f"expected a unit quaternion, got {q}"
-    if omega is not None and not all(abs(x) <= FASTEST for x in omega):
-        return f"expected an angular velocity within {FASTEST:g} rad/s, got {omega}"
-    if position is not None and not all(abs(x) <= FARTHEST for x in position):
-        return f"expected a position within {FARTHEST:g} m, got {position}"
+    if omega is not None and not all(abs(x) <= LARGEST for x in omega):
+        return f"expected an angular velocity within {LARGEST:g} rad/s, got {omega}"
+    if position is not None and not all(abs(x) <= LARGEST for x in position):
+        return f"expected a position within {LARGEST:g} m, got {position}"
     if time_ns > now_ns + LOOKAHEAD_NS:
         most = LOOKAHEAD_NS // 1_000_000_000
         return f"stamped {(time_ns - now_ns) / 1e9:.6g} s ahead, the most is {most} s"

@@ -6,12 +6,13 @@ from math import inf
 from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
-from orientd.floats import combine, difference, exp, multiply, norm, normalize, plus
+from orientd.floats import combine, difference, dot, exp, multiply, norm, normalize, plus
 from orientd.servo.motion_law import (
     TrackingLimits,
     advance,
     divided,
     halt,
+    halt_inside,
     limits_of,
     loosened,
     saturated,
@@ -102,6 +103,7 @@ class Tracker:
 
         The rates are backward differences.  What moves faster than the limits is slowed down first.
         """
+        self._servo_limits = servo_limits
         self._limits, self._units = limits_of(servo_limits, self._period)
         # The law's state is in its own units.
         self._q = q
@@ -147,12 +149,21 @@ class Tracker:
                 self.is_at_rest = not self._reference.awaits
                 self._before, self._wish = (self._q, ZERO, ZERO), ZERO
                 return TrackPoint(self._q, ZERO, ZERO)
-            omega, self._wish = halt(self._omega, self._alpha, self._loose)
+            omega, self._wish = self._stopped()
             return self._move(omega, self._wish)
         self.is_at_rest = False
         alpha = advance(self._omega, self._alpha, self._wanted(found), self._loose)
         self._wish = alpha
         return self._move(plus(self._omega, alpha, self._period), alpha)
+
+    def _stopped(self) -> tuple[Vector3, Vector3]:
+        """Return velocity and acceleration one cycle further towards rest."""
+        if not self._servo_limits.has_axes:
+            return halt(self._omega, self._alpha, self._loose)
+        units = self._units
+        omega, alpha = times(self._omega, units), times(self._alpha, units)
+        omega, alpha = halt_inside(omega, alpha, self._servo_limits, self._period)
+        return divided(omega, units), divided(alpha, units)
 
     def ease(self, share: float | None) -> TrackPoint:
         """Take the last step back; go a *share* of the way from an even step to it, or brake."""
@@ -174,7 +185,7 @@ class Tracker:
         if size < _ARRIVED:
             return q, None
         axis = plus(ZERO, ahead, 1.0 / size)
-        speed, rate = _dot(omega, axis), _dot(alpha, axis)
+        speed, rate = dot(omega, axis), dot(alpha, axis)
         return q, AxisStop(times(axis, self._units), speed + 0.5 * h * rate, rate, limits)
 
     def _move(self, omega: Vector3, alpha: Vector3) -> TrackPoint:
@@ -230,7 +241,7 @@ class Tracker:
         if speed < _ARRIVED:
             return False
         way = divided(difference(self._q, end.q), self._units)
-        along, rate = _dot(way, self._omega) / speed, _dot(self._alpha, self._omega) / speed
+        along, rate = dot(way, self._omega) / speed, dot(self._alpha, self._omega) / speed
         # What is sent next turns on for two cycles more.
         stop = stopping_angle(speed, rate, self._limits.acceleration, self._limits.jerk)
         stop += 2.0 * self._period * speed
@@ -265,7 +276,3 @@ class Tracker:
 
     def _soften(self, delay: float) -> None:
         self._soft, self._soft_for = softened(self._limits, delay), delay
-
-
-def _dot(a: Vector3, b: Vector3) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -5,14 +5,13 @@ import random
 import pytest
 from rig import PERIOD_NS
 from rig import Rig as LoopRig
-from virtual_port import VirtualPort
 
+from emulated_dynamixel import MODELS, Bus, EmulatedServo, SerialLine, VirtualPort
 from orientd.clock import ManualClock
 from orientd.driver import Setpoint
 from orientd.servo import Servo as ServoLoop
 from orientd.servo import WatchdogTimeouts
 from orientd.stream import SharedMemory
-from orientd_sim.dynamixel import MODELS, Bus, EmulatedServo, SerialLine
 
 MS = 1_000_000
 

@@ -9,9 +9,9 @@ import pytest
 from rig import PERIOD_NS
 from watched_gimbal import DEGREE, SLACK, TURN, Watched, turning
 
+from emulated_dynamixel import FaultKind, Lie, ReplyFault
 from orientd.errors import DeviceFaultError, Fault
 from orientd.stream import Answer, Command, ServoState
-from orientd_sim.dynamixel import FaultKind, Lie, ReplyFault
 
 CASES = int(os.environ.get("ORIENTD_CASES", "10"))
 

@@ -7,11 +7,11 @@ import pytest
 from rig import PERIOD, TERMS
 from watched_gimbal import DEGREE, Watched, turning
 
+from emulated_dynamixel import FaultKind, ReplyFault
 from orientd.driver import Setpoint
 from orientd.errors import DeviceError, Fault
 from orientd.stream import Answer, Command, CycleFlag, ServoState
 from orientd_dynamixel.driver import CYCLE_SHARE
-from orientd_sim.dynamixel import FaultKind, ReplyFault
 
 AXES = [{"id": k, "limits_deg": [-179, 179]} for k in (1, 2, 3)]
 

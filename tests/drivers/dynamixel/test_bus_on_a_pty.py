@@ -9,9 +9,9 @@ import threading
 
 import pytest
 
+from emulated_dynamixel import Bus, EmulatedServo, PtyServer
+from emulated_dynamixel.command import servos
 from orientd.clock import MonotonicClock
-from orientd_sim.dynamixel import Bus, EmulatedServo, PtyServer
-from orientd_sim.dynamixel.command import servos
 
 sdk = pytest.importorskip("dynamixel_sdk")
 

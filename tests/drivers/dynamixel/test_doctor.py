@@ -5,21 +5,21 @@ import pytest
 pytest.importorskip("dynamixel_sdk")
 
 from dynamixel_sdk import Protocol2PacketHandler
-from virtual_port import VirtualPort
 
-from orientd.clock import ManualClock
-from orientd_dynamixel import doctor
-from orientd_dynamixel.bus.servo_bus import ServoBus
-from orientd_dynamixel.diagnosis import diagnose
-from orientd_dynamixel.options import parse
-from orientd_sim.dynamixel import (
+from emulated_dynamixel import (
     XL330_M288,
     Bus,
     EmulatedServo,
     FaultKind,
     ReplyFault,
     SerialLine,
+    VirtualPort,
 )
+from orientd.clock import ManualClock
+from orientd_dynamixel import doctor
+from orientd_dynamixel.bus.servo_bus import ServoBus
+from orientd_dynamixel.diagnosis import diagnose
+from orientd_dynamixel.options import parse
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ import random
 
 import pytest
 
+from emulated_dynamixel import FaultKind, ReplyFault
 from orientd.errors import DeviceError, DeviceFaultError, FeedbackError, LinkError
-from orientd_sim.dynamixel import FaultKind, ReplyFault
 
 MS = 1_000_000
 MOMENTS = [

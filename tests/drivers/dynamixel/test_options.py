@@ -79,8 +79,8 @@ def test_what_is_wrong_is_named(change, message):
 
 
 def test_every_model_is_driven_on_a_bus_of_its_own(rig):
+    from emulated_dynamixel import MODELS as EMULATED
     from orientd_dynamixel.options import MODELS
-    from orientd_sim.dynamixel import MODELS as EMULATED
 
     assert MODELS.keys() == EMULATED.keys()
     for name in MODELS:

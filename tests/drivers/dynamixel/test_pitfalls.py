@@ -57,20 +57,19 @@ import pytest
 
 sdk = pytest.importorskip("dynamixel_sdk")
 
-from virtual_port import VirtualPort  # noqa: E402
-
-from orientd.clock import ManualClock  # noqa: E402
-from orientd.errors import DeviceFaultError, FeedbackError, LinkError  # noqa: E402
-from orientd_dynamixel.bus.reading import BLOCK, decode  # noqa: E402
-from orientd_dynamixel.bus.servo_bus import ServoBus, _unstuffed  # noqa: E402
-from orientd_sim.dynamixel import (  # noqa: E402
+from emulated_dynamixel import (  # noqa: E402
     Bus,
     EmulatedServo,
     FaultKind,
     ReplyFault,
     SerialLine,
+    VirtualPort,
 )
-from orientd_sim.dynamixel.packet import status  # noqa: E402
+from emulated_dynamixel.packet import status  # noqa: E402
+from orientd.clock import ManualClock  # noqa: E402
+from orientd.errors import DeviceFaultError, FeedbackError, LinkError  # noqa: E402
+from orientd_dynamixel.bus.reading import BLOCK, decode  # noqa: E402
+from orientd_dynamixel.bus.servo_bus import ServoBus, _unstuffed  # noqa: E402
 
 MS = 1_000_000
 

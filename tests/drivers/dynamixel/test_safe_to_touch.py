@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from reference.wire import TORQUE, WireReader
 
+from emulated_dynamixel import FaultKind, ReplyFault
 from orientd.errors import Fault
 from orientd.stream import ServoState
-from orientd_sim.dynamixel import FaultKind, ReplyFault
 
 DEGREE = 4096 / 360
 PERIOD = 0.002

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from rig import PERIOD
 
+from emulated_dynamixel import FaultKind, ReplyFault
 from orientd.errors import Fault
 from orientd.stream import Answer, Command, ServoState
-from orientd_sim.dynamixel import FaultKind, ReplyFault
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from orientd_sim.ur.recording import ARM_ROW, SETPOINT_ROW
+from emulated_ur.recording import ARM_ROW, SETPOINT_ROW
 
 
 class SetpointRow(NamedTuple):

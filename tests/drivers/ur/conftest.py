@@ -4,7 +4,8 @@ import itertools
 import os
 
 import pytest
-from emulated_robot import EmulatedRobot
+
+from emulated_ur.process import EmulatedRobot
 
 _numbers = itertools.count(1)
 

@@ -5,7 +5,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from emulated_robot import EmulatedRobot
+
+from emulated_ur.process import EmulatedRobot
 
 pytest.importorskip("rtde_control")
 

@@ -1,9 +1,9 @@
 """Every fault of a UR controller, through a real servo process: typed, in time, recovered from."""
 
 import pytest
-from emulated_robot import EmulatedRobot
 from ur_rig import device_of, fault_of, is_holding, recover, reset, streaming, swing, until
 
+from emulated_ur.process import EmulatedRobot
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
 from orientd.errors import DaemonError, Fault, StateError

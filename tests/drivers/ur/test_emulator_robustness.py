@@ -9,8 +9,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from emulated_robot import LaunchError
 from ur_rig import is_alive, until
+
+from emulated_ur.process import LaunchError
 
 VERSION_2 = struct.pack(">HBH", 5, ord("V"), 2)
 ACCEPTED = struct.pack(">HBB", 4, ord("V"), 1)
@@ -57,7 +58,7 @@ def test_emulator_ends_with_whoever_started_it(ur_host):
     code = (
         "import os, signal\n"
         f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
-        "from emulated_robot import EmulatedRobot\n"
+        "from emulated_ur.process import EmulatedRobot\n"
         f"robot = EmulatedRobot({ur_host!r})\n"
         "robot.start()\n"
         "print(robot.process.pid, flush=True)\n"

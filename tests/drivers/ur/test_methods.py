@@ -1,14 +1,15 @@
 """The client library's own methods, one by one: each does what it says, or fails.
 
-What is not tested here is in `sim/orientd_sim/ur/METHODS.md`, too, with why.
+What is not tested here is in `sim/emulated_ur/METHODS.md`, too, with why.
 """
 
 import os
 import socket
 
 import pytest
-from emulated_robot import EmulatedRobot
 from ur_rig import until
+
+from emulated_ur.process import EmulatedRobot
 
 rtde_control = pytest.importorskip("rtde_control")
 
@@ -152,16 +153,42 @@ def test_custom_script_runs_and_ends(ur_robot, control):
     assert joints(ur_robot)[0] == pytest.approx(0.0)
 
 
-def test_program_that_is_not_emulated_is_refused_in_words(ur_robot, control):
+def test_example_of_a_nested_function_in_a_custom_script_runs(ur_robot, control):
+    inner = "  def inner(x):\n    return x + 1\n  end\n"
+    body = "  write_output_float_register(5, inner(inner(1.5)))\n"
+    done = "  write_output_integer_register(0, 2)\n"
+    assert control.sendCustomScript(f"def outer():\n{inner}{body}{done}end\n")
+    assert "refused" not in str(ur_robot.state()["log"])
+
+
+def test_program_with_a_name_that_is_not_there_is_refused_in_words(ur_robot, control):
     control.stopScript()
     until(lambda: ur_robot.state()["runtime_state"] == "STOPPED", "the end")
     with socket.create_connection((ur_robot.host, 30003), timeout=5.0) as sock:
-        sock.sendall(b"def other():\n  x = get_actual_tcp_pose()\nend\n")
-        found = ur_robot.wait_until(lambda state: any("not emulated" in s for s in state["log"]))
+        sock.sendall(b"def other():\n  x = get_tcp_pose()\nend\n")
+        found = ur_robot.wait_until(
+            lambda state: any("name_not_found:get_tcp_pose: (line 2)" in s for s in state["log"])
+        )
     assert found["runtime_state"] == "STOPPED"
 
 
-def test_torque_control_ends_the_program_with_words(ur_robot, control):
-    control.directTorque([0.0] * 6)
-    found = ur_robot.wait_until(lambda state: state["runtime_state"] == "STOPPED")
-    assert "direct_torque: needs PolyScope 5.23" in found["log"][-1]
+def test_forward_kinematics_heed_the_tool_that_is_given(control):
+    bare = control.getForwardKinematics(HOME, [0.0, 0.0, 0.0, 0.0, 0.0, 1e-9])
+    tool = control.getForwardKinematics(HOME, [0.0, 0.0, 0.2, 0.0, 0.0, 0.0])
+    assert bare[2] - tool[2] == pytest.approx(0.2, abs=1e-3)  # the tool points down
+
+
+def test_tool_speed_is_taken_on_at_the_acceleration_that_is_given(ur_robot, control):
+    before = height(ur_robot)
+    assert control.speedL([0.0, 0.0, -0.05, 0.0, 0.0, 0.0], 0.05)
+    ur_robot.wait_until(lambda state: state["actual_pose"][2] < before - 0.005)
+    # 5 mm from rest at 0.05 m/s^2 take 0.45 s, and 0.1 s at once.
+    assert control.speedStop()
+    assert settled(ur_robot)
+
+
+def test_payload_without_a_centre_keeps_the_one_that_is_set(ur_robot, control):
+    assert control.setPayload(1.0, [0.0, 0.0, 0.05])
+    assert control.setPayload(2.0, [0.0, 0.0, 0.0])
+    state = ur_robot.state()
+    assert (state["payload"], state["payload_cog"]) == (2.0, [0.0, 0.0, 0.05])

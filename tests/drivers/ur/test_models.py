@@ -5,17 +5,17 @@ import random
 import time
 
 import pytest
-from emulated_robot import EmulatedRobot
 from ur_rig import until
 
+from emulated_ur.arm.kinematics import Kinematics
+from emulated_ur.arm.models import MODELS
+from emulated_ur.arm.transforms import from_pose, inverse
+from emulated_ur.arm.transforms import multiply as times
+from emulated_ur.process import EmulatedRobot
 from orientd.clock import MonotonicClock
 from orientd.driver import Setpoint
 from orientd.errors import DeviceFaultError, LinkError, PlanError
 from orientd.floats import exp, log, multiply
-from orientd_sim.ur.arm.kinematics import Kinematics
-from orientd_sim.ur.arm.models import MODELS
-from orientd_sim.ur.arm.transforms import from_pose, inverse
-from orientd_sim.ur.arm.transforms import multiply as times
 from orientd_ur import UrDriver
 from orientd_ur.arm import ask
 from orientd_ur.probe import whereabouts

@@ -4,9 +4,9 @@ import json
 from pathlib import Path
 
 import pytest
-from emulated_robot import EmulatedRobot
 from typer.testing import CliRunner
 
+from emulated_ur.process import EmulatedRobot
 from orientd.cli.main import app
 from orientd.clock import MonotonicClock
 from orientd.errors import PlanError

@@ -1,9 +1,9 @@
 """Controllers and dashboard servers that take their time: calls are answered, stops at once."""
 
 import pytest
-from emulated_robot import EmulatedRobot
 from ur_rig import device_of, fault_of, is_holding, reset, streaming, swing, until
 
+from emulated_ur.process import EmulatedRobot
 from orientd.errors import DaemonError, Fault, PendingError, StateError
 from orientd.stream import Command
 

@@ -7,9 +7,9 @@ import random
 import time
 
 import pytest
-from emulated_robot import EmulatedRobot, LaunchError
 from ur_rig import device_of, fault_of, recover, streaming, swing, until
 
+from emulated_ur.process import EmulatedRobot, LaunchError
 from orientd.clock import MonotonicClock
 from orientd.driver import Setpoint
 from orientd.errors import DeviceError, DeviceFaultError

@@ -7,9 +7,9 @@ import threading
 import time
 
 import pytest
-from emulated_robot import EmulatedRobot
 from ur_rig import device_of, fault_of, streaming, swing
 
+from emulated_ur.process import EmulatedRobot
 from orientd.clock import MonotonicClock
 from orientd.driver import Setpoint, Verdict
 from orientd.errors import DeviceFaultError, Fault, LinkError, PlanError

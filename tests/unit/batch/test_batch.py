@@ -19,7 +19,7 @@ from orientd.batch.rows import RECORD
 from orientd.cli.commands.motion_commands import device_settings
 from orientd.cli.main import app
 from orientd.errors import LimitError, OrientdError, RequestError
-from orientd.planner import many
+from orientd.planner import offline
 
 pytestmark = pytest.mark.filterwarnings("ignore:resource_tracker:UserWarning")
 
@@ -200,6 +200,6 @@ def test_the_address_of_a_cluster_is_that_of_no_daemon(requests, tmp_path):
 
 
 def test_a_cluster_that_is_not_there_is_said_not_to_be(monkeypatch):
-    monkeypatch.setattr(many, "find_spec", lambda name: name)
+    monkeypatch.setattr(offline, "find_spec", lambda name: name)
     with pytest.raises(OrientdError, match=r"no ray cluster at 127.0.0.1:9: .*refused"):
         next(planner.plan_many([], backend="ray", address="127.0.0.1:9"))

@@ -5,8 +5,8 @@ import random
 
 import pytest
 
-from orientd_sim.ur import dashboard, variables
-from orientd_sim.ur.controller import Behaviour, Controller
+from emulated_ur import dashboard, variables
+from emulated_ur.controller import Behaviour, Controller
 from orientd_ur import versions
 from orientd_ur.ticks import WriteSilence
 

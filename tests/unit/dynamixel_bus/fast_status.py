@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from orientd_sim.dynamixel.packet import crc16
+from emulated_dynamixel.packet import crc16
 
 
 def fast_blocks(packet: bytes, counts: Sequence[int]) -> list[tuple[int, int, bytes]]:

@@ -5,8 +5,8 @@ import random
 import pytest
 from fast_status import fast_blocks
 
-from orientd_sim.dynamixel import Bus, EmulatedServo, FaultKind, ReplyFault, SerialLine
-from orientd_sim.dynamixel.packet import (
+from emulated_dynamixel import Bus, EmulatedServo, FaultKind, ReplyFault, SerialLine
+from emulated_dynamixel.packet import (
     BROADCAST,
     ErrorNumber,
     Instruction,

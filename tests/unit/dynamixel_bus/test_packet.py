@@ -5,7 +5,7 @@ import random
 import pytest
 from fast_status import fast_blocks
 
-from orientd_sim.dynamixel.packet import (
+from emulated_dynamixel.packet import (
     Damaged,
     Instruction,
     Packet,

@@ -4,10 +4,14 @@ import pytest
 
 sdk = pytest.importorskip("dynamixel_sdk")
 
-from virtual_port import VirtualPort  # noqa: E402
-
+from emulated_dynamixel import (  # noqa: E402
+    XL330_M288,
+    Bus,
+    EmulatedServo,
+    SerialLine,
+    VirtualPort,
+)
 from orientd.clock import ManualClock  # noqa: E402
-from orientd_sim.dynamixel import XL330_M288, Bus, EmulatedServo, SerialLine  # noqa: E402
 
 COMM_SUCCESS, COMM_RX_TIMEOUT = 0, -3001
 

@@ -4,10 +4,10 @@ from itertools import pairwise
 
 import pytest
 
-from orientd_sim.dynamixel.motion import TICKS_PER_RADIAN
-from orientd_sim.dynamixel.packet import ALERT, ErrorNumber
-from orientd_sim.dynamixel.servo import EmulatedServo
-from orientd_sim.dynamixel.table import TURN_LIMIT, XL330_M288, XM430_W350
+from emulated_dynamixel.motion import TICKS_PER_RADIAN
+from emulated_dynamixel.packet import ALERT, ErrorNumber
+from emulated_dynamixel.servo import EmulatedServo
+from emulated_dynamixel.table import TURN_LIMIT, XL330_M288, XM430_W350
 
 MS = 1_000_000
 S = 1_000_000_000

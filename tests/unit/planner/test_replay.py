@@ -8,7 +8,7 @@ from reference.aims import end_state
 from orientd import planner, rotation
 from orientd.curves.fitting import fit_orientations
 from orientd.errors import RequestError
-from orientd.planner.replay import plan_as_recorded, replay_request
+from orientd.planner.task import plan_as_recorded, replay_request
 
 PERIOD = 0.002
 NARROW = planner.Limits(1.0, 5.0, 100.0, 1.0, 10.0)

@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 from orientd.driver import ZERO
 from orientd.floats import exp, multiply
 from orientd.servo.guard import Guard
-from orientd.servo.motion_law import limits_in_plane
 from orientd.servo.tracking import TargetFollower
 from orientd.stream import JointShares, ServoLimits
 from orientd.stream.records import LIMIT_FLOATS
@@ -22,7 +21,7 @@ def stop_off_path(guard, servo_limits):
     """Yield the setpoints of a stop from what the guard has taken, without path or targets."""
     rig = Rig()
     follower = TargetFollower(rig.memory.targets, guard, rig.driver)
-    follower.begin(limits_in_plane(servo_limits, guard.omega, guard.alpha))
+    follower.begin(servo_limits)
     while not (follower.tracker.is_at_rest and guard.velocity == ZERO):
         point, position = follower.step(0, servo_limits, is_stopping=True)
         guard.take(point.q, position)
@@ -122,6 +121,25 @@ def test_a_soft_stop_keeps_the_limits_of_every_axis(alpha):
     assert np.all(np.abs(stop).max(axis=0) <= np.array(servo_limits.axis_velocity) * 1.001)
     assert np.all(np.abs(alphas).max(axis=0) <= np.array(servo_limits.axis_acceleration) * 1.001)
     assert np.all(np.abs(jerk).max(axis=0) <= np.array(servo_limits.axis_jerk) * 1.001)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_soft_stop_keeps_the_limits_of_every_axis_from_any_motion(seed):
+    random = np.random.default_rng(seed)
+    axes = [random.uniform(0.2, 1.0, 3) * most for most in (2.0, 9.0, 400.0)]
+    velocity, acceleration, jerk = (tuple(axis.tolist()) for axis in axes)
+    servo_limits = replace(
+        TERMS, axis_velocity=velocity, axis_acceleration=acceleration, axis_jerk=jerk
+    )
+    guard = Guard(PERIOD)
+    guard.omega = tuple((random.uniform(-0.5, 0.5, 3) * axes[0]).tolist())
+    guard.alpha = tuple((random.uniform(-0.9, 0.9, 3) * axes[1]).tolist())
+    before = np.array(guard.alpha)
+    alphas = [guard.alpha for _ in stop_off_path(guard, servo_limits)]
+    assert np.abs(guard.omega).max() < 1e-9
+    jerks = np.diff(np.vstack([before, alphas]), axis=0) / PERIOD
+    assert np.all(np.abs(alphas) <= axes[1] * 1.001)
+    assert np.all(np.abs(jerks) <= axes[2] * 1.001)
 
 
 QUANTITIES = ["velocity", "acceleration", "jerk"]

@@ -104,10 +104,10 @@ def test_a_stop_comes_to_rest_before_the_path_turns_back_or_soon_behind(
 
 
 def test_a_stop_that_just_fails_with_all_of_the_jerk_is_made_with_less_of_it():
-    # Into a sharp bend, behind which a stop would take 20 cycles.
-    *_, motion = motions([1, 0], 8, "reserve")
-    ride = Ride(Track(motion), 241)
-    assert ride.stop() <= 8
+    # Into a sharp bend, behind which a stop would take 10 cycles.
+    *_, motion = motions([157, 0], 4, "reserve")
+    ride = Ride(Track(motion), 150)
+    assert ride.stop() <= 5
     assert ride.excess() <= 1.001
     assert ride.rig.servo.state is ServoState.HOLDING
 

@@ -317,7 +317,7 @@ def test_commands_are_refused_in_the_wrong_state(rig):
 
 
 def test_every_event_has_a_place_in_the_table_and_every_state_can_fail():
-    assert set(TRANSITIONS) == set(Event)
+    assert set(TRANSITIONS) == {*Command, *Event} - {Command.SHUTDOWN}
     for state in ServoState:
         assert advance(state, Event.FAIL) is ServoState.FAULT
 

@@ -5,9 +5,9 @@ import random
 
 import pytest
 
-from orientd_sim.ur.arm.kinematics import Kinematics, speed
-from orientd_sim.ur.arm.models import MODELS
-from orientd_sim.ur.arm.transforms import from_pose, inverse, multiply, rotation_between, to_pose
+from emulated_ur.arm.kinematics import Kinematics, speed
+from emulated_ur.arm.models import MODELS
+from emulated_ur.arm.transforms import from_pose, inverse, multiply, rotation_between, to_pose
 
 kinematics = Kinematics(MODELS["ur5e"])
 

@@ -4,11 +4,11 @@ import struct
 
 import pytest
 
-from orientd_sim.ur import wire
-from orientd_sim.ur.controller import Controller
-from orientd_sim.ur.session import ClientSession
-from orientd_sim.ur.variables import OUTPUTS
-from orientd_sim.ur.wire import Layout, Package, PackageKind, Splitter, WireError
+from emulated_ur import wire
+from emulated_ur.controller import Controller
+from emulated_ur.session import ClientSession
+from emulated_ur.variables import OUTPUTS
+from emulated_ur.wire import Layout, Package, PackageKind, Splitter, WireError
 
 SERVO = [("input_int_register_0", "INT32")] + [
     (f"input_double_register_{n}", "DOUBLE") for n in range(11)
@@ -146,7 +146,7 @@ def test_messages_wait_until_the_client_listens():
     client.outputs(b"timestamp")
     client.ask(PackageKind.START)
     (package,) = Splitter().feed(client.session.message("hello"))
-    assert package.payload == b"\5hello\x0borientd_sim\3"
+    assert package.payload == b"\5hello\x0bemulated_ur\3"
 
 
 def test_every_output_variable_packs_as_its_type():

@@ -1,0 +1,181 @@
+"""The emulated bus: instructions in, answers out at their times.
+
+No input or output here: whoever owns the port hands in what the host wrote and takes what is due.
+In the answers to a
+group each servo waits for the one before it: where one is silent, all later ones are.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterable
+
+from emulated_dynamixel.instructions import (
+    SINGLE,
+    bulk_list,
+    bulk_write,
+    sync_list,
+    sync_write,
+)
+from emulated_dynamixel.line import SerialLine, Turn, Wire
+from emulated_dynamixel.packet import (
+    BROADCAST,
+    MAX_LENGTH,
+    Damaged,
+    ErrorNumber,
+    Instruction,
+    Packet,
+    Parser,
+    fast_status,
+    status,
+)
+from emulated_dynamixel.servo import EmulatedServo
+from emulated_dynamixel.table import BAUD_RATES
+
+_RETURN_LEVEL: dict[int, int] = {Instruction.PING: 0, Instruction.READ: 1}
+
+
+class Bus:
+    """Servos on one line.
+
+    Attributes:
+        servos: by where they are on the line; their ids are in their memories.
+        line: how long bytes take.
+        wire: the answers on their way.
+        faults: what happens to answers.
+        packets: instructions heard so far.
+    """
+
+    def __init__(
+        self,
+        servos: Iterable[EmulatedServo],
+        *,
+        line: SerialLine | None = None,
+        rng: random.Random | None = None,
+        gap_ns: int = 1_500_000,
+    ) -> None:
+        self.servos = list(servos)
+        self.line = line or SerialLine()
+        self.wire = Wire(self.line, rng or random.Random(0))
+        self.faults = self.wire.faults
+        self.packets = 0
+        self._parser = Parser(gap_ns)
+        self._host_free_ns = 0
+
+    def servo(self, servo_id: int) -> EmulatedServo:
+        """Return the servo that answers to *servo_id*.
+
+        Raises:
+            KeyError: there is none.
+        """
+        for servo in self.servos:
+            if servo.id == servo_id:
+                return servo
+        raise KeyError(servo_id)
+
+    def receive(self, octets: bytes, now_ns: int, *, baud: int = 1_000_000) -> None:
+        """Take in what the host wrote at *now_ns* with its port at *baud*."""
+        start_ns = max(now_ns, self._host_free_ns)
+        self._host_free_ns = start_ns + self.line.duration_ns(len(octets), baud)
+        for packet, count in self._parser.feed(octets, now_ns):
+            end_ns = start_ns + self.line.duration_ns(count, baud)
+            if self.wire.collides(start_ns):
+                continue
+            self.packets += 1
+            listening = [
+                servo
+                for servo in self.servos
+                if servo.is_listening(end_ns) and BAUD_RATES[servo.baud_index] == baud
+            ]
+            for servo in listening:
+                servo.feed_watchdog(end_ns)
+            self._dispatch(packet, listening, end_ns, baud)
+
+    def advance(self, now_ns: int) -> None:
+        """Let time pass for every servo."""
+        for servo in self.servos:
+            servo.advance(now_ns)
+
+    def _dispatch(
+        self, packet: Packet | Damaged, listening: list[EmulatedServo], now_ns: int, baud: int
+    ) -> None:
+        by_id = {servo.id: servo for servo in reversed(listening)}
+        if packet.instruction == Instruction.STATUS:
+            return
+        turn = Turn(self.wire, now_ns, baud)
+        if isinstance(packet, Damaged):
+            if servo := by_id.get(packet.id):
+                self._answer(servo, packet.instruction, ErrorNumber.CRC, b"", turn)
+            return
+        match packet.instruction:
+            case Instruction.SYNC_WRITE:
+                sync_write(packet.parameters, by_id, now_ns)
+            case Instruction.BULK_WRITE:
+                bulk_write(packet.parameters, by_id, now_ns)
+            case (
+                Instruction.SYNC_READ
+                | Instruction.FAST_SYNC_READ
+                | Instruction.BULK_READ
+                | Instruction.FAST_BULK_READ
+            ):
+                if packet.id == BROADCAST:
+                    self._read_group(packet, by_id, turn)
+            case _:
+                self._single(packet, by_id, turn)
+
+    def _single(self, packet: Packet, by_id: dict[int, EmulatedServo], turn: Turn) -> None:
+        is_broadcast = packet.id == BROADCAST
+        servos = [by_id[i] for i in sorted(by_id) if is_broadcast or i == packet.id]
+        if is_broadcast and packet.instruction == Instruction.FACTORY_RESET:
+            servos = [] if packet.parameters == b"\xff" else servos
+        for servo in servos:
+            act = SINGLE.get(packet.instruction)
+            error, content = (ErrorNumber.INSTRUCTION, b"") if act is None else act(
+                servo, packet.parameters, turn.now_ns
+            )  # fmt: skip
+            if not is_broadcast or packet.instruction == Instruction.PING:
+                self._answer(servo, packet.instruction, error, content, turn)
+            # These two answer first, then go silent.
+            if packet.instruction == Instruction.REBOOT:
+                servo.reboot(turn.now_ns)
+            elif packet.instruction == Instruction.FACTORY_RESET and packet.parameters:
+                servo.factory_reset(packet.parameters[0], turn.now_ns)
+
+    def _answer(
+        self, servo: EmulatedServo, instruction: int, error: int, content: bytes, turn: Turn
+    ) -> None:
+        needed = _RETURN_LEVEL.get(instruction, 2)
+        if servo.return_level >= needed:
+            reply = status(servo.id, servo.error_bits | error, content)
+            turn.send(servo.id, reply, servo.return_delay_ns)
+
+    def _read_group(self, packet: Packet, by_id: dict[int, EmulatedServo], turn: Turn) -> None:
+        if packet.instruction in {Instruction.SYNC_READ, Instruction.FAST_SYNC_READ}:
+            wanted = sync_list(packet.parameters)
+        else:
+            wanted = bulk_list(packet.parameters)
+        is_fast = packet.instruction in {Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ}
+        if is_fast and sum(count for _, _, count in wanted) > MAX_LENGTH:
+            return  # no packet holds so much
+        blocks = []
+        for servo_id, address, count in wanted:
+            servo = by_id.get(servo_id)
+            if servo is None or not servo.return_level:
+                blocks.append((0, servo_id, bytes(count)))
+                continue
+            error, content = servo.read(address, count, turn.now_ns)
+            padded = content if not is_fast else content.ljust(count, b"\0")
+            blocks.append((servo.error_bits | error, servo_id, padded))
+        pieces = (
+            fast_status(blocks)
+            if is_fast
+            else [status(servo_id, error, content) for error, servo_id, content in blocks]
+        )
+        for (servo_id, _, _), piece in zip(wanted, pieces, strict=True):
+            servo = by_id.get(servo_id)
+            if (
+                servo is None
+                or not servo.return_level
+                or not turn.send(servo_id, piece, servo.return_delay_ns)
+            ):
+                return

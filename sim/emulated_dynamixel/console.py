@@ -1,0 +1,115 @@
+"""Commands for a running bus, one a line, as written on its standard input: faults, a hand, a look.
+
+.. code-block:: text
+
+    drop|corrupt|truncate ID [PROBABILITY [COUNT]]
+    delay ID MILLISECONDS [PROBABILITY [COUNT]]
+    clear [ID]                      end the faults of answers
+    disconnect ID | connect ID      the servo's cable, with its supply
+    restart ID [MILLISECONDS]       lose the supply for a moment; silent for 300 ms, or as said
+    jam ID | free ID | load ID FRACTION
+    stops ID LOW HIGH               hard stops of the shaft, in ticks
+    lie ID TICKS [COUNT]            report positions that are so wrong, in COUNT readings or all
+    misread ID AT TICKS             the same wherever the servo stands exactly at AT
+    truth ID                        end both
+    error ID BITS                   a hardware error
+    heat ID CELSIUS | supply ID VOLT
+    turn ID TICKS [SECONDS]         by hand, so far in so long; only without torque
+    unplug | plug                   the adapter
+    state ID                        answered by its registers, in ticks: position, goal, torque
+    help                            answered by these commands
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from emulated_dynamixel.line import FaultKind, ReplyFault
+from emulated_dynamixel.servo import BOOT_NS, Lie
+
+if TYPE_CHECKING:
+    from emulated_dynamixel.pty import PtyServer
+
+
+def obey(line: str, server: PtyServer, now_ns: int) -> str:
+    """Do what *line* says; return what it asked for, if it asked for anything.
+
+    Raises:
+        ValueError: it is not a command.
+    """
+    words = line.split()
+    if not words:
+        return ""
+    if words == ["help"]:
+        return " | ".join(line.strip() for line in (__doc__ or "").splitlines()[4:-1])
+    try:
+        return _obey(words[0], words[1:], server, now_ns)
+    except (IndexError, KeyError) as error:
+        raise ValueError(f"not a command of the emulated bus: {line.strip()!r}") from error
+
+
+def _obey(verb: str, words: list[str], server: PtyServer, now_ns: int) -> str:
+    bus = server.bus
+    if verb in {"plug", "unplug"}:
+        (server.plug if verb == "plug" else server.unplug)()
+        return ""
+    if verb == "clear":
+        bus.faults.clear(int(words[0]) if words else None)
+        return ""
+    servo_id = int(words[0])
+    if verb in set(FaultKind):
+        fault = ReplyFault(FaultKind(verb))
+        rest = words[1:]
+        if fault.kind is FaultKind.DELAY:
+            fault.delay_ns = round(float(rest.pop(0)) * 1e6)
+        if rest:
+            fault.probability = float(rest.pop(0))
+        if rest:
+            fault.remaining = int(rest.pop(0))
+        bus.faults.add(servo_id, fault)
+        return ""
+    servo = bus.servo(servo_id)
+    servo.advance(now_ns)
+    match verb:
+        case "disconnect":
+            servo.disconnect(now_ns)
+        case "connect":
+            servo.connect(now_ns)
+        case "restart":
+            boot_ns = round(float(words[1]) * 1e6) if len(words) > 1 else BOOT_NS
+            servo.reboot(now_ns, boot_ns=boot_ns)
+        case "stops":
+            servo.shaft.stops = (float(words[1]), float(words[2]))
+        case "lie":
+            servo.lie = Lie(int(words[1]), None, int(words[2]) if len(words) > 2 else None)
+        case "misread":
+            servo.lie = Lie(int(words[2]), int(words[1]))
+        case "truth":
+            servo.lie = None
+        case "jam" | "free":
+            servo.shaft.jammed = verb == "jam"
+        case "load":
+            servo.shaft.load = float(words[1])
+        case "turn":
+            if servo.is_torque_on:
+                raise ValueError(f"servo {servo_id} holds: its torque is on")
+            servo.shaft.turn(float(words[1]), float(words[2]) if len(words) > 2 else 0.0)
+        case "heat":
+            servo.temperature = int(words[1])
+        case "supply":
+            servo.supply = round(10.0 * float(words[1]))
+        case "error":
+            servo.fail(int(words[1], 0), now_ns)
+        case "state":
+            return ", ".join(
+                f"{shown} {servo.value(name)}"
+                for shown, name in (
+                    ("position", "present position"),
+                    ("goal", "goal position"),
+                    ("torque", "torque enable"),
+                    ("watchdog", "bus watchdog"),
+                )
+            )
+        case _:
+            raise KeyError(verb)
+    return ""

@@ -1,0 +1,124 @@
+"""The bus behind a pseudo-terminal: what a real serial client opens.
+
+The link is a symbolic link to the terminal.  Line speeds do nothing on a pseudo-terminal, but the
+client's choice can be read from it, and servos set to another speed stay silent, as on a wire.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import select
+import struct
+import tty
+from pathlib import Path
+
+from emulated_dynamixel.bus import Bus
+from emulated_dynamixel.clock import Clock
+
+_CHUNK = 4096
+# struct termios2 of Linux: unlike termios it tells any speed as a number, which is how clients in
+# other languages set it.
+_TCGETS2 = 0x802C542A
+_TERMIOS2 = struct.Struct("4I20B2I")
+
+
+def line_speed(descriptor: int) -> int:
+    """Return the speed in baud that a client has set on a terminal."""
+    raw = fcntl.ioctl(descriptor, _TCGETS2, bytes(_TERMIOS2.size))
+    return int(_TERMIOS2.unpack(raw)[-1])
+
+
+class PtyServer:
+    """Serve a bus on a pseudo-terminal, from whichever thread calls :meth:`step`.
+
+    Attributes:
+        bus: who answers.
+        link: where clients find the terminal.
+    """
+
+    def __init__(self, bus: Bus, link: Path, clock: Clock) -> None:
+        self.bus = bus
+        self.link = link
+        self._clock = clock
+        self._master = self._slave = -1
+
+    @property
+    def is_plugged(self) -> bool:
+        """Whether the terminal is there."""
+        return self._master >= 0
+
+    def plug(self) -> None:
+        """Make the terminal and the link to it.
+
+        Raises:
+            FileExistsError: something that is not a symbolic link is in the link's place.
+        """
+        if self.link.exists() and not self.link.is_symlink():
+            raise FileExistsError(f"{self.link} exists and is not a symbolic link")
+        self._master, self._slave = os.openpty()
+        # Both ends raw before a client comes: a fresh terminal echoes and edits lines.  The slave
+        # stays open here, or the master would report an error whenever no client is there.
+        tty.setraw(self._master)
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        target = os.ttyname(self._slave)
+        beside = self.link.with_name(f".{self.link.name}.{os.getpid()}")
+        beside.unlink(missing_ok=True)
+        beside.symlink_to(target)
+        beside.replace(self.link)
+
+    def unplug(self) -> None:
+        """Take the terminal away from its client, and the link with it."""
+        if not self.is_plugged:
+            return
+        target = os.ttyname(self._slave)
+        os.close(self._slave)
+        os.close(self._master)
+        self._master = self._slave = -1
+        self.bus.wire.discard()
+        if self.link.is_symlink() and str(self.link.readlink()) == target:
+            self.link.unlink()
+
+    def step(self, longest_s: float, *others: int) -> list[int]:
+        """Wait for something to do, at most *longest_s*, and do it.
+
+        Args:
+            longest_s: how long to wait.
+            others: descriptors of the caller to wait for as well.
+
+        Returns:
+            those of *others* that can be read.
+        """
+        due_ns = self.bus.wire.due_ns()
+        wait_s = longest_s
+        if due_ns is not None:
+            wait_s = min(wait_s, max(0.0, (due_ns - self._clock.now_ns()) * 1e-9))
+        watched = list(others)
+        if self.is_plugged:
+            watched.append(self._master)
+        ready, _, _ = select.select(watched, [], [], wait_s)
+        now_ns = self._clock.now_ns()
+        if self._master in ready:
+            self._receive(now_ns)
+        if self.is_plugged and (octets := self.bus.wire.take(self._clock.now_ns())):
+            self._send(octets)
+        if not ready:
+            self.bus.advance(now_ns)
+        return [descriptor for descriptor in others if descriptor in ready]
+
+    def _receive(self, now_ns: int) -> None:
+        try:
+            octets = os.read(self._master, _CHUNK)
+        except BlockingIOError:
+            return
+        self.bus.receive(octets, now_ns, baud=line_speed(self._slave))
+
+    def _send(self, octets: bytes) -> None:
+        try:
+            os.write(self._master, octets)
+        except OSError as error:
+            # A client that never reads fills the terminal; a real adapter would drop bytes too.
+            if error.errno not in {errno.EAGAIN, errno.EIO}:
+                raise

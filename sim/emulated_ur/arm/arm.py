@@ -1,0 +1,209 @@
+"""The arm of the emulated robot: six joints that follow what the controller commands.
+
+Two models in a row, each as simple as its purpose allows.  They are models, not measurements of a
+real arm:
+
+- *Servo.*  The speed asked of a joint is what would bring it to the target in the lookahead time;
+  the joint takes that speed on with the time constant ``1 / gain``.  A ramp is followed with a lag
+  of the lookahead time, at any gain.
+- *Drive.*  The measured joint follows the commanded one with a lag of 4 ms.
+
+A joint asked for more than its speed limit is a breach, which the controller answers with a
+protective stop.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+from emulated_ur.arm.kinematics import Joints, Kinematics
+from emulated_ur.arm.models import MODELS, Model
+
+TICK = 0.002
+"""The controller's cycle, s."""
+
+DRIVE_LAG = 0.004
+HOME: Joints = (0.0, -1.5707963267948966, 1.3962634015954636, -1.3962634015954636,
+                -1.5707963267948966, 0.0)  # fmt: skip
+"""Elbow up, tool pointing down: away from every singularity."""
+
+_STILL = 1e-9
+
+
+class Mode(Enum):
+    """What moves the commanded joints."""
+
+    HOLD = "hold"
+    SERVO = "servo"
+    SPEED = "speed"
+    BRAKE = "brake"
+    FOLLOW = "follow"
+    FREE = "free"
+
+
+@dataclass(frozen=True, slots=True)
+class Breach:
+    """A joint that was asked to leave its range or to turn faster than it may."""
+
+    joint: int
+    quantity: str
+    value: float
+    limit: float
+
+    def __str__(self) -> str:
+        return f"joint {self.joint + 1} {self.quantity} {self.value:.4f} is over {self.limit:.4f}"
+
+
+class Arm:
+    """Six joints, advanced once a tick.
+
+    Args:
+        q: where its joints are, rad.
+        model: which arm it is.
+
+    Attributes:
+        model: which arm it is.
+        kinematics: of the model.
+        target_q, target_qd, target_qdd: what the controller commands; rad, rad/s, rad/s^2.
+        actual_q, actual_qd: what the encoders say.
+        speed_limits: rad/s for each joint; a test may lower them.
+        blocked: joints that are stuck where they are, whatever is commanded, counted from 0.
+    """
+
+    def __init__(self, q: Sequence[float] = HOME, model: Model = MODELS["ur5e"]) -> None:
+        self.model = model
+        self.kinematics = Kinematics(model)
+        self.target_q: Joints = tuple(q)
+        self.target_qd: Joints = (0.0,) * 6
+        self.target_qdd: Joints = (0.0,) * 6
+        self.actual_q: Joints = tuple(q)
+        self.actual_qd: Joints = (0.0,) * 6
+        self.speed_limits: list[float] = list(model.speeds)
+        self.blocked: set[int] = set()
+        self.mode = Mode.HOLD
+        self._goal: Joints = tuple(q)
+        self._lookahead = 0.1
+        self._gain = 300.0
+        self._rate = 10.0
+        self._pushed_ticks = 0
+
+    @property
+    def servoing(self) -> tuple[float, float]:
+        """Lookahead (s) and gain of the last servo command."""
+        return self._lookahead, self._gain
+
+    @property
+    def is_still(self) -> bool:
+        """Whether no joint is commanded to move."""
+        return max(abs(rate) for rate in self.target_qd) < _STILL
+
+    def servo(self, goal: Joints, *, lookahead: float, gain: float) -> None:
+        """Go after *goal* until told otherwise."""
+        self.mode = Mode.SERVO
+        self._goal, self._lookahead, self._gain = goal, lookahead, gain
+
+    def turn(self, qd: Joints, *, acceleration: float) -> None:
+        """Take on the joint speeds *qd*, rad/s, at *acceleration*, rad/s^2."""
+        self.mode = Mode.SPEED
+        self._goal, self._rate = qd, acceleration
+
+    def brake(self, deceleration: float) -> None:
+        """Come to rest, all joints at the same moment."""
+        self.mode = Mode.BRAKE
+        self._rate = max(deceleration, 0.1)
+
+    def follow(self, q: Joints) -> None:
+        """Be at *q* at the next tick: the path and its timing are the caller's."""
+        self.mode = Mode.FOLLOW
+        self._goal = q
+
+    def free(self) -> None:
+        """Give way to whoever pushes it."""
+        self.mode = Mode.FREE
+        self._pushed_ticks = 0
+
+    def push(self, q: Joints, seconds: float) -> None:
+        """Be moved by hand to *q* in so many seconds."""
+        self.mode = Mode.FREE
+        self._goal, self._pushed_ticks = q, max(1, round(seconds / TICK))
+
+    def hold(self) -> None:
+        """Stay where commanded; only right when already still."""
+        self.mode = Mode.HOLD
+
+    def step(self, scaling: float) -> Breach | None:
+        """Advance by one tick, in which the program's time runs by *scaling* of a tick.
+
+        Returns:
+            The first breach of a limit, or ``None``.  The joints are clamped to their speed limits
+            whether it is heeded or not.
+        """
+        wanted = self._wanted_speeds(scaling)
+        breach: Breach | None = None
+        speeds: list[float] = []
+        for joint, (rate, limit) in enumerate(zip(wanted, self.speed_limits, strict=True)):
+            if abs(rate) > limit * 1.000001:
+                breach = breach or Breach(joint, "speed", abs(rate), limit)
+                speeds.append(math.copysign(limit, rate))
+            else:
+                speeds.append(rate)
+        before = self.target_qd
+        self.target_qd = tuple(speeds)
+        self.target_qdd = tuple((b - a) / TICK for a, b in zip(before, speeds, strict=True))
+        self.target_q = tuple(
+            q + rate * TICK for q, rate in zip(self.target_q, speeds, strict=True)
+        )
+        for joint, (q, most) in enumerate(zip(self.target_q, self.model.ranges, strict=True)):
+            if abs(q) > most:
+                breach = breach or Breach(joint, "angle", abs(q), most)
+        if self.mode is Mode.BRAKE and self.is_still:
+            self.mode = Mode.HOLD
+            self.target_qd = (0.0,) * 6
+        self._drive()
+        return breach
+
+    def _wanted_speeds(self, scaling: float) -> list[float]:
+        here, rates = self.target_q, self.target_qd
+        if self.mode is Mode.SERVO:
+            dt = TICK * scaling
+            if dt <= 0.0:
+                return [0.0] * 6
+            keep = math.exp(-self._gain * dt)
+            wanted = [(b - a) / self._lookahead for a, b in zip(here, self._goal, strict=True)]
+            # Speeds are kept in true time; the servo works in the program's.
+            return [
+                scaling * (w + (r / scaling - w) * keep) for w, r in zip(wanted, rates, strict=True)
+            ]
+        if self.mode is Mode.SPEED:
+            step = self._rate * TICK
+            return [
+                r + max(-step, min(step, g * scaling - r))
+                for r, g in zip(rates, self._goal, strict=True)
+            ]
+        if self.mode is Mode.BRAKE:
+            fastest = max(abs(r) for r in rates)
+            if fastest <= self._rate * TICK:
+                return [0.0] * 6
+            left = 1.0 - self._rate * TICK / fastest
+            return [r * left for r in rates]
+        if self.mode is Mode.FREE and self._pushed_ticks:
+            ticks, self._pushed_ticks = self._pushed_ticks, self._pushed_ticks - 1
+            return [(b - a) / (ticks * TICK) for a, b in zip(here, self._goal, strict=True)]
+        if self.mode is Mode.FOLLOW:
+            return [(b - a) / TICK for a, b in zip(here, self._goal, strict=True)]
+        return [0.0] * 6
+
+    def _drive(self) -> None:
+        share = 1.0 - math.exp(-TICK / DRIVE_LAG)
+        q: list[float] = []
+        qd: list[float] = []
+        for joint, (actual, target) in enumerate(zip(self.actual_q, self.target_q, strict=True)):
+            moved = (target - actual) * share if abs(target - actual) > 1e-12 else target - actual
+            if joint in self.blocked:
+                moved = 0.0
+            q.append(actual + moved)
+            qd.append(moved / TICK)
+        self.actual_q, self.actual_qd = tuple(q), tuple(qd)

@@ -1,0 +1,78 @@
+"""The functions that a controller gives its programs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from emulated_ur.functions.motions import Motions
+from emulated_ur.functions.robot import FLAGS, Robot
+from emulated_ur.functions.sockets import Sockets
+from emulated_ur.functions.values import Values
+from emulated_ur.urscript import ScriptError
+
+if TYPE_CHECKING:
+    from emulated_ur.controller import Controller
+
+_NOT_EMULATED = """
+    conveyor_pulse_decode direct_torque encoder_enable_pulse_decode
+    encoder_enable_set_tick_count encoder_get_tick_count encoder_set_tick_count
+    encoder_unwind_delta_tick_count end_screw_driving eval get_conveyor_tick_count
+    get_coriolis_and_centrifugal_torques get_jacobian get_jacobian_time_derivative
+    get_mass_matrix interpreter_mode end_interpreter clear_interpreter modbus_add_signal
+    modbus_delete_signal modbus_get_signal_status modbus_send_custom_command
+    modbus_set_digital_input_action modbus_set_output_register modbus_set_output_signal
+    modbus_set_signal_update_frequency movec optimovej optimovel path_offset_disable
+    path_offset_enable path_offset_get path_offset_set path_offset_set_alpha_filter
+    path_offset_set_max_offset read_port_bit read_port_register
+    request_boolean_from_primary_client request_float_from_primary_client
+    request_integer_from_primary_client request_string_from_primary_client
+    reset_revolution_counter rpc_factory screw_driving set_conveyor_tick_count
+    set_runstate_outputs set_tool_wrench_limits struct tool_wrench_limit_set
+    tool_wrench_limit_disable torque_command track_conveyor_circular track_conveyor_linear
+    stop_conveyor_tracking trigger_pose write_port_bit write_port_register
+"""
+"""What the manual of URScript has besides: a program that calls it ends, and says so."""
+
+
+def _missing(name: str) -> Callable[..., Any]:
+    def refuse(*_: object, **__: object) -> None:
+        raise ScriptError(f"{name} is not emulated")
+
+    return refuse
+
+
+class Functions(Values, Robot, Sockets, Motions):
+    """The functions of one program.
+
+    Args:
+        robot: whose program it is.
+    """
+
+    def __init__(self, robot: Controller) -> None:
+        super().__init__()
+        self.robot = robot
+        self._table = {
+            name: getattr(self, name)
+            for part in (Values, Robot, Sockets, Motions)
+            for name in vars(part)
+            if not name.startswith("_")
+        }
+
+    def table(self) -> dict[str, Callable[..., Any]]:
+        """Return every function by its name; those that are not emulated say so when called."""
+        return {name: _missing(name) for name in _NOT_EMULATED.split()} | self._table
+
+    def press(self) -> None:
+        """Give way to force mode for a cycle."""
+        self._press()
+
+    def let_go(self, handle: int) -> None:
+        """Take the arm from a thread that has ended."""
+        if self._holder == handle:
+            self._holder = None
+
+    def end(self) -> None:
+        """Close the sockets."""
+        for name in list(self._sockets):
+            self.socket_close(name)

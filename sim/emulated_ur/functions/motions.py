@@ -1,0 +1,289 @@
+"""Functions of URScript that move the arm; each yields once a cycle while it lasts.
+
+They are models: trapezoids of speed, corners that are not blended, and no forces but those that
+somebody asks for by the control channel's ``contact``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from emulated_ur.arm import TICK, Mode, from_pose, multiply, rotation_between, to_pose
+from emulated_ur.urscript import Array, Datum, Pose, ScriptError, written
+
+if TYPE_CHECKING:
+    from emulated_ur.arm.transforms import Transform
+    from emulated_ur.controller import Controller
+    from emulated_ur.urscript import Program, Ticks
+
+_Path = tuple[float, Callable[[float], tuple[float, ...]]]
+
+_LARGEST = 1e6
+_YIELDING = (0.01, 0.01, 0.01, 0.5, 0.5, 0.5)
+"""How fast the tool gives way to forces in force mode: m/s for each N, rad/s for each Nm."""
+
+_SECONDARY = "SECONDARY_PROGRAM_EXCEPTION_XXX: a secondary program must not move the arm or wait"
+_TAKEN = "another thread is already controlling the robot"
+
+
+def finite(values: Iterable[float], count: int = 6) -> tuple[float, ...]:
+    """Return *values* as they are.
+
+    Raises:
+        ValueError: one is not a number, or larger than any quantity of a robot.
+    """
+    numbers = tuple(values)
+    if len(numbers) != count or not all(abs(number) < _LARGEST for number in numbers):
+        raise ValueError(f"expected {count} numbers for a robot, got {written(Array(numbers))}")
+    return numbers
+
+
+class Motions:
+    """What moves the arm."""
+
+    robot: Controller
+    program: Program
+    _holder: int | None = None
+    _force: tuple[tuple[float, ...], ...] | None = None
+
+    def movej(
+        self, q: Datum, a: float = 1.4, v: float = 1.05, t: float = 0.0, r: float = 0.0
+    ) -> Ticks:
+        goal = self._joints(q)
+        is_interrupted = True
+        while is_interrupted:
+            path = self._turn(self.robot.arm.target_q, goal)
+            is_interrupted = yield from self._follow(*path, (a, v, t, r))
+
+    def movel(
+        self, pose: Datum, a: float = 1.2, v: float = 0.25, t: float = 0.0, r: float = 0.0
+    ) -> Ticks:
+        tool = self.robot.tool
+        end = from_pose(finite(pose)) if isinstance(pose, Pose) else tool.at(finite(pose))
+        tool.joints_at(to_pose(end))  # refused before it moves
+        is_interrupted = True
+        while is_interrupted:
+            path = self._line(tool.at(self.robot.arm.target_q), end)
+            is_interrupted = yield from self._follow(*path, (a, v, t, r))
+
+    def movep(self, pose: Datum, a: float = 1.2, v: float = 0.25, r: float = 0.0) -> Ticks:
+        yield from self.movel(pose, a, v, 0.0, r)
+
+    def servoj(
+        self, q: Datum, a: float = 0.0, v: float = 0.0, t: float = TICK,
+        lookahead_time: float = 0.1, gain: float = 300.0,
+    ) -> Ticks:  # fmt: skip
+        goal = self._joints(q)
+        finite((t, lookahead_time, gain, a, v), 5)
+        if lookahead_time <= 0.0 or gain <= 0.0:
+            raise ValueError(f"servoj: lookahead {lookahead_time:g} and gain {gain:g}")
+        with self._arm():
+            left = t
+            while True:
+                self.robot.arm.servo(goal, lookahead=lookahead_time, gain=gain)
+                left -= TICK * self.robot.speed_scaling
+                yield
+                if left <= 0.5 * TICK:
+                    return
+
+    def servoc(self, pose: Datum, a: float = 1.2, v: float = 0.25, r: float = 0.0) -> Ticks:
+        yield from self.movel(pose, a, v)
+        yield
+
+    def speedj(self, qd: Datum, a: float = 1.4, t: float = 0.0) -> Ticks:
+        rates = finite(qd)
+        finite((a, t), 2)
+
+        def turn() -> bool:
+            self.robot.arm.turn(rates, acceleration=max(a, 1e-3))
+            scaling = self.robot.speed_scaling
+            return all(
+                abs(one * scaling - other) < 1e-9
+                for one, other in zip(rates, self.robot.arm.target_qd, strict=True)
+            )
+
+        yield from self._at_speed(turn, t)
+
+    def speedl(
+        self,
+        xd: Datum,
+        a: float = 1.2,
+        t: float = 0.0,
+        aRot: float | None = None,
+    ) -> Ticks:
+        wanted = finite(xd)
+        change = (*(a,) * 3, *(a if aRot is None else aRot,) * 3)
+        finite(change)
+
+        def push() -> bool:
+            scaling = self.robot.speed_scaling or 1.0
+            rates = [rate / scaling for rate in self.robot.tool.pose("target_TCP_speed")]
+            rates = [
+                rate + max(-most * TICK, min(most * TICK, goal - rate))
+                for rate, goal, most in zip(rates, wanted, change, strict=True)
+            ]
+            self._push(rates)
+            return all(abs(one - other) < 1e-9 for one, other in zip(rates, wanted, strict=True))
+
+        yield from self._at_speed(push, t)
+
+    def stopj(self, a: float = 2.0) -> Ticks:
+        finite((a,), 1)
+        with self._arm():
+            self.robot.arm.brake(a)
+            while not self.robot.arm.is_still:
+                yield
+
+    def stopl(self, a: float = 10.0, aRot: float | None = None) -> Ticks:
+        yield from self.stopj(a)
+
+    def sleep(self, t: float) -> Ticks:
+        for _ in range(round(finite((t,), 1)[0] / TICK)):
+            yield from self.sync()
+
+    def sync(self) -> Ticks:
+        if self.program.script.is_secondary:
+            raise ScriptError(_SECONDARY)
+        yield
+
+    def force_mode(
+        self,
+        task_frame: Datum,
+        selection_vector: Datum,
+        wrench: Datum,
+        type: int,
+        limits: Datum,
+    ) -> None:
+        given = (task_frame, selection_vector, wrench, limits)
+        self._force = tuple(finite(one) for one in given)
+
+    def end_force_mode(self) -> None:
+        if self._force is not None:
+            self._force = None
+            self.robot.arm.brake(10.0)
+
+    def freedrive_mode(self, freeAxes: Datum = (), feature: Datum = ()) -> None:
+        self.robot.arm.free()
+
+    def end_freedrive_mode(self) -> None:
+        if self.robot.arm.mode is Mode.FREE:
+            self.robot.arm.brake(10.0)
+
+    def teach_mode(self) -> None:
+        self.robot.arm.free()
+
+    def end_teach_mode(self) -> None:
+        self.end_freedrive_mode()
+
+    def tool_contact(self, direction: Datum = ()) -> int:
+        return int(self.robot.is_touching)
+
+    # What these are made of.
+
+    def _press(self) -> None:
+        """Give way to the forces of force mode, until something is touched."""
+        arm = self.robot.arm
+        if self._force is None or self._holder is not None:
+            return
+        frame, selection, wrench, limits = self._force
+        if self.robot.is_touching:
+            arm.follow(arm.target_q)
+            return
+        speeds = [
+            max(-limit, min(limit, force * give)) if chosen else 0.0
+            for chosen, force, limit, give in zip(selection, wrench, limits, _YIELDING, strict=True)
+        ]
+        rows = from_pose((0.0, 0.0, 0.0, *frame[3:]))
+        ahead = self.robot.tool.pose_ahead(
+            [
+                sum(rows[4 * row + column] * speeds[first + column] for column in range(3))
+                for first in (0, 3)
+                for row in range(3)
+            ],
+            TICK * self.robot.speed_scaling,
+        )
+        arm.follow(self.robot.tool.joints_at(ahead))
+
+    def _push(self, speeds: Sequence[float]) -> None:
+        """Move the tool at *speeds*, until told otherwise."""
+        arm = self.robot.arm
+        goal = self.robot.tool.joints_at(self.robot.tool.pose_ahead(speeds, TICK))
+        rates = tuple((b - a) / TICK for a, b in zip(arm.target_q, goal, strict=True))
+        arm.turn(rates, acceleration=math.inf)
+
+    def _joints(self, target: Datum) -> tuple[float, ...]:
+        numbers = finite(target)
+        return self.robot.tool.joints_at(numbers) if isinstance(target, Pose) else numbers
+
+    def _at_speed(self, step: Callable[[], bool], seconds: float) -> Ticks:
+        """Call *step* each cycle, for some time or until it says that the speed is reached."""
+        with self._arm():
+            left = seconds
+            while True:
+                is_reached = step()
+                yield
+                left -= TICK
+                if left <= 0.5 * TICK if seconds > 0.0 else is_reached:
+                    return
+
+    def _turn(self, start: tuple[float, ...], goal: tuple[float, ...]) -> _Path:
+        """Return the path of joints that arrive together, with the angle of the one that leads."""
+        length = max(abs(one - other) for one, other in zip(start, goal, strict=True))
+        return length, lambda s: tuple(
+            one + (other - one) * s / length for one, other in zip(start, goal, strict=True)
+        )
+
+    def _line(self, begin: Transform, end: Transform) -> _Path:
+        """Return the path of a tool in a line, with its length in m or rad."""
+        turn = rotation_between(begin, end)
+        shift = (end[3] - begin[3], end[7] - begin[7], end[11] - begin[11])
+        length = max(math.hypot(*shift), math.hypot(*turn))
+
+        def along_line(s: float) -> tuple[float, ...]:
+            share = s / length
+            turned = multiply(from_pose((0.0, 0.0, 0.0, *(share * one for one in turn))), begin)
+            at = tuple(p + share * d for p, d in zip(begin[3::4], shift, strict=True))
+            placed = (*turned[0:3], at[0], *turned[4:7], at[1], *turned[8:11], at[2])
+            return self.robot.tool.joints_at(to_pose(placed))
+
+        return length, along_line
+
+    def _follow(
+        self, length: float, at: Callable[[float], tuple[float, ...]], how: Sequence[float]
+    ) -> Ticks:
+        """Follow *at* with a trapezoid of speed; return whether a pause took the arm from it."""
+        acceleration, speed, seconds, _ = finite(how, 4)
+        if seconds > 0.0:  # takes the place of both
+            speed, acceleration = 1.5 * length / seconds, 4.5 * length / seconds**2
+        speed, acceleration = max(speed, 1e-3), max(acceleration, 1e-3)
+        along = rate = 0.0
+        with self._arm():
+            while along < length:
+                dt = TICK * self.robot.speed_scaling
+                brakes = math.sqrt(2.0 * acceleration * max(length - along, 0.0))
+                rate = min(speed, rate + acceleration * dt, max(brakes, acceleration * dt))
+                along = min(length, along + rate * dt)
+                self.robot.arm.follow(at(along))
+                yield
+                if self.robot.arm.mode is not Mode.FOLLOW:
+                    return True
+            self.robot.arm.hold()
+        return False
+
+    @contextmanager
+    def _arm(self) -> Iterator[None]:
+        """Hold the arm for the thread that runs."""
+        if self.program.script.is_secondary:
+            raise ScriptError(_SECONDARY)
+        handle = self.program.current
+        if self._holder not in (None, handle):
+            raise ScriptError(_TAKEN)
+        self._holder = handle
+        try:
+            yield
+        finally:
+            if self._holder == handle:
+                self._holder = None

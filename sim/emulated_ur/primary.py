@@ -1,0 +1,119 @@
+"""What the primary and secondary interfaces tell ten times a second, as bytes; no sockets here.
+
+Big endian, as in UR's "Client Interfaces" for 5.9: a message is ``i32 size, u8 type`` and its
+contents; a robot state is made of sub-packages that begin alike.
+"""
+
+from __future__ import annotations
+
+import struct
+
+from emulated_ur.arm import TWISTS
+from emulated_ur.controller import Controller, Event
+from emulated_ur.variables import ProgramState, RobotMode, SafetyMode
+
+EVERY_TICKS = 50
+"""Ticks from one message to the next."""
+
+_ROBOT_STATE, _ROBOT_MESSAGE, _VERSION = 16, 20, 3
+_RUNNING_JOINT = 253
+_FASTEST_CHANGE = 40.0  # rad/s^2, of every joint
+
+
+def version_message(robot: Controller) -> bytes:
+    """Return the message that a client is greeted with."""
+    major, minor, bugfix, build = robot.behaviour.version
+    name, date = b"URControl", b"13-10-2022, 12:00:00"
+    contents = struct.pack(">QbbB", round(robot.timestamp * 1e6), -2, _VERSION, len(name)) + name
+    return _framed(
+        _ROBOT_MESSAGE, contents + struct.pack(">BBii", major, minor, bugfix, build) + date
+    )
+
+
+def event_message(robot: Controller, event: Event) -> bytes:
+    """Return what happened as a message: a program's words, its start, its end, its exception."""
+    kind, line, column, title, text = event
+    number = {"text": 0, "popup": 2, "key": 7, "exception": 10}[kind]
+    contents = struct.pack(">QbB", round(robot.timestamp * 1e6), -2, number)
+    words, name = text.encode(), title.encode()[:255]
+    if kind == "exception":
+        contents += struct.pack(">ii", line, column)
+    elif kind == "key":
+        contents += struct.pack(">iiB", 0, 0, len(name)) + name
+    elif kind == "popup":  # its line and column are how it is shown
+        flags = (line, column >> 1, column & 1)
+        contents += struct.pack(">II3BB", 0, 0, *flags, len(name)) + name
+    return _framed(_ROBOT_MESSAGE, contents + words)
+
+
+def state_message(robot: Controller, *, is_first: bool) -> bytes:
+    """Return the robot's state; a client's first one says how the arm is built, too."""
+    parts = [
+        _framed(0, _mode(robot)),
+        _framed(1, _joints(robot)),
+        _framed(2, struct.pack(">BBddfBffB", 0, 0, 0.0, 0.0, 0.0, 0, 0.0, 28.0, _RUNNING_JOINT)),
+        _framed(3, _masterboard(robot)),
+        _framed(4, struct.pack(">12d", *robot.tool.pose("actual_TCP_pose"), *robot.tool.offset)),
+    ]
+    if is_first:
+        parts += [_framed(5, _kinematics(robot)), _framed(6, _configuration(robot))]
+    return _framed(_ROBOT_STATE, b"".join(parts))
+
+
+def _framed(kind: int, contents: bytes) -> bytes:
+    return struct.pack(">iB", 5 + len(contents), kind) + contents
+
+
+def _mode(robot: Controller) -> bytes:
+    safety, state = robot.safety_mode, robot.runtime_state
+    stops = (SafetyMode.SYSTEM_EMERGENCY_STOP, SafetyMode.ROBOT_EMERGENCY_STOP)
+    return struct.pack(
+        ">Q7?BBdddB",
+        round(robot.timestamp * 1e6),
+        True,
+        True,
+        robot.robot_mode >= RobotMode.POWER_ON,
+        safety in stops,
+        safety is SafetyMode.PROTECTIVE_STOP,
+        state is ProgramState.PLAYING,
+        state is ProgramState.PAUSED,
+        robot.robot_mode,
+        0,
+        robot.speed_slider,
+        robot.speed_scaling,
+        1.0,
+        0,
+    )
+
+
+def _joints(robot: Controller) -> bytes:
+    arm = robot.arm
+    return b"".join(
+        struct.pack(">3d4fB", q, target, rate, 0.0, 48.0, 28.0, 28.0, _RUNNING_JOINT)
+        for q, target, rate in zip(arm.actual_q, arm.target_q, arm.actual_qd, strict=True)
+    )
+
+
+def _masterboard(robot: Controller) -> bytes:
+    return struct.pack(
+        ">IIBBddBBddffffBBBIBB",
+        0, robot.digital_outputs & 0xFFFFFFFF, 0, 0, 0.0, 0.0, 0, 0, *robot.analog_outputs,
+        28.0, 48.0, 0.5, 0.0, robot.safety_mode, robot.safety_mode is SafetyMode.REDUCED,
+        0, 0, 0, 0,
+    )  # fmt: skip
+
+
+def _kinematics(robot: Controller) -> bytes:
+    model = robot.arm.model
+    table = (*(0.0,) * 6, *model.a, *model.d, *TWISTS)
+    return struct.pack(">6I24dI", *(0,) * 6, *table, 0)
+
+
+def _configuration(robot: Controller) -> bytes:
+    model = robot.arm.model
+    limits = [value for most in model.ranges for value in (-min(most, 1e9), min(most, 1e9))]
+    motion = [value for speed in model.speeds for value in (speed, _FASTEST_CHANGE)]
+    table = (*model.a, *model.d, *TWISTS, *(0.0,) * 6)
+    return struct.pack(
+        ">12d12d5d24d4i", *limits, *motion, 1.05, 1.4, 0.5, 1.2, 0.3, *table, 2, 0, model.kind, 0
+    )

@@ -1,0 +1,172 @@
+"""An emulated robot in a process of its own, and its control channel, for tests.
+
+A client library that holds the interpreter's lock while it connects would wait for ever for an
+emulator in a thread of its own process; therefore a process.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import select
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any
+
+FAULTS_PORT = 29998
+_SCRIPT_PORT = 30002
+
+
+class LaunchError(Exception):
+    """The emulator did not start, or did not answer."""
+
+
+class EmulatedRobot:
+    """An emulated robot, alive inside a ``with`` block.
+
+    Args:
+        host: its address; a free one of 127.0.0.0/8 unless it is given.
+        options: further words of the command ``emulated-ur``.
+        timeout: s within which it must be ready.
+    """
+
+    def __init__(self, host: str | None = None, *options: str, timeout: float = 20.0) -> None:
+        self.host = host or _free_address()
+        self._options = options
+        self._timeout = timeout
+        self._process: subprocess.Popen[bytes] | None = None
+        self._channel: socket.socket | None = None
+
+    def __enter__(self) -> EmulatedRobot:
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:  # fmt: skip
+        self.end()
+
+    @property
+    def process(self) -> subprocess.Popen[bytes]:
+        """The running process.
+
+        Raises:
+            LaunchError: it was not started.
+        """
+        if self._process is None:
+            raise LaunchError("the emulated robot was not started")
+        return self._process
+
+    def start(self) -> None:
+        """Start the process and wait for its line.
+
+        Raises:
+            LaunchError: it ended, or did not become ready in time.
+        """
+        process = subprocess.Popen(
+            [
+                sys.executable,
+                "-m",
+                "emulated_ur",
+                "--until-end-of-input",
+                "--host",
+                self.host,
+                *self._options,
+            ],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
+        self._process = process
+        stdout, stderr = process.stdout, process.stderr
+        ready = stdout and select.select([stdout], [], [], self._timeout)[0]
+        line = stdout.readline() if ready and stdout else b""
+        if not line.startswith(b"ready"):
+            process.kill()
+            said = stderr.read().decode(errors="replace") if stderr else ""
+            self.end()
+            raise LaunchError(f"the emulated robot at {self.host} did not start: {said.strip()}")
+
+    def end(self) -> None:
+        """End the process and wait for it."""
+        if self._channel is not None:
+            self._channel.close()
+            self._channel = None
+        if self._process is not None:
+            process, self._process = self._process, None
+            if process.poll() is None:
+                process.send_signal(signal.SIGCONT)
+                process.terminate()
+            try:
+                process.wait(10.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+            for stream in (process.stdin, process.stdout, process.stderr):
+                if stream is not None:
+                    stream.close()
+
+    def ask(self, line: str) -> str:
+        """Send one line of :mod:`emulated_ur.faults` and return the answer.
+
+        Raises:
+            LaunchError: the answer is an error, or none came.
+        """
+        if self._channel is None:
+            self._channel = socket.create_connection((self.host, FAULTS_PORT), timeout=10.0)
+        self._channel.sendall(line.encode() + b"\n")
+        answer = b""
+        while not answer.endswith(b"\n"):
+            chunk = self._channel.recv(65536)
+            if not chunk:
+                self._channel.close()
+                self._channel = None
+                if line == "die":
+                    return "ok"
+                raise LaunchError(f"no answer to {line!r}")
+            answer += chunk
+        text = answer.decode().strip()
+        if text.startswith("error"):
+            raise LaunchError(text)
+        return text
+
+    def state(self) -> dict[str, Any]:
+        """Return the robot's state."""
+        found: dict[str, Any] = json.loads(self.ask("state"))
+        return found
+
+    def run(self, script: str) -> None:
+        """Send a program or a line of URScript."""
+        with socket.create_connection((self.host, _SCRIPT_PORT), timeout=5.0) as link:
+            link.sendall(script.encode() + b"\n")
+
+    def wait_until(
+        self, claim: Callable[[dict[str, Any]], bool], *, timeout: float = 10.0
+    ) -> dict[str, Any]:
+        """Ask for the state until *claim* holds of it; return that state.
+
+        Raises:
+            LaunchError: it does not come to hold in time.
+        """
+        ends = time.monotonic() + timeout
+        while True:
+            state = self.state()
+            if claim(state):
+                return state
+            if time.monotonic() > ends:
+                raise LaunchError(f"still not so after {timeout} s: {state}")
+
+
+def _free_address() -> str:
+    """Return an address of 127.0.0.0/8 that nobody serves on."""
+    while True:
+        host = "127." + ".".join(str(random.randrange(1, 255)) for _ in range(3))
+        with socket.socket() as link:
+            if link.connect_ex((host, FAULTS_PORT)):
+                return host

@@ -1,0 +1,550 @@
+"""A compiler of URScript: a recursive-descent parser that builds Python's syntax tree.
+
+A function that may take time becomes a generator; ``yield`` in it is the end of a control cycle.
+Lines of the tree are lines of the script, so that a traceback says where a program went wrong.
+Lists and poses never change: ``x[0] = 1`` gives ``x`` a new list, so that assignment copies.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import inspect
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from types import CodeType
+from typing import Any, TypeVar, cast
+
+from emulated_ur.urscript.lexer import ScriptError, Token, tokens
+
+FILE = "<urscript>"
+
+_COMPARISONS: dict[str, type[ast.cmpop]] = {
+    "==": ast.Eq, "!=": ast.NotEq, "<": ast.Lt, "<=": ast.LtE, ">": ast.Gt, ">=": ast.GtE,
+}  # fmt: skip
+_SUMS: dict[str, type[ast.operator]] = {"+": ast.Add, "-": ast.Sub}
+_PRODUCTS: dict[str, type[ast.operator]] = {"*": ast.Mult, "/": ast.Div, "%": ast.Mod}
+
+_Placed = TypeVar("_Placed", bound="ast.expr | ast.stmt")
+
+
+@dataclass(frozen=True)
+class Script:
+    """A compiled program.
+
+    Attributes:
+        name: after ``def`` or ``sec``; empty for a line on its own.
+        is_secondary: whether it is a ``sec`` program, which runs beside the main one.
+        code: what defines its functions, and ``main``.
+    """
+
+    name: str
+    is_secondary: bool
+    code: CodeType
+
+
+@dataclass
+class _Function:
+    """A function, a thread or the program itself, and whose its names are."""
+
+    name: str
+    parent: _Function | None
+    is_thread: bool = False
+    parameters: list[str] = field(default_factory=list)
+    locals: set[str] = field(default_factory=set)
+    assigned: set[str] = field(default_factory=set)
+    reads: list[tuple[str, Token]] = field(default_factory=list)
+    calls: list[tuple[ast.Call, str, Token]] = field(default_factory=list)
+    inner: list[_Function] = field(default_factory=list)
+    takes_time: bool = False
+    node: ast.FunctionDef = field(init=False)
+
+    def owner(self, name: str) -> _Function | None:
+        """Return the function whose variable *name* is here."""
+        if name in self.parameters or name in self.locals:
+            return self
+        found = self.parent.owner(name) if self.parent else None
+        return found or (self if name in self.assigned else None)
+
+    def function(self, name: str) -> _Function | None:
+        """Return the script's own function of that name that can be called here."""
+        found = next((one for one in self.inner if one.name == name), None)
+        return found or (self.parent.function(name) if self.parent else None)
+
+    def all(self) -> Iterator[_Function]:
+        """Yield this function and those inside it."""
+        yield self
+        for one in self.inner:
+            yield from one.all()
+
+
+def compile_script(text: str, functions: Mapping[str, Callable[..., Any]]) -> Script:
+    """Compile one program: ``def .. end``, ``sec .. end``, or statements on a line.
+
+    Args:
+        text: the program.
+        functions: the controller's own functions; those that take time are generators.
+
+    Raises:
+        ScriptError: it does not compile; the text begins as the controller's does.
+    """
+    try:
+        return _Compiler(text, functions).program()
+    except (RecursionError, MemoryError) as error:
+        raise ScriptError("syntax_error_on_line:1: too many brackets or blocks", 1, 1) from error
+    except SyntaxError as error:  # a break outside a loop, a parameter that is there twice
+        line = error.lineno or 1
+        raise ScriptError(f"syntax_error_on_line:{line}: {error.msg}", line) from error
+
+
+@functools.cache
+def _signature(function: Callable[..., Any]) -> inspect.Signature:
+    return inspect.signature(function)
+
+
+class _Compiler:
+    def __init__(self, text: str, functions: Mapping[str, Callable[..., Any]]) -> None:
+        self._tokens = list(tokens(text))
+        self._lines = text.split("\n")
+        self._at = 0
+        self._functions = functions
+        self._here = _Function("", None)
+
+    # The words.
+
+    @property
+    def _next(self) -> Token:
+        return self._tokens[self._at]
+
+    def _take(self) -> Token:
+        token = self._tokens[self._at]
+        if token.kind != "end":
+            self._at += 1
+        return token
+
+    def _skip_lines(self) -> None:
+        while self._next.kind == "newline":
+            self._at += 1
+
+    def _is(self, *texts: str) -> bool:
+        return self._next.kind in ("sign", "keyword") and self._next.text in texts
+
+    def _accept(self, text: str) -> bool:
+        if self._is(text):
+            self._at += 1
+            return True
+        return False
+
+    def _expect(self, text: str) -> Token:
+        if not self._is(text):
+            raise self._wrong(f"expected {text!r}")
+        return self._take()
+
+    def _name(self) -> Token:
+        if self._next.kind != "name":
+            raise self._wrong("expected a name")
+        return self._take()
+
+    def _wrong(self, why: str) -> ScriptError:
+        token = self._next
+        source = self._lines[token.line - 1].strip() if token.line <= len(self._lines) else ""
+        return ScriptError(
+            f"syntax_error_on_line:{token.line}:{source}: {why}", token.line, token.column
+        )
+
+    def _placed(self, node: _Placed, token: Token) -> _Placed:
+        node.lineno = node.end_lineno = token.line
+        node.col_offset = node.end_col_offset = token.column
+        return node
+
+    # Programs and functions.
+
+    def program(self) -> Script:
+        """Return the compiled program."""
+        self._skip_lines()
+        kind = self._next.text if self._is("def", "sec") else ""
+        name = ""
+        if kind:
+            self._take()
+            name = self._name().text
+            for word in "():":
+                self._expect(word)
+        first = self._next
+        body = self._block("end") if kind else self._block("")
+        if kind:
+            self._expect("end")
+        self._skip_lines()
+        if self._next.kind != "end":
+            raise self._wrong("expected the end of the program")
+        self._here.node = self._definition("main", body, first)
+        self._resolve()
+        everything = [one.node for one in self._here.inner] + [self._here.node]
+        module = ast.fix_missing_locations(ast.Module(list(everything), []))
+        return Script(name, kind == "sec", compile(module, FILE, "exec"))
+
+    def _function(self) -> None:
+        is_thread = self._take().text == "thread"
+        name = self._name()
+        outer, self._here = self._here, _Function(name.text, self._here, is_thread)
+        outer.inner.append(self._here)
+        self._expect("(")
+        defaults: list[ast.expr] = []
+        while not self._accept(")"):
+            self._here.parameters.append(self._name().text)
+            if self._accept("="):
+                defaults.append(self._expression())
+            if not self._is(")"):
+                self._expect(",")
+        self._expect(":")
+        node = self._definition(f"f_{name.text}", self._block("end"), name)
+        self._expect("end")
+        node.args.args = [ast.arg(f"v_{one}") for one in self._here.parameters]
+        node.args.defaults = defaults
+        self._here.node, self._here = node, outer
+
+    def _definition(self, name: str, body: list[ast.stmt], token: Token) -> ast.FunctionDef:
+        node = cast("ast.FunctionDef", ast.parse(f"def {name}(): pass").body[0])
+        node.body = body or node.body
+        return self._placed(node, token)
+
+    def _resolve(self) -> None:
+        """Say of every name whose it is, and of every function whether it takes time.
+
+        Raises:
+            ScriptError: a name that there is not, or arguments that a function does not take.
+        """
+        everything = list(self._here.all())
+        for one in everything:
+            for name, token in one.reads:
+                if one.owner(name) is None:
+                    raise self._not_found(name, token)
+            for _, name, token in one.calls:
+                if one.function(name) is None and name not in self._functions:
+                    raise self._not_found(name, token)
+            one.takes_time |= one.is_thread or one.parent is None
+        is_settled = False
+        while not is_settled:
+            is_settled = True
+            for one in everything:
+                if not one.takes_time and any(self._lasts(one, name) for _, name, _ in one.calls):
+                    one.takes_time, is_settled = True, False
+        for one in everything:
+            self._finish(one)
+
+    def _not_found(self, name: str, token: Token) -> ScriptError:
+        return ScriptError(f"compile_error_name_not_found:{name}:", token.line, token.column)
+
+    def _lasts(self, caller: _Function, name: str) -> bool:
+        own = caller.function(name)
+        return own.takes_time if own else inspect.isgeneratorfunction(self._functions[name])
+
+    def _finish(self, one: _Function) -> None:
+        for call, name, token in one.calls:
+            if one.function(name):
+                for keyword in call.keywords:
+                    keyword.arg = f"v_{keyword.arg}"
+                call.func = self._placed(ast.Name(f"f_{name}", ast.Load()), token)
+            else:
+                self._check_arguments(call, name, token)
+        lasting = {id(call) for call, name, _ in one.calls if self._lasts(one, name)}
+        _Waits(lasting).visit(one.node)
+        names = one.assigned - one.locals - set(one.parameters)
+        owners = {name: one.owner(name) for name in sorted(names)}
+        shared = [f"v_{name}" for name, owner in owners.items() if owner and not owner.parent]
+        outer = [
+            f"v_{name}" for name, owner in owners.items() if owner and owner.parent and owner != one
+        ]
+        before: list[ast.stmt] = [ast.Global(shared)] if shared else []
+        before += [ast.Nonlocal(outer)] if outer else []
+        if one.parent:  # those of the program are the module's
+            before += [inner.node for inner in one.inner]
+        if one.takes_time:
+            before.append(ast.If(ast.Constant(False), [ast.Expr(ast.Yield())], []))
+        one.node.body[:0] = before
+
+    def _check_arguments(self, call: ast.Call, name: str, token: Token) -> None:
+        given = {one.arg or "": None for one in call.keywords}
+        try:
+            function = self._functions[name]
+            own = (None,) if inspect.ismethod(function) else ()
+            whole = _signature(getattr(function, "__func__", function))
+            whole.bind(*own, *call.args, **given)
+        except TypeError as error:
+            raise ScriptError(
+                f"compile_error_arguments:{name}: {error}", token.line, token.column
+            ) from error
+        except ValueError:
+            pass  # one of Python's own, which says no more than that it was called wrongly
+
+    # Statements.
+
+    def _block(self, *ends: str) -> list[ast.stmt]:
+        """Return statements up to a word that ends them, which stays."""
+        body: list[ast.stmt] = []
+        while True:
+            self._skip_lines()
+            if self._is(*ends) or (self._next.kind == "end" and not any(ends)):
+                return body
+            token = self._next
+            if token.kind == "end":
+                raise self._wrong(f"expected {' or '.join(ends)!r}")
+            if self._is("def", "thread"):
+                self._function()
+            else:
+                body.append(self._placed(self._statement(), token))
+
+    def _statement(self) -> ast.stmt:
+        token = self._next
+        if token.kind != "keyword":
+            return self._assignment_or_call()
+        word = self._take().text
+        if word == "if":
+            return self._if(token)
+        if word == "while":
+            return self._while()
+        if word in ("global", "local"):
+            return self._declaration(word)
+        if word == "return":
+            has_value = self._next.kind not in ("newline", "end") and not self._is("end")
+            return ast.Return(self._expression() if has_value else None)
+        if word in ("break", "continue", "pass"):
+            return {"break": ast.Break, "continue": ast.Continue, "pass": ast.Pass}[word]()
+        if word in ("kill", "join"):
+            thread = self._expression()
+            if word == "kill":
+                return ast.Expr(self._helper("kill", token, thread))
+            self._here.takes_time = True
+            return ast.Expr(self._placed(ast.YieldFrom(self._helper("join", token, thread)), token))
+        if word in ("halt", "enter_critical", "exit_critical"):
+            if self._accept("("):
+                self._expect(")")
+            return ast.Expr(self._helper("halt", token)) if word == "halt" else ast.Pass()
+        self._at -= 1
+        if word in ("run", "not", "True", "False"):
+            return ast.Expr(self._expression())
+        raise self._wrong("expected a statement")
+
+    def _if(self, token: Token) -> ast.stmt:
+        test = self._expression()
+        self._expect(":")
+        body = self._block("elif", "else", "end") or [ast.Pass()]
+        otherwise: list[ast.stmt] = []
+        then = self._next
+        if self._accept("elif"):
+            otherwise = [self._placed(self._if(then), then)]
+        elif self._accept("else"):
+            self._expect(":")
+            otherwise = self._block("end")
+            self._expect("end")
+        else:
+            self._expect("end")
+        return self._placed(ast.If(test, body, otherwise), token)
+
+    def _while(self) -> ast.stmt:
+        token = self._next
+        test = self._expression()
+        self._expect(":")
+        body = self._block("end")
+        self._expect("end")
+        # A loop that never waits is interrupted, so that the others get their turn.
+        self._here.takes_time = True
+        pause = ast.If(self._helper("tired", token), [ast.Expr(ast.Yield())], [])
+        return ast.While(test, [self._placed(pause, token), *body], [])
+
+    def _declaration(self, word: str) -> ast.stmt:
+        name = self._name()
+        program = self._here
+        while program.parent:
+            program = program.parent
+        if word == "local" and self._here.parent:
+            self._here.locals.add(name.text)
+        elif word == "global":
+            program.assigned.add(name.text)
+        self._here.assigned.add(name.text)
+        if not self._accept("="):
+            return ast.Pass()
+        return ast.Assign([self._variable(name, ast.Store())], self._expression())
+
+    def _assignment_or_call(self) -> ast.stmt:
+        token = self._next
+        target = self._postfix()
+        if not self._accept("="):
+            if not isinstance(target, (ast.Call, ast.YieldFrom)):
+                raise self._wrong("expected a call or an assignment")
+            return ast.Expr(target)
+        value = self._expression()
+        while isinstance(target, ast.Subscript):
+            value = self._helper("replaced", token, target.value, target.slice, value)
+            target = target.value
+        if not isinstance(target, ast.Name):
+            self._at = max(0, self._at - 1)
+            raise self._wrong("expected a variable to assign to")
+        self._here.assigned.add(target.id.removeprefix("v_"))
+        return ast.Assign([self._placed(ast.Name(target.id, ast.Store()), token)], value)
+
+    # Expressions.
+
+    def _expression(self) -> ast.expr:
+        self._skip_lines()
+        left = self._conjunction()
+        while self._is("or", "xor"):
+            token = self._take()
+            self._skip_lines()
+            right = self._conjunction()
+            node = (
+                ast.BoolOp(ast.Or(), [left, right]) if token.text == "or"
+                else ast.Compare(left, [ast.NotEq()], [right])
+            )  # fmt: skip
+            left = self._placed(node, token)
+        return left
+
+    def _conjunction(self) -> ast.expr:
+        left = self._negation()
+        while self._is("and"):
+            token = self._take()
+            self._skip_lines()
+            left = self._placed(ast.BoolOp(ast.And(), [left, self._negation()]), token)
+        return left
+
+    def _negation(self) -> ast.expr:
+        if self._is("not"):
+            token = self._take()
+            return self._placed(ast.UnaryOp(ast.Not(), self._negation()), token)
+        left = self._sum()
+        if self._is(*_COMPARISONS):
+            token = self._take()
+            self._skip_lines()
+            node = ast.Compare(left, [_COMPARISONS[token.text]()], [self._sum()])
+            return self._placed(node, token)
+        return left
+
+    def _sum(self) -> ast.expr:
+        return self._chain(_SUMS, lambda: self._chain(_PRODUCTS, self._unary))
+
+    def _chain(
+        self, signs: Mapping[str, type[ast.operator]], operand: Callable[[], ast.expr]
+    ) -> ast.expr:
+        left = operand()
+        while self._is(*signs):
+            token = self._take()
+            self._skip_lines()
+            left = self._placed(ast.BinOp(left, signs[token.text](), operand()), token)
+        return left
+
+    def _unary(self) -> ast.expr:
+        if self._is("-", "+"):
+            token = self._take()
+            sign = ast.USub() if token.text == "-" else ast.UAdd()
+            return self._placed(ast.UnaryOp(sign, self._unary()), token)
+        return self._postfix()
+
+    def _postfix(self) -> ast.expr:
+        node = self._atom()
+        while self._is("["):
+            token = self._take()
+            places = self._items("]")
+            if not 1 <= len(places) <= 2:
+                raise self._wrong("expected an index, or a row and a column")
+            index = places[0] if len(places) == 1 else ast.Tuple(places, ast.Load())
+            node = self._placed(ast.Subscript(node, self._placed(index, token), ast.Load()), token)
+        return node
+
+    def _items(self, closing: str) -> list[ast.expr]:
+        items: list[ast.expr] = []
+        while not self._accept(closing):
+            items.append(self._expression())
+            if not self._is(closing):
+                self._expect(",")
+        return items
+
+    def _atom(self) -> ast.expr:
+        token = self._take()
+        if token.kind == "number":
+            return self._placed(ast.Constant(self._number(token)), token)
+        if token.kind == "string":
+            return self._placed(ast.Constant(token.text[1:-1]), token)
+        if token.kind == "name":
+            if self._accept("("):
+                return self._call(token)
+            if token.text == "p" and self._is("["):
+                begin, depth = self._at, len(self._here.reads)
+                self._take()
+                numbers = self._items("]")
+                if len(numbers) == 6:
+                    return self._helper("pose", token, self._list(numbers, token))
+                self._at = begin  # a variable of that name, and an index
+                del self._here.reads[depth:]
+            self._here.reads.append((token.text, token))
+            return self._variable(token, ast.Load())
+        if token.text in ("True", "False"):
+            return self._placed(ast.Constant(token.text == "True"), token)
+        if token.text == "(":
+            inside = self._expression()
+            self._expect(")")
+            return inside
+        if token.text == "[":
+            return self._helper("array", token, self._list(self._items("]"), token))
+        if token.text == "run":
+            name = self._name()
+            self._expect("(")
+            return self._helper("run", token, self._call(name))
+        self._at -= token.kind != "end"
+        raise self._wrong("expected a value")
+
+    def _number(self, token: Token) -> float:
+        text = token.text
+        if text[:2] in ("0x", "0X"):
+            return int(text, 16)
+        value = int(text) if text.isdecimal() and len(text) < 20 else float(text)
+        if not math.isfinite(value):
+            raise ScriptError(
+                f"syntax_error_on_line:{token.line}:{text}: no number", token.line, token.column
+            )
+        return value
+
+    def _call(self, name: Token) -> ast.expr:
+        positional: list[ast.expr] = []
+        named: list[ast.keyword] = []
+        while not self._accept(")"):
+            self._skip_lines()
+            word, after = self._next, self._tokens[min(self._at + 1, len(self._tokens) - 1)]
+            if word.kind == "name" and after.text == "=" and after.kind == "sign":
+                self._at += 2
+                named.append(ast.keyword(word.text, self._expression()))
+            else:
+                positional.append(self._expression())
+            if not self._is(")"):
+                self._expect(",")
+        function = self._placed(ast.Name(name.text, ast.Load()), name)
+        call = self._placed(ast.Call(function, positional, named), name)
+        self._here.calls.append((call, name.text, name))
+        return call
+
+    def _list(self, items: list[ast.expr], token: Token) -> ast.expr:
+        return self._placed(ast.Tuple(items, ast.Load()), token)
+
+    def _variable(self, token: Token, use: ast.expr_context) -> ast.expr:
+        return self._placed(ast.Name(f"v_{token.text}", use), token)
+
+    def _helper(self, name: str, token: Token, *arguments: ast.expr) -> ast.Call:
+        function = self._placed(ast.Name(f"h_{name}", ast.Load()), token)
+        return self._placed(ast.Call(function, list(arguments), []), token)
+
+
+class _Waits(ast.NodeTransformer):
+    """Puts ``yield from`` before the calls that take time."""
+
+    def __init__(self, lasting: set[int]) -> None:
+        self._lasting = lasting
+
+    def visit_Call(self, node: ast.Call) -> ast.expr:
+        is_run = isinstance(node.func, ast.Name) and node.func.id == "h_run"
+        if is_run:  # the call is the thread's, not a wait for it
+            call = cast("ast.Call", node.args[0])
+            call.args = [self.visit(one) for one in call.args]
+            return node
+        self.generic_visit(node)
+        if id(node) not in self._lasting:
+            return node
+        return ast.copy_location(ast.YieldFrom(node), node)
