@@ -18,7 +18,7 @@ import numpy as np
 from orientd.errors import LimitError, PlanError, RequestError, StartError
 from orientd.planner import refusal, resting
 from orientd.planner.certify import share_to_stop
-from orientd.planner.connect import CONNECTIONS, WITHOUT_RESERVE, approach
+from orientd.planner.connect import CONNECTIONS, SAME_PLACE, WITHOUT_RESERVE, approach
 from orientd.planner.job import PlanJob
 from orientd.planner.limits import ANGULAR, LONGEST, PERIODS, UNITS, Limits
 from orientd.planner.motion import Motion
@@ -39,7 +39,7 @@ from orientd.planner.timing import (
     longest_stop,
     quickest,
 )
-from orientd.rotation import Floats
+from orientd.rotation import Floats, angle
 
 EVEN = "at an even pace: stopping wherever the acceleration jumps is no quicker"
 
@@ -219,14 +219,14 @@ def _to_single(job: PlanJob, name: str, tried: _Tried) -> None:
 def _turn(job: PlanJob, target: State, name: str) -> Motion:
     """Return the turn to a single keyframe, from rest to rest about one axis."""
     total, held, here = job.request.total, PositionPath.held(target.position), job.start.q
-    usual = approach(here, target.q, job.limits)
-    if usual is None:
+    if angle(here, target.q) <= SAME_PLACE:
         return job.motion(target, name)
 
     def make(limits: Limits, share: float) -> KeyframePath:
         shares = {"share": share, "jerk_share": share}
-        found = approach(here, target.q, limits, is_even=job.is_even, is_part=False, **shares)
-        turn = found or usual
+        turn = approach(here, target.q, limits, is_even=job.is_even, is_part=False, **shares)
+        if turn is None:
+            raise ValueError("a turn needs another orientation")
         # It need not take a whole number of periods: nothing comes after it.
         path = KeyframePath(turn, held, np.array([turn.duration]))
         return path if total is None else path.lasting(total)
@@ -236,13 +236,9 @@ def _turn(job: PlanJob, target: State, name: str) -> Motion:
 
 def _evenly(job: PlanJob, name: str, tried: _Tried) -> None:
     """Try the curve's own pace, slowed down by one factor."""
-    even, before = job.evenly(), next(reversed(tried.refused.values()), None)
-    note = () if before is None else (f"at an even pace: {before}",)
-    some = "an even pace"
-    tried.attempt(some, partial(_at_even_pace, even, name, *note))
-    if job.request.total is None and isinstance(tried.refused.get(some), LimitError):
-        # A peak where none was expected: look at every record then.
-        tried.attempt(some, partial(_at_even_pace, even, name, *note, everywhere=True))
+    before = next(reversed(tried.refused.values()), None)
+    notes = () if before is None else (f"at an even pace: {before}",)
+    tried.attempt("an even pace", partial(_at_even_pace, job.evenly(), name, *notes))
 
 
 def _along_curve(job: PlanJob, name: str, tried: _Tried) -> None:
@@ -342,11 +338,12 @@ def _with_moving_ends(job: PlanJob, name: str, tried: _Tried) -> None:
         return
     connecting = "connectors at the ends"
     try:
-        connectors = resting.quickest_connectors(job)
+        connectors = resting.Connectors.of(job)
     except PlanError as error:
         tried.refused[connecting] = error
         return
-    if tried.took <= least + sum(connectors.durations):
+    # A curve between the rests may be quicker than the turns that are counted.
+    if tried.took <= resting.WORTH * (least + sum(connectors.durations)):
         return
     if total is not None and connectors.has_no_rest:
         _unhurried(job, total, name, tried)
@@ -362,9 +359,9 @@ def _with_moving_ends(job: PlanJob, name: str, tried: _Tried) -> None:
 
     tried.attempt(connecting, partial(rested, lambda: connectors))
     for one in CONNECTIONS[1:]:
-        if tried.best is None:
-            other = partial(resting.Connectors.of, job, one)
-            tried.attempt(f"{one.name} at the ends", partial(rested, other))
+        if connecting in tried.refused:
+            connecting, other = f"{one.name} at the ends", partial(resting.Connectors.of, job, one)
+            tried.attempt(connecting, partial(rested, other))
 
 
 def _unhurried(job: PlanJob, total: float, name: str, tried: _Tried) -> None:
@@ -375,7 +372,7 @@ def _unhurried(job: PlanJob, total: float, name: str, tried: _Tried) -> None:
             durations that are possible.
     """
 
-    def connecting(path: KeyframePath) -> Motion:
+    def slower(path: KeyframePath) -> Motion:
         return _timed(job, path, None, name, has_rests=False).noted(resting.CONNECTS)
 
     def waiting(connectors: resting.Connectors) -> Motion:
@@ -383,7 +380,7 @@ def _unhurried(job: PlanJob, total: float, name: str, tried: _Tried) -> None:
 
     for path in resting.unhurried(job, total):
         if tried.best is None:
-            tried.attempt("a slower connector", partial(connecting, path))
+            tried.attempt("a slower connector", partial(slower, path))
     rests = resting.with_a_rest(job)
     for one in rests:
         if tried.best is None:
@@ -403,55 +400,47 @@ def _as_timed(job: PlanJob, name: str) -> Motion:
     return job.motion(job.path(Knots(times, np.arange(len(times))), duration), name)
 
 
-def _at_even_pace(
-    job: PlanJob, name: str, *notes: str, everywhere: bool = False, longest: float = LONGEST
-) -> Motion:
-    """Return the motion at the curve's own pace, slowed down by one factor.
+def _at_even_pace(job: PlanJob, name: str, *notes: str, longest: float = LONGEST) -> Motion:
+    """Return the motion at the curve's own pace, slowed down by one factor, in less than *longest*.
 
-    Args:
-        job: what to plan.
-        name: of the motion.
-        notes: what the certificate says.
-        everywhere: whether to look at every record at every attempt.
-        longest: that it may take from the first keyframe to the last, s.
+    That is from the first keyframe to the last, s.
     """
     knots, guess = job.knots(is_quick=False)
-    total, make = job.request.total, partial(job.path, knots)
+    total, curve = job.request.total, partial(job.path, knots)
     if total is not None:
         refusal.check_duration(total)
-        return job.motion(make(total), name, *notes)
-    if job.has_one_shape:
-        path = evenly_paced(
-            make(guess),
-            job.limits,
-            job.period,
-            intervals=len(knots.kept) - 1,
-            longest=longest,
-            everywhere=everywhere,
-        )
-    else:
-        path = evenly_made(make, guess, job.limits, job.period, longest=longest)
+        return job.motion(curve(total), name, *notes)
+    if not job.has_one_shape:
+        return job.motion(_usual_curve(job, knots, guess, longest), name, *notes)
+    path, intervals = curve(guess), len(knots.kept) - 1
+
+    def make(limits: Limits, _: float) -> KeyframePath:
+        found = evenly_paced(path, limits, job.period, intervals=intervals, longest=longest)
+        if found is None:
+            raise refusal.of_any_duration(job.start, job.limits)
+        return found
+
+    certify, has_lead_in = partial(job.motion, name=name), job.request.approach
+    motion = timed(make, certify, job.limits, is_even=True, has_lead_in=has_lead_in)
+    return motion.noted(*notes)
+
+
+def _usual_curve(job: PlanJob, knots: Knots, guess: float, longest: float) -> KeyframePath:
+    """Return the curve of the usual duration, at most *longest*, s, where others swing out."""
+    path = evenly_made(partial(job.path, knots), guess, job.limits, job.period, longest=longest)
     if path is None:
         raise refusal.of_any_duration(job.start, job.limits)
-    return job.motion(path, name, *notes)
+    return path
 
 
 def _along_usual_curve(job: PlanJob, name: str, *, longest: float = LONGEST) -> Motion:
-    """Return the quickest motion along a curve with a velocity at an end.
+    """Return the quickest motion along a curve with a velocity at an end, which fixes its duration.
 
-    It is one at some duration: take the curve of the usual one.
-
-    Args:
-        job: what to plan.
-        name: of the motion.
-        longest: that the usual duration may be, s.
+    That is at most *longest*, s.
     """
     knots, guess = job.knots(is_quick=False)
-    make = partial(job.path, knots)
-    refusal.check_smooth(job.request, make(guess).trajectory.continuity)
-    path = evenly_made(make, guess, job.limits, job.period, longest=longest)
-    if path is None:
-        raise refusal.of_any_duration(job.start, job.limits)
+    refusal.check_smooth(job.request, job.path(knots, guess).trajectory.continuity)
+    path = _usual_curve(job, knots, guess, longest)
     return _timed(job, path, None, name, has_rests=False)
 
 
@@ -492,6 +481,7 @@ def timed(
     limits: Limits,
     *,
     share: float = SHARE,
+    is_even: bool = False,
     has_lead_in: bool = False,
 ) -> Motion:
     """Return the motion along a path that is timed until its records keep the limits.
@@ -504,6 +494,8 @@ def timed(
         certify: makes the whole motion and holds it against its limits.
         limits: to keep.
         share: of acceleration and jerk to begin with.
+        is_even: whether the pace is even, which has a reserve to stop with, and is found from few
+            of the records: what they exceed is not a little then.
         has_lead_in: whether what comes before the first keyframe is not a part of the path.
 
     Raises:
@@ -525,7 +517,8 @@ def timed(
         except LimitError as error:
             over = error.value / error.limit
             is_in_lead_in = error.is_in_lead_in and has_lead_in
-            if is_in_lead_in or not 1.0 < over <= _MOST_OVER or error.unit not in _QUANTITIES:
+            most = math.inf if is_even else _MOST_OVER
+            if is_in_lead_in or not 1.0 < over <= most or error.unit not in _QUANTITIES:
                 raise
             limits, refused = _lowered(limits, error.unit, over, path), error
             continue
@@ -540,7 +533,7 @@ def timed(
             1.0 / rate if rate else math.inf,
             _longest_stop(motion.limits, motion.certificate.peak_velocity.value),
         )
-        if stop_time <= longest or motion.duration <= longest:
+        if is_even or stop_time <= longest or motion.duration <= longest:
             return motion
         # How fast a stop can be goes with the square root of the reserve, or less.
         power = 0.5

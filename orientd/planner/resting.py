@@ -19,7 +19,6 @@ from orientd.curves import Trajectory
 from orientd.planner import refusal
 from orientd.planner.connect import (
     USUAL,
-    WITHOUT_RESERVE,
     Connection,
     approach,
     hold,
@@ -183,24 +182,6 @@ def job_between(job: PlanJob) -> PlanJob | None:
     return replace(
         job, request=request, start=start, ends=Ends(), halt=halt, notes=(), offset=first
     )
-
-
-def quickest_connectors(job: PlanJob) -> Connectors:
-    """Return the connectors to try first.
-
-    What brakes with all of the limits and is to stop a little later with less of them overshoots:
-    there they do without the reserve if that is much quicker.
-
-    Raises:
-        PlanError: none were found.
-    """
-    usual, (first, last) = Connectors.of(job), resting_keyframes(job)
-    begin, _ = _end_states(job)
-    if not 0 < first <= last or not arrives(begin, job.request.keys[first], job.limits):
-        return usual
-    others = [Connectors.of(job, one) for one in WITHOUT_RESERVE]
-    quickest = min(others, key=lambda one: sum(one.durations))
-    return quickest if sum(quickest.durations) < WORTH * sum(usual.durations) else usual
 
 
 def with_a_rest(job: PlanJob) -> list[Connectors]:

@@ -65,20 +65,19 @@ def position_lead(
     pieces: list[tuple[Floats, float]] = []
     duration = _shortest(here, target, bounds, period)
     if duration is None:
-        # The acceleration goes first; nothing limits how quickly.
+        # The acceleration goes first, and turns round where the velocity would go beyond its limit;
+        # nothing limits how quickly.
         p, v, a = here
-        after: Motion3 = (p + v * period + a * period**2 / 3.0, v + a * period / 2.0, _ZERO)
+        turns = float(np.linalg.norm(v + a * period / 2.0)) > bounds[0]
+        last = -a if turns else _ZERO
+        way = v * period + (2.0 * a + last) * period**2 / 6.0
+        after: Motion3 = (p + way, v + (a + last) * period / 2.0, last)
         pieces.append((quintic(here, after, period), period))
         here, bounds = after, _bounds(after, limits)
         duration = _shortest(here, target, bounds, period)
     if duration is None:
-        stop = math.ceil(1.5 * float(np.linalg.norm(here[1])) / bounds[1] / period) * period
-        pieces.append((_piece(here, None, stop), stop))
-        here = (here[0] + here[1] * stop / 2.0, _ZERO, _ZERO)
-        bounds = _bounds(here, limits)
-        duration = _shortest(here, target, bounds, period)
-    if duration is not None:
-        pieces.append((_piece(here, target, duration), duration))
+        raise PlanError("no way was found from the velocity that the position has to rest")
+    pieces.append((_piece(here, target, duration), duration))
     return _path(pieces, start.position, target)
 
 

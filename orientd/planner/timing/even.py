@@ -99,7 +99,6 @@ def evenly_paced(
     *,
     intervals: int,
     longest: float = LONGEST,
-    everywhere: bool = False,
 ) -> KeyframePath | None:
     """Return a path in the shortest time at its own pace that keeps the limits, in whole periods.
 
@@ -109,7 +108,6 @@ def evenly_paced(
         period: of the device, s.
         intervals: between the keyframes that it passes.
         longest: that it may take, s.
-        everywhere: whether to look at every record at every attempt.
 
     Returns:
         ``None`` where no duration keeps the limits.
@@ -122,9 +120,7 @@ def evenly_paced(
     first, most = math.ceil(guess / period), int(longest / period)
     if guess > longest or most < least:
         return None
-    cycles = pace_of(
-        path, reserved, period, first=first, least=least, most=most, everywhere=everywhere
-    ).cycles
+    cycles = pace_of(path, reserved, period, first=first, least=least, most=most).cycles
     return path.slowed(cycles * period) if cycles else None
 
 

@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
 from orientd import rotation
-from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
+from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
+from orientd.planner.connect import position_lead
 from orientd.planner.path.position import PositionPath, position_path
 
 RANDOM = np.random.default_rng(11)
@@ -129,6 +132,20 @@ def test_a_move_before_the_path_brings_it_to_its_beginning(path):
 
 def test_no_move_is_put_before_a_path_that_is_there_already():
     assert PATH.after_move_from(PATH.first, 0.0, 0.0) is PATH
+
+
+@pytest.mark.parametrize("target", [None, (0.4, 0.0, 0.0), (-0.1, 0.0, 0.0)])
+def test_a_position_at_its_limit_that_gains_speed_hardly_goes_beyond_it(target):
+    limits, period = Limits(1.0, 3.0, 60.0, 0.5, 2.0), 0.002
+    x, start = np.eye(3)[0], State.at_rest((1.0, 0.0, 0.0, 0.0))
+    start = replace(start, velocity=0.4995 * x, acceleration=1.5 * x)
+    goal = None if target is None else np.array(target)
+    path = position_lead(start, goal, limits=limits, period=period)
+    times = period * np.arange(int(path.breaks[-1] / period) + 2)
+    position, velocity, _ = path.sample(times)
+    assert np.abs(np.diff(position[:, 0])).max() / period <= 0.5 * 1.001
+    assert not velocity[-1].any()
+    assert goal is None or position[-1] == pytest.approx(goal)
 
 
 def test_a_position_may_begin_in_motion_where_the_orientation_begins_at_rest():
