@@ -34,7 +34,7 @@ def interpolate(
     order: int,
     ends: Ends,
     *,
-    steps: Floats | None = None,
+    turns: ArrayLike | None = None,
     near: Floats | None = None,
 ) -> Spline:
     r"""Return the cumulative B-spline of an order *k* through keyframes, continuous to k - 2.
@@ -60,13 +60,15 @@ def interpolate(
         times: increasing instants, s, shape ``(n,)``.
         order: 3 to 6.
         ends: what is prescribed at the first keyframe and at the last.
-        steps: half-angle vectors from each keyframe to the next where they turn by more than the
-            logarithm says, shape ``(n - 1, 3)``.
+        turns: whole turns to add between each keyframe and the next.
         near: increments near the solution wanted.
 
     Raises:
         PlanError: no such spline was found.
     """
+    steps = _NO_STEPS
+    if turns is not None:
+        steps, keys = with_turns(increments(keys), keys, turns)
     known = [(omega is not None) + (alpha is not None) for omega, alpha in ends]
     given = np.array([[_FREE if vector is None else vector for vector in end] for end in ends])
     spans = len(keys) - 1 + (order % 2 if order != 4 else (known[0] == 2) + (known[1] == 2))
@@ -74,7 +76,7 @@ def interpolate(
     vectors = np.empty((spans + order - 2, 3)) if near is None else near.copy()
     values = np.empty((spans, order - 1, order))
     is_found = kernels.interpolate(
-        *(keys, _NO_STEPS if steps is None else steps, times, order),
+        *(keys, steps, times, order),
         *(given, known[0], known[1], near is not None),
         *(breaks, base, vectors, values),
     )
@@ -105,34 +107,7 @@ def unwound(keys: Floats, times: Floats, order: int, ends: Ends, w: Floats) -> l
     return found
 
 
-class Interpolating(Product, WithEndStates):
-    """A product of an order *k* whose increments are solved for."""
-
-    def _set_solved(
-        self,
-        q: Floats,
-        instants: Floats,
-        order: int,
-        ends: Ends,
-        turns: ArrayLike | None,
-    ) -> None:
-        """Solve for the increments."""
-        steps = None
-        if turns is not None:
-            steps, q = with_turns(increments(q), q, turns)
-        spline = interpolate(q, instants, order, ends, steps=steps)
-        if order != 4 and turns is None:
-            others = unwound(q, instants, order, ends, spline[1][2])
-            if others:
-                spline = min([spline, *others], key=_effort)
-        self._set_parts(*spline, order - 2)
-
-
-def _effort(spline: Spline) -> float:
-    return squared_acceleration(product_trajectory(*spline).sample, spline[0])
-
-
-class C2Cumulative(Interpolating):
+class C2Cumulative(Product, WithEndStates):
     r"""Pass through keyframes at their times with continuous velocity and acceleration.
 
     .. math:: q(t) = q_0 \prod_j \exp\bigl(w_j \tilde B_{j,4}(t)\bigr)
@@ -171,10 +146,10 @@ class C2Cumulative(Interpolating):
     def _solve(
         self, q: Floats, instants: Floats, ends: Ends, *, turns: ArrayLike | None = None
     ) -> None:
-        self._set_solved(q, instants, 4, ends, turns)
+        self._set_parts(*interpolate(q, instants, 4, ends, turns=turns), 2)
 
 
-class KksInterpolating(Interpolating):
+class KksInterpolating(Product, WithEndStates):
     r"""Pass through keyframes with a cumulative B-spline of order *k*, continuous to order k - 2.
 
     .. math:: q(t) = q_0 \prod_i \exp\bigl(w_i \tilde B_{i,k}(t)\bigr)
@@ -234,8 +209,13 @@ class KksInterpolating(Interpolating):
                 raise ParameterError(name, f"{name} must be None for order {order}, got {alpha!r}")
             is_still = omega is not None and alpha is None and k > 4
             states.append((omega, _FREE if is_still else alpha))
-        self._ends = prescribed((states[0], states[1]))
-        self._set_solved(q, instants, k, (states[0], states[1]), turns)
+        asked = states[0], states[1]
+        self._ends = prescribed(asked)
+        spline = interpolate(q, instants, k, asked, turns=turns)
+        if k != 4 and turns is None:
+            others = unwound(q, instants, k, asked, spline[1][2])
+            spline = min([spline, *others], key=_effort) if others else spline
+        self._set_parts(*spline, k - 2)
         self._key_times = instants
 
     @property
@@ -243,3 +223,7 @@ class KksInterpolating(Interpolating):
         """The instants of the keyframes, which for odd orders are not the knots, ``(n,)``."""
         times: Floats = self._key_times.copy()
         return times
+
+
+def _effort(spline: Spline) -> float:
+    return squared_acceleration(product_trajectory(*spline).sample, spline[0])

@@ -153,18 +153,16 @@ class Slerp(Product, Between):
         angle = math.atan2(float(np.linalg.norm(relative[1:])), float(relative[0]))
         angle += turns * math.pi - (2.0 * math.pi if path == "complement" else 0.0)
         direction = log_half(relative)
+        given = None if axis is None else check_vector(axis, "axis")
         if np.linalg.norm(relative[1:]) <= _COINCIDENT and abs(angle) > _COINCIDENT:
-            if axis is None:
+            if given is None or not given.any():
                 raise ParameterError(
                     "axis",
-                    "axis must be given for a turn between orientations that coincide, got None",
+                    "axis must be given, and not zero, for a turn between orientations that "
+                    f"coincide, got {axis!r}",
                 )
-            direction = check_vector(axis, "axis")
-        elif axis is not None:
-            check_vector(axis, "axis")
+            direction = given
         length = float(np.linalg.norm(direction))
-        if axis is not None and length == 0.0 and abs(angle) > 0.0:
-            raise ParameterError("axis", f"axis must not be zero, got {axis!r}")
         increment = direction * (angle / length if length > 0.0 else 0.0)
         self._set_controls(
             cumulative_basis(np.repeat(interval, 2), 2), np.stack([start, end]), increment[None], 2

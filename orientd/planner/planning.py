@@ -18,7 +18,7 @@ import numpy as np
 from orientd.errors import LimitError, PlanError, RequestError, StartError
 from orientd.planner import refusal, resting
 from orientd.planner.certify import share_to_stop
-from orientd.planner.connect import CONNECTIONS, WITHOUT_RESERVE, approach
+from orientd.planner.connect import CONNECTIONS, SAME_PLACE, WITHOUT_RESERVE, approach
 from orientd.planner.job import PlanJob
 from orientd.planner.limits import ANGULAR, LONGEST, PERIODS, UNITS, Limits
 from orientd.planner.motion import Motion
@@ -39,7 +39,7 @@ from orientd.planner.timing import (
     longest_stop,
     quickest,
 )
-from orientd.rotation import Floats
+from orientd.rotation import Floats, angle
 
 EVEN = "at an even pace: stopping wherever the acceleration jumps is no quicker"
 
@@ -219,14 +219,14 @@ def _to_single(job: PlanJob, name: str, tried: _Tried) -> None:
 def _turn(job: PlanJob, target: State, name: str) -> Motion:
     """Return the turn to a single keyframe, from rest to rest about one axis."""
     total, held, here = job.request.total, PositionPath.held(target.position), job.start.q
-    usual = approach(here, target.q, job.limits)
-    if usual is None:
+    if angle(here, target.q) <= SAME_PLACE:
         return job.motion(target, name)
 
     def make(limits: Limits, share: float) -> KeyframePath:
         shares = {"share": share, "jerk_share": share}
-        found = approach(here, target.q, limits, is_even=job.is_even, is_part=False, **shares)
-        turn = found or usual
+        turn = approach(here, target.q, limits, is_even=job.is_even, is_part=False, **shares)
+        if turn is None:
+            raise ValueError("a turn needs another orientation")
         # It need not take a whole number of periods: nothing comes after it.
         path = KeyframePath(turn, held, np.array([turn.duration]))
         return path if total is None else path.lasting(total)
@@ -359,9 +359,9 @@ def _with_moving_ends(job: PlanJob, name: str, tried: _Tried) -> None:
 
     tried.attempt(connecting, partial(rested, lambda: connectors))
     for one in CONNECTIONS[1:]:
-        if tried.best is None:
-            other = partial(resting.Connectors.of, job, one)
-            tried.attempt(f"{one.name} at the ends", partial(rested, other))
+        if connecting in tried.refused:
+            connecting, other = f"{one.name} at the ends", partial(resting.Connectors.of, job, one)
+            tried.attempt(connecting, partial(rested, other))
 
 
 def _unhurried(job: PlanJob, total: float, name: str, tried: _Tried) -> None:

@@ -189,6 +189,7 @@ class Controller:
         functions = Functions(self)
         try:
             script = self._compiled.get(text) or compile_script(text, functions.table())
+            program = Program(script, functions)
         except ScriptError as error:
             self._report("program refused", error)
             return
@@ -196,7 +197,6 @@ class Controller:
         if not self.is_remote or not (self.can_move or script.is_secondary):
             self.say("program refused: not in remote control, or stopped")
             return
-        program = Program(script, functions)
         if script.is_secondary:
             self.secondary = program
             return

@@ -37,8 +37,6 @@ stop has to work without one).
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from orientd.kernels import least_rate
@@ -82,14 +80,16 @@ def share_to_stop(seconds: float, stop_time: float) -> float:
     return 1.0 - float(np.interp(seconds / stop_time, _WORST, _RESERVE_ROOT)) ** 2
 
 
-def speed_to_stop(share: float, stop_time: float) -> float:
-    """Return the velocity from which a stop on the path takes a time, over the acceleration, s.
+def speed_to_stop(shares: Floats, stop_time: float) -> Floats:
+    """Return the velocities from which a stop on the path takes a time, over the acceleration, s.
 
     Args:
-        share: of the acceleration that the path uses, which has its direction.
+        shares: of the acceleration that the path uses, which has its direction.
         stop_time: s.
     """
-    return stop_time * float(np.interp(math.sqrt(max(1.0 - share, 0.0)), _RESERVE_ROOT, _WORST))
+    roots = np.sqrt(np.maximum(1.0 - shares, 0.0))
+    found: Floats = stop_time * np.interp(roots, _RESERVE_ROOT, _WORST)
+    return found
 
 
 def jerk_to_stop(velocity: float, acceleration: float, stop_time: float) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from orientd.planner.connect.connector import hold, join, join_in, try_joins, turn_to_stop
 from orientd.planner.connect.leads import (
     CONNECTIONS,
+    SAME_PLACE,
     USUAL,
     WITHOUT_RESERVE,
     Connection,

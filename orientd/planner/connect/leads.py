@@ -35,7 +35,7 @@ from orientd.planner.request import State
 from orientd.planner.timing import CAREFUL_JERK_SHARE, SHARE, phases_of_turn
 from orientd.rotation import Floats, align, angle, between, log_half, nearer_sign
 
-_SAME = 1e-12  # rad and m
+SAME_PLACE = 1e-12  # rad and m
 _SLACK = 1e-9  # of a period
 _EASED = 0.993  # of the jerk, beyond which a stop would take far longer
 
@@ -273,8 +273,8 @@ def approach_cycles(turn: Trajectory | None, move: float, *, limits: Limits, per
     most = limits.with_reserve().linear_acceleration
     duration = max(
         0.0 if turn is None else turn.duration,
-        UNIT_VELOCITY * move / limits.linear_velocity if move > _SAME else 0.0,
-        math.sqrt(UNIT_ACCELERATION * move / most) if move > _SAME else 0.0,
+        UNIT_VELOCITY * move / limits.linear_velocity if move > SAME_PLACE else 0.0,
+        math.sqrt(UNIT_ACCELERATION * move / most) if move > SAME_PLACE else 0.0,
     )
     check_lead("an approach", duration)
     return math.ceil(duration / period - _SLACK)
@@ -307,7 +307,7 @@ def approach(
         PlanError: it takes longer than is planned.
     """
     turn = float(angle(q0, q1))
-    if turn <= _SAME:
+    if turn <= SAME_PLACE:
         return None
     axis, is_shorter = _axis_between(q0.tolist(), q1.tolist())
     if not is_shorter:

@@ -54,6 +54,14 @@ def double_s(distance: float, velocity: float, acceleration: float, jerk: float)
         acceleration: largest, finite.
         jerk: largest; may be infinite.
     """
+    rise, hold, cruise = _durations(distance, velocity, acceleration, jerk)
+    return np.array([rise, hold, rise, cruise, rise, hold, rise])
+
+
+def _durations(
+    distance: float, velocity: float, acceleration: float, jerk: float
+) -> tuple[float, float, float]:
+    """Return how long the acceleration rises, holds, and the velocity holds, s."""
     rise = 0.0 if jerk == math.inf else acceleration / jerk
     # As if there were no limit of the velocity.
     if rise and distance < 2.0 * acceleration * rise * rise:
@@ -71,7 +79,7 @@ def double_s(distance: float, velocity: float, acceleration: float, jerk: float)
         else:
             hold = max(velocity / acceleration - rise, 0.0)
         cruise = max(distance / velocity - (2.0 * rise + hold), 0.0)
-    return np.array([rise, hold, rise, cruise, rise, hold, rise])
+    return rise, hold, cruise
 
 
 def phases_of_turn(
@@ -137,18 +145,19 @@ def _most_to_stop(
     pull = min(most[1], most[2] * rise) if rise else most[1]
     highest = pull * (rise + hold)
     share = share_to_stop(min(most[0], highest) / acceleration, stop)
-    # Where that is much of it, a lower velocity may be better.
-    pulls = [share * acceleration] if share > _MUCH else (pull * _SHARES_TO_STOP).tolist()
+    pulls, speeds = np.array([min(share * acceleration, pull)]), np.array([most[0]])
+    if share < _MUCH:
+        # A lower velocity may be better.
+        pulls = pull * _SHARES_TO_STOP
+        speeds = np.minimum(most[0], speed_to_stop(pulls / acceleration, stop) * acceleration)
     best, least = most, math.inf
-    for pulled in (min(one, pull) for one in pulls):
-        velocity = min(most[0], speed_to_stop(pulled / acceleration, stop) * acceleration)
-        if share > _MUCH:
-            velocity = most[0]
+    for pulled, velocity in zip(pulls.tolist(), speeds.tolist(), strict=True):
         turned = jerk_to_stop(min(velocity, highest), pulled, stop)
         if not turned < jerk:
             continue
         used = velocity, pulled, min(most[2], jerk - turned)
-        total = float(double_s(turn, *used).sum())
+        rise, hold, cruise = _durations(turn, *used)
+        total = 4.0 * rise + 2.0 * hold + cruise
         if total < least:
             best, least = used, total
     return best

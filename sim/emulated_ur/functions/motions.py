@@ -15,8 +15,11 @@ from emulated_ur.arm import TICK, Mode, from_pose, multiply, rotation_between, t
 from emulated_ur.urscript import Array, Datum, Pose, ScriptError, written
 
 if TYPE_CHECKING:
+    from emulated_ur.arm.transforms import Transform
     from emulated_ur.controller import Controller
     from emulated_ur.urscript import Program, Ticks
+
+_Path = tuple[float, Callable[[float], tuple[float, ...]]]
 
 _LARGEST = 1e6
 _YIELDING = (0.01, 0.01, 0.01, 0.5, 0.5, 0.5)
@@ -49,35 +52,22 @@ class Motions:
     def movej(
         self, q: Datum, a: float = 1.4, v: float = 1.05, t: float = 0.0, r: float = 0.0
     ) -> Ticks:
-        start, goal = self.robot.arm.target_q, self._joints(q)
-        length = max(abs(one - other) for one, other in zip(start, goal, strict=True))
-
-        def along_joints(s: float) -> tuple[float, ...]:
-            return tuple(
-                one + (other - one) * s / length for one, other in zip(start, goal, strict=True)
-            )
-
-        yield from self._follow(length, along_joints, (a, v, t, r))
+        goal = self._joints(q)
+        is_interrupted = True
+        while is_interrupted:
+            path = self._turn(self.robot.arm.target_q, goal)
+            is_interrupted = yield from self._follow(*path, (a, v, t, r))
 
     def movel(
         self, pose: Datum, a: float = 1.2, v: float = 0.25, t: float = 0.0, r: float = 0.0
     ) -> Ticks:
         tool = self.robot.tool
-        begin = tool.at(self.robot.arm.target_q)
         end = from_pose(finite(pose)) if isinstance(pose, Pose) else tool.at(finite(pose))
         tool.joints_at(to_pose(end))  # refused before it moves
-        turn = rotation_between(begin, end)
-        shift = (end[3] - begin[3], end[7] - begin[7], end[11] - begin[11])
-        length = max(math.hypot(*shift), math.hypot(*turn))
-
-        def along_line(s: float) -> tuple[float, ...]:
-            share = s / length
-            turned = multiply(from_pose((0.0, 0.0, 0.0, *(share * one for one in turn))), begin)
-            at = tuple(p + share * d for p, d in zip(begin[3::4], shift, strict=True))
-            placed = (*turned[0:3], at[0], *turned[4:7], at[1], *turned[8:11], at[2])
-            return tool.joints_at(to_pose(placed))
-
-        yield from self._follow(length, along_line, (a, v, t, r))
+        is_interrupted = True
+        while is_interrupted:
+            path = self._line(tool.at(self.robot.arm.target_q), end)
+            is_interrupted = yield from self._follow(*path, (a, v, t, r))
 
     def movep(self, pose: Datum, a: float = 1.2, v: float = 0.25, r: float = 0.0) -> Ticks:
         yield from self.movel(pose, a, v, 0.0, r)
@@ -239,10 +229,32 @@ class Motions:
                 if left <= 0.5 * TICK if seconds > 0.0 else is_reached:
                     return
 
+    def _turn(self, start: tuple[float, ...], goal: tuple[float, ...]) -> _Path:
+        """Return the path of joints that arrive together, with the angle of the one that leads."""
+        length = max(abs(one - other) for one, other in zip(start, goal, strict=True))
+        return length, lambda s: tuple(
+            one + (other - one) * s / length for one, other in zip(start, goal, strict=True)
+        )
+
+    def _line(self, begin: Transform, end: Transform) -> _Path:
+        """Return the path of a tool in a line, with its length in m or rad."""
+        turn = rotation_between(begin, end)
+        shift = (end[3] - begin[3], end[7] - begin[7], end[11] - begin[11])
+        length = max(math.hypot(*shift), math.hypot(*turn))
+
+        def along_line(s: float) -> tuple[float, ...]:
+            share = s / length
+            turned = multiply(from_pose((0.0, 0.0, 0.0, *(share * one for one in turn))), begin)
+            at = tuple(p + share * d for p, d in zip(begin[3::4], shift, strict=True))
+            placed = (*turned[0:3], at[0], *turned[4:7], at[1], *turned[8:11], at[2])
+            return self.robot.tool.joints_at(to_pose(placed))
+
+        return length, along_line
+
     def _follow(
         self, length: float, at: Callable[[float], tuple[float, ...]], how: Sequence[float]
     ) -> Ticks:
-        """Follow *at* over ``0..length`` with a trapezoid of speed."""
+        """Follow *at* with a trapezoid of speed; return whether a pause took the arm from it."""
         acceleration, speed, seconds, _ = finite(how, 4)
         if seconds > 0.0:  # takes the place of both
             speed, acceleration = 1.5 * length / seconds, 4.5 * length / seconds**2
@@ -256,7 +268,10 @@ class Motions:
                 along = min(length, along + rate * dt)
                 self.robot.arm.follow(at(along))
                 yield
+                if self.robot.arm.mode is not Mode.FOLLOW:
+                    return True
             self.robot.arm.hold()
+        return False
 
     @contextmanager
     def _arm(self) -> Iterator[None]:

@@ -33,7 +33,11 @@ class Sockets:
         link = socket.socket()
         link.setblocking(False)
         link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        link.connect_ex((address, int(port)))
+        try:
+            link.connect_ex((address, int(port)))
+        except OSError:  # no such host
+            link.close()
+            return False
         for _ in range(round(_CONNECTING / TICK)):
             if select.select([], [link], [], 0.0)[1]:
                 break

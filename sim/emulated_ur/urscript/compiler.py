@@ -91,8 +91,11 @@ def compile_script(text: str, functions: Mapping[str, Callable[..., Any]]) -> Sc
     """
     try:
         return _Compiler(text, functions).program()
-    except RecursionError as error:
+    except (RecursionError, MemoryError) as error:
         raise ScriptError("syntax_error_on_line:1: too many brackets or blocks", 1, 1) from error
+    except SyntaxError as error:  # a break outside a loop, a parameter that is there twice
+        line = error.lineno or 1
+        raise ScriptError(f"syntax_error_on_line:{line}: {error.msg}", line) from error
 
 
 @functools.cache

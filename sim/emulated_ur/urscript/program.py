@@ -56,7 +56,10 @@ class Program:
             "h_kill": self._kill, "h_join": self._join, "h_halt": self._halt,
             "h_tired": self._is_tired, **functions.table(),
         }  # fmt: skip
-        exec(script.code, names)
+        try:
+            exec(script.code, names)
+        except _FAILURES as error:  # of a parameter's default
+            raise _placed(error) from error
         self._threads: dict[int, Ticks] = {0: names["main"]()}
         functions.program = self
 

@@ -348,3 +348,20 @@ def test_numbers_that_are_none_reach_no_joint(robot):
     run(robot, "x = read_input_float_register(0)\nmovej([x, x, x, x, x, x])", 10)
     assert robot.arm.target_q == before
     assert "expected 6 numbers for a robot" in robot.log[-1]
+
+
+@pytest.mark.parametrize(
+    "call",
+    ["movej([0.4, -1.57, 1.4, -1.4, -1.57, 0])", "movel(pose_add(x, p[0, 0, -0.1, 0, 0, 0]))"],
+)
+def test_motion_that_was_paused_goes_on_from_where_the_arm_stopped(robot, call):
+    run(robot, f"x = get_target_tcp_pose()\n{call}\nwrite_output_integer_register(1, 1)", 150)
+    robot.pause()
+    for _ in range(50):
+        robot.tick()
+    assert robot.runtime_state is ProgramState.PAUSED
+    robot.play()
+    for _ in range(600):
+        robot.tick()
+    assert robot.output_ints[1] == 1
+    assert robot.log == []
