@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import import_module
 from inspect import Parameter, Signature, signature
 from types import MappingProxyType
@@ -431,9 +431,7 @@ class Families(Mapping[str, type[Curve]]):
     """The names of all families, each with its class, imported when it is first asked for."""
 
     def __getitem__(self, name: str) -> type[Curve]:
-        home, written_as = _HOMES[name]
-        family: type[Curve] = getattr(import_module(f"orientd.curves.{home}"), written_as)
-        return family
+        return _family(*_HOMES[name])
 
     def __contains__(self, name: object) -> bool:
         return name in _HOMES
@@ -443,6 +441,12 @@ class Families(Mapping[str, type[Curve]]):
 
     def __len__(self) -> int:
         return len(_HOMES)
+
+
+@cache
+def _family(home: str, written_as: str) -> type[Curve]:
+    family: type[Curve] = getattr(import_module(f"orientd.curves.{home}"), written_as)
+    return family
 
 
 METHODS: Mapping[str, type[Curve]] = Families()

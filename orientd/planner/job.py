@@ -24,7 +24,7 @@ from orientd.planner.connect import (
     position_lead,
 )
 from orientd.planner.limits import LONGEST, Limits, is_still
-from orientd.planner.methods import Ends, build, can_turn, check_method
+from orientd.planner.methods import Ends, build, check_method
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath, end_states, position_path
 from orientd.planner.request import MotionRequest, State
@@ -93,8 +93,7 @@ class PlanJob:
             first = replace(start, q=request.keys[0], omega_body=omega)
             refusal.check_start(start, first, limits)
         ends = Ends(omega_start, omega_end, alpha_start)
-        has_turns = can_turn(family) or request.is_single
-        notes = (*request.notes, *half_turn_notes(request, start, has_turns=has_turns))
+        notes = (*request.notes, *half_turn_notes(request, start))
         halt = position_lead(start, None, limits=limits, period=period)
         is_even = not request.is_quickest
         return cls(request, start, limits, own, period, ends, halt, is_even, notes=notes)

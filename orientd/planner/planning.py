@@ -359,9 +359,9 @@ def _with_moving_ends(job: PlanJob, name: str, tried: _Tried) -> None:
 
     tried.attempt(connecting, partial(rested, lambda: connectors))
     for one in CONNECTIONS[1:]:
-        if tried.best is None:
-            other = partial(resting.Connectors.of, job, one)
-            tried.attempt(f"{one.name} at the ends", partial(rested, other))
+        if connecting in tried.refused:
+            connecting, other = f"{one.name} at the ends", partial(resting.Connectors.of, job, one)
+            tried.attempt(connecting, partial(rested, other))
 
 
 def _unhurried(job: PlanJob, total: float, name: str, tried: _Tried) -> None:

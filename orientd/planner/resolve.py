@@ -13,9 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from orientd.curves import METHODS
 from orientd.driver import Vector3
 from orientd.errors import RequestError, StartError
 from orientd.planner.limits import Limits
+from orientd.planner.methods import can_turn
 from orientd.planner.request import Frame, Keyframe, MotionRequest, Pose, State
 from orientd.rotation import (
     HALF_TURN,
@@ -209,7 +211,7 @@ def pointed(q: Floats, axis: Floats, direction: Floats) -> Floats:
     return found
 
 
-def half_turn_notes(request: MotionRequest, start: State, *, has_turns: bool) -> list[str]:
+def half_turn_notes(request: MotionRequest, start: State) -> list[str]:
     """Return notes on half turns for the certificate: the way taken, and how to take the other."""
     keys, places = request.keys, []
     if len(keys) > 1:
@@ -220,8 +222,9 @@ def half_turn_notes(request: MotionRequest, start: State, *, has_turns: bool) ->
         places.insert(0, 0)
     notes = []
     for index in places[:_MOST_NOTES]:
-        is_approach = index == 0 and not request.is_single
-        way = "`turns: -1` there" if has_turns and not is_approach else "a keyframe on the way"
+        # The way to the first of several keyframes is the planner's, which makes no turns.
+        can = request.is_single or (index > 0 and can_turn(METHODS[request.method]))
+        way = "`turns: -1` there" if can else "a keyframe on the way"
         axis = _axis_in_words(keys[index - 1] if index else start.q, keys[index])
         notes.append(
             f"keyframes[{index}] is half a turn away: turned about {axis} in the body frame; {way} "

@@ -64,8 +64,7 @@ static void draw(const block_t *block, const segments_t *segments, double u,
     const double (*rows)[BLOCK] = block->rows;
     INDEPENDENT
     for (index_t i = 0; i < block->count - 1; i++) {
-        law_t law = {at(&segments->first, i), at(&segments->second, i), at(&segments->third, i),
-                     at(&segments->step, i), segments->place[i]};
+        law_t law = law_of(segments, i);
         double c, s;
         quat_t here = quat(rows[0][i], rows[1][i], rows[2][i], rows[3][i]);
         here = turned_by(here, law_value(law, u), &c, &s);

@@ -186,6 +186,12 @@ void brake_moves(const block_t *block, double period, index_t past, const measur
 
 /* segments.c */
 
+/* The law between a record and the next. */
+INLINE law_t law_of(const segments_t *segments, index_t k) {
+    return (law_t){at(&segments->first, k), at(&segments->second, k), at(&segments->third, k),
+                   at(&segments->step, k), segments->place[k]};
+}
+
 /* Write the laws between the records of a block, and the velocities there.
  *
  * turns: rotation vectors from each record to the next. */

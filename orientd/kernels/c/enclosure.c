@@ -27,18 +27,16 @@ typedef struct {
     int column;
     reach_t reach;
     double rest, by_phase, by_rate, slope_by_phase, slope_by_rate;
+    struct { quat_t q; law_t law; } from[4];  /* the records that it begins behind, and the paths */
 } difference_t;
 
 /* A setpoint, and the angular velocity there unless that is NULL. */
 INLINE quat_t state_at(const difference_t *d, double place, vec_t *omega) {
-    index_t k = most(least((index_t)place, d->block->count - 2), 0);
-    const segments_t *segments = d->segments;
-    const double (*rows)[BLOCK] = d->block->rows;
-    law_t law = {at(&segments->first, k), at(&segments->second, k), at(&segments->third, k),
-                 at(&segments->step, k), segments->place[k]};
-    double c, s, u = place - (double)k;
+    index_t k = most(least((index_t)place - d->i, d->order), 0);
+    law_t law = d->from[k].law;
+    double c, s, u = place - (double)(d->i + k);
     vec_t turn = law_value(law, u);
-    quat_t q = turned_by(quat(rows[0][k], rows[1][k], rows[2][k], rows[3][k]), turn, &c, &s);
+    quat_t q = turned_by(d->from[k].q, turn, &c, &s);
     if (omega != NULL)
         *omega = right_jacobian(turn, c, s, law_rate(law, u));
     return q;
@@ -113,10 +111,13 @@ static double step_within(const difference_t *d, double from, double to) {
 
 static difference_t difference_of(const block_t *block, const segments_t *segments, index_t i,
                                   index_t order, int column) {
-    difference_t d = {block, segments, i, order, column, reach_of(segments, i, order, column),
-                      0.0, 0.0, 0.0, 0.0, 0.0};
+    difference_t d = {.block = block, .segments = segments, .i = i, .order = order,
+                      .column = column, .reach = reach_of(segments, i, order, column)};
     double w = 0.0, a = 0.0, j = 0.0, change = 0.0, off[3] = {0.0};
     for (index_t k = i; k <= i + order; k++) {
+        const double (*rows)[BLOCK] = block->rows;
+        d.from[k - i].q = quat(rows[0][k], rows[1][k], rows[2][k], rows[3][k]);
+        d.from[k - i].law = law_of(segments, k);
         w = larger(w, peak_of(segments, k, 1, column));
         a = larger(a, peak_of(segments, k, 2, column));
         j = larger(j, peak_of(segments, k, 3, column));

@@ -1,10 +1,10 @@
 """Quintic joins of two states of motion, and connectors made of them inside the limits.
 
-What a join is stands in ``orientd/kernels/c/connectors.h``.  A connector that is found is a quintic
-join with, where that is quicker or needed, a ramp before it and one behind: a ramp changes the
-acceleration alone, at the limit of the jerk.  From that it is shortened to what the limits permit,
-which ``orientd/kernels/c/shorten.h`` explains, and is many short joins then.  If the acceleration
-at its beginning has to fall at once, ramps come before it.
+What a join is stands in ``orientd/kernels/c/connectors.h``.  A connector begins as one of a few
+guesses, each a join, and is made as short as the limits permit, which
+``orientd/kernels/c/shorten.h`` explains; it is many short joins then.  A ramp changes the
+acceleration alone, at the limit of the jerk.  If the acceleration at the beginning has to fall at
+once, ramps come first.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""Where on the path the servo is, and how much path there still is.
+"""Follow the path: where the servo is on it, and how much path is left.
 
 Path time is counted in records: ``index + fraction``.  A motion as planned moves by exactly one
 record a cycle, so its setpoints *are* the records; between two records a
 :class:`~orientd.servo.path.segment.Segment` is evaluated.
 
 The path is made of parts, one a motion.  A motion that replaces or continues another one is spliced
-onto it: its first record lies further on in the ring, and stands for the same point as the record
-at which the part before it is left.  What is joined there is the path, in path time; how fast the
-time scaling runs does not matter.
+onto it: its first record lies further on in the ring, and is the same point as the record at which
+the part before it is left.  The parts are joined in path time, so the rate of the time scaling does
+not matter.
 """
 
 from __future__ import annotations
@@ -146,14 +146,20 @@ class PathFollower:
         final = max(self._ring.words[FINAL_WORD] - 1, part.final)
         return final if final >= part.first else UNKNOWN
 
+    def _walk(self, records: int) -> tuple[int, PathPart]:
+        """Return the index of the record so many beyond :attr:`index`, and the part it is on."""
+        index, part = self.index + records, self.part
+        for following in self._ahead:
+            if index < following.leave:
+                break
+            index, part = following.first + index - following.leave, following
+        return index, part
+
     def reaches(self, records: int) -> bool:
         """Whether the motion's end, or at least so many records beyond here, are in the ring."""
-        last, here = self._ring.head - 1, self.index
-        for part in self._ahead:
-            records -= part.leave - here
-            here = part.first
+        last = self._ring.head - 1
         # Behind the end may lie what the servo has not heard of yet.
-        return records <= last - here or UNKNOWN != self._final <= last
+        return self._walk(records)[0] <= last or UNKNOWN != self._final <= last
 
     def records_left(self) -> float:
         """Return the records from here to the end of the last part; infinity if it is not known."""
@@ -167,13 +173,9 @@ class PathFollower:
 
         Nor is there one beyond a splice to a part of other servo limits.
         """
-        index, part = self.index + records, self.part
-        for following in self._ahead:
-            if index < following.leave:
-                break
-            if not following.servo_limits.has_limits_of(part.servo_limits):
-                return None
-            index, part = following.first + index - following.leave, following
+        index, part = self._walk(records)
+        if part is not self.part and not part.servo_limits.has_limits_of(self.part.servo_limits):
+            return None
         is_last = part is (self._ahead[-1] if self._ahead else self.part)
         if is_last and index > self._final != UNKNOWN:
             return None

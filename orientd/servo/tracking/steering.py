@@ -12,7 +12,7 @@ from __future__ import annotations
 from math import cbrt, inf, sqrt
 
 from orientd.driver import Vector3
-from orientd.floats import combine, norm
+from orientd.floats import combine, dot, norm, plus
 from orientd.servo.motion_law import (
     TrackingLimits,
     saturated,
@@ -109,12 +109,8 @@ def position_command(
         That acceleration, rad/s^2, and whether it is of the linear law.
     """
     h = limits.period
-    nx, ny, nz = (
-        omega[0] - omega_target[0],
-        omega[1] - omega_target[1],
-        omega[2] - omega_target[2],
-    )
-    bx, by, bz = alpha[0] - alpha_target[0], alpha[1] - alpha_target[1], alpha[2] - alpha_target[2]
+    nx, ny, nz = plus(omega, omega_target, -1.0)
+    bx, by, bz = plus(alpha, alpha_target, -1.0)
     # Where the target is seen from when the acceleration has run out.
     t = sqrt(bx * bx + by * by + bz * bz) / limits.jerk
     s, r = h - t, -h * h / 6.0 - t * t / 3.0 + 0.5 * h * t
@@ -143,32 +139,28 @@ def position_command(
         alpha, velocity_command(goal, omega, alpha, alpha_target, limits, limits.settle), limits
     )
 
-    speed = along
-    angle = fx * e[0] + fy * e[1] + fz * e[2]
-    known = fx * alpha_target[0] + fy * alpha_target[1] + fz * alpha_target[2]
+    f, most, jerk = (fx, fy, fz), limits.acceleration, limits.jerk
+    angle, known = dot(f, e), dot(f, alpha_target)
 
-    most, jerk = limits.acceleration, limits.jerk
-
-    def excess(wanted: Vector3) -> float:
-        rate = fx * wanted[0] + fy * wanted[1] + fz * wanted[2] - known
-        stop = stopping_angle(speed + 0.5 * h * rate, rate, most, jerk)
+    def excess(rate: float) -> float:
+        stop = stopping_angle(along + 0.5 * h * rate, rate, most, jerk)
         return stop - angle + h * h * rate / 6.0
 
-    over = excess(go)
+    fast = dot(f, go) - known
+    over = excess(fast)
     if over <= 0.0:
         return go, False
     halt = saturated(
         alpha, velocity_command(omega_target, omega, alpha, alpha_target, limits, 1.0 / h), limits
     )
-    under = excess(halt)
+    slow = dot(f, halt) - known
+    under = excess(slow)
     if under >= 0.0:
         return halt, False
     low, high = 0.0, 1.0
-    wanted = halt
     for _ in range(5):
         share = low + (high - low) * under / (under - over)
-        wanted = combine(halt, 1.0 - share, go, share)
-        found = excess(wanted)
+        found = excess(slow + share * (fast - slow))
         if found > 0.0:
             high, over = share, found
         else:
