@@ -559,7 +559,8 @@ def refined(path: Path, knots: Floats, order: int) -> Floats:
 
 def _mixed(history: list[tuple[Floats, Floats, Linearised]]) -> Floats:
     """Return the step from the last increments to where steps would vanish, were they linear."""
-    increments, steps = (np.array([one[k].ravel() for one in history]) for k in range(2))
+    increments = np.array([one.ravel() for one, *_ in history])
+    steps = np.array([step.ravel() for _, step, _ in history])
     moved, changed = np.diff(increments, axis=0).T, np.diff(steps, axis=0).T
     mixture = np.linalg.lstsq(changed, steps[-1], rcond=1e-8)[0]
     found: Floats = steps[-1] - (moved + changed) @ mixture
