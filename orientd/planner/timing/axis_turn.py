@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from orientd.curves import AxisTurn
-from orientd.planner.certify import jerk_to_stop, speed_to_stop
+from orientd.planner.certify import jerk_to_stop, share_to_stop, speed_to_stop
 from orientd.planner.limits import Limits
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats, angle, exp, multiply
@@ -39,6 +39,7 @@ _SLOWER_STOP = 8.0
 _ONE_WAY = 1e-9  # of the velocity, by which it may differ from the one along the axis
 _ON_AXIS = 5e-10  # rad, within which a turn about one axis is the path
 _EASED = 2.0 / 3.0  # of the longest stop, from which on a motion gets some of its reserve
+_MUCH = 0.95  # of the acceleration
 _SHARES_TO_STOP = 1.0 - np.linspace(0.0, 0.97, 25) ** 2  # of the acceleration, to choose from
 _LOOKS = 8  # between two knots
 _BISECTIONS = 60
@@ -109,7 +110,7 @@ def phases_of_turn(
     if weight <= 0.0:
         return phases
     # What is over sooner than a stop needs no reserve; from there to a longer one it grows.
-    can_be_stopped = _most_to_stop(turn, phases, acceleration, jerk, most, stop)
+    can_be_stopped = _most_to_stop(turn, phases, (acceleration, jerk), most, stop)
     weight = min(weight, 1.0)
     return double_s(
         turn,
@@ -132,27 +133,24 @@ def longest_stop(seconds: float) -> float:
 def _most_to_stop(
     turn: float,
     phases: Floats,
-    acceleration: float,
-    jerk: float,
+    limits: tuple[float, float],
     most: tuple[float, float, float],
     stop: float,
 ) -> tuple[float, float, float]:
-    """Return velocity, acceleration and jerk of the quickest turn that can be stopped in a time.
+    """Return what of *most* the quickest turn uses that can be stopped in a time, s.
 
-    Args:
-        turn: rad.
-        phases: of the turn without a reserve.
-        acceleration: its limit, rad/s^2.
-        jerk: the same, rad/s^3.
-        most: velocity, acceleration and jerk that it may use in any case.
-        stop: s.
+    *phases* are those of the turn without a reserve, and *limits* of acceleration and jerk.
     """
-    rise, hold = phases[:2].tolist()
+    (rise, hold), (acceleration, jerk) = phases[:2].tolist(), limits
     pull = min(most[1], most[2] * rise) if rise else most[1]
     highest = pull * (rise + hold)
+    share = share_to_stop(min(most[0], highest) / acceleration, stop)
+    pulls, speeds = np.array([min(share * acceleration, pull)]), np.array([most[0]])
+    if share < _MUCH:
+        # A lower velocity may be better.
+        pulls = pull * _SHARES_TO_STOP
+        speeds = np.minimum(most[0], speed_to_stop(pulls / acceleration, stop) * acceleration)
     best, least = most, math.inf
-    pulls = pull * _SHARES_TO_STOP
-    speeds = np.minimum(most[0], speed_to_stop(pulls / acceleration, stop) * acceleration)
     for pulled, velocity in zip(pulls.tolist(), speeds.tolist(), strict=True):
         turned = jerk_to_stop(min(velocity, highest), pulled, stop)
         if not turned < jerk:
