@@ -82,13 +82,6 @@ ITERATIONS = 100
 DEPTH = 4
 """So many earlier steps are mixed in."""
 
-MIXED = 1.0
-"""Rad of half angle, the longest step that is mixed with others."""
-
-PATIENCE = 6
-"""A mixed step need not do better than the worst of so many steps: on its way it may miss the
-keyframes by the square of its length, which the next step mends."""
-
 SETTLED = 1e-6
 """A step of so much of the longest increment is the last: the effort is stationary to the square
 of that, and the equations hold to the square of the step."""
@@ -342,8 +335,7 @@ class EffortProblem:
         """
         here = self.linearised(increments)
         weights = np.zeros(len(here.missed))
-        history: list[tuple[Floats, Floats]] = []
-        recent: list[Linearised] = []
+        history: list[tuple[Floats, Floats, Linearised]] = []
         for _ in range(ITERATIONS):
             try:
                 step, multipliers = self._step(here)
@@ -353,13 +345,14 @@ class EffortProblem:
             if not np.isfinite(size):
                 break
             weights = np.maximum(weights, 2.0 * np.sqrt(np.sum(multipliers**2, axis=1)))
-            recent = [*recent[1 - PATIENCE :], here]
             is_settled = size <= SETTLED * _longest(increments + step)
-            if not is_settled and size <= MIXED:
-                history = [*history[-DEPTH:], (increments, step)]
+            if not is_settled:
+                # On its way a mixed step may miss the keyframes by the square of its length, which
+                # the next step mends: it need not do better than the worst of those mixed.
+                history = [*history[-DEPTH:], (increments, step, here)]
                 moved = _mixed(history)
                 there = self.linearised(increments + moved)
-                if there.merit(weights) <= max(one.merit(weights) for one in recent):
+                if there.merit(weights) <= max(one.merit(weights) for *_, one in history):
                     increments, here = increments + moved, there
                     continue
                 history = []
@@ -564,15 +557,14 @@ def refined(path: Path, knots: Floats, order: int) -> Floats:
     return found
 
 
-def _mixed(history: list[tuple[Floats, Floats]]) -> Floats:
+def _mixed(history: list[tuple[Floats, Floats, Linearised]]) -> Floats:
     """Return the step from the last increments to where steps would vanish, were they linear."""
-    increments, steps = (np.array(part) for part in zip(*history, strict=True))
-    shape = steps.shape[1:]
-    increments, steps = (part.reshape(len(history), -1) for part in (increments, steps))
+    increments = np.array([one.ravel() for one, *_ in history])
+    steps = np.array([step.ravel() for _, step, _ in history])
     moved, changed = np.diff(increments, axis=0).T, np.diff(steps, axis=0).T
     mixture = np.linalg.lstsq(changed, steps[-1], rcond=1e-8)[0]
     found: Floats = steps[-1] - (moved + changed) @ mixture
-    return found.reshape(shape)
+    return found.reshape(-1, 3)
 
 
 def _longest(vectors: Floats) -> float:

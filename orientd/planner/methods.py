@@ -67,7 +67,7 @@ def check_method(request: MotionRequest) -> type[Curve]:
     family = METHODS.get(name)
     if family is None:
         raise RequestError("method", f"unknown method {name!r}{did_you_mean(name, METHODS)}")
-    if request.is_single:
+    if len(request.keys) == 1:
         # There is no curve of the method's; the way to the keyframe is the planner's.
         return family
     if is_pair(family) and len(request.keys) != 2:

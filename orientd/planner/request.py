@@ -281,7 +281,7 @@ class MotionRequest:
             )
         checked: dict[str, Any] = {
             "keyframes": keyframes,
-            "notes": _notes(notes),
+            "notes": _notes(notes) if notes else (),
             "frames": named_frames(self.frames),
             "options": MappingProxyType(dict(self.options)),
             "device_options": MappingProxyType(dict(self.device_options)),
@@ -299,7 +299,7 @@ class MotionRequest:
         # The class is frozen for everybody but its own constructor.
         for name, value in checked.items():
             object.__setattr__(self, name, value)
-        if self.is_single:
+        if len(keyframes) == 1:
             self._check_single()
         self._check_pace()
 

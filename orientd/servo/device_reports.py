@@ -1,9 +1,9 @@
-"""What the driver says of its device beside the cycles: notices, health, and where its axes are.
+"""Reports of the device besides its feedback: notices, health, and whether its axes have arrived.
 
-A motion ends with its last setpoint; the axes come after it.  They have arrived once each was
-measured to be within its tolerance.  What has not arrived in the time that its driver allows, half
-a second for most, is blocked or overloaded: a fault, which says which axis it is and how far it is
-behind.
+A motion ends with its last setpoint, and the axes lag behind it.  They have arrived once each was
+measured within its tolerance.  An axis that has not arrived in the time that the driver allows,
+half a second for most, is blocked or overloaded.  That is a fault; it names the axis and says how
+far it is behind.
 """
 
 from __future__ import annotations

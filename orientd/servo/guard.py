@@ -1,9 +1,9 @@
-"""The guard: the last look at a setpoint before it is written.
+"""The guard: the last check of a setpoint before the servo writes it.
 
-It differentiates backwards, as a device does: the rotation vector from the previous setpoint to
-this one over the period is the velocity, the change of that the acceleration, the change of that
-the jerk.  A setpoint that breaks a limit is not written; the device then comes to rest from what
-*was* written.
+It differentiates backwards, as a device does.  The velocity is the rotation vector from the
+previous setpoint to this one over the period, the acceleration is the change of the velocity, and
+the jerk is the change of the acceleration.  The servo does not write a setpoint that breaks a
+limit; it stops from what it *has* written.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The servo: what happens in one cycle, whichever clock drives it.
 
-Read the device, take a command, look whether everybody is still alive, have the next setpoint made
+Read the device, take a command, check that daemon and device are alive, make the next setpoint
 (:mod:`orientd.servo.setpoint_generator`), write it, publish the cycle.  Nothing here waits, and
 nothing grows.  :mod:`orientd.servo.process` calls :meth:`Servo.cycle` on time; tests call it as
 fast as they like.

@@ -1,7 +1,7 @@
-"""The setpoint generator: state, path and limits, and the next setpoint of whatever moves.
+"""The setpoint generator: it holds the servo's state and makes the next setpoint.
 
-It streams a path, follows targets, and comes to rest on the path or, where that cannot be, off it.
-:mod:`orientd.servo.servo` reads, writes and speaks with the daemon.
+It streams a path, follows targets, and stops on the path or, if that is impossible, off the path.
+:mod:`orientd.servo.servo` reads the device, writes to it and talks to the daemon.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _START_TOLERANCE = 1e-9
 
 
 class SetpointGenerator:
-    """What moves, and why nothing does.
+    """State, path and limits, and the next setpoint.
 
     Attributes:
         state: of the servo.

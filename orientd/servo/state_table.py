@@ -1,4 +1,4 @@
-"""The servo's states and what leads from one to another: one table, one function that advances.
+"""The servo's states: one table of transitions and one function that looks up the next state.
 
 ``STOPPING`` ends in ``HOLDING`` after a stop that was asked for and in ``FAULT`` after one that a
 fault made necessary.  A fault of the device itself leads to ``FAULT`` at once.
@@ -13,7 +13,7 @@ from orientd.stream import Command, ServoState
 
 
 class Event(Enum):
-    """What happens to a servo that nobody asks for."""
+    """What happens to a servo without a command."""
 
     REST = "rest"
     FAIL = "fail"

@@ -1,10 +1,10 @@
-"""The watchdog: for how long nothing was heard of the daemon or the device, or nothing was sent.
+"""The watchdog: how long the daemon or the device has been silent, or the servo has not run.
 
 While the servo's own process does not run, because the machine is overloaded or a call of the
-driver took its time, it hears nobody; that is not the fault of who would have spoken.  Path time
-does not pass in such a stall, so that the device never jumps; but it has come to rest at the last
-setpoint, and to go on at the old speed would be a step in velocity.  So motion goes on from rest,
-inside the limits; after a longer stall not by itself.
+driver is slow, it hears nobody.  The others are not at fault then.  Path time does not pass in such
+a stall, so the device never jumps.  But the device has come to rest at the last setpoint, and to go
+on at the old speed would be a step in velocity.  So motion goes on from rest, inside the limits.
+After a longer stall it does not go on by itself.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""Where on the path the servo is, and how much path there still is.
+"""Follow the path: where the servo is on it, and how much path is left.
 
 Path time is counted in records: ``index + fraction``.  A motion as planned moves by exactly one
 record a cycle, so its setpoints *are* the records; between two records a
 :class:`~orientd.servo.path.segment.Segment` is evaluated.
 
 The path is made of parts, one a motion.  A motion that replaces or continues another one is spliced
-onto it: its first record lies further on in the ring, and stands for the same point as the record
-at which the part before it is left.  What is joined there is the path, in path time; how fast the
-time scaling runs does not matter.
+onto it: its first record lies further on in the ring, and is the same point as the record at which
+the part before it is left.  The parts are joined in path time, so the rate of the time scaling does
+not matter.
 """
 
 from __future__ import annotations

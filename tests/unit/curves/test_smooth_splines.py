@@ -185,7 +185,7 @@ def test_an_acceleration_is_refused_where_there_is_no_condition_for_it(random_ke
 
 
 def test_a_search_that_does_not_end_says_so(random_keys):
-    keys, times = random_keys(6, 0.7), np.cumsum([0.0, 1e-2, 1.0, 100.0, 1.0, 1e-2])
+    keys, times = random_keys(6, 0.7), np.cumsum([0.0, 1e-3, 1.0, 100.0, 1.0, 1e-3])
     with pytest.raises(PlanError, match="does not converge"):
         LEAST(keys=keys, times=times)
 
