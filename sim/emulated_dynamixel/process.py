@@ -7,7 +7,6 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from types import TracebackType
 
 
 class BusError(Exception):
@@ -59,10 +58,7 @@ class EmulatedBus:
     def __enter__(self) -> EmulatedBus:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:  # fmt: skip
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _line(self, timeout: float) -> str:

@@ -15,7 +15,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any
 
 FAULTS_PORT = 29998
@@ -46,10 +45,7 @@ class EmulatedRobot:
         self.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:  # fmt: skip
+    def __exit__(self, *_: object) -> None:
         self.end()
 
     @property
@@ -69,20 +65,9 @@ class EmulatedRobot:
         Raises:
             LaunchError: it ended, or did not become ready in time.
         """
-        process = subprocess.Popen(
-            [
-                sys.executable,
-                "-m",
-                "emulated_ur",
-                "--until-end-of-input",
-                "--host",
-                self.host,
-                *self._options,
-            ],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-        )
+        command = [sys.executable, "-m", "emulated_ur", "--until-end-of-input", "--host", self.host]
+        pipe = subprocess.PIPE
+        process = subprocess.Popen([*command, *self._options], stdin=pipe, stdout=pipe, stderr=pipe)
         self._process = process
         stdout, stderr = process.stdout, process.stderr
         ready = stdout and select.select([stdout], [], [], self._timeout)[0]

@@ -30,8 +30,8 @@ def ur(
 ) -> None:
     """Run an emulated UR arm.
 
-    RTDE on 30004, dashboard on 29999, script port 30003, state on 30001 and 30002.  Prints a line
-    that begins with `ready` when it can be used.  Any address of 127.0.0.0/8 serves.
+    RTDE on 30004, dashboard on 29999, URScript on 30001 to 30003, faults on 29998 (send `help`).
+    Prints a line that begins with `ready` when it can be used.  Any address of 127.0.0.0/8 serves.
     """
     emulator: Any = importlib.import_module("emulated_ur")
     if model not in emulator.MODELS:
@@ -53,7 +53,7 @@ def ur(
 def dynamixel(
     link: Annotated[Path, typer.Option(help="Where clients find the bus's serial port.")],
     servos: Annotated[
-        str, typer.Option(help="Ids and models of the servos, xm430 or xl330.")
+        str, typer.Option(help="Ids and models of the servos, as in 1:xm430,2:xl330.")
     ] = "1:xm430,2:xm430,3:xm430",
     baud: Annotated[int, typer.Option(help="The line speed that the servos are set to.")] = 1000000,
     usb_ms: Annotated[

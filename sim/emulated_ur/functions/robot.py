@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from emulated_ur.arm import TICK, to_pose
@@ -17,16 +18,25 @@ _INT32 = 1 << 31
 FLAGS = 64
 
 
-def _joints(name: str) -> Callable[[Robot], Array]:
-    return lambda self: Array(getattr(self.robot.arm, name))
+def _of(path: str, kind: Callable[[Datum], Datum] = lambda found: found) -> Callable[..., Datum]:
+    read = attrgetter(path)
+    return lambda self: kind(read(self.robot))
 
 
-def _tool(name: str) -> Callable[[Robot], Pose]:
-    return lambda self: Pose(self.robot.tool.pose(name))
+def _tool(name: str, kind: Callable[[Datum], Datum] = Pose) -> Callable[[Robot], Datum]:
+    return lambda self: kind(self.robot.tool.pose(name))
 
 
-def _tool_speed(name: str) -> Callable[[Robot], Array]:
-    return lambda self: Array(self.robot.tool.pose(name))
+def _analog(kind: str, first: int = 0) -> Callable[[Robot, int], float]:
+    return lambda self, n: float(getattr(self.robot, kind)[first + _number(n, 2)])
+
+
+def _register(kind: str) -> Callable[[Robot, int], float]:
+    def read(self: Robot, address: int) -> float:
+        registers: list[float] = getattr(self.robot, kind)
+        return registers[_number(address, len(registers))]
+
+    return read
 
 
 def _accepted(*_: Datum, **__: Datum) -> None:
@@ -66,15 +76,17 @@ class Robot:
 
     # State.
 
-    get_actual_joint_positions = get_joint_positions = _joints("actual_q")
-    get_actual_joint_speeds = get_joint_speeds = _joints("actual_qd")
-    get_target_joint_positions = _joints("target_q")
-    get_target_joint_speeds = _joints("target_qd")
-    get_target_joint_accelerations = _joints("target_qdd")
+    get_actual_joint_positions = get_joint_positions = _of("arm.actual_q", Array)
+    get_actual_joint_speeds = get_joint_speeds = _of("arm.actual_qd", Array)
+    get_target_joint_positions = _of("arm.target_q", Array)
+    get_target_joint_speeds = _of("arm.target_qd", Array)
+    get_tcp_force = _of("force", Array)
+    is_steady = _of("arm.is_still")
+    get_target_joint_accelerations = _of("arm.target_qdd", Array)
     get_actual_tcp_pose = _tool("actual_TCP_pose")
     get_target_tcp_pose = get_target_waypoint = _tool("target_TCP_pose")
-    get_actual_tcp_speed = _tool_speed("actual_TCP_speed")
-    get_target_tcp_speed = _tool_speed("target_TCP_speed")
+    get_actual_tcp_speed = _tool("actual_TCP_speed", Array)
+    get_target_tcp_speed = _tool("target_TCP_speed", Array)
 
     def get_actual_joint_positions_history(self, steps: int = 0) -> Array:
         history = self.robot.history
@@ -92,9 +104,6 @@ class Robot:
     def get_controller_temp(self) -> float:
         return 28.0
 
-    def get_tcp_force(self) -> Array:
-        return Array(self.robot.force)
-
     def force(self) -> float:
         x, y, z = self.robot.force[:3]
         return float((x * x + y * y + z * z) ** 0.5)
@@ -107,9 +116,6 @@ class Robot:
 
     def get_steptime(self) -> float:
         return TICK * self.robot.behaviour.cycle_ticks
-
-    def is_steady(self) -> bool:
-        return self.robot.arm.is_still
 
     def get_freedrive_status(self) -> int:
         return 0
@@ -145,11 +151,13 @@ class Robot:
 
     # Tool and safety.
 
+    get_tcp_offset = _of("tool.offset", Pose)
+    get_target_payload = _of("payload")
+    get_target_payload_cog = _of("payload_cog", Array)
+    get_target_payload_inertia = _of("payload_inertia", Array)
+
     def set_tcp(self, pose: Datum, tcp_name: str = "") -> None:
         self.robot.tool.offset = finite(pose)
-
-    def get_tcp_offset(self) -> Pose:
-        return Pose(self.robot.tool.offset)
 
     def set_payload(self, m: float, cog: Datum = None) -> None:
         self.set_target_payload(m, self.robot.payload_cog if cog is None else cog)
@@ -167,15 +175,6 @@ class Robot:
         self.robot.payload_cog = finite(cog, 3)
         if inertia is not None:
             self.robot.payload_inertia = finite(inertia)
-
-    def get_target_payload(self) -> float:
-        return self.robot.payload
-
-    def get_target_payload_cog(self) -> Array:
-        return Array(self.robot.payload_cog)
-
-    def get_target_payload_inertia(self) -> Array:
-        return Array(self.robot.payload_inertia)
 
     def set_gravity(self, d: Datum) -> None:
         self.robot.gravity = finite(d, 3)
@@ -219,19 +218,9 @@ class Robot:
     get_configurable_digital_in = _digital("digital_inputs", 8, 8)
     get_tool_digital_in = _digital("digital_inputs", 16, 2)
     set_analog_out = set_standard_analog_out = _analog_out
-
-    def get_standard_analog_in(self, n: int) -> float:
-        return self.robot.analog_inputs[_number(n, 2)]
-
-    def get_tool_analog_in(self, n: int) -> float:
-        return self.robot.analog_inputs[2 + _number(n, 2)]
-
-    get_analog_in = get_standard_analog_in
-
-    def get_standard_analog_out(self, n: int) -> float:
-        return self.robot.analog_outputs[_number(n, 2)]
-
-    get_analog_out = get_standard_analog_out
+    get_analog_in = get_standard_analog_in = _analog("analog_inputs")
+    get_tool_analog_in = _analog("analog_inputs", 2)
+    get_analog_out = get_standard_analog_out = _analog("analog_outputs")
 
     def set_analog_outputdomain(self, port: int, domain: int) -> None:
         bit = 1 << 2 + _number(port, 2)
@@ -251,23 +240,12 @@ class Robot:
 
     # Registers.
 
-    def read_input_integer_register(self, address: int) -> int:
-        return self.robot.input_ints[_number(address, len(self.robot.input_ints))]
-
-    def read_input_float_register(self, address: int) -> float:
-        return self.robot.input_doubles[_number(address, len(self.robot.input_doubles))]
-
-    def read_input_boolean_register(self, address: int) -> bool:
-        return bool(self.robot.input_bits >> _number(address, 128) & 1)
-
-    def read_output_integer_register(self, address: int) -> int:
-        return self.robot.output_ints[_number(address, len(self.robot.output_ints))]
-
-    def read_output_float_register(self, address: int) -> float:
-        return self.robot.output_doubles[_number(address, len(self.robot.output_doubles))]
-
-    def read_output_boolean_register(self, address: int) -> bool:
-        return bool(self.robot.output_bits >> _number(address, 128) & 1)
+    read_input_integer_register = _register("input_ints")
+    read_input_float_register = _register("input_doubles")
+    read_input_boolean_register = _digital("input_bits", 0, 128)
+    read_output_integer_register = _register("output_ints")
+    read_output_float_register = _register("output_doubles")
+    read_output_boolean_register = _digital("output_bits", 0, 128)
 
     def write_output_integer_register(self, address: int, value: int) -> None:
         if not -_INT32 <= value < _INT32:

@@ -14,19 +14,38 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import CodeType
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 from emulated_ur.urscript.lexer import ScriptError, Token, tokens
 
 FILE = "<urscript>"
 
-_COMPARISONS: dict[str, type[ast.cmpop]] = {
-    "==": ast.Eq, "!=": ast.NotEq, "<": ast.Lt, "<=": ast.LtE, ">": ast.Gt, ">=": ast.GtE,
-}  # fmt: skip
-_SUMS: dict[str, type[ast.operator]] = {"+": ast.Add, "-": ast.Sub}
-_PRODUCTS: dict[str, type[ast.operator]] = {"*": ast.Mult, "/": ast.Div, "%": ast.Mod}
+_Builder = Callable[[ast.expr, ast.expr], ast.expr]
 
-_Placed = TypeVar("_Placed", bound="ast.expr | ast.stmt")
+
+def _joined(kind: type[ast.boolop]) -> _Builder:
+    return lambda left, right: ast.BoolOp(kind(), [left, right])
+
+
+def _compared(kind: type[ast.cmpop]) -> _Builder:
+    return lambda left, right: ast.Compare(left, [kind()], [right])
+
+
+def _computed(kind: type[ast.operator]) -> _Builder:
+    return lambda left, right: ast.BinOp(left, kind(), right)
+
+
+_LEVELS: tuple[dict[str, _Builder], ...] = (
+    {"or": _joined(ast.Or), "xor": _compared(ast.NotEq)},
+    {"and": _joined(ast.And)},
+    {"==": _compared(ast.Eq), "!=": _compared(ast.NotEq), "<": _compared(ast.Lt),
+     "<=": _compared(ast.LtE), ">": _compared(ast.Gt), ">=": _compared(ast.GtE)},
+    {"+": _computed(ast.Add), "-": _computed(ast.Sub)},
+    {"*": _computed(ast.Mult), "/": _computed(ast.Div), "%": _computed(ast.Mod)},
+)  # fmt: skip
+"""Operators, those that bind least first; ``not`` stands before a comparison."""
+
+_NOT = 2
 
 
 @dataclass(frozen=True)
@@ -153,11 +172,6 @@ class _Compiler:
             f"syntax_error_on_line:{token.line}:{source}: {why}", token.line, token.column
         )
 
-    def _placed(self, node: _Placed, token: Token) -> _Placed:
-        node.lineno = node.end_lineno = token.line
-        node.col_offset = node.end_col_offset = token.column
-        return node
-
     # Programs and functions.
 
     def program(self) -> Script:
@@ -206,7 +220,8 @@ class _Compiler:
     def _definition(self, name: str, body: list[ast.stmt], token: Token) -> ast.FunctionDef:
         node = cast("ast.FunctionDef", ast.parse(f"def {name}(): pass").body[0])
         node.body = body or node.body
-        return self._placed(node, token)
+        node.lineno = node.end_lineno = token.line
+        return node
 
     def _resolve(self) -> None:
         """Say of every name whose it is, and of every function whether it takes time.
@@ -244,7 +259,7 @@ class _Compiler:
             if one.function(name):
                 for keyword in call.keywords:
                     keyword.arg = f"v_{keyword.arg}"
-                call.func = self._placed(ast.Name(f"f_{name}", ast.Load()), token)
+                call.func = ast.Name(f"f_{name}", ast.Load())
             else:
                 self._check_arguments(call, name, token)
         lasting = {id(call) for call, name, _ in one.calls if self._lasts(one, name)}
@@ -292,7 +307,8 @@ class _Compiler:
             if self._is("def", "thread"):
                 self._function()
             else:
-                body.append(self._placed(self._statement(), token))
+                body.append(self._statement())
+                body[-1].lineno = body[-1].end_lineno = token.line
 
     def _statement(self) -> ast.stmt:
         token = self._next
@@ -300,7 +316,7 @@ class _Compiler:
             return self._assignment_or_call()
         word = self._take().text
         if word == "if":
-            return self._if(token)
+            return self._if()
         if word == "while":
             return self._while()
         if word in ("global", "local"):
@@ -313,44 +329,44 @@ class _Compiler:
         if word in ("kill", "join"):
             thread = self._expression()
             if word == "kill":
-                return ast.Expr(self._helper("kill", token, thread))
+                return ast.Expr(_helper("kill", thread))
             self._here.takes_time = True
-            return ast.Expr(self._placed(ast.YieldFrom(self._helper("join", token, thread)), token))
+            return ast.Expr(ast.YieldFrom(_helper("join", thread)))
         if word in ("halt", "enter_critical", "exit_critical"):
             if self._accept("("):
                 self._expect(")")
-            return ast.Expr(self._helper("halt", token)) if word == "halt" else ast.Pass()
+            return ast.Expr(_helper("halt")) if word == "halt" else ast.Pass()
         self._at -= 1
         if word in ("run", "not", "True", "False"):
             return ast.Expr(self._expression())
         raise self._wrong("expected a statement")
 
-    def _if(self, token: Token) -> ast.stmt:
+    def _if(self) -> ast.stmt:
         test = self._expression()
         self._expect(":")
         body = self._block("elif", "else", "end") or [ast.Pass()]
         otherwise: list[ast.stmt] = []
-        then = self._next
+        line = self._next.line
         if self._accept("elif"):
-            otherwise = [self._placed(self._if(then), then)]
+            otherwise = [self._if()]
+            otherwise[0].lineno = otherwise[0].end_lineno = line
         elif self._accept("else"):
             self._expect(":")
             otherwise = self._block("end")
             self._expect("end")
         else:
             self._expect("end")
-        return self._placed(ast.If(test, body, otherwise), token)
+        return ast.If(test, body, otherwise)
 
     def _while(self) -> ast.stmt:
-        token = self._next
         test = self._expression()
         self._expect(":")
         body = self._block("end")
         self._expect("end")
         # A loop that never waits is interrupted, so that the others get their turn.
         self._here.takes_time = True
-        pause = ast.If(self._helper("tired", token), [ast.Expr(ast.Yield())], [])
-        return ast.While(test, [self._placed(pause, token), *body], [])
+        pause = ast.If(_helper("tired"), [ast.Expr(ast.Yield())], [])
+        return ast.While(test, [pause, *body], [])
 
     def _declaration(self, word: str) -> ast.stmt:
         name = self._name()
@@ -364,10 +380,9 @@ class _Compiler:
         self._here.assigned.add(name.text)
         if not self._accept("="):
             return ast.Pass()
-        return ast.Assign([self._variable(name, ast.Store())], self._expression())
+        return ast.Assign([_variable(name.text, ast.Store())], self._expression())
 
     def _assignment_or_call(self) -> ast.stmt:
-        token = self._next
         target = self._postfix()
         if not self._accept("="):
             if not isinstance(target, (ast.Call, ast.YieldFrom)):
@@ -375,79 +390,44 @@ class _Compiler:
             return ast.Expr(target)
         value = self._expression()
         while isinstance(target, ast.Subscript):
-            value = self._helper("replaced", token, target.value, target.slice, value)
+            value = _helper("replaced", target.value, target.slice, value)
             target = target.value
         if not isinstance(target, ast.Name):
             self._at = max(0, self._at - 1)
             raise self._wrong("expected a variable to assign to")
         self._here.assigned.add(target.id.removeprefix("v_"))
-        return ast.Assign([self._placed(ast.Name(target.id, ast.Store()), token)], value)
+        return ast.Assign([ast.Name(target.id, ast.Store())], value)
 
     # Expressions.
 
-    def _expression(self) -> ast.expr:
-        self._skip_lines()
-        left = self._conjunction()
-        while self._is("or", "xor"):
-            token = self._take()
+    def _expression(self, level: int = 0) -> ast.expr:
+        if level == len(_LEVELS):
+            return self._unary()
+        if level == 0:
             self._skip_lines()
-            right = self._conjunction()
-            node = (
-                ast.BoolOp(ast.Or(), [left, right]) if token.text == "or"
-                else ast.Compare(left, [ast.NotEq()], [right])
-            )  # fmt: skip
-            left = self._placed(node, token)
-        return left
-
-    def _conjunction(self) -> ast.expr:
-        left = self._negation()
-        while self._is("and"):
-            token = self._take()
+        if level == _NOT and self._accept("not"):
+            return ast.UnaryOp(ast.Not(), self._expression(level))
+        left = self._expression(level + 1)
+        while self._is(*_LEVELS[level]):
+            build = _LEVELS[level][self._take().text]
             self._skip_lines()
-            left = self._placed(ast.BoolOp(ast.And(), [left, self._negation()]), token)
-        return left
-
-    def _negation(self) -> ast.expr:
-        if self._is("not"):
-            token = self._take()
-            return self._placed(ast.UnaryOp(ast.Not(), self._negation()), token)
-        left = self._sum()
-        if self._is(*_COMPARISONS):
-            token = self._take()
-            self._skip_lines()
-            node = ast.Compare(left, [_COMPARISONS[token.text]()], [self._sum()])
-            return self._placed(node, token)
-        return left
-
-    def _sum(self) -> ast.expr:
-        return self._chain(_SUMS, lambda: self._chain(_PRODUCTS, self._unary))
-
-    def _chain(
-        self, signs: Mapping[str, type[ast.operator]], operand: Callable[[], ast.expr]
-    ) -> ast.expr:
-        left = operand()
-        while self._is(*signs):
-            token = self._take()
-            self._skip_lines()
-            left = self._placed(ast.BinOp(left, signs[token.text](), operand()), token)
+            left = build(left, self._expression(level + 1))
         return left
 
     def _unary(self) -> ast.expr:
         if self._is("-", "+"):
-            token = self._take()
-            sign = ast.USub() if token.text == "-" else ast.UAdd()
-            return self._placed(ast.UnaryOp(sign, self._unary()), token)
+            sign = ast.USub() if self._take().text == "-" else ast.UAdd()
+            return ast.UnaryOp(sign, self._unary())
         return self._postfix()
 
     def _postfix(self) -> ast.expr:
         node = self._atom()
-        while self._is("["):
-            token = self._take()
+        while self._accept("["):
             places = self._items("]")
             if not 1 <= len(places) <= 2:
                 raise self._wrong("expected an index, or a row and a column")
             index = places[0] if len(places) == 1 else ast.Tuple(places, ast.Load())
-            node = self._placed(ast.Subscript(node, self._placed(index, token), ast.Load()), token)
+            node = ast.Subscript(node, index, ast.Load())
         return node
 
     def _items(self, closing: str) -> list[ast.expr]:
@@ -461,9 +441,9 @@ class _Compiler:
     def _atom(self) -> ast.expr:
         token = self._take()
         if token.kind == "number":
-            return self._placed(ast.Constant(self._number(token)), token)
+            return ast.Constant(self._number(token))
         if token.kind == "string":
-            return self._placed(ast.Constant(token.text[1:-1]), token)
+            return ast.Constant(token.text[1:-1])
         if token.kind == "name":
             if self._accept("("):
                 return self._call(token)
@@ -472,23 +452,23 @@ class _Compiler:
                 self._take()
                 numbers = self._items("]")
                 if len(numbers) == 6:
-                    return self._helper("pose", token, self._list(numbers, token))
+                    return _helper("pose", ast.Tuple(numbers, ast.Load()))
                 self._at = begin  # a variable of that name, and an index
                 del self._here.reads[depth:]
             self._here.reads.append((token.text, token))
-            return self._variable(token, ast.Load())
+            return _variable(token.text, ast.Load())
         if token.text in ("True", "False"):
-            return self._placed(ast.Constant(token.text == "True"), token)
+            return ast.Constant(token.text == "True")
         if token.text == "(":
             inside = self._expression()
             self._expect(")")
             return inside
         if token.text == "[":
-            return self._helper("array", token, self._list(self._items("]"), token))
+            return _helper("array", ast.Tuple(self._items("]"), ast.Load()))
         if token.text == "run":
             name = self._name()
             self._expect("(")
-            return self._helper("run", token, self._call(name))
+            return _helper("run", self._call(name))
         self._at -= token.kind != "end"
         raise self._wrong("expected a value")
 
@@ -516,20 +496,17 @@ class _Compiler:
                 positional.append(self._expression())
             if not self._is(")"):
                 self._expect(",")
-        function = self._placed(ast.Name(name.text, ast.Load()), name)
-        call = self._placed(ast.Call(function, positional, named), name)
+        call = ast.Call(ast.Name(name.text, ast.Load()), positional, named)
         self._here.calls.append((call, name.text, name))
         return call
 
-    def _list(self, items: list[ast.expr], token: Token) -> ast.expr:
-        return self._placed(ast.Tuple(items, ast.Load()), token)
 
-    def _variable(self, token: Token, use: ast.expr_context) -> ast.expr:
-        return self._placed(ast.Name(f"v_{token.text}", use), token)
+def _variable(name: str, use: ast.expr_context) -> ast.Name:
+    return ast.Name(f"v_{name}", use)
 
-    def _helper(self, name: str, token: Token, *arguments: ast.expr) -> ast.Call:
-        function = self._placed(ast.Name(f"h_{name}", ast.Load()), token)
-        return self._placed(ast.Call(function, list(arguments), []), token)
+
+def _helper(name: str, *arguments: ast.expr) -> ast.Call:
+    return ast.Call(ast.Name(f"h_{name}", ast.Load()), list(arguments), [])
 
 
 class _Waits(ast.NodeTransformer):
@@ -547,4 +524,4 @@ class _Waits(ast.NodeTransformer):
         self.generic_visit(node)
         if id(node) not in self._lasting:
             return node
-        return ast.copy_location(ast.YieldFrom(node), node)
+        return ast.YieldFrom(node)
