@@ -450,10 +450,7 @@ def _timed(
     """Return the motion along one keyframe path as quickly as the limits permit.
 
     Args:
-        job: what to plan.
-        path: to go along.
         known: the first profile, if there is one.
-        name: of the motion.
         has_rests: whether to begin and end at rest, and to rest at corners.
     """
     total, period = job.request.total, job.period
@@ -492,7 +489,6 @@ def timed(
     Args:
         make: times the path by limits and a share of acceleration and jerk to use.
         certify: makes the whole motion and holds it against its limits.
-        limits: to keep.
         share: of acceleration and jerk to begin with.
         is_even: whether the pace is even, which has a reserve to stop with, and is found from few
             of the records: what they exceed is not a little then.

@@ -94,9 +94,7 @@ def phases_of_turn(
     """Return the phases of the quickest turn from rest to rest about an axis that can be stopped.
 
     Args:
-        axis: of the turn in the body frame, a unit vector.
         turn: how far, rad, positive.
-        limits: to keep, with a reserve to brake with; that of the acceleration is finite.
         share: of the acceleration to use.
         jerk_share: of the jerk.
         is_part: whether it is one of a longer motion.
@@ -170,8 +168,6 @@ def turned_at_once(
 
     Args:
         keyframe_path: the path.
-        limits: to keep.
-        share: of acceleration and jerk to use.
     """
     is_free = keyframe_path.positions.is_held and math.isfinite(limits.acceleration)
     if not (is_free and keyframe_path.is_from_rest_to_rest):
