@@ -198,10 +198,9 @@ def _to_single(job: PlanJob, name: str, tried: _Tried) -> None:
     if request.total is not None and not is_turn:
         raise PlanError("a single keyframe is reached in a duration by turning from rest only")
     if is_turn:
-        if request.total is not None or not job.is_even:
-            tried.attempt("the quickest turn", partial(_turn, job, target, name))
-        if request.total is None and tried.best is None:
-            tried.attempt("an even pace", partial(job.evenly().motion, target, name))
+        tried.attempt("the quickest turn", partial(_turn, job, target, name))
+        if tried.best is None and request.total is None and not job.is_even:
+            tried.attempt("an even pace", partial(_turn, job.evenly(), target, name))
         return
     tried.attempt("a connector", partial(job.motion, target, name))
     if tried.best is None or not resting.arrives(start, target.q, job.limits):

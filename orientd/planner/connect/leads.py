@@ -33,7 +33,7 @@ from orientd.planner.limits import LONGEST, Limits, is_still
 from orientd.planner.path import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY, PositionPath
 from orientd.planner.request import State
 from orientd.planner.timing import CAREFUL_JERK_SHARE, SHARE, phases_of_turn
-from orientd.rotation import Floats, align, angle, between, log_half, nearer_sign
+from orientd.rotation import Floats, angle, nearer_sign
 
 SAME_PLACE = 1e-12  # rad and m
 _SLACK = 1e-9  # of a period
@@ -312,7 +312,7 @@ def approach(
     )
     check_lead("an approach", duration)
     w = np.zeros((FACTORS, 3))
-    w[2] = log_half(between(*align([q0, q1])))
+    w[2] = 0.5 * turn * axis
     return join(q0, w, duration)
 
 

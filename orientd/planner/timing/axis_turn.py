@@ -33,7 +33,7 @@ USUAL_STOP, LONGEST_STOP = 6.0, 24.0
 """Seconds that a stop on a longer motion may take, and how many where the device itself is slow to
 stop: as much of a path is read ahead."""
 
-_SLOWER_STOP = 8.0
+_SLOWER_STOP = 7.2
 """Times as long as with all of the limits a stop may take beyond the usual one."""
 
 _ONE_WAY = 1e-9  # of the velocity, by which it may differ from the one along the axis
