@@ -18,7 +18,7 @@ from orientd.curves.keyframes import (
     check_quaternion,
     check_vector,
 )
-from orientd.curves.newton import differences, multistart
+from orientd.curves.newton import cross, differences, multistart
 from orientd.curves.triangles import TriangleCurve
 from orientd.errors import PlanError
 from orientd.rotation import (
@@ -399,7 +399,7 @@ def _on_kinks(normals: Floats) -> Floats:
     sides = _directions(np.pad(normals, ((0, 0), (0, 3))))
     around = np.swapaxes(sides @ np.stack([np.cos(angles), np.sin(angles)]), 1, 2)
     i, j = np.triu_indices(len(normals), 1)
-    corners = _unit(np.cross(normals[i], normals[j]))
+    corners = _unit(cross(normals[i], normals[j]))
     tangents = np.concatenate([around.reshape(-1, 3), corners, -corners])
     return np.hstack(
         [tangents, np.concatenate([normals.repeat(AROUND, 0), normals[i], normals[i]])]
@@ -413,9 +413,9 @@ def _directions(state: Floats) -> Floats:
     """
     x, normal = state[:, :3], state[:, 3:]
     is_free = ~normal.any(axis=1, keepdims=True)
-    side = np.cross(x, np.where(is_free, np.eye(3)[np.argmin(np.abs(x), axis=1)], -normal))
+    side = cross(x, np.where(is_free, np.eye(3)[np.argmin(np.abs(x), axis=1)], -normal))
     side = _unit(side)
-    return np.stack([side, np.where(is_free, np.cross(x, side), 0.0)], axis=2)
+    return np.stack([side, np.where(is_free, cross(x, side), 0.0)], axis=2)
 
 
 def _unit(vectors: Floats) -> Floats:

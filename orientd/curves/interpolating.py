@@ -68,7 +68,8 @@ def interpolate(
     """
     steps = _NO_STEPS
     if turns is not None:
-        steps, keys = with_turns(increments(keys), keys, turns)
+        turned, keys = with_turns(increments(keys), keys, turns)
+        steps = turned if np.any(turns) else _NO_STEPS
     known = [(omega is not None) + (alpha is not None) for omega, alpha in ends]
     given = np.array([[_FREE if vector is None else vector for vector in end] for end in ends])
     spans = len(keys) - 1 + (order % 2 if order != 4 else (known[0] == 2) + (known[1] == 2))

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.kernels import put_steps
-from orientd.rotation import ROUNDING, Floats, align
+from orientd.rotation import ROUNDING, Floats, align, between, log_half
 from orientd.tolerances import NORM_TOLERANCE
 
 EndState = tuple[Floats | None, Floats | None]
@@ -311,9 +310,7 @@ def inner_multiplicity(vector: Floats, order: int) -> int:
 
 def increments(keys: Floats) -> Floats:
     """Return the half-angle logarithms ``log(q_i^-1 q_{i+1})``, signs as given, ``(n - 1, 3)``."""
-    steps: Floats = np.empty((len(keys) - 1, 3))
-    put_steps(np.ascontiguousarray(keys, dtype=np.float64), steps)
-    return steps
+    return log_half(between(keys[:-1], keys[1:]))
 
 
 def check_turns(turns: ArrayLike, intervals: int) -> np.ndarray[Any, np.dtype[Any]]:

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from orientd.curves.contract import Ends, WithEndVelocities
 from orientd.curves.minimum_effort import MinimumEffort
-from orientd.curves.newton import Linearised, newton, solve_blocks
+from orientd.curves.newton import Linearised, cross, newton, solve_blocks
 from orientd.curves.products import Path
 from orientd.curves.starts import spline_path
 from orientd.curves.trajectory import Samples
@@ -61,7 +61,6 @@ NUDGE = 1e-7
 """By which a piece is changed for derivatives."""
 
 _STILL = np.array([1.0, 0.0, 0.0, 0.0])
-_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 class MinAcceleration(WithEndVelocities):
@@ -152,16 +151,10 @@ def _rates(state: Floats) -> Floats:
     w, v, half = turn[..., :1], turn[..., 1:], 0.5 * omega
     rates: Floats = np.empty_like(state)
     rates[..., :1] = -np.sum(v * half, axis=-1, keepdims=True)
-    rates[..., 1:4] = w * half + _cross(v, half)
+    rates[..., 1:4] = w * half + cross(v, half)
     rates[..., 4:10] = state[..., 7:]
-    rates[..., 10:] = _cross(jerk, omega)
+    rates[..., 10:] = cross(jerk, omega)
     return rates
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    """Return cross products, several times as fast as NumPy's for a few thousand vectors."""
-    product: Floats = a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
-    return product
 
 
 _FINE = Rule.of(14, 26)

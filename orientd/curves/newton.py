@@ -34,6 +34,8 @@ SHARES = np.append(0.25 ** np.arange(13.0), 0.0)
 SETTLED = 1e-9
 """A step of a descent of this length is the last."""
 
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+
 
 def largest(step: Floats) -> float:
     """Return the largest component of a step, without its sign."""
@@ -205,6 +207,12 @@ def differences(
         return gradient, hessian
 
     return derivatives
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """Return cross products, several times as fast as NumPy's for a few thousand vectors."""
+    product: Floats = a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
+    return product
 
 
 def solve_blocks(blocks: Floats, rows: Indices, columns: Indices, right: Floats) -> Floats:

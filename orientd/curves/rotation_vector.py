@@ -8,7 +8,7 @@ import numpy as np
 
 from orientd.curves.contract import Ends, WithEndVelocities
 from orientd.curves.keyframes import ParameterError, increments
-from orientd.curves.newton import Linearised, homotopy, newton, solve_blocks
+from orientd.curves.newton import Linearised, cross, homotopy, newton, solve_blocks
 from orientd.errors import PlanError
 from orientd.rotation import Floats, exp, multiply, right_jacobian, right_jacobian_inverse
 
@@ -175,10 +175,10 @@ def _bend(r: Floats, u: Floats, v: Floats) -> Floats:
         np.polynomial.polynomial.polyval(square, terms)
         for terms in (_SINE, _COSINE_RATE, _SINE_RATE)
     )
-    across = np.cross(r, v)
+    across = cross(r, v)
     square_rate = 2.0 * np.sum(r * u, axis=-1, keepdims=True)
-    bend: Floats = square_rate * (c_rate * np.cross(r, across) - b_rate * across)
-    bend += c * np.cross(u, across)
+    bend: Floats = square_rate * (c_rate * cross(r, across) - b_rate * across)
+    bend += c * cross(u, across)
     return bend
 
 

@@ -22,7 +22,6 @@ from orientd.kernels.native import (  # noqa: E402
     leave,
     linearise_effort,
     product_trajectory,
-    put_steps,
     retime_trajectory,
     sample_trajectory,
     solve_banded,

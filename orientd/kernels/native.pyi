@@ -30,7 +30,6 @@ def linearise_effort(
     missed: Floats,
     /,
 ) -> float: ...
-def put_steps(keyframes: Floats, steps: Floats, /) -> None: ...
 def solve_banded(band: Floats, lower: int, upper: int, right: Floats, /) -> bool: ...
 
 # trajectory.h
@@ -46,8 +45,6 @@ def retime_trajectory(
 def sample_trajectory(
     times: Floats, breaks: Floats, pieces: Floats, slack: float, out: Floats, /
 ) -> int: ...
-
-# sampling.h
 
 # connectors.h
 def try_joins(

@@ -140,9 +140,6 @@ def _best(
     """Return the quickest blend of those between some records.
 
     Args:
-        first: the motion before.
-        second: the motion it leads into.
-        path: of that.
         tolerance: how far from the corner it may pass, rad.
         cuts: records at which to leave the first motion and to join the second one.
         is_timed_anew: whether to run through the blend and what follows as quickly as the limits
@@ -241,10 +238,6 @@ def _followed(
     """Return a blend and what it leads into; its first time is that of the corner.
 
     Args:
-        blended: the blend, from path time 0 on.
-        start: where it begins.
-        second: the motion it leads into.
-        path: of that.
         time: path time of the second motion at which it is joined, s.
         nearest: path time at which the blend is nearest to the corner, s.
     """

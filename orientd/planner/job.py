@@ -43,10 +43,7 @@ class PlanJob:
 
     Attributes:
         request: what was asked for.
-        start: where the device is commanded to be.
-        limits: to keep: a share of the own ones where a pace is one of the quickest.
         own: what the motion is held against.
-        period: of the device, s.
         ends: velocities at the first and last keyframe.
         halt: how a position comes to rest that no keyframe asks for.
         is_even: whether the way from rest to the first keyframe keeps the reserve of an even pace,
@@ -344,11 +341,6 @@ def certified(
 
     Args:
         whole: from hold to hold, or from the state it takes over.
-        request: what it was made for.
-        start: where the device is commanded to be.
-        limits: to keep.
-        period: of the device, s.
-        motion_id: names the motion.
 
     Raises:
         LimitError: it breaks one.

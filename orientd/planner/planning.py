@@ -198,10 +198,9 @@ def _to_single(job: PlanJob, name: str, tried: _Tried) -> None:
     if request.total is not None and not is_turn:
         raise PlanError("a single keyframe is reached in a duration by turning from rest only")
     if is_turn:
-        if request.total is not None or not job.is_even:
-            tried.attempt("the quickest turn", partial(_turn, job, target, name))
-        if request.total is None and tried.best is None:
-            tried.attempt("an even pace", partial(job.evenly().motion, target, name))
+        tried.attempt("the quickest turn", partial(_turn, job, target, name))
+        if tried.best is None and request.total is None and not job.is_even:
+            tried.attempt("an even pace", partial(_turn, job.evenly(), target, name))
         return
     tried.attempt("a connector", partial(job.motion, target, name))
     if tried.best is None or not resting.arrives(start, target.q, job.limits):
@@ -450,10 +449,7 @@ def _timed(
     """Return the motion along one keyframe path as quickly as the limits permit.
 
     Args:
-        job: what to plan.
-        path: to go along.
         known: the first profile, if there is one.
-        name: of the motion.
         has_rests: whether to begin and end at rest, and to rest at corners.
     """
     total, period = job.request.total, job.period
@@ -492,7 +488,6 @@ def timed(
     Args:
         make: times the path by limits and a share of acceleration and jerk to use.
         certify: makes the whole motion and holds it against its limits.
-        limits: to keep.
         share: of acceleration and jerk to begin with.
         is_even: whether the pace is even, which has a reserve to stop with, and is found from few
             of the records: what they exceed is not a little then.

@@ -88,11 +88,6 @@ def least_with_stops(keys: Floats, limits: Limits) -> float:
 def with_stops(job: PlanJob, limits: Limits, share: float = SHARE) -> KeyframePath:
     """Return the turns from keyframe to keyframe, from rest to rest.
 
-    Args:
-        job: what to plan, without positions.
-        limits: to keep.
-        share: of acceleration and jerk to use.
-
     Raises:
         PlanError: one of them takes longer than is planned.
     """
@@ -212,7 +207,6 @@ def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> K
     """Return the path from the first keyframe to the last with connectors at its moving ends.
 
     Args:
-        job: what to plan.
         connectors: at its ends.
         between: the motion of :func:`job_between`, if there is one.
 

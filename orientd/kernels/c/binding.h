@@ -60,7 +60,6 @@ PyObject *refuse(arguments_t *taken);
 
 /* One table for each group of kernels, in py_<group>.c. */
 extern PyMethodDef interpolation_methods[];
-extern PyMethodDef sampling_methods[];
 extern PyMethodDef trajectory_methods[];
 extern PyMethodDef connectors_methods[];
 extern PyMethodDef certify_methods[];

@@ -28,6 +28,12 @@ void begin_sight(sight_t *sight, index_t boxes) {
     sight->unproven = 0, sight->boxes = boxes;
 }
 
+/* Take the rates from a setpoint. */
+static void stop_at(block_t *block, index_t i) {
+    for (index_t row = 4; row < POSITION; row++)
+        block->rows[row][i] = 0.0;
+}
+
 /* Write records of a trajectory, the first of which is at a place in the block. */
 static void sample_block(const setpoints_t *from, index_t first, index_t begin, index_t end,
                          block_t *block) {
@@ -45,18 +51,16 @@ static void sample_block(const setpoints_t *from, index_t first, index_t begin, 
         for (index_t i = 0; i < count; i++)
             to[i] = factor * found[i];
     }
-    for (index_t i = 0; i < count; i++) {
-        bool rests = (from->rests[0] && times[i] <= start)
-                  || (from->rests[1] && times[i] >= stop - AT_REST);
-        for (index_t row = 4; row < POSITION && rests; row++)
-            block->rows[row][begin + i] = 0.0;
-    }
-    for (index_t i = 0; i < count; i++) {
+    for (index_t i = 0; i < count && from->rests[0] && times[i] <= start; i++)
+        stop_at(block, begin + i);
+    for (index_t i = count - 1; i >= 0 && from->rests[1] && times[i] >= stop - AT_REST; i--)
+        stop_at(block, begin + i);
+    for (index_t axis = 0; axis < 3; axis++)
+        for (index_t i = begin; i < end; i++)
+            block->rows[POSITION + axis][i] = from->place.v[axis];
+    for (index_t i = 0; i < count && from->moves.n; i++) {
         double place[3];
-        if (from->moves.n)
-            put_move(from->move_breaks, from->moves, times[i], (move_t){place, NULL, NULL});
-        else
-            memcpy(place, from->place.v, sizeof place);
+        put_move(from->move_breaks, from->moves, times[i], (move_t){place, NULL, NULL});
         for (index_t axis = 0; axis < 3; axis++)
             block->rows[POSITION + axis][begin + i] = place[axis];
     }
@@ -82,8 +86,7 @@ index_t fill_block(const setpoints_t *from, index_t place, block_t *block) {
         sample_block(from, from->first + record, at, stop, block);
     /* What is held has no rates. */
     for (index_t i = most(at, at + from->count - record); i < stop; i++)
-        for (index_t row = 4; row < POSITION; row++)
-            block->rows[row][i] = 0.0;
+        stop_at(block, i);
     block->count = stop;
     block->unknown = stop;
     while (block->unknown > 0 && !isnan(block->rows[4][block->unknown - 1]))

@@ -88,9 +88,6 @@ enum { STATE = 10 };
 INLINE motion_t state_at(const double *row) {
     return (motion_t){quat_at(row), vec_at(row + 4), vec_at(row + 7)};
 }
-INLINE void put_state(double *row, motion_t state) {
-    put_quat(row, state.q), put_vec(row + 4, state.omega), put_vec(row + 7, state.alpha);
-}
 
 /* join.c */
 

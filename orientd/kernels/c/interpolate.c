@@ -10,7 +10,8 @@
 
 enum { MOST_ORDER = 6, MOST_FUNCTIONS = MOST_ORDER - 1 };
 
-void put_steps(matrix_t keyframes, matrix_t steps) {
+/* Write the half-angle vectors from each keyframe to the next, signs as given. */
+static void put_steps(matrix_t keyframes, matrix_t steps) {
     const double *q = keyframes.v;
     double *to = steps.v;
     INDEPENDENT

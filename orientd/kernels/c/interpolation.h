@@ -33,12 +33,6 @@ INLINE index_t spans_of(const interpolation_t *asked) {
     return asked->keys.n - 1 + asked->order % 2 + has_more(asked, 0) + has_more(asked, 1);
 }
 
-/* Write the half-angle vectors from each keyframe to the next, all digits of small ones.
- *
- * keyframes: unit quaternions with the signs wanted, shape (n, 4).
- * steps: receives the vectors, of length up to pi, shape (n - 1, 3). */
-void put_steps(matrix_t keyframes, matrix_t steps);
-
 /* Write the cumulative B-spline through keyframes, continuous to its order - 2.
  *
  * breaks: receives the ends of the S spans, shape (S + 1,).

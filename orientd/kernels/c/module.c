@@ -2,7 +2,7 @@
 #include "binding.h"
 
 static int set_up(PyObject *module) {
-    PyMethodDef *groups[] = {trajectory_methods, sampling_methods, certify_methods,
+    PyMethodDef *groups[] = {trajectory_methods, certify_methods,
                              connectors_methods, interpolation_methods, timing_methods};
     for (size_t i = 0; i < sizeof groups / sizeof *groups; i++)
         if (PyModule_AddFunctions(module, groups[i]) < 0)

@@ -72,12 +72,6 @@ INLINE double square_apart(quat_t p, quat_t q, double sign) {
     return w * w + x * x + y * y + z * z;
 }
 
-/* The angle between two orientations, in [0, pi], as orientd.rotation.angle. */
-INLINE double angle_between(quat_t p, quat_t q) {
-    double apart = square_apart(p, q, 1.0), along = square_apart(p, q, -1.0);
-    return 4.0 * atan2(sqrt(fmin(apart, along)), sqrt(fmax(apart, along)));
-}
-
 /* The quaternion of a half-angle vector. */
 INLINE quat_t exponential(vec_t v) {
     double length = norm(v);

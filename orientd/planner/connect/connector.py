@@ -76,7 +76,6 @@ def try_joins(
         first: orientations, velocities and accelerations that they begin with, shapes ``(n, 4)``,
             ``(n, 3)`` and ``(n, 3)``.
         last: those that they end with.
-        durations: s, shape ``(n,)``.
         around: velocity and acceleration may be as high as in this state, whatever the limits.
         limits: of norm and components.
 
@@ -100,9 +99,6 @@ def join_in(path: KeyframePath, start: State, *, limits: Limits, period: float) 
 
     Args:
         path: begins where the device is, with its velocity.
-        start: where the device is commanded to be.
-        limits: to keep; the path may go up to them itself.
-        period: it takes a whole number of periods, s.
 
     Raises:
         PlanError: none within the first interval keeps the limits.
@@ -142,10 +138,6 @@ def connector(
     angle between both orientations and by what it takes to come to rest from either end.
 
     Args:
-        start: where it begins.
-        end: where it ends.
-        limits: to keep.
-        period: it takes a whole number of periods, s.
         own: limits that the velocity keeps while its acceleration falls, with which it may have to
             begin; by default *limits*.
         least: it takes at least this long, s.

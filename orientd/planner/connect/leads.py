@@ -33,7 +33,7 @@ from orientd.planner.limits import LONGEST, Limits, is_still
 from orientd.planner.path import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY, PositionPath
 from orientd.planner.request import State
 from orientd.planner.timing import CAREFUL_JERK_SHARE, SHARE, phases_of_turn
-from orientd.rotation import Floats, align, angle, between, log_half, nearer_sign
+from orientd.rotation import Floats, angle, nearer_sign
 
 SAME_PLACE = 1e-12  # rad and m
 _SLACK = 1e-9  # of a period
@@ -120,13 +120,9 @@ def lead_in(
     """Return the way from a state to the first keyframe.
 
     Args:
-        start: where the device is commanded to be.
         first: at the first keyframe; its position is at rest.
-        limits: to keep.
         own: to stop within where *limits*, those of a slower pace, do not allow it.
-        period: it takes a whole number of periods, s.
         is_direct: whether to look for a connector from rest, too.
-        connection: how to connect a motion.
         is_even: whether a way from rest is to be even rather than the quickest.
 
     Raises:
@@ -172,10 +168,7 @@ def from_rest(
     """Return approach and run-up from rest, as far as they are needed.
 
     Args:
-        start: where the device holds.
         first: at the first keyframe.
-        limits: to keep.
-        period: it takes a whole number of periods, s.
         least: periods that it takes at least.
         is_even: as in :func:`lead_in`.
 
@@ -236,8 +229,6 @@ def lead_out(start: State, *, limits: Limits, period: float, may_ramp: bool = Fa
 
     Args:
         start: the state.
-        limits: to keep, with their reserve.
-        period: the duration is a whole multiple of it, s.
         may_ramp: whether the acceleration may change first, at the limit of the jerk, if the device
             is at rest sooner then.
 
@@ -264,8 +255,6 @@ def approach_cycles(turn: Trajectory | None, move: float, *, limits: Limits, per
     Args:
         turn: the one of :func:`approach`.
         move: of the position, m.
-        limits: to keep.
-        period: s.
 
     Raises:
         PlanError: it takes longer than is planned.
@@ -295,9 +284,6 @@ def approach(
     It begins at path time 0; there is none where both are the same.
 
     Args:
-        q0: where it begins.
-        q1: where it ends.
-        limits: to keep.
         is_even: whether it is to be a quintic, as long as its peaks need, instead.
         share: of the acceleration to use.
         jerk_share: of the jerk.
@@ -326,7 +312,7 @@ def approach(
     )
     check_lead("an approach", duration)
     w = np.zeros((FACTORS, 3))
-    w[2] = log_half(between(*align([q0, q1])))
+    w[2] = 0.5 * turn * axis
     return join(q0, w, duration)
 
 

@@ -49,7 +49,6 @@ def position_lead(
     Args:
         start: where it is and how it moves.
         target: where to come to rest, m; ``None`` leaves that open.
-        limits: to keep.
         period: the path takes a whole number of periods, s.
         least: preferred duration, s; taken if the limits are kept with it.
 

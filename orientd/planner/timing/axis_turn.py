@@ -33,7 +33,7 @@ USUAL_STOP, LONGEST_STOP = 6.0, 24.0
 """Seconds that a stop on a longer motion may take, and how many where the device itself is slow to
 stop: as much of a path is read ahead."""
 
-_SLOWER_STOP = 8.0
+_SLOWER_STOP = 7.2
 """Times as long as with all of the limits a stop may take beyond the usual one."""
 
 _ONE_WAY = 1e-9  # of the velocity, by which it may differ from the one along the axis
@@ -94,9 +94,7 @@ def phases_of_turn(
     """Return the phases of the quickest turn from rest to rest about an axis that can be stopped.
 
     Args:
-        axis: of the turn in the body frame, a unit vector.
         turn: how far, rad, positive.
-        limits: to keep, with a reserve to brake with; that of the acceleration is finite.
         share: of the acceleration to use.
         jerk_share: of the jerk.
         is_part: whether it is one of a longer motion.
@@ -170,8 +168,6 @@ def turned_at_once(
 
     Args:
         keyframe_path: the path.
-        limits: to keep.
-        share: of acceleration and jerk to use.
     """
     is_free = keyframe_path.positions.is_held and math.isfinite(limits.acceleration)
     if not (is_free and keyframe_path.is_from_rest_to_rest):

@@ -60,9 +60,6 @@ def pace_of(
     Only records near the largest rates are looked at; the certificate looks at everything.
 
     Args:
-        path: in any duration.
-        limits: to keep.
-        period: of the device, s.
         first: cycles to begin with; 0 begins with what the derivatives say.
         least: cycles not to go below.
         most: cycles not to go beyond; fewer than *least* look at no record at all.
@@ -103,9 +100,6 @@ def evenly_paced(
     """Return a path in the shortest time at its own pace that keeps the limits, in whole periods.
 
     Args:
-        path: in any duration.
-        limits: to keep, with their reserve.
-        period: of the device, s.
         intervals: between the keyframes that it passes.
         longest: that it may take, s.
 
@@ -140,8 +134,6 @@ def evenly_made(
     Args:
         make: makes the path that takes a duration, s.
         guess: a first duration, s.
-        limits: to keep, with their reserve.
-        period: of the device, s; the path takes a whole number of them.
         longest: that it may take, s.
 
     Returns:

@@ -100,7 +100,6 @@ def chord_knots(request: MotionRequest, limits: Limits, *, is_uniform: bool) -> 
     """Return times for the keyframes of a request that gives none.
 
     Args:
-        request: without times.
         limits: weigh turns against moves.
         is_uniform: equal intervals instead, for curves that do not interpolate.
 
@@ -143,10 +142,8 @@ def chosen_knots(
     That curve leaves rest with an acceleration, since the pace along it is yet to be found.
 
     Args:
-        request: from rest to rest.
         knots: by chord length.
         duration: of the curve to be made, s.
-        limits: to keep, with what is kept in reserve.
 
     Returns:
         ``None`` where other times are not tried: where the method is another one, a position moves,

@@ -103,10 +103,6 @@ def profiles(
     """Return the quickest profiles of the parts of a path.
 
     Args:
-        path: to be timed.
-        limits: to keep.
-        period: of the device, s.
-        share: of the limits of acceleration and jerk to use.
         rests: knots between which there are parts, both ends included, s, shape ``(p + 1,)``: each
             of them is from rest to rest.  ``None`` leaves the path in one part, with its ends as
             they are.
@@ -178,10 +174,6 @@ def quickest(
 
     Args:
         path: with continuous acceleration, or at rest at its corners.
-        limits: to keep.
-        period: of the device, s.
-        share: of the limits of acceleration and jerk to use.
-        known: a first profile, as for :func:`profiles`.
         has_rests: whether to begin and end at rest, and to rest at corners.
 
     Raises:
@@ -214,12 +206,7 @@ def lasting(
     """Return a path in a longer time than the shortest, with the same velocities at its ends.
 
     Args:
-        path: what was timed.
-        quick: what :func:`quickest` made of it.
-        limits: as for :func:`quickest`.
-        period: as for :func:`quickest`.
         total: how long it is to take, s.
-        share: as for :func:`quickest`.
 
     Raises:
         TotalError: the shortest time is longer.

@@ -9,8 +9,9 @@ from reference.keyframe_equations import effort, keyframe_equations
 from orientd import kernels
 from orientd.curves import METHODS
 from orientd.curves.basis import cumulative_basis
+from orientd.curves.keyframes import increments
 from orientd.curves.newton import solve_banded
-from orientd.rotation import align, between, log_half
+from orientd.rotation import between
 
 ENDS = ["natural", "clamped", "state"]
 
@@ -98,8 +99,7 @@ def test_steps_have_all_digits_at_both_sides_of_every_seam():
     axis = np.array([2.0, -1.0, 2.0]) / 3.0
     keys = np.array([[np.cos(x), *np.sin(x) * axis] for x in angles if 0.0 <= x <= np.pi])
     for q in keys:
-        steps = np.empty((1, 3))
-        kernels.put_steps(np.stack([[1.0, 0.0, 0.0, 0.0], q]), steps)
+        steps = increments(np.stack([[1.0, 0.0, 0.0, 0.0], q]))
         turn = [mpmath.mpf(float(x)) for x in between([1.0, 0.0, 0.0, 0.0], q)]
         length = mpmath.sqrt(sum(x * x for x in turn[1:]))
         if not length:
@@ -111,18 +111,7 @@ def test_steps_have_all_digits_at_both_sides_of_every_seam():
                 assert abs(mpmath.mpf(float(found)) - factor * part) <= 9e-16 * abs(factor * part)
 
 
-def test_steps_are_logarithms_of_turns():
-    keys = align(np.random.default_rng(1).normal(size=(101, 4)))
-    keys /= np.linalg.norm(keys, axis=1)[:, None]
-    steps = np.empty((100, 3))
-    kernels.put_steps(keys, steps)
-    assert np.abs(steps - log_half(between(keys[:-1], keys[1:]))).max() <= 1e-15
-
-
 def test_shapes_that_do_not_belong_together_are_refused():
-    keys, steps = np.zeros((5, 4)), np.zeros((5, 3))
-    with pytest.raises(ValueError, match="shapes"):
-        kernels.put_steps(keys, steps)
     with pytest.raises(ValueError, match="shapes"):
         kernels.solve_banded(np.ones((3, 4)), 1, 1, np.ones((3, 1)))
 
