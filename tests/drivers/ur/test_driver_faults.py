@@ -190,9 +190,10 @@ def test_garbage_on_the_link_is_named_and_recovered_from(ur_robot):
         streaming(device)
         ur_robot.ask("garbage 7")
         fault, text, _ = fault_of(device)
-        assert fault is Fault.SERVO_DIED
-        # The client library itself may not survive what it reads.
+        # The client library may not survive what it reads; which of its threads is first decides.
+        assert fault in (Fault.SERVO_DIED, Fault.LINK_LOST)
         told = (
+            "closed the connection",
             f"no RTDE packages: see what the controller at {ur_robot.host} sends",
             "the client library crashed",
         )
