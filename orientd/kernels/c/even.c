@@ -16,7 +16,7 @@ enum {
     GAP = 256,              /* records that cost less than another beginning */
     MARGIN = 4,             /* records on either side of a spot */
     END_KNOTS = 10,         /* to which the ends of a path reach, whatever the duration */
-    MOST_RECORDS = 30000000, /* to look at in all */
+    MOST_RECORDS = 20000000, /* to look at in all */
     MOST_ATTEMPTS = 60,
     MOST_PREDICTIONS = 8,   /* attempts that trust the prediction; then bisection */
 };

@@ -141,13 +141,10 @@ class Motions:
         yield from self.stopj(a)
 
     def sleep(self, t: float) -> Ticks:
-        for _ in range(round(finite((t,), 1)[0] / TICK)):
-            yield from self.sync()
+        yield from self._wait(round(finite((t,), 1)[0] / TICK))
 
     def sync(self) -> Ticks:
-        if self.program.script.is_secondary:
-            raise ScriptError(_SECONDARY)
-        yield
+        yield from self._wait(self.robot.behaviour.cycle_ticks)
 
     def force_mode(
         self,
@@ -182,6 +179,12 @@ class Motions:
         return int(self.robot.is_touching)
 
     # What these are made of.
+
+    def _wait(self, ticks: int) -> Ticks:
+        if self.program.script.is_secondary:
+            raise ScriptError(_SECONDARY)
+        for _ in range(ticks):
+            yield
 
     def _press(self) -> None:
         """Give way to the forces of force mode, until something is touched."""
