@@ -6,12 +6,14 @@
 
 enum {
     FALLS = 2,    /* ramps in which an acceleration falls, at most */
-    GUESSES = 4,
-    GUESSES_FROM_STEADY = 2,  /* where nothing accelerates at the beginning */
+    GUESSES = 5,
+    GUESSES_FROM_STEADY = 3,  /* where nothing accelerates at the beginning */
 };
 
 /* Rates at the ends, and durations, of guesses, as shares: see guess_connector. */
-static const double guesses[GUESSES][2] = {{1.0, 0.6}, {0.0, 1.3}, {1.0, 0.25}, {1.0, 0.0}};
+static const double guesses[GUESSES][2] = {
+    {1.0, 0.6}, {0.0, 1.3}, {1.0, 1.0}, {1.0, 0.25}, {1.0, 0.0},
+};
 
 #define LONGER 8.0        /* times a guess of how long a connector takes */
 #define VERGE 0.99        /* of the velocity: what rises beyond has to let its acceleration fall */
