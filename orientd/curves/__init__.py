@@ -15,11 +15,17 @@ if TYPE_CHECKING:
     from orientd.curves.axis_turn import AxisTurn
     from orientd.curves.basis import CumulativeBasis, Indices, cumulative_basis
     from orientd.curves.comparison import MET, Candidate, Figures, compare, measure, ranked
-    from orientd.curves.contract import METHODS, Curve, is_same
+    from orientd.curves.contract import METHODS, Curve
     from orientd.curves.fitting import Fit, fit_orientations
     from orientd.curves.hermite import KksHermite
     from orientd.curves.interpolating import C2Cumulative, KksInterpolating
-    from orientd.curves.keyframes import ParameterError, check_keys, resolve_knots, resolve_times
+    from orientd.curves.keyframes import (
+        ParameterError,
+        check_keys,
+        is_same,
+        resolve_knots,
+        resolve_times,
+    )
     from orientd.curves.products import KksBspline
     from orientd.curves.roles import (
         CurveTask,
@@ -50,13 +56,14 @@ __getattr__ = lazily(
             "Indices",
             "cumulative_basis",
         ),
-        "orientd.curves.contract": ("METHODS", "Curve", "is_same"),
+        "orientd.curves.contract": ("METHODS", "Curve"),
         "orientd.curves.fitting": ("Fit", "fit_orientations"),
         "orientd.curves.hermite": ("KksHermite",),
         "orientd.curves.interpolating": ("C2Cumulative", "KksInterpolating"),
         "orientd.curves.keyframes": (
             "ParameterError",
             "check_keys",
+            "is_same",
             "resolve_knots",
             "resolve_times",
         ),

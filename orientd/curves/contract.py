@@ -8,7 +8,6 @@ the parameters that many take, evaluation, equality.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import fields, is_dataclass
 from functools import cache, cached_property
 from importlib import import_module
 from inspect import Parameter, Signature, signature
@@ -27,6 +26,7 @@ from orientd.curves.keyframes import (
     check_integer,
     check_interval,
     check_quaternion,
+    is_same,
     resolve_knots,
     resolve_times,
 )
@@ -366,28 +366,6 @@ def _kept(value: object) -> object:
         return value
     value.setflags(write=False)
     return value
-
-
-def is_same(one: object, other: object) -> bool:
-    """Return whether two values were made of the same: arrays and lists by their entries."""
-    if one is other:
-        return True
-    if isinstance(one, np.ndarray | list | tuple) or isinstance(other, np.ndarray | list | tuple):
-        return _has_same_entries(one, other)
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return one.keys() == other.keys() and all(is_same(one[key], other[key]) for key in one)
-    if type(one) is type(other) and is_dataclass(one) and type(one).__eq__ is object.__eq__:
-        names = [entry.name for entry in fields(one) if entry.compare]
-        return all(is_same(getattr(one, name), getattr(other, name)) for name in names)
-    return bool(one == other)
-
-
-def _has_same_entries(one: Any, other: Any) -> bool:  # noqa: ANN401
-    try:
-        return np.array_equal(np.asarray(one), np.asarray(other), equal_nan=True)
-    except (TypeError, ValueError):
-        # Of several kinds, or of several lengths.
-        return len(one) == len(other) and all(map(is_same, one, other))
 
 
 def _in_short(value: object) -> str:

@@ -1,5 +1,7 @@
 """Checks of the parameters that curve families share: keyframes, times, knots, ends, choices.
 
+And whether two sets of parameters are the same.
+
 Every check returns the parameter as an array or number of its own, or raises a
 :class:`ParameterError` that says the parameter, what was allowed and what came.
 """
@@ -8,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -340,3 +343,25 @@ def with_turns(steps: Floats, keys: Floats, turns: ArrayLike) -> tuple[Floats, F
     longer = steps * (1.0 + count * math.pi / np.where(lengths > 0.0, lengths, 1.0))[:, None]
     signs = np.cumprod(np.concatenate([[1.0], np.where(count % 2 == 0, 1.0, -1.0)]))
     return longer, keys * signs[:, None]
+
+
+def is_same(one: object, other: object) -> bool:
+    """Return whether two values were made of the same: arrays and lists by their entries."""
+    if one is other:
+        return True
+    if isinstance(one, np.ndarray | list | tuple) or isinstance(other, np.ndarray | list | tuple):
+        return _has_same_entries(one, other)
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(is_same(one[key], other[key]) for key in one)
+    if type(one) is type(other) and is_dataclass(one) and type(one).__eq__ is object.__eq__:
+        names = [entry.name for entry in fields(one) if entry.compare]
+        return all(is_same(getattr(one, name), getattr(other, name)) for name in names)
+    return bool(one == other)
+
+
+def _has_same_entries(one: Any, other: Any) -> bool:  # noqa: ANN401
+    try:
+        return np.array_equal(np.asarray(one), np.asarray(other), equal_nan=True)
+    except (TypeError, ValueError):
+        # Of several kinds, or of several lengths.
+        return len(one) == len(other) and all(map(is_same, one, other))

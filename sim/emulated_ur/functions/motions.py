@@ -107,13 +107,7 @@ class Motions:
 
         yield from self._at_speed(turn, t)
 
-    def speedl(
-        self,
-        xd: Datum,
-        a: float = 1.2,
-        t: float = 0.0,
-        aRot: float | None = None,
-    ) -> Ticks:
+    def speedl(self, xd: Datum, a: float = 1.2, t: float = 0.0, aRot: float | None = None) -> Ticks:
         wanted = finite(xd)
         change = (*(a,) * 3, *(a if aRot is None else aRot,) * 3)
         finite(change)
@@ -141,21 +135,13 @@ class Motions:
         yield from self.stopj(a)
 
     def sleep(self, t: float) -> Ticks:
-        for _ in range(round(finite((t,), 1)[0] / TICK)):
-            yield from self.sync()
+        yield from self._wait(round(finite((t,), 1)[0] / TICK))
 
     def sync(self) -> Ticks:
-        if self.program.script.is_secondary:
-            raise ScriptError(_SECONDARY)
-        yield
+        yield from self._wait(self.robot.behaviour.cycle_ticks)
 
     def force_mode(
-        self,
-        task_frame: Datum,
-        selection_vector: Datum,
-        wrench: Datum,
-        type: int,
-        limits: Datum,
+        self, task_frame: Datum, selection_vector: Datum, wrench: Datum, type: int, limits: Datum
     ) -> None:
         given = (task_frame, selection_vector, wrench, limits)
         self._force = tuple(finite(one) for one in given)
@@ -182,6 +168,12 @@ class Motions:
         return int(self.robot.is_touching)
 
     # What these are made of.
+
+    def _wait(self, ticks: int) -> Ticks:
+        if self.program.script.is_secondary:
+            raise ScriptError(_SECONDARY)
+        for _ in range(ticks):
+            yield
 
     def _press(self) -> None:
         """Give way to the forces of force mode, until something is touched."""

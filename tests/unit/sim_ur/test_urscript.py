@@ -365,3 +365,12 @@ def test_motion_that_was_paused_goes_on_from_where_the_arm_stopped(robot, call):
         robot.tick()
     assert robot.output_ints[1] == 1
     assert robot.log == []
+
+
+def test_cycle_of_a_cb3_controller_is_eight_milliseconds():
+    robot = Controller(Behaviour(program_start=0.002, version=(3, 15, 8, 0)))
+    body = "n = 0\nwhile n < 10:\n  sync()\n  n = n + 1\nend\ntextmsg(get_steptime())"
+    assert run(robot, body, 40) == []
+    for _ in range(3):
+        robot.tick()
+    assert list(robot.told) == ["0.008"]
