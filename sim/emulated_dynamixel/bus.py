@@ -10,13 +10,7 @@ from __future__ import annotations
 import random
 from collections.abc import Iterable
 
-from emulated_dynamixel.instructions import (
-    SINGLE,
-    bulk_list,
-    bulk_write,
-    sync_list,
-    sync_write,
-)
+from emulated_dynamixel.instructions import SINGLE, bulk_list, bulk_write, sync_list, sync_write
 from emulated_dynamixel.line import SerialLine, Turn, Wire
 from emulated_dynamixel.packet import (
     BROADCAST,

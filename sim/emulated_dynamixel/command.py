@@ -44,13 +44,7 @@ def servos(text: str, *, baud: int = 1_000_000, now_ns: int = 0) -> list[Emulate
 
 
 def run(
-    link: Path,
-    *,
-    names: str,
-    baud: int,
-    line: SerialLine,
-    seed: int,
-    console: int | None,
+    link: Path, *, names: str, baud: int, line: SerialLine, seed: int, console: int | None
 ) -> None:
     """Serve an emulated bus at *link* until Ctrl-C or SIGTERM; print a line when it is ready.
 

@@ -7,10 +7,13 @@
 enum {
     FALLS = 2,    /* ramps in which an acceleration falls, at most */
     GUESSES = 5,
+    GUESSES_FROM_STEADY = 3,  /* where nothing accelerates at the beginning */
 };
 
 /* Rates at the ends, and durations, of guesses, as shares: see guess_connector. */
-static const double guesses[GUESSES][2] = {{1.0, 0.6}, {0.0, 1.3}, {1.0, 0.25}, {1.0, 0.0}, {1.0, 1.0}};
+static const double guesses[GUESSES][2] = {
+    {1.0, 0.6}, {0.0, 1.3}, {1.0, 1.0}, {1.0, 0.25}, {1.0, 0.0},
+};
 
 #define LONGER 8.0        /* times a guess of how long a connector takes */
 #define VERGE 0.99        /* of the velocity: what rises beyond has to let its acceleration fall */
@@ -41,7 +44,8 @@ static bool put_connector(const motion_t *start, const motion_t *end, matrix_t l
     best->count = 0;
     bool is_join = find_join(start, end, limits, period, least, most_turn, &found);
     /* There may be several that are shorter than all near them. */
-    for (int k = 0; k < GUESSES && !(as_found && is_join); k++) {
+    int count = norm(start->alpha) > 0.0 ? GUESSES : GUESSES_FROM_STEADY;
+    for (int k = 0; k < count && !(as_found && is_join); k++) {
         single_t guess = guess_join(start, end, limits, period, least, guesses[k][0], guesses[k][1]);
         shorter.count = shorten_connector(start, end, limits, period, least, most_turn,
                                           LONGER * guess.total, ease, &guess, room.q, room.w,

@@ -107,13 +107,7 @@ class Motions:
 
         yield from self._at_speed(turn, t)
 
-    def speedl(
-        self,
-        xd: Datum,
-        a: float = 1.2,
-        t: float = 0.0,
-        aRot: float | None = None,
-    ) -> Ticks:
+    def speedl(self, xd: Datum, a: float = 1.2, t: float = 0.0, aRot: float | None = None) -> Ticks:
         wanted = finite(xd)
         change = (*(a,) * 3, *(a if aRot is None else aRot,) * 3)
         finite(change)
@@ -147,12 +141,7 @@ class Motions:
         yield from self._wait(self.robot.behaviour.cycle_ticks)
 
     def force_mode(
-        self,
-        task_frame: Datum,
-        selection_vector: Datum,
-        wrench: Datum,
-        type: int,
-        limits: Datum,
+        self, task_frame: Datum, selection_vector: Datum, wrench: Datum, type: int, limits: Datum
     ) -> None:
         given = (task_frame, selection_vector, wrench, limits)
         self._force = tuple(finite(one) for one in given)
