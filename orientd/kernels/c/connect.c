@@ -6,14 +6,11 @@
 
 enum {
     FALLS = 2,    /* ramps in which an acceleration falls, at most */
-    GUESSES = 5,
-    GUESSES_FROM_STEADY = 3,  /* where nothing accelerates at the beginning */
+    GUESSES = 2,
 };
 
 /* Rates at the ends, and durations, of guesses, as shares: see guess_connector. */
-static const double guesses[GUESSES][2] = {
-    {1.0, 0.6}, {0.0, 1.3}, {1.0, 1.0}, {1.0, 0.25}, {1.0, 0.0},
-};
+static const double guesses[GUESSES][2] = {{1.0, 0.6}, {0.0, 1.3}};
 
 #define LONGER 8.0        /* times a guess of how long a connector takes */
 #define VERGE 0.99        /* of the velocity: what rises beyond has to let its acceleration fall */
@@ -34,31 +31,61 @@ static views_t views_of(joins_t *joins, index_t n) {
 
 static double end_of(const joins_t *joins) { return joins->breaks[joins->count]; }
 
+/* Leave out what takes no time of a connector of three parts. */
+static void drop_empty(joins_t *joins) {
+    index_t count = 0;
+    for (index_t i = 0; i < joins->count; i++) {
+        if (joins->breaks[i] == joins->breaks[i + 1])
+            continue;
+        memmove(joins->q + 4 * count, joins->q + 4 * i, 4 * sizeof(double));
+        memmove(joins->w + 3 * FACTORS * count, joins->w + 3 * FACTORS * i,
+                3 * FACTORS * sizeof(double));
+        joins->breaks[++count] = joins->breaks[i + 1];
+    }
+    joins->count = count;
+}
+
 /* Write the shortest connector and return whether there is one. */
-static bool put_connector(const motion_t *start, const motion_t *end, matrix_t limits, double period,
-                          double least, double longest, double most_turn, double ease,
-                          bool as_found, joins_t *best) {
-    joins_t shorter;
-    views_t room = views_of(&shorter, ELEMENTS);
-    single_t found;
-    best->count = 0;
-    bool is_join = find_join(start, end, limits, period, least, most_turn, &found);
-    /* There may be several that are shorter than all near them. */
-    int count = norm(start->alpha) > 0.0 ? GUESSES : GUESSES_FROM_STEADY;
-    for (int k = 0; k < count && !(as_found && is_join); k++) {
-        single_t guess = guess_join(start, end, limits, period, least, guesses[k][0], guesses[k][1]);
+static bool put_connector(row_t start, row_t end, matrix_t limits, double period, double least,
+                          double longest, double most_turn, double ease, bool as_found,
+                          joins_t *best) {
+    joins_t found, shorter;
+    views_t first = views_of(&found, 3), room = views_of(&shorter, ELEMENTS);
+    best->count = found.count = 0;
+    if (find_connector(start, end, limits, period, least, most_turn, first.q, first.w,
+                       first.breaks)) {
+        found.count = 3;
+        if (!(end_of(&found) <= longest))
+            return false;
+        if (!as_found) {
+            shorter.count = shorten_connector(start, end, limits, period, least, most_turn,
+                                              end_of(&found) - period, ease, first.q, first.w,
+                                              first.breaks, room.q, room.w, room.breaks);
+            if (shorter.count && end_of(&shorter) < end_of(&found))
+                *best = shorter;
+        }
+    }
+    /* With limits of axes there may be several that are shorter than all near them. */
+    bool has_axes = false;
+    for (int order = 0; order < 3; order++)
+        for (int k = 1; k < 4; k++)
+            has_axes |= row_of(limits, order)[k] < INFINITY;
+    for (int k = 0; k < GUESSES && !as_found && (has_axes || !best->count); k++) {
+        joins_t guess;
+        views_t of = views_of(&guess, 3);
+        guess.count = 3;
+        guess_connector(start, end, limits, period, least, guesses[k][0], guesses[k][1], of.q,
+                        of.w, of.breaks);
         shorter.count = shorten_connector(start, end, limits, period, least, most_turn,
-                                          LONGER * guess.total, ease, &guess, room.q, room.w,
-                                          room.breaks);
-        if (shorter.count && !(best->count && end_of(best) <= end_of(&shorter)))
+                                          LONGER * end_of(&guess), ease, of.q, of.w, of.breaks,
+                                          room.q, room.w, room.breaks);
+        bool is_longer = found.count && end_of(&shorter) >= end_of(&found);
+        if (shorter.count && !is_longer && !(best->count && end_of(best) <= end_of(&shorter)))
             *best = shorter;
     }
-    if (is_join && !(best->count && end_of(best) <= found.total)) {
-        best->count = 1;
-        put_quat(best->q, start->q);
-        for (int k = 0; k < FACTORS; k++)
-            put_vec(best->w + 3 * k, found.w[k]);
-        best->breaks[0] = 0.0, best->breaks[1] = found.total;
+    if (!best->count && found.count) {
+        drop_empty(&found);
+        *best = found;
     }
     return best->count && end_of(best) <= longest;
 }
@@ -91,7 +118,7 @@ static void put_falls(motion_t *state, matrix_t limits, double period, bool is_w
     falls->count = 0, falls->breaks[0] = 0.0;
     while (falls->count < FALLS && (is_wanted || has_to_fall(state, limits))) {
         bounds_t bounds = bounds_of(state, state, within);
-        ramps_t ramps = ramps_from(state, within, &bounds, period);
+        ramps_t ramps = ramps_from(state, vec(0.0, 0.0, 0.0), within, &bounds, period, true);
         int one = 0;
         while (one < ramps.count && !(ramps.durations[one] > 0.0))
             one++;
@@ -125,14 +152,15 @@ index_t connect_states(row_t start, row_t end, matrix_t limits, matrix_t own, do
                        double least, double longest, double most_turn, double ease, bool as_found,
                        bool falls_first, matrix_t q, tensor_t w, row_t breaks) {
     joins_t direct, falls, onward;
-    motion_t state = state_at(start.v), goal = state_at(end.v);
-    bool is_direct = !falls_first && put_connector(&state, &goal, limits, period, least, longest,
+    bool is_direct = !falls_first && put_connector(start, end, limits, period, least, longest,
                                                    most_turn, ease, as_found, &direct);
+    motion_t state = state_at(start.v);
     put_falls(&state, own, period, falls_first, &falls);
     if (falls.count) {
-        double begin = end_of(&falls);
-        bool is_found = put_connector(&state, &goal, limits, period, least - begin, longest,
-                                      most_turn, ease, as_found, &onward);
+        double row[STATE], begin = end_of(&falls);
+        put_state(row, state);
+        bool is_found = put_connector((row_t){row, STATE}, end, limits, period, least - begin,
+                                      longest, most_turn, ease, as_found, &onward);
         if (is_found && !(is_direct && end_of(&direct) <= begin + end_of(&onward))) {
             index_t count = put_behind(&falls, 0, q, w, breaks);
             return put_behind(&onward, count, q, w, breaks);

@@ -88,6 +88,9 @@ enum { STATE = 10 };
 INLINE motion_t state_at(const double *row) {
     return (motion_t){quat_at(row), vec_at(row + 4), vec_at(row + 7)};
 }
+INLINE void put_state(double *row, motion_t state) {
+    put_quat(row, state.q), put_vec(row + 4, state.omega), put_vec(row + 7, state.alpha);
+}
 
 /* join.c */
 
@@ -101,13 +104,32 @@ void put_increments(const motion_t *first, const motion_t *last, double duration
 
 /* join_bounds.c */
 
+enum {
+    ROUGH = 17, ROUGH_LANES = 24,  /* points of a join that are looked at first */
+    FINE = 49, FINE_LANES = 56,    /* points of one that seems to do; lanes repeat the last one */
+};
+
+/* What joins are at points spread evenly, the same for all of them. */
+typedef struct {
+    /* Velocity, acceleration and jerk of increments over a second, if turns commuted. */
+    double rough[3][FACTORS][ROUGH_LANES];
+    /* Basis functions with two derivatives. */
+    double fine[3][FACTORS][FINE_LANES];
+} points_t;
+
+void put_points(points_t *points);
+
 /* Return the limits, a little less of the velocity, but never less than what a device has in
  * either of two states. */
 bounds_t bounds_of(const motion_t *start, const motion_t *end, matrix_t limits);
 /* Whether a vector is above its bounds: the norm, or a component. */
 bool exceeds(vec_t v, const double most[4]);
-/* Whether a join keeps its bounds at points spread evenly over it. */
-bool keeps(const vec_t w[FACTORS], double duration, const bounds_t *bounds);
+/* Whether a join keeps its bounds as if turns commuted. */
+bool seems_to_keep(const vec_t w[FACTORS], double duration, const points_t *points,
+                   const bounds_t *bounds);
+/* Whether a join keeps its bounds at points of the curve itself. */
+bool keeps(const vec_t w[FACTORS], double duration, const points_t *points,
+           const bounds_t *bounds);
 
 /* Write the increments of several joins, the shorter way round each, and which keep the limits.
  *
@@ -122,20 +144,23 @@ void try_joins(matrix_t first, matrix_t last, row_t durations, row_t around, mat
 
 /* ramp.c */
 
-enum { RAMPS = 4 };  /* at most */
+enum { RAMPS = 6 };  /* at most, at either end of a connector */
 
-/* Changes of the acceleration, several to choose from; the first is none at all. */
+/* Changes of the acceleration at one end, several to choose from; the first is none at all. */
 typedef struct {
     motion_t ends[RAMPS];
     double durations[RAMPS];  /* s */
     int count;
 } ramps_t;
 
-/* Return the ramps that what comes to rest may begin with.
+/* Return the ramps that a connector may begin with.
  *
+ * way: rotation vector to where it leads.
  * limits: with their reserve, shape (3, 4).
- * period: each takes a whole number of periods, s. */
-ramps_t ramps_from(const motion_t *state, matrix_t limits, const bounds_t *bounds, double period);
+ * period: least duration, s.
+ * in_cycles: whether durations are whole periods. */
+ramps_t ramps_from(const motion_t *state, vec_t way, matrix_t limits, const bounds_t *bounds,
+                   double period, bool in_cycles);
 
 /* leave.c */
 
@@ -156,23 +181,25 @@ index_t leave(row_t state, matrix_t limits, double period, double longest, bool 
 
 /* connector_search.c */
 
-/* A join by its increments and its duration, s. */
-typedef struct { vec_t w[FACTORS]; double total; } single_t;
-
-/* Write the shortest join that is found between two states, and return whether there is one.
+/* Write the shortest connector that is found, a ramp, a join and another ramp, and return whether
+ * there is one.
  *
+ * start, end: states, shape (10,).
  * limits: of velocity, acceleration and jerk with their reserve, norm and components, shape (3, 4).
  * period: it takes a whole number of periods, s.
  * least: it takes at least this long, s.
- * most_turn: the integral of its angular velocity, body components, is no longer, rad. */
-bool find_join(const motion_t *start, const motion_t *end, matrix_t limits, double period,
-               double least, double most_turn, single_t *found);
+ * most_turn: the integral of its angular velocity, body components, is no longer, rad.
+ * q: receives the orientations that the three begin at, signs continuous, shape (3, 4).
+ * w: receives the increments of the three, shape (3, 5, 3); of one that takes no time none.
+ * times: receives when the three begin and when the last one ends, s, shape (4,). */
+bool find_connector(row_t start, row_t end, matrix_t limits, double period, double least,
+                    double most_turn, matrix_t q, tensor_t w, row_t times);
 
-/* Return a join, the way round that turns less, that need not keep the limits.
+/* Write a join, the way round that turns less, that need not keep the limits, as find_connector does.
  *
  * rates: share of the velocities and accelerations of the states that it has at its ends.
- * duration: share of the middle one of those that find_join looks at. */
-single_t guess_join(const motion_t *start, const motion_t *end, matrix_t limits, double period,
-                    double least, double rates, double duration);
+ * duration: share of the middle one of those that find_connector looks at. */
+void guess_connector(row_t start, row_t end, matrix_t limits, double period, double least,
+                     double rates, double duration, matrix_t q, tensor_t w, row_t times);
 
 #endif

@@ -6,7 +6,34 @@
 /* Ramps go right up to the bounds: rounding must not decide which of them keep them. */
 #define ROUNDING 1e-9
 
-enum { FINE = 49, FINE_LANES = 56 };  /* points of a join; lanes repeat the last one */
+void put_points(points_t *points) {
+    for (int p = 0; p < ROUGH_LANES; p++) {
+        basis_t at = join_basis(least(p, ROUGH - 1) / (double)(ROUGH - 1));
+        for (int k = 0; k < FACTORS; k++) {
+            points->rough[0][k][p] = 2.0 * at.rate[k];
+            points->rough[1][k][p] = 2.0 * at.curvature[k];
+        }
+    }
+    /* The jerk from the acceleration at three points. */
+    for (int k = 0; k < FACTORS; k++) {
+        const double *a = points->rough[1][k];
+        double *jerk = points->rough[2][k], half = 0.5 * (ROUGH - 1);
+        const int last = ROUGH - 1;
+        jerk[0] = half * (4.0 * a[1] - 3.0 * a[0] - a[2]);
+        for (int p = 1; p < last; p++)
+            jerk[p] = half * (a[p + 1] - a[p - 1]);
+        for (int p = last; p < ROUGH_LANES; p++)
+            jerk[p] = half * (3.0 * a[last] - 4.0 * a[last - 1] + a[last - 2]);
+    }
+    for (int p = 0; p < FINE_LANES; p++) {
+        basis_t at = join_basis(least(p, FINE - 1) / (double)(FINE - 1));
+        for (int k = 0; k < FACTORS; k++) {
+            points->fine[0][k][p] = at.value[k];
+            points->fine[1][k][p] = at.rate[k];
+            points->fine[2][k][p] = at.curvature[k];
+        }
+    }
+}
 
 bounds_t bounds_of(const motion_t *start, const motion_t *end, matrix_t limits) {
     bounds_t bounds;
@@ -46,16 +73,50 @@ static double peak(const double *squares, int count) {
     return largest;
 }
 
-bool keeps(const vec_t w[FACTORS], double duration, const bounds_t *bounds) {
-    enum { TOGETHER = 8 };
+bool seems_to_keep(const vec_t w[FACTORS], double duration, const points_t *points,
+                   const bounds_t *bounds) {
+    /* Ways that are too short mostly ask for too much acceleration. */
+    static const int orders[3] = {1, 0, 2};
+    double rate = 1.0 / duration, scales[3] = {rate, rate * rate, rate * rate * rate};
+    for (int i = 0; i < 3; i++) {
+        int order = orders[i], is_above = 0;
+        const double (*shares)[ROUGH_LANES] = points->rough[order], *most = bounds->most[order];
+        double squares[ROUGH_LANES];
+        for (int p = 0; p < ROUGH_LANES; p++) {
+            vec_t v = times(shares[0][p], w[0]);
+            v = plus(v, times(shares[1][p], w[1]));
+            v = plus(v, times(shares[2][p], w[2]));
+            v = plus(v, times(shares[3][p], w[3]));
+            v = plus(v, times(shares[4][p], w[4]));
+            squares[p] = dot(v, v);
+            is_above |= above(squares[p], v, scales[order], most);
+        }
+        if (is_above || !(sqrt(peak(squares, ROUGH)) * scales[order] <= most[0]))
+            return false;
+    }
+    return true;
+}
+
+bool keeps(const vec_t w[FACTORS], double duration, const points_t *points,
+           const bounds_t *bounds) {
+    enum { LANES = 8 };
     join_t join = join_of(w, duration);
     double squares[3][FINE_LANES], bent[3][1 + FINE_LANES];
     double per_point = (FINE - 1) * join.per_second;
-    for (int begin = 0; begin < FINE_LANES; begin += TOGETHER) {
+    for (int begin = 0; begin < FINE_LANES; begin += LANES) {
         int is_above = 0;
         INDEPENDENT
-        for (int p = begin; p < begin + TOGETHER; p++) {
-            basis_t at = join_basis((double)least(p, FINE - 1) / (FINE - 1));
+        for (int p = begin; p < begin + LANES; p++) {
+            basis_t at;
+#define TAKE_BASIS(K) \
+            at.value[K] = points->fine[0][K][p], at.rate[K] = points->fine[1][K][p], \
+            at.curvature[K] = points->fine[2][K][p]
+            TAKE_BASIS(0);
+            TAKE_BASIS(1);
+            TAKE_BASIS(2);
+            TAKE_BASIS(3);
+            TAKE_BASIS(4);
+#undef TAKE_BASIS
             motion_t here = join_at(quat(1.0, 0.0, 0.0, 0.0), &join, at);
             squares[0][p] = dot(here.omega, here.omega);
             squares[1][p] = dot(here.alpha, here.alpha);
@@ -68,7 +129,7 @@ bool keeps(const vec_t w[FACTORS], double duration, const bounds_t *bounds) {
             return false;
         if (!begin)  /* no jerk at the first point */
             bent[0][0] = bent[0][1], bent[1][0] = bent[1][1], bent[2][0] = bent[2][1];
-        for (int p = begin; p < begin + TOGETHER; p++) {
+        for (int p = begin; p < begin + LANES; p++) {
             vec_t jerk = vec(bent[0][1 + p] - bent[0][p], bent[1][1 + p] - bent[1][p],
                              bent[2][1 + p] - bent[2][p]);
             jerk = times(per_point, jerk);
@@ -87,12 +148,14 @@ void try_joins(matrix_t first, matrix_t last, row_t durations, row_t around, mat
                tensor_t w, indices_t kept) {
     motion_t allowed = state_at(around.v);
     bounds_t bounds = bounds_of(&allowed, &allowed, limits);
+    points_t points;
+    put_points(&points);
     for (index_t i = 0; i < durations.n; i++) {
         motion_t start = state_at(row_of(first, i)), end = state_at(row_of(last, i));
         vec_t of[FACTORS];
         put_increments(&start, &end, durations.v[i], of);
         for (int k = 0; k < FACTORS; k++)
             put_vec(w.v + (i * FACTORS + k) * 3, of[k]);
-        kept.v[i] = keeps(of, durations.v[i], &bounds);
+        kept.v[i] = keeps(of, durations.v[i], &points, &bounds);
     }
 }

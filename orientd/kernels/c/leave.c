@@ -144,7 +144,7 @@ index_t leave(row_t state, matrix_t limits, double period, double longest, bool 
     bounds_t bounds = bounds_of(&begin, &begin, limits);
     ramps_t ramps = {{begin}, {0.0}, 1};
     if (may_ramp)
-        ramps = ramps_from(&begin, limits, &bounds, period);
+        ramps = ramps_from(&begin, vec(0.0, 0.0, 0.0), limits, &bounds, period, true);
     int best = -1;
     double least = INFINITY, guess = 0.0;
     vec_t of[2][FACTORS], fall[FACTORS];

@@ -41,21 +41,21 @@ static vec_t speed_after(const motion_t *state, vec_t goal, double duration) {
     return plus(state->omega, times(0.5 * duration, plus(state->alpha, goal)));
 }
 
-/* Add the ramp to an acceleration, unless it becomes too fast: the whole cycles that there are of it
- * where it would be with the last one, and right up to the limit. */
+/* Add the ramp to an acceleration, unless it becomes too fast: in cycles, the whole ones that there
+ * are of it where it would be with the last one, and right up to the limit. */
 static void add_ramp(ramps_t *ramps, const motion_t *state, vec_t goal, matrix_t limits,
-                     const bounds_t *bounds, double period) {
+                     const bounds_t *bounds, double period, bool in_cycles) {
     double duration = 0.0;
     vec_t speed = state->omega;
     if (ramps->count) {
         double most[4];
         for (int k = 0; k < 4; k++)
-            most[k] = fmax(bounds->most[0][k], row_of(limits, 0)[k]);
+            most[k] = fmax(bounds->most[0][k], in_cycles ? row_of(limits, 0)[k] : 0.0);
         vec_t change = minus(goal, state->alpha);
         double least = fmax(duration_of(change, row_of(limits, 2)), period);
-        duration = ceil(least / period - 1e-9) * period;
+        duration = in_cycles ? ceil(least / period - 1e-9) * period : least;
         speed = speed_after(state, goal, duration);
-        if (exceeds(speed, most) && duration > period) {
+        if (in_cycles && exceeds(speed, most) && duration > period) {
             duration -= period;
             goal = plus(state->alpha, times(duration / least, change));
             speed = speed_after(state, goal, duration);
@@ -76,18 +76,25 @@ static double limit_along(vec_t direction, const double limits[4]) {
     return limit;
 }
 
-ramps_t ramps_from(const motion_t *state, matrix_t limits, const bounds_t *bounds, double period) {
+ramps_t ramps_from(const motion_t *state, vec_t way, matrix_t limits, const bounds_t *bounds,
+                   double period, bool in_cycles) {
     ramps_t ramps;
     ramps.count = 0;
-    add_ramp(&ramps, state, state->alpha, limits, bounds, period);
+    add_ramp(&ramps, state, state->alpha, limits, bounds, period, in_cycles);
     if (norm(state->alpha) > STILL)
-        add_ramp(&ramps, state, vec(0.0, 0.0, 0.0), limits, bounds, period);
-    double size = norm(state->omega);
-    if (!(size > STILL))
-        return ramps;
-    vec_t direction = times(-1.0 / size, state->omega);
-    double limit = limit_along(direction, row_of(limits, 1));
-    for (int half = 1; half <= 2 && limit < INFINITY; half++)
-        add_ramp(&ramps, state, times(0.5 * half * limit, direction), limits, bounds, period);
+        add_ramp(&ramps, state, vec(0.0, 0.0, 0.0), limits, bounds, period, in_cycles);
+    vec_t towards[2] = {times(-1.0, state->omega), way};
+    for (int i = 0; i < 2; i++) {
+        double size = norm(towards[i]);
+        if (!(size > STILL))
+            continue;
+        vec_t direction = times(1.0 / size, towards[i]);
+        double limit = limit_along(direction, row_of(limits, 1));
+        if (!(limit < INFINITY))
+            continue;
+        for (int half = 1; half <= 2; half++)
+            add_ramp(&ramps, state, times(0.5 * half * limit, direction), limits, bounds, period,
+                     in_cycles);
+    }
     return ramps;
 }

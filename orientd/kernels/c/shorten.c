@@ -133,20 +133,37 @@ static void ease_end(spline_t *s, vec_t omega, vec_t alpha, double ease, bool is
     }
 }
 
-/* Begin with a join. */
-static void put_first(spline_t *s, const single_t *first) {
-    join_t join = join_of(first->w, first->total);
-    quat_t last = s->begin.q;
-    for (int k = 0; k < FACTORS; k++)
-        last = multiplied(last, exponential(first->w[k]));
-    if (square_apart(last, s->end.q, 1.0) > 2.0)
+/* Velocity of joins at a time, and the orientation that they arrive at. */
+static vec_t velocity_of(const join_t joins[3], row_t times_of, double time) {
+    int k = time >= times_of.v[2] && times_of.v[3] > times_of.v[2] ? 2
+          : time >= times_of.v[1] || !(times_of.v[1] > 0.0) ? 1 : 0;
+    double u = (time - times_of.v[k]) * joins[k].per_second;
+    return join_at(quat(1.0, 0.0, 0.0, 0.0), &joins[k], join_basis(fmin(fmax(u, 0.0), 1.0))).omega;
+}
+
+/* Begin with the connector that was found. */
+static void put_first(spline_t *s, matrix_t q, tensor_t w, row_t times_of) {
+    join_t joins[3];
+    quat_t last = quat_at(row_of(q, 0));
+    for (int i = 0; i < 3; i++) {
+        vec_t of[FACTORS];
+        double takes = times_of.v[i + 1] - times_of.v[i];
+        for (int k = 0; k < FACTORS; k++)
+            of[k] = vec_at(w.v + (i * FACTORS + k) * 3);
+        joins[i] = join_of(of, takes > 0.0 ? takes : 1.0);
+        if (!(takes > 0.0))
+            continue;
+        last = quat_at(row_of(q, i));
+        for (int k = 0; k < FACTORS; k++)
+            last = multiplied(last, exponential(of[k]));
+    }
+    if (last.w * s->end.q.w + last.x * s->end.q.x + last.y * s->end.q.y + last.z * s->end.q.z < 0.0)
         s->end.q = opposite(s->end.q);
     double before = 0.0;
     for (int k = 0; k + 2 < s->elements; k++) {
         /* A control point is the velocity half way between two nodes, nearly. */
         double here = before + s->width[k];
-        double u = fmin((here + 0.5 * s->width[k + 1]) * s->duration * join.per_second, 1.0);
-        s->point[k + 2] = join_at(quat(1.0, 0.0, 0.0, 0.0), &join, join_basis(u)).omega;
+        s->point[k + 2] = velocity_of(joins, times_of, (here + 0.5 * s->width[k + 1]) * s->duration);
         before = here;
     }
 }
@@ -185,15 +202,14 @@ static index_t put_shorter(const spline_t *s, matrix_t joins, tensor_t increment
     return n;
 }
 
-index_t shorten_connector(const motion_t *start, const motion_t *end, matrix_t limits, double period,
-                          double least, double most_turn, double longest, double ease,
-                          const single_t *first, matrix_t joins, tensor_t increments,
-                          row_t breaks) {
+index_t shorten_connector(row_t start, row_t end, matrix_t limits, double period, double least,
+                          double most_turn, double longest, double ease, matrix_t q, tensor_t w, row_t times_of,
+                          matrix_t joins, tensor_t increments, row_t breaks) {
     spline_t s;
-    double total = first->total;
+    double total = times_of.v[3];
     if (!(total >= FEWEST * period && total > least))
         return 0;
-    s.begin = *start, s.end = *end;
+    s.begin = state_at(start.v), s.end = state_at(end.v);
     s.bounds = bounds_of(&s.begin, &s.end, limits);
     for (int k = 0; k < 4; k++)
         s.bounds.most[0][k] = fmax(s.bounds.most[0][k], VELOCITY_SHARE * row_of(limits, 0)[k]);
@@ -202,7 +218,7 @@ index_t shorten_connector(const motion_t *start, const motion_t *end, matrix_t l
     put_rates(&s);
     ease_end(&s, s.begin.omega, s.begin.alpha, ease, false);
     ease_end(&s, s.end.omega, times(-1.0, s.end.alpha), ease, true);
-    put_first(&s, first);
+    put_first(&s, q, w, times_of);
     if (!shorten(&s, period) || !(s.duration < longest + 0.5 * period)
         || !(norm(turn_of(&s)) <= most_turn))
         return 0;

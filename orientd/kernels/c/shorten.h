@@ -65,18 +65,19 @@ bool shorten(spline_t *spline, double period);
 
 /* shorten.c */
 
-/* Write the joins of a short connector, and return how many they are; none where nothing was found.
+/* Write the joins of a connector that is shorter than one already found, or than a guess, and
+ * return how many they are; none where nothing was found.
  *
- * start, end, limits, period, least, most_turn: as of find_join.
+ * start, end, limits, period, least, most_turn: as of find_connector.
  * longest: it takes no longer than this, s.
  * ease: factor of the jerk's limits where an acceleration would else become too fast as it falls.
- * first: the join to begin with.
+ * q, w, times: the connector to begin with, as find_connector writes it.
  * joins: receives orientations that they begin at, signs continuous, shape (ELEMENTS, 4).
  * increments: receives their increments, shape (ELEMENTS, 5, 3).
  * breaks: receives when they begin, and when the last one ends, s, shape (ELEMENTS + 1,). */
-index_t shorten_connector(const motion_t *start, const motion_t *end, matrix_t limits, double period,
-                          double least, double most_turn, double longest, double ease,
-                          const single_t *first, matrix_t joins, tensor_t increments, row_t breaks);
+index_t shorten_connector(row_t start, row_t end, matrix_t limits, double period, double least,
+                          double most_turn, double longest, double ease, matrix_t q, tensor_t w, row_t times,
+                          matrix_t joins, tensor_t increments, row_t breaks);
 
 /* connect.c */
 
@@ -90,9 +91,9 @@ enum { MOST_JOINS = ELEMENTS + 2 };  /* of a connector, and of two ramps before 
  * own: the same without a reserve, which the velocity keeps while the acceleration falls.
  * period: it takes a whole number of periods, s.
  * least, longest: that it may take, s.
- * most_turn: as of find_join.
+ * most_turn: as of find_connector.
  * ease: as of shorten_connector.
- * as_found: whether it is to be one join, as find_join finds it, if there is one.
+ * as_found: whether to leave it as find_connector finds it.
  * falls_first: whether the acceleration falls first in any case, rather than where it has to.
  * q: receives the orientations that they begin at, signs continuous, shape (MOST_JOINS, 4).
  * w: receives their increments, shape (MOST_JOINS, 5, 3).

@@ -1,10 +1,10 @@
 """Quintic joins of two states of motion, and connectors made of them inside the limits.
 
-What a join is stands in ``orientd/kernels/c/connectors.h``.  A connector begins as one of a few
-guesses, each a join, and is made as short as the limits permit, which
-``orientd/kernels/c/shorten.h`` explains; it is many short joins then.  A ramp changes the
-acceleration alone, at the limit of the jerk.  If the acceleration at the beginning has to fall at
-once, ramps come first.
+What a join is stands in ``orientd/kernels/c/connectors.h``.  A connector that is found is a quintic
+join with, where that is quicker or needed, a ramp before it and one behind: a ramp changes the
+acceleration alone, at the limit of the jerk.  From that it is shortened to what the limits permit,
+which ``orientd/kernels/c/shorten.h`` explains, and is many short joins then.  If the acceleration
+at its beginning has to fall at once, ramps come before it.
 """
 
 from __future__ import annotations
@@ -76,6 +76,7 @@ def try_joins(
         first: orientations, velocities and accelerations that they begin with, shapes ``(n, 4)``,
             ``(n, 3)`` and ``(n, 3)``.
         last: those that they end with.
+        durations: s, shape ``(n,)``.
         around: velocity and acceleration may be as high as in this state, whatever the limits.
         limits: of norm and components.
 
@@ -99,6 +100,9 @@ def join_in(path: KeyframePath, start: State, *, limits: Limits, period: float) 
 
     Args:
         path: begins where the device is, with its velocity.
+        start: where the device is commanded to be.
+        limits: to keep; the path may go up to them itself.
+        period: it takes a whole number of periods, s.
 
     Raises:
         PlanError: none within the first interval keeps the limits.
@@ -138,6 +142,10 @@ def connector(
     angle between both orientations and by what it takes to come to rest from either end.
 
     Args:
+        start: where it begins.
+        end: where it ends.
+        limits: to keep.
+        period: it takes a whole number of periods, s.
         own: limits that the velocity keeps while its acceleration falls, with which it may have to
             begin; by default *limits*.
         least: it takes at least this long, s.

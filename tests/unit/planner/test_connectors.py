@@ -1,7 +1,5 @@
 """Joins and connectors against plain NumPy, and the laws that they keep."""
 
-from typing import NamedTuple
-
 import numpy as np
 import pytest
 from reference import connectors, joins
@@ -35,16 +33,8 @@ def nearby(rng, state, speed):
     return State(q, other.omega_body, other.alpha_body, other.position)
 
 
-class Way(NamedTuple):
-    """Joins end to end: where they begin, their increments, and their instants."""
-
-    q: np.ndarray
-    w: np.ndarray
-    times: np.ndarray
-
-
 def joined(start, end, limits, period, least=0.0, *, as_found=False):
-    """Return what the kernel finds."""
+    """Return what the kernel finds, as the parts of the search in NumPy that take time."""
     found = np.empty((MOST_JOINS, 4)), np.empty((MOST_JOINS, 5, 3)), np.empty(MOST_JOINS + 1)
     tables = limit_table(limits.with_reserve()), limit_table(UNLIMITED)
     states = state_row(start), state_row(end)
@@ -52,7 +42,7 @@ def joined(start, end, limits, period, least=0.0, *, as_found=False):
         *states, *tables, period, least, LONGEST, FAR, 1.0, as_found, False, *found
     )  # fmt: skip
     q, w, times = found
-    return Way(q[:count], w[:count], times[: count + 1]) if count else None
+    return connectors.Way(q[:count], w[:count], times[: count + 1]) if count else None
 
 
 def curve_of(way):
@@ -60,36 +50,26 @@ def curve_of(way):
 
 
 @pytest.mark.parametrize("limits", LIMITS)
-@pytest.mark.parametrize("speed", [0.0, 0.1, 0.3])
-@pytest.mark.parametrize("period", [0.002, 0.008, 0.02])
-def test_a_join_that_is_found_is_one_of_numpy_and_keeps_the_limits(limits, speed, period):
+@pytest.mark.parametrize("speed", [0.0, 0.1, 0.3, 0.6, 1.0])
+@pytest.mark.parametrize("draws", [20, pytest.param(60, marks=pytest.mark.slow)])
+def test_the_connectors_found_are_those_of_numpy(limits, speed, draws):
     rng = np.random.default_rng(11)
-    reserved, count = limits.with_reserve(), 0
-    for k in range(20):
+    count = 0
+    for k in range(draws):
         start = random_state(rng, speed)
-        end = nearby(rng, start, speed) if k % 7 == 0 else random_state(rng, speed)
-        least = float(rng.choice([0.0, 0.0, 3.0]))
-        found = joined(start, end, limits, period, least, as_found=True)
-        # Where no join keeps the limits there may be a shortened connector.
-        if found is None or len(found.q) > 1:
-            continue
-        count += 1
-        total = found.times[-1]
-        assert total >= least
-        assert round(total / period) * period == pytest.approx(total, abs=1e-12)
-        ends = (
-            joins.Ends(*(part[None] for part in (one.q, one.omega_body, one.alpha_body)))
-            for one in (start, end)
-        )
-        plain = joins.increments(*ends, np.array([total]))[0][0]
-        # The middle one may go the longer way round.
-        assert np.abs(found.w[0] - plain)[[0, 1, 3, 4]].max() <= 1e-12
-        velocity, acceleration, jerk = shares(curve_of(found), reserved)
-        around = [max(shares_of(one, reserved)[order] for one in (start, end)) for order in (0, 1)]
-        assert velocity <= max(1.0, around[0]) + 1e-3
-        assert acceleration <= max(1.0, around[1]) + 1e-2
-        assert jerk <= 1.04
-    assert count >= (2 if limits.has_axes else 15)
+        slower = speed * rng.choice([0.0, 0.5, 1.0])
+        end = nearby(rng, start, slower) if k % 7 == 0 else random_state(rng, slower)
+        work = (start, end, limits, rng.choice([0.002, 0.008, 0.02]), rng.choice([0.0, 0.0, 3.0]))
+        reference, found = connectors.search(*work), joined(*work, as_found=True)
+        assert (found is None) == (reference is None)
+        if found is not None:
+            count += 1
+            takes_time = np.diff(reference.times) > 0.0
+            breaks = np.append(reference.times[:-1][takes_time], reference.times[-1])
+            assert np.abs(found.times - breaks).max() <= 1e-12
+            assert np.abs(found.q - reference.q[takes_time]).max() <= 1e-12
+            assert np.abs(found.w - reference.w[takes_time]).max() <= 1e-12
+    assert count >= 0.75 * draws
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.3, 1.0])
@@ -180,11 +160,13 @@ def test_arrays_of_other_shapes_are_refused(place):
 
 
 def shortened(start, end, limits, period, least=0.0):
-    """Return the join that is found, if there is one, and what is shortened from guesses."""
+    """Return the connector that the search finds and what it is shortened to, if it is."""
     way, shorter = (
         joined(start, end, limits, period, least, as_found=as_found) for as_found in (True, False)
     )
-    return way if len(way.q) == 1 else None, curve_of(shorter)
+    assert way is not None
+    is_shorter = shorter.times[-1] < way.times[-1]
+    return way, curve_of(shorter) if is_shorter else None
 
 
 def shares(curve, limits):
@@ -209,8 +191,9 @@ def test_a_shortened_connector_is_shorter_and_keeps_the_limits(limits, has_end_v
     for _ in range(30):
         start, end = random_state(rng, 0.3), random_state(rng, 0.3 * has_end_velocity)
         way, curve = shortened(start, end, limits, PERIOD)
-        if way is not None:
-            ratios.append(curve.domain[1] / way.times[-1])
+        if curve is None:
+            continue
+        ratios.append(curve.domain[1] / way.times[-1])
         assert round(curve.domain[1] / PERIOD) * PERIOD == pytest.approx(curve.domain[1], abs=1e-12)
         reserved = limits.with_reserve()
         around = [
@@ -224,8 +207,8 @@ def test_a_shortened_connector_is_shorter_and_keeps_the_limits(limits, has_end_v
         assert angle(q, end.q) <= 1e-11
         assert omega == pytest.approx(end.omega_body, abs=1e-12)
         assert alpha == pytest.approx(end.alpha_body, abs=1e-9)
-    assert len(ratios) >= (3 if limits.has_axes else 25)
-    assert max(ratios) <= 1.0
+    assert len(ratios) >= 28
+    assert max(ratios) < 1.0
     assert np.median(ratios) <= 0.93
 
 
@@ -246,14 +229,14 @@ def test_a_device_that_gains_speed_just_below_its_limit_has_a_connector():
     start = state(np.zeros(3), (1.251, -1.022, 1.277), (7.54, -7.7, 11.59))
     end = state((-0.174, 0.056, 0.055), (0.967, 0.077, -0.686))
     _, curve = shortened(start, end, limits, PERIOD)
-    assert curve.domain[1] <= 0.65
+    assert curve.domain[1] <= 0.65  # 0.76 before it is shortened
 
 
-def test_a_guess_is_shortened_where_no_join_is_found():
+def test_a_guess_is_shortened_where_no_connector_is_found():
     limits = Limits(2.5, 17.0, 300.0, 1.0, 10.0, axis_velocity=(2.0, 0.7, 1.5))
     start = state(np.zeros(3), (1.956, -0.02, -0.048), (4.57, -11.72, -0.29))
     end = state((0.14, -1.28, 0.83), (-0.1, 0.2, 0.34))
-    assert len(joined(start, end, limits, PERIOD, as_found=True).q) > 1
+    assert joined(start, end, limits, PERIOD, as_found=True) is None
     way = connector(start, end, limits=limits, period=PERIOD)
     assert way.duration <= 1.4  # by way of rest it is 2.03
     velocity, acceleration, jerk = shares(way, limits)
