@@ -228,16 +228,14 @@ class PlanJob:
         """Return what leads to rest from a state at a path time; nothing if it is at rest.
 
         Raises:
-            LimitError: the state does not keep the limits.
-            PlanError: no lead-out keeps the limits.
+            LeadOutError: no lead-out keeps the limits.
         """
         if is_still(last.omega_body, last.alpha_body, self.limits):
             return []
         try:
             lead = lead_out(last, limits=self.limits, period=self.period)
         except PlanError as error:
-            refusal.check_last_rates(last, end, self.limits)
-            raise PlanError(f"no lead-out from the last keyframe: {error}") from error
+            raise refusal.LeadOutError(f"no lead-out from the last keyframe: {error}") from error
         return [lead.shifted(end)]
 
     def with_leads(self, path: KeyframePath | State, lead: LeadIn | None) -> KeyframePath:

@@ -58,6 +58,7 @@ _QUANTITIES = {unit: name for name, unit in UNITS.items()}
 _MUCH = 0.9  # of a limit, and of the longest stop
 _WHOLE = 1.0 + 1e-6  # of a limit
 _MOST_OVER = 1.1  # times a limit that a timing is slowed down for
+_SLOWER = 0.999  # times the speed, from one timing to the next
 _MOST_TIMINGS = 12  # until the records keep the limits, and until a stop is short enough
 _LONG = 1.5  # times the longest stop: a curve that will have to keep more of a reserve
 _USUAL = 0.8  # of what a stop from the velocity's limit asks for
@@ -516,6 +517,12 @@ def timed(
             if is_in_lead_in or not 1.0 < over <= most or error.unit not in _QUANTITIES:
                 raise
             limits, refused = _lowered(limits, error.unit, over, path), error
+            continue
+        except refusal.LeadOutError as error:
+            # The pace may be even up to the limits, and leave no way to come to rest behind it.
+            if not is_even:
+                raise
+            limits, refused = limits.slowed(_SLOWER), error
             continue
         before, last, motion = motion, stop_time, found
         fastest = motion.certificate.peak_velocity

@@ -35,6 +35,10 @@ _ABOUT = ("", *(f" about {axis}" for axis in AXES))
 """What is limited of each: the norm and the components."""
 
 
+class LeadOutError(PlanError):
+    """Nothing leads to rest from where the last keyframe is passed."""
+
+
 class TotalError(PlanError):
     """The keyframes take longer than the duration that was asked for."""
 
@@ -88,15 +92,7 @@ def check_present_rates(start: State, limits: Limits, period: float) -> None:
     _check_rate("acceleration", start.alpha_body, limits, 2.0 * limits.jerk * period, advice)
 
 
-def check_last_rates(last: State, time: float, limits: Limits) -> None:
-    """Refuse to come to rest from rates above the limits."""
-    _check_rate("velocity", last.omega_body, limits, 0.0, "", time)
-    _check_rate("acceleration", last.alpha_body, limits, 0.0, "", time)
-
-
-def _check_rate(
-    name: str, vector: Floats, limits: Limits, change: float, advice: str, time: float = 0.0
-) -> None:
+def _check_rate(name: str, vector: Floats, limits: Limits, change: float, advice: str) -> None:
     """Refuse a rate whose norm or a component is above its limit by more than *change*."""
     components = vector.tolist()
     # Unlike the root of the sum of squares, hypot overflows for no rate that can be written.
@@ -105,7 +101,7 @@ def _check_rate(
     for axis, size, most in zip(_ABOUT, sizes, allowed, strict=True):
         if size - change > most * (1.0 + _ROUNDING):
             quantity = _QUANTITIES[name] + axis
-            raise LimitError(quantity, size, most, time, UNITS[name], advice)
+            raise LimitError(quantity, size, most, 0.0, UNITS[name], advice)
 
 
 def check_continuity(request: MotionRequest) -> None:
