@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
 from importlib import import_module
-from inspect import Parameter, Signature, signature
+from inspect import Parameter, Signature
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -96,11 +96,13 @@ class Curve(Family, Drawable):
             parameters at hand: 0, 1 or 2.  A single segment has no knots inside and says 2.
         made_of: the parameters by the family's own names; not to be changed.
         shared: the parameters that families of one kind share, with their defaults.
+        own: those of the family alone.
     """
 
     continuity: int
     made_of: Mapping[str, Any] = MappingProxyType({})
     shared: ClassVar[Mapping[str, Any]] = MappingProxyType({})
+    own: ClassVar[Mapping[str, Any]] = MappingProxyType({})
     _defaults: ClassVar[Mapping[str, Any]]
     _ends: Ends = (FREE, FREE)
 
@@ -108,12 +110,12 @@ class Curve(Family, Drawable):
         """Declare the parameters of a family, and describe those that it shares with others."""
         super().__init_subclass__()
         kind = Parameter.KEYWORD_ONLY
-        taken = [Parameter(name, kind, default=default) for name, default in cls.shared.items()]
-        taken += [one for one in signature(cls._solve).parameters.values() if one.kind is kind]
+        defaults = {**cls.shared, **cls.own}
+        taken = [Parameter(name, kind, default=default) for name, default in defaults.items()]
         taken.sort(key=lambda parameter: parameter.name == "align")
         cls.takes = tuple(parameter.name for parameter in taken)
         cls.__signature__ = Signature(taken)  # type: ignore[attr-defined]
-        cls._defaults = {name: one for name, one in cls.shared.items() if one is not NEEDED}
+        cls._defaults = {name: one for name, one in defaults.items() if one is not NEEDED}
         if "name" in vars(cls) and cls.__doc__:
             cls.__doc__ = _described(cls.__doc__, cls.takes)
 

@@ -159,6 +159,7 @@ class KksHermite(HermiteSegment):
     name = "kks_hermite"
     summary = "two orientations with angular velocities at both ends"
     source = "Kim, Kim and Shin 1995, sec. 5.2"
+    own: ClassVar[Mapping[str, Any]] = {"product": "local"}
 
     def _solve(
         self,
@@ -169,7 +170,7 @@ class KksHermite(HermiteSegment):
         omega1: Floats,
         revolutions: object,
         *,
-        product: str = "local",
+        product: str,
     ) -> None:
         sixth = (interval[1] - interval[0]) / 6.0
         first, third = sixth * omega0, sixth * omega1
@@ -270,15 +271,16 @@ class KksHermiteSpline(Product, Through):
     source = "Kim, Kim and Shin 1995, sec. 5.2"
     local = True
     meets_end_velocities = True
+    own: ClassVar[Mapping[str, Any]] = {"rule": "parabola", "omega_start": None, "omega_end": None}
 
     def _solve(
         self,
         q: Floats,
         instants: Floats,
         *,
-        rule: str = "parabola",
-        omega_start: ArrayLike | None = None,
-        omega_end: ArrayLike | None = None,
+        rule: str,
+        omega_start: ArrayLike | None,
+        omega_end: ArrayLike | None,
     ) -> None:
         rates = half_velocities(q, instants, rule)
         for place, name, omega in ((0, "omega_start", omega_start), (-1, "omega_end", omega_end)):

@@ -7,6 +7,9 @@ caller gives no first one, a multistart finds the one that minimises a criterion
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -105,17 +108,24 @@ class NielsonShieh(Through):
     name = "nielson_shieh"
     summary = "circular arcs with common tangents"
     source = "Nielson 1993, eqs. 10 to 15"
+    own: ClassVar[Mapping[str, Any]] = {
+        "M1": None,
+        "criterion": 13,
+        "reparam": True,
+        "a1": "balanced",
+        "require_positive": True,
+    }
 
     def _solve(
         self,
         q: Floats,
         instants: Floats,
         *,
-        M1: ArrayLike | None = None,  # noqa: N803 - the paper's name, in every motion file
-        criterion: int = 13,
-        reparam: bool = True,
-        a1: float | str = "balanced",
-        require_positive: bool = True,
+        M1: ArrayLike | None,  # noqa: N803 - the paper's name, in every motion file
+        criterion: int,
+        reparam: bool,
+        a1: float | str,
+        require_positive: bool,
     ) -> None:
         check_criterion(criterion, (13, 14))
         is_restricted = check_bool(require_positive, "require_positive")
@@ -200,14 +210,15 @@ class SphericalQuadratic(TriangleCurve, Through):
     name = "spherical_quadratic"
     summary = "quadratic slerp segments through inner control points"
     source = "Nielson 1993, eqs. 18 to 21"
+    own: ClassVar[Mapping[str, Any]] = {"M1": None, "criterion": 21}
 
     def _solve(
         self,
         q: Floats,
         instants: Floats,
         *,
-        M1: ArrayLike | None = None,  # noqa: N803 - the paper's name, in every motion file
-        criterion: int = 21,
+        M1: ArrayLike | None,  # noqa: N803 - the paper's name, in every motion file
+        criterion: int,
     ) -> None:
         check_criterion(criterion, (20, 21))
         h = np.diff(instants)

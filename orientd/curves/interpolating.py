@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -143,10 +145,9 @@ class C2Cumulative(Product, WithEndStates):
     summary = "C2 interpolation, end velocities met; the default"
     source = "Kim, Kim and Shin 1995, sec. 5.3, made to interpolate"
     meets_end_accelerations = True
+    own: ClassVar[Mapping[str, Any]] = {"turns": None}
 
-    def _solve(
-        self, q: Floats, instants: Floats, ends: Ends, *, turns: ArrayLike | None = None
-    ) -> None:
+    def _solve(self, q: Floats, instants: Floats, ends: Ends, *, turns: ArrayLike | None) -> None:
         self._set_parts(*interpolate(q, instants, 4, ends, turns=turns), 2)
 
 
@@ -192,6 +193,7 @@ class KksInterpolating(Product, WithEndStates):
     summary = "cumulative B-spline of order 3 to 6 through keyframes, up to C4"
     source = "Kim, Kim and Shin 1995, sec. 5.3, made to interpolate"
     conditions = _ENDS
+    own: ClassVar[Mapping[str, Any]] = {"order": 6, "turns": None}
 
     def _solve(
         self,
@@ -199,8 +201,8 @@ class KksInterpolating(Product, WithEndStates):
         instants: Floats,
         ends: Ends,
         *,
-        order: int = 6,
-        turns: ArrayLike | None = None,
+        order: int,
+        turns: ArrayLike | None,
     ) -> None:
         k = check_integer(order, "order", minimum=3, maximum=6)
         states = []

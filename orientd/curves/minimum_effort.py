@@ -27,8 +27,10 @@ finer knots through points of the curve is tried too.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -146,6 +148,12 @@ class MinimumEffort(Product, WithEndStates):
     summary = "C2 spline of least squared acceleration or torque, end velocities met"
     source = "Kim, Kim and Shin 1995, sec. 7; Sommer et al. 2020"
     meets_end_accelerations = True
+    own: ClassVar[Mapping[str, Any]] = {
+        "inertia": None,
+        "order": None,
+        "smoothness": 2,
+        "spans": None,
+    }
 
     def _solve(
         self,
@@ -153,10 +161,10 @@ class MinimumEffort(Product, WithEndStates):
         instants: Floats,
         ends: Ends,
         *,
-        inertia: ArrayLike | None = None,
-        order: int | None = None,
-        smoothness: int = 2,
-        spans: int | None = None,
+        inertia: ArrayLike | None,
+        order: int | None,
+        smoothness: int,
+        spans: int | None,
     ) -> None:
         matrix = None if inertia is None else check_inertia(inertia)
         usual, usual_spans = (4, 2) if matrix is None else (6, 2 if order else 3)

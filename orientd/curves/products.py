@@ -10,8 +10,9 @@ A length above pi is extra winding, which the control quaternions alone do not s
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -134,6 +135,7 @@ class Slerp(Product, Between):
     name = "slerp"
     summary = "one great arc at constant velocity, with whole turns if wanted"
     source = "Shoemake 1985"
+    own: ClassVar[Mapping[str, Any]] = {"path": "short", "spins": 0, "axis": None}
 
     def _solve(
         self,
@@ -141,9 +143,9 @@ class Slerp(Product, Between):
         end: Floats,
         interval: tuple[float, float],
         *,
-        path: str = "short",
-        spins: int = 0,
-        axis: ArrayLike | None = None,
+        path: str,
+        spins: int,
+        axis: ArrayLike | None,
     ) -> None:
         path = check_choice(path, "path", PATHS)
         turns = check_integer(spins, "spins")
@@ -215,8 +217,9 @@ class KksBezier(Product, Drawn):
     name = "kks_bezier"
     summary = "one smooth segment drawn by control orientations"
     source = "Kim, Kim and Shin 1995, eq. (10)"
+    own: ClassVar[Mapping[str, Any]] = {"t0": 0.0, "t1": 1.0}
 
-    def _solve(self, controls: Floats, *, t0: float = 0.0, t1: float = 1.0) -> None:
+    def _solve(self, controls: Floats, *, t0: float, t1: float) -> None:
         knots = np.repeat(check_interval(t0, t1), len(controls))
         self._set_controls(
             cumulative_basis(knots, len(controls)), controls, increments(controls), 2
@@ -276,8 +279,9 @@ class KksUniform(Product, Drawn):
     summary = "C2 blending at one orientation a second, ends met"
     source = "Kim, Kim and Shin 1995, appendix"
     local = True
+    own: ClassVar[Mapping[str, Any]] = {"t0": 0.0, "t1": None}
 
-    def _solve(self, inner: Floats, *, t0: float = 0.0, t1: float | None = None) -> None:
+    def _solve(self, inner: Floats, *, t0: float, t1: float | None) -> None:
         controls = with_phantoms(inner)
         spans = len(inner) - 1
         start, end = check_interval(t0, check_number(t0, "t0") + spans if t1 is None else t1)

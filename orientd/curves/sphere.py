@@ -7,6 +7,9 @@ unit.  Kim and Nam's curve blends circles through three keyframes.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -217,8 +220,9 @@ class NuSpline(ComponentSpline):
     name = "nu_spline"
     summary = "normalised cubic spline with tension at the keyframes"
     source = "Nielson 1986; Nielson 1993, sec. 2.2"
+    own: ClassVar[Mapping[str, Any]] = {"nu": 0.0}
 
-    def _solve(self, q: Floats, instants: Floats, *, nu: float | ArrayLike = 0.0) -> None:
+    def _solve(self, q: Floats, instants: Floats, *, nu: float | ArrayLike) -> None:
         self._set_spline(q, instants, check_tension(nu, len(q)))
 
 
@@ -315,10 +319,9 @@ class CircularBlending(Through):
     local = True
 
     fewest = 3
+    own: ClassVar[Mapping[str, Any]] = {"param": "linear", "weight": "linear"}
 
-    def _solve(
-        self, q: Floats, instants: Floats, *, param: str = "linear", weight: str = "linear"
-    ) -> None:
+    def _solve(self, q: Floats, instants: Floats, *, param: str, weight: str) -> None:
         is_quadratic = check_choice(param, "param", ("linear", "quadratic")) == "quadratic"
         self._is_smooth = check_choice(weight, "weight", ("linear", "smooth")) == "smooth"
         is_one_circle = len(q) == 3

@@ -123,8 +123,9 @@ class DeCasteljau(TriangleCurve, Drawn):
     source = "Shoemake 1985; Nielson 1993, eq. 17; Schlag 1991"
 
     shared: ClassVar[Mapping[str, Any]] = {**Drawn.shared, "align": False}
+    own: ClassVar[Mapping[str, Any]] = {"t0": 0.0, "t1": 1.0}
 
-    def _solve(self, controls: Floats, *, t0: float = 0.0, t1: float = 1.0) -> None:
+    def _solve(self, controls: Floats, *, t0: float, t1: float) -> None:
         self._set_triangles(np.array(check_interval(t0, t1)), controls[None], 2)
 
 
@@ -159,8 +160,9 @@ class ShoemakeBezier(CubicSegments):
     summary = "cubic slerp segments, tangents from bisected reflections"
     source = "Shoemake 1985; Nielson 1993, sec. 2.2"
     local = True
+    own: ClassVar[Mapping[str, Any]] = {"s": "1/3"}
 
-    def _solve(self, q: Floats, instants: Floats, *, s: float | str = "1/3") -> None:
+    def _solve(self, q: Floats, instants: Floats, *, s: float | str) -> None:
         share = check_share(s, "s")
         ahead = np.concatenate([q[1:2], bisected_reflections(q), q[-2:-1]])
         after = slerp(q[:-1], ahead[:-1], share)
@@ -228,8 +230,9 @@ class BezierCatmullRom(CubicSegments):
     summary = "cubic slerp segments, tangents from central differences"
     source = "Nielson 1993, sec. 2.2"
     local = True
+    own: ClassVar[Mapping[str, Any]] = {"order": "hamilton"}
 
-    def _solve(self, q: Floats, instants: Floats, *, order: str = "hamilton") -> None:
+    def _solve(self, q: Floats, instants: Floats, *, order: str) -> None:
         is_reversed = check_choice(order, "order", ("hamilton", "reversed")) == "reversed"
         padded = with_phantoms(q)
         before, after = conjugate(padded[:-2]), padded[2:]
@@ -269,8 +272,9 @@ class SchlagCatmullRom(TriangleCurve, Through):
     summary = "Catmull-Rom by a triangle of slerps"
     source = "Schlag 1991, after Barry and Goldman 1988"
     local = True
+    own: ClassVar[Mapping[str, Any]] = {"ends": "phantom"}
 
-    def _solve(self, q: Floats, instants: Floats, *, ends: str = "phantom") -> None:
+    def _solve(self, q: Floats, instants: Floats, *, ends: str) -> None:
         check_choice(ends, "ends", ("phantom",))
         window = np.arange(len(q) - 1)[:, None] + np.arange(4)[None, :]
         before, after = 2.0 * instants[[0, -1]] - instants[[1, -2]]
@@ -343,8 +347,9 @@ class Squad(Through):
     summary = "spherical quadrangle blend of two great arcs"
     source = "Shoemake 1987; inner points for unequal times by the velocities at the keyframes"
     local = True
+    own: ClassVar[Mapping[str, Any]] = {"rule": "parabola"}
 
-    def _solve(self, q: Floats, instants: Floats, *, rule: str = "parabola") -> None:
+    def _solve(self, q: Floats, instants: Floats, *, rule: str) -> None:
         h = np.diff(instants)[:, None]
         steps = increments(q)
         v = half_velocities(q, instants, rule)
