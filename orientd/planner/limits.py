@@ -309,8 +309,7 @@ def _at_period(limits: Limits, period: float) -> Limits:
     rise = (_SLOWLY if is_slow else _CYCLES_TO_RISE) * period
     most = [min(a, v / rise) for a, v in zip(own[4:8], speeds, strict=True)]
     jerks = [min(j, _STEEPEST / period * a) for j, a in zip(own[8:12], most, strict=True)]
-    found = _of((*speeds, *most, *jerks, own[12], min(own[13], own[12] / rise)))
-    return limits if found == limits else found
+    return _of((*speeds, *most, *jerks, own[12], min(own[13], own[12] / rise)))
 
 
 DEFAULT_LIMITS = Limits(

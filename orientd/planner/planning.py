@@ -282,7 +282,7 @@ def _curve(job: PlanJob) -> tuple[KeyframePath, Floats | None, bool]:
     knots, guess = job.knots(is_quick=True)
     path = job.path(knots, guess)
     is_moving = job.request.total is not None and not path.is_from_rest_to_rest
-    known = knots.profile if job.limits is job.own else None
+    known = knots.profile if job.limits == job.own else None
     return path, known, is_moving or bool(len(corners(path.trajectory)))
 
 

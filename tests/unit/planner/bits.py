@@ -7,6 +7,7 @@ import hashlib
 import json
 import random
 import sys
+from dataclasses import replace
 
 from wild import wild_motion
 
@@ -45,7 +46,8 @@ def fingerprint(number):
 
 def planned(keyframes, fields, start):
     request = motion_request(keyframes, **fields)
-    return plan(request, start=start, limits=DEFAULT_LIMITS, period=PERIOD, motion_id="same")
+    equal = replace(DEFAULT_LIMITS)  # every caller has its own
+    return plan(request, start=start, limits=equal, period=PERIOD, motion_id="same")
 
 
 if __name__ == "__main__":
