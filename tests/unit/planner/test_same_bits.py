@@ -7,8 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
-from bits import FAMILIES
+from bits import FAMILIES, PERIOD
+
+from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
+from orientd.rotation import exp
 
 PROGRAM = Path(__file__).with_name("bits.py")
 
@@ -44,3 +48,15 @@ def test_two_processes_plan_the_same_bits_in_another_order(tried):
     assert not differing, {number: (one[number], other[number]) for number in differing[:3]}
     motions = {int(number) % len(FAMILIES) for number in numbers if len(one[number]) > 1}
     assert len(motions) > 0.6 * len(FAMILIES), "hardly anything could be planned"
+
+
+def test_equal_limits_give_equal_motions():
+    keys = [tuple(exp(np.array([0.0, 0.0, angle]))) for angle in (0.0, 0.3, -0.2, 0.5)]
+    request, start = MotionRequest([Keyframe(q) for q in keys]), State.at_rest(keys[0])
+
+    def planned():
+        limits = Limits(2.375, 16.25, 7777.0, 1.0, 10.0)  # of no other test
+        motion = plan(request, start=start, limits=limits, period=PERIOD)
+        return motion.records(0, motion.record_count).tobytes()
+
+    assert planned() == planned()
