@@ -22,7 +22,7 @@ from orientd.planner.connect import CONNECTIONS, SAME_PLACE, WITHOUT_RESERVE, ap
 from orientd.planner.job import PlanJob
 from orientd.planner.limits import ANGULAR, LONGEST, PERIODS, UNITS, Limits
 from orientd.planner.motion import Motion
-from orientd.planner.path import PositionPath
+from orientd.planner.path import PositionPath, end_states
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
 from orientd.planner.resolve import resolved
 from orientd.planner.timing import (
@@ -58,7 +58,8 @@ _QUANTITIES = {unit: name for name, unit in UNITS.items()}
 _MUCH = 0.9  # of a limit, and of the longest stop
 _WHOLE = 1.0 + 1e-6  # of a limit
 _MOST_OVER = 1.1  # times a limit that a timing is slowed down for
-_SLOWER = 0.999  # times the speed, from one timing to the next
+_SLOWER = 0.999  # times the speed, of the first timing or from one to the next
+_FREE = 0.99  # of the limits, up to which an end leaves room to be slower
 _MOST_TIMINGS = 12  # until the records keep the limits, and until a stop is short enough
 _LONG = 1.5  # times the longest stop: a curve that will have to keep more of a reserve
 _USUAL = 0.8  # of what a stop from the velocity's limit asks for
@@ -469,7 +470,27 @@ def _timed(
         # About what it will have to use in the end.
         share = min(1.0 - _USUAL * (1.0 - share_to_stop(seconds, longest)), SHARE)
     certify, has_lead_in = partial(job.motion, name=name), job.request.approach
-    return timed(make, certify, job.limits, share=share, has_lead_in=has_lead_in)
+    # What a timing exceeds a little cannot be slowed down as a whole where an end moves.
+    is_lower = not has_rests and _ends_within(path, job.limits, _FREE)
+    limits = job.limits.slowed(_SLOWER) if is_lower else job.limits
+    return timed(make, certify, limits, share=share, has_lead_in=has_lead_in)
+
+
+def _ends_within(path: KeyframePath, limits: Limits, share: float) -> bool:
+    """Return whether velocity and acceleration at both ends are within a share of their limits."""
+    for time, state in zip((0.0, path.duration), end_states(path.trajectory), strict=True):
+        _, velocity, acceleration = path.positions.state(time)
+        for name, vector in (
+            ("velocity", state.omega_body),
+            ("acceleration", state.alpha_body),
+            ("linear_velocity", velocity),
+            ("linear_acceleration", acceleration),
+        ):
+            if math.hypot(*vector.tolist()) > share * getattr(limits, name):
+                return False
+            if name in ANGULAR and (np.abs(vector) > share * np.array(limits.axes(name))).any():
+                return False
+    return True
 
 
 def timed(
