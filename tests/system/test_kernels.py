@@ -23,7 +23,7 @@ def tree(tmp_path_factory):
     root = tmp_path_factory.mktemp("tree")
     for name in ("orientd", "drivers", "sim"):
         shutil.copytree(ROOT / name, root / name, ignore=shutil.ignore_patterns("__pycache__"))
-    with (root / "orientd" / "kernels" / "c" / "cubic.c").open("a") as source:
+    with (root / "orientd" / "kernels" / "c" / "brake.c").open("a") as source:
         source.write("/* edited */\n")
     return root
 
