@@ -8,6 +8,7 @@ length, and exceptions of four kinds where a cable is pulled.
 
 from __future__ import annotations
 
+import os
 import termios
 import threading
 import time
@@ -315,7 +316,8 @@ def open_bus(
         LinkError: the port or the SDK is not there, or somebody else has it.
     """
     sdk = _sdk()
-    steady = type("SteadyPort", (sdk.PortHandler,), {"getCurrentTime": _steady_ms})
+    own = {"getCurrentTime": _steady_ms, "writePort": _write_at_once}
+    steady = type("SteadyPort", (sdk.PortHandler,), own)
     port = steady(port_name)
     port.baudrate = baud
     try:
@@ -350,6 +352,15 @@ def _sdk() -> ModuleType:
 def _steady_ms(_port: object) -> float:
     # The SDK's own clock is the wall clock: setting the time would make every answer late.
     return time.monotonic_ns() / 1e6
+
+
+def _write_at_once(port: Any, packet: Sequence[int]) -> int:  # noqa: ANN401 - of the SDK
+    # pyserial asks the terminal afterwards whether it takes more, and that waits until the kernel
+    # has handed on what has come in: for a second where the processor is busy.
+    try:
+        return os.write(port.ser.fileno(), bytes(packet))
+    except BlockingIOError:
+        return 0  # the device takes nothing
 
 
 def _check_stuffing(parameters: bytes) -> None:

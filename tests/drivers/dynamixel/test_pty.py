@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import os
 import subprocess
 import sys
 import time
@@ -16,6 +17,7 @@ from orientd.errors import DeviceError, LinkError
 from orientd.floats import difference, norm
 from orientd.testing import DriverConformance
 from orientd_dynamixel import DynamixelDriver
+from orientd_dynamixel.bus import open_bus
 
 PERIOD_NS = 10_000_000
 
@@ -133,3 +135,20 @@ def test_port_is_ours_alone(emulator):
 def test_missing_port_is_a_link_error_that_names_it(tmp_path):
     with pytest.raises(LinkError, match=r"cannot open .*nothing"):
         make(tmp_path / "nothing").open()
+
+
+def test_a_write_does_not_wait_for_a_device_that_takes_nothing():
+    device, port = os.openpty()
+    bus = open_bus(os.ttyname(port), 57_600)
+
+    def fill():
+        for _ in range(10_000):
+            bus.sync_write(116, 4, [(1, 2048), (2, 2048)])
+
+    try:
+        with pytest.raises(LinkError, match="a write of goals was not sent"):
+            fill()
+    finally:
+        bus.close()
+        os.close(device)
+        os.close(port)
