@@ -58,15 +58,21 @@ def main() -> None:
 
 
 def runtime_of(compiler: str) -> str | None:
-    """Return the library of a compiler's address sanitizer, which has to be loaded first."""
+    """Return the libraries that have to be loaded first; none if there is no address sanitizer.
+
+    With that of C++ the sanitizer knows the exceptions of other libraries.
+    """
+    libraries = []
     try:
-        found = subprocess.run(
-            [*compiler.split(), "-print-file-name=libasan.so"],
-            check=True, capture_output=True, text=True,
-        ).stdout.strip()  # fmt: skip
+        for name in ("libasan.so", "libstdc++.so.6"):
+            found = subprocess.run(
+                [*compiler.split(), f"-print-file-name={name}"],
+                check=True, capture_output=True, text=True,
+            ).stdout.strip()  # fmt: skip
+            libraries += [found] if Path(found).is_file() else []
     except (OSError, subprocess.CalledProcessError):
         return None
-    return found if Path(found).is_file() else None
+    return " ".join(libraries) if libraries and "libasan" in libraries[0] else None
 
 
 def run(command: list[str], environment: dict[str, str]) -> None:
