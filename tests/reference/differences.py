@@ -128,8 +128,12 @@ def extremes(
                 found.places[order][column] = first + int(np.argmax(squares[phase]))
     if brake_limits is None or not len(phases[0][2]):
         return found
-    rate, place = _slowest(phases, period, brake_limits)
+    rate, place = _slowest(phases, q, period, brake_limits)
     return replace(found, rate=rate, rate_place=place)
+
+
+LOCAL = 0.95
+"""Share of the limit up to which accelerations at records count for the brake rate."""
 
 
 def _squares(vectors: Floats, column: int) -> Floats:
@@ -139,11 +143,13 @@ def _squares(vectors: Floats, column: int) -> Floats:
 
 def _slowest(
     phases: list[tuple[Floats, Floats, Floats]],
+    q: Floats,
     period: float,
     limits: Limits,
 ) -> tuple[float, int]:
     """Return the least brake rate at and after every record, and which third difference sets it."""
     count = len(phases[0][2])
+    local = np.nan_to_num(q[:, 7:10]) if q.shape[1] == 10 else np.zeros((len(q), 3))
     columns = []
     for column in range(4 if limits.has_axes else 1):
         rows = np.zeros((4, count))
@@ -159,5 +165,10 @@ def _slowest(
                 np.linalg.norm(j, axis=1) / period**3,
             ]
             rows[:, : len(j)] = np.fmax(rows[:, : len(j)], found)
+        # Those at the three records of the acceleration, as far as they leave a share of the limit.
+        sizes = np.sqrt(_squares(local, column))
+        most = (limits.acceleration, *limits.axis_acceleration)[column]
+        largest = np.lib.stride_tricks.sliding_window_view(sizes[1:], 3).max(axis=1)
+        rows[1] = np.maximum(rows[1], np.minimum(largest, LOCAL * most))
         columns.append(rows)
     return least_brake_rate(columns, limits)

@@ -8,6 +8,8 @@
 
 #include "differences.h"
 
+#define LOCAL 0.95 /* share of the limit up to which accelerations at records count */
+
 /* Sizes of velocity, acceleration and jerk of some points, the product of the first two without
  * its sign, and a rate that the acceleration allows, whatever the directions are. */
 typedef struct { const double *speed, *size, *along, *jerk; double *bound; index_t n; } points_t;
@@ -143,6 +145,20 @@ INLINE void put_points(const sight_t *sight, index_t points, double period, int 
     }
 }
 
+/* Take in the accelerations at the records of each difference: the slower a path is passed, the less
+ * its differences average.  At full speed these alone count, so that a share of the limit is left. */
+static void put_records(const block_t *block, index_t points, int column, double most,
+                        lane_t *restrict to) {
+    const double (*rows)[BLOCK] = block->rows;
+    for (index_t i = 0; i < points; i++)
+        for (index_t k = i + 1; k <= i + HISTORY; k++) {
+            double size = size_of(vec(rows[7][k], rows[8][k], rows[9][k]), column);
+            /* What is not a number is not known. */
+            size = size < LOCAL * most ? size : isnan(size) ? 0.0 : LOCAL * most;
+            to[1][i] = larger(to[1][i], size);
+        }
+}
+
 /* Take in the least rate of some points, the first of which is that of a record. */
 static void note_rate(points_t at, double most, double most_jerk, brake_law_t law, index_t record,
                       extremes_t *found) {
@@ -182,8 +198,10 @@ void brake(const block_t *block, const sight_t *sight, double period, const meas
             put_points(sight, points, period, 0, rows);
         else
             put_points(sight, points, period, column, rows);
-        note_rate(at, more * row_of(how->limits, 1)[column], more * row_of(how->limits, 2)[column],
-                  how->law, block->first + HISTORY, found);
+        double most = more * row_of(how->limits, 1)[column];
+        put_records(block, points, column, most, rows);
+        note_rate(at, most, more * row_of(how->limits, 2)[column], how->law,
+                  block->first + HISTORY, found);
     }
 }
 

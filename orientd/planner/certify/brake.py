@@ -22,11 +22,15 @@ acceleration, as a C1 curve has at its knots, falls only with the square of the 
 quadratic in *x*.  Near :math:`\sigma = 1` the first one leaves :math:`x \approx \sqrt r A/\omega`
 where the acceleration keeps a reserve *r* below *A*: no reserve, no brake.
 
+The device's differences at full speed average the acceleration over a period; the slower it goes,
+the less they do.  So the acceleration at the records counts too, up to 95 % of the limit: a path
+that a device's axes have shaped may change it from record to record.
+
 Where the joints of the device are planned, each of them obeys the first inequality with its own
 velocity, acceleration and limit (:mod:`orientd.planner.certify.joints`).
 
 Why this uniform rate, where the servo usually stops two to ten times as quickly
-(:mod:`orientd.servo.path.brake_law`)?  Because it needs no foresight: it is certified for every
+(:mod:`orientd.servo.path.quick_stop`)?  Because it needs no foresight: it is certified for every
 point, for resumptions and changes of speed as for stops, and for a path of which only a little is
 in the ring.  The quick law takes in each cycle the least rate that keeps the limits there, which
 can lead to a place from which none does; it is used only after it has been rehearsed to rest, cycle

@@ -67,6 +67,31 @@ def test_no_axis_hurries_for_a_path_that_all_but_meets_the_pole(miss):
             assert np.linalg.norm(turned - np.outer(turned @ axis, axis), axis=1).max() < 2e-4
 
 
+def test_a_pause_keeps_the_tools_limit_where_a_slew_changes_the_acceleration_at_each_record():
+    rates = ((143.0, 1148.5), (100.6, 1022.8), (116.9, 1162.9))
+    axes = [
+        {**axis, "velocity_deg": velocity, "acceleration_deg": acceleration}
+        for axis, (velocity, acceleration) in zip(AXES, rates, strict=True)
+    ]
+    q = rotation.normalize(
+        [
+            [0.749639, 0.661033, 0.021698, 0.024607],
+            [0.759308, 0.626028, 0.10222, -0.145226],
+            [0.761097, 0.648289, -0.018837, -0.009899],
+        ]
+    )
+    options = {"order": "ZXY", "axes": axes, "max_deviation_deg": 3.0, "allow_slews": True}
+    request = MotionRequest([Keyframe(tuple(key)) for key in q.tolist()], approach=True)
+    ride = AxisRide(*plan_for(request, (0.0656266, 1.4453386, 0.0), **options))
+    for record in range(170, 200, 3):
+        ride.go_to(record)
+        assert ride.set_speed(0.0)
+        ride.come_to_rest()
+        ride.set_speed(1.0)
+        ride.run(80)
+        assert ride.servo.state is not ServoState.FAULT, ride.servo.setpoints.fault_text
+
+
 def test_a_stop_by_the_pole_is_as_short_as_the_certificate_says():
     for miss in (1, 4):
         motion, settings = plan_for(motion_file.parse(over_the_top(miss)))
