@@ -26,6 +26,10 @@ _HALFWAY = np.array([1.0, -9.0, 56.0, 56.0, -9.0, 1.0]) / 96.0
 differences of the fourth order."""
 
 
+_LOCAL = 0.95
+"""Share of the limit up to which the acceleration at a record counts, as in ``brake.c``."""
+
+
 class JointBrake(NamedTuple):
     """How fast a path may be slowed down for the joints' sake.
 
@@ -70,6 +74,10 @@ def joint_brake(
     fastest, hardest = GUARD_TOLERANCE * np.array(limits, dtype=np.float64).T
     worst = (np.max(part) for part in (speed / fastest, speed / hardest, bend / hardest))
     shares = JointShares(*map(float, worst))
+    # At the records themselves, by central differences of the fourth order: at full speed they do
+    # not count, so that a share of the limit is left.
+    local = np.abs(14.0 * bends[1:-1] - bends[:-2] - bends[2:]) / 12.0
+    bend[1:-1] = np.maximum(bend[1:-1], np.minimum(local, _LOCAL * hardest))
     rate, record = FASTEST_BRAKE_RATE, 0
     still = np.zeros(len(bend))
     for joint, most in enumerate(hardest.tolist()):
