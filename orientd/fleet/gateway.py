@@ -350,6 +350,8 @@ def _end_with(connection: socket.socket) -> None:
 def main(link: int) -> None:
     """Be the gateway of the daemon at the other end of *link*."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # A terminal may stop whoever writes from the background (`stty tostop`).
+    signal.signal(signal.SIGTTOU, signal.SIG_IGN)
     # A stop is not to wait for whatever else the machine does; Zenoh's threads have it from here.
     set_scheduling(PRIORITY)
     connection = socket.socket(fileno=link)

@@ -77,6 +77,8 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
         The exit status: 0 after an orderly end, 1 where the device could not be opened.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # A terminal may stop whoever writes from the background (`stty tostop`).
+    signal.signal(signal.SIGTTOU, signal.SIG_IGN)
     memory = SharedMemory(descriptor, settings.path_capacity, settings.cycle_capacity)
     clock = MonotonicClock()
     try:

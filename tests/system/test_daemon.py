@@ -7,6 +7,7 @@ import socket
 import stat
 import subprocess
 import sys
+from pathlib import Path
 
 import grpc
 import numpy as np
@@ -124,6 +125,11 @@ def test_a_servo_is_out_of_reach_of_the_terminal_and_in_the_session_of_its_daemo
         servo = daemon.device().servo_pid
         assert os.getsid(servo) == os.getsid(daemon.process.pid)
         assert os.getpgid(servo) == servo
+        # Nor does a terminal stop it that lets nobody write from the background.
+        lines = Path(f"/proc/{servo}/status").read_text().splitlines()
+        (ignored,) = [int(line.split()[1], 16) for line in lines if line.startswith("SigIgn:")]
+        assert ignored >> (signal.SIGINT - 1) & 1
+        assert ignored >> (signal.SIGTTOU - 1) & 1
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

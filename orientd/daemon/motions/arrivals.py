@@ -1,7 +1,7 @@
 """When motions count as done: once the axes have arrived, or are measured to be on target.
 
-The servo knows whether the axes have arrived, see :mod:`orientd.servo.arrival`; a device that does
-not tell has arrived with the last setpoint.
+The servo knows whether the axes have arrived, see :mod:`orientd.servo.device_reports`; a device
+that does not tell has arrived with the last setpoint.
 """
 
 from __future__ import annotations

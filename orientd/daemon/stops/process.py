@@ -229,6 +229,8 @@ def main(listener: int, link: int) -> None:
     """Take stops at *listener*; the daemon is at the other end of *link*."""
     # A Ctrl-C is for the daemon, which may still have to bring its devices to rest.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # A terminal may stop whoever writes from the background (`stty tostop`).
+    signal.signal(signal.SIGTTOU, signal.SIG_IGN)
     # It has next to nothing to do, but that at once; servos, at 80, still go first.
     set_scheduling(PRIORITY)
     _Stops(socket.socket(fileno=listener), socket.socket(fileno=link)).run()
