@@ -7,6 +7,7 @@ quarter of the time of a frozen dataclass.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 from typing import NamedTuple
 
 Vector3 = tuple[float, float, float]
@@ -14,10 +15,33 @@ Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 """``(w, x, y, z)`` of norm 1, tool to world."""
 
+Joints = tuple[float, ...]
+"""Angles of a device's axes, rad, unwrapped: whole turns count."""
+
 ZERO: Vector3 = (0.0, 0.0, 0.0)
 """No velocity, or the origin."""
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 """The orientation of the world itself."""
+
+
+class AxisLimits(NamedTuple):
+    """What one axis of a device may do.
+
+    Attributes:
+        name: of the axis, as messages name it.
+        low: least angle, rad, unwrapped: whole turns count.
+        high: largest angle, rad.
+        velocity: rad/s.
+        acceleration: rad/s^2; infinite if nothing limits it.
+        jerk: rad/s^3; infinite if nothing limits it.
+    """
+
+    name: str
+    low: float
+    high: float
+    velocity: float
+    acceleration: float = inf
+    jerk: float = inf
 
 
 class Setpoint(NamedTuple):
@@ -30,6 +54,7 @@ class Setpoint(NamedTuple):
         alpha_body: its derivative in body components, rad/s^2.
         position: tool position in the world, m.
         velocity: its derivative, m/s.
+        joints: angles of the axes, rad; empty unless the driver takes joints.
     """
 
     time_ns: int
@@ -38,6 +63,7 @@ class Setpoint(NamedTuple):
     alpha_body: Vector3 = ZERO
     position: Vector3 = ZERO
     velocity: Vector3 = ZERO
+    joints: Joints = ()
 
 
 class ComingPose(NamedTuple):
