@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import grp
+import itertools
 import os
 import pwd
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from orientd.config import AccessSettings, Role
 from orientd.daemon.access.peer import Process
@@ -51,9 +51,30 @@ class ClientCertificate:
 
 Credentials = Process | ClientCertificate
 
-NOBODY = Identity("", "", Role.OBSERVER)
-CALLER: ContextVar[Identity] = ContextVar("CALLER", default=NOBODY)
-"""Whose call is being handled."""
+_NUMBERS = itertools.count(1)
+
+
+@dataclass(eq=False)
+class Caller:
+    """A client that was let in.
+
+    Attributes:
+        credentials: what it proved.
+        origin: where it came from, for people.
+        identity: who that makes it at present.
+        key: names it among all callers, for taking turns.
+    """
+
+    credentials: Credentials
+    origin: str
+    identity: Identity
+    key: str = field(default_factory=lambda: f"caller {next(_NUMBERS)}")
+
+    @property
+    def has_expired(self) -> bool:
+        """Whether its certificate counted when it came in, and does not any more."""
+        credentials = self.credentials
+        return isinstance(credentials, ClientCertificate) and credentials.expires <= time.time()
 
 
 class RolePolicy:
