@@ -15,7 +15,7 @@ from typing import cast
 
 import numpy as np
 
-from orientd.driver import Driver, Quaternion, ShapedPath
+from orientd.driver import Driver, Quaternion, ShapedPath, tune
 from orientd.errors import LimitError, PlanError, RequestError
 from orientd.planner.axis_path import reshaped
 from orientd.planner.blending import blend
@@ -195,7 +195,7 @@ class DevicePlanner:
         """Have the driver look at its options of this motion."""
         try:
             tuning_text(request.device_options)
-            self._examiner.tune(request.device_options)
+            tune(self._examiner, request.device_options)
         except ValueError as error:
             raise RequestError("device_options", str(error)) from error
 

@@ -17,7 +17,7 @@ from orientd.daemon.devices.servo_link import (
     ServoLink,
     report_directory,
 )
-from orientd.driver import PartHealth, driver_target
+from orientd.driver import Explaining, PartHealth, driver_target
 from orientd.errors import GOING_DOWN, DaemonError, Fault, PendingError, StateError
 from orientd.servo import ProcessSettings
 from orientd.stream import Command, Cycle, NoteKind, ServoState, newest_health
@@ -28,7 +28,6 @@ _LONGEST_END = 30.0
 _JUST_NOW = 0.5
 
 Tell = Callable[[EventKind, str], None]
-Explain = Callable[[int], str]
 
 
 _MOST_RECORDS = 1 << 17
@@ -59,7 +58,12 @@ class ServoSupervisor:
     """
 
     def __init__(
-        self, settings: DeviceSettings, *, read_ahead: int, tell: Tell, why_ended: Explain
+        self,
+        settings: DeviceSettings,
+        *,
+        read_ahead: int,
+        tell: Tell,
+        explaining: Explaining | None = None,
     ) -> None:
         """Start nothing yet.
 
@@ -67,7 +71,7 @@ class ServoSupervisor:
             settings: the device's part of the configuration.
             read_ahead: path records that are kept ahead of the servo, a power of two.
             tell: is told of a servo that is ready, in a fault, or has ended.
-            why_ended: says what the driver knows of a signal that has ended the process.
+            explaining: the driver, if it knows what ends the process.
 
         Raises:
             ConfigError: the driver is not installed.
@@ -76,7 +80,7 @@ class ServoSupervisor:
         self._target = driver_target(settings.driver)
         self._read_ahead = read_ahead
         self._tell = tell
-        self._why_ended = why_ended
+        self._explaining = explaining
         self._ready = threading.Event()
         self._has_ended = False
         self._failed = 0.0
@@ -259,7 +263,7 @@ class ServoSupervisor:
         """Say that the process has ended, whatever ended it."""
         code = link.process.returncode
         ended = f"by signal {-code}" if code < 0 else f"with status {code}"
-        reason = self._why_ended(-code) if code < 0 else ""
+        reason = self._explaining.why_ended(-code) if code < 0 and self._explaining else ""
         died = f"the servo process was ended {ended}" + (f": {reason}" if reason else "")
         self.failure = self._last_words or died
         if self.fault is not Fault.LINK_LOST:
