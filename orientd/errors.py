@@ -29,7 +29,7 @@ An error is ours (a call failed); a fault is the device's (it stopped and waits 
 
 from __future__ import annotations
 
-from enum import IntEnum
+from enum import Enum, IntEnum
 from typing import Any, ClassVar
 
 
@@ -100,10 +100,23 @@ class PlanError(OrientdError):
     """A well-formed motion that cannot be planned."""
 
 
+class LimitKind(Enum):
+    """What a limit is about, which decides whether a slower motion would keep it."""
+
+    VELOCITY = "velocity"
+    ACCELERATION = "acceleration"
+    JERK = "jerk"
+    RANGE = "range"
+    """Of an axis: its angles end there, however slow the motion is."""
+    DEVIATION = "deviation"
+    TIME = "time"
+
+
 class LimitError(PlanError):
     """A motion that would break a limit.
 
     Attributes:
+        kind: what the limit is about.
         quantity: what breaks it, for example ``angular velocity``.
         value: the largest value reached, in SI units.
         limit: what was allowed, in the same units.
@@ -121,6 +134,7 @@ class LimitError(PlanError):
         unit: str,
         advice: str = "",
         *,
+        kind: LimitKind,
         is_in_lead_in: bool = False,
     ) -> None:
         text = (
@@ -128,6 +142,7 @@ class LimitError(PlanError):
             f"the limit is {limit:.6g} {unit}"
         )
         super().__init__(f"{text}; {advice}" if advice else text)
+        self.kind = kind
         self.quantity = quantity
         self.value = value
         self.limit = limit
