@@ -211,5 +211,8 @@ MODELS: Mapping[str, ServoModel] = {
     "xc430-w240": _like(XM430_W350, "XC430-W240", 1080, 70),
     "xc330-m181": _like(XL330_M288, "XC330-M181", 1230, 129),
     "xc330-m288": _like(XL330_M288, "XC330-M288", 1240, 81),
+    "mx-28": _like(XM430_W350, "MX-28(2.0)", 30, 55),
+    "mx-64": _like(XM430_W350, "MX-64(2.0)", 311, 63),
+    "mx-106": _like(XM430_W350, "MX-106(2.0)", 321, 45),
 }
 """By the short names of the command line."""
