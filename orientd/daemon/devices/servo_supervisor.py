@@ -20,7 +20,15 @@ from orientd.daemon.devices.servo_link import (
 from orientd.driver import Explaining, PartHealth, driver_target
 from orientd.errors import GOING_DOWN, DaemonError, Fault, PendingError, StateError
 from orientd.servo import ProcessSettings
-from orientd.stream import Command, Cycle, NoteKind, ServoState, newest_health
+from orientd.stream import (
+    LONGEST_READ_WORD,
+    LONGEST_WRITE_WORD,
+    Command,
+    Cycle,
+    NoteKind,
+    ServoState,
+    newest_health,
+)
 
 _LONGEST_END = 30.0
 """How long a servo may take to stop on its path and to park its device, s."""
@@ -191,6 +199,17 @@ class ServoSupervisor:
         """Return the newest cycle of a process that runs; ``None`` before the first."""
         link = self.link
         return link.newest() if link is not None and link.is_alive else None
+
+    @property
+    def longest_calls(self) -> dict[str, float]:
+        """How long the driver's longest ``read`` and ``write`` took, s; empty without a servo."""
+        link = self.link
+        with contextlib.suppress(ValueError):  # closed meanwhile
+            if link is not None:
+                pulse = link.memory.pulse
+                words = {"read": LONGEST_READ_WORD, "write": LONGEST_WRITE_WORD}
+                return {call: pulse[word] * 1e-9 for call, word in words.items()}
+        return {}
 
     @property
     def next_cycle(self) -> int:
