@@ -22,11 +22,12 @@ from orientd.driver import (
     Driver,
     Feedback,
     Finding,
+    PartHealth,
     Quaternion,
     Setpoint,
     Vector3,
 )
-from orientd.errors import DeviceFaultError, FeedbackError, LinkError
+from orientd.errors import DeviceFaultError, FeedbackError, LinkError, SpentLinkError
 from orientd.floats import difference, exp, norm, rotate_back
 from orientd_ur import options as ur_options
 from orientd_ur.arm import Arm
@@ -76,6 +77,7 @@ class UrDriver(Driver):
 
     name: ClassVar[str] = "ur"
     default_rate_hz: ClassVar[float] = 500.0
+    longest_call = _LONGEST_CYCLE
 
     def __init__(self, options: Mapping[str, Any], *, period_ns: int, clock: Clock) -> None:
         super().__init__(options, period_ns=period_ns, clock=clock)
@@ -114,11 +116,6 @@ class UrDriver(Driver):
     def speed_scaling(self) -> float:
         """The speed slider times what the controller's own limiter leaves, 0 to 1."""
         return self._speed_scaling
-
-    @property
-    def is_spent(self) -> bool:
-        """Whether the link was lost: the library can then neither be used nor be destroyed."""
-        return self._link.is_lost
 
     def tune(self, options: Mapping[str, Any]) -> None:
         """Take the lookahead, gain and servo time of the motions to come."""
@@ -188,7 +185,7 @@ class UrDriver(Driver):
             self._listener = TickListener(address)
             self._phase = TickPhase(tick_ns(probe.version), self.period_ns)
         self._link.connect(address)
-        self._await_package(LinkError(f"{host} sends no data packages"))
+        self._await_package(SpentLinkError(f"{host} sends no data packages"))
 
     def enable(self) -> Feedback:
         """Have the control program play and the tool, payload and watchdog be set.
@@ -352,18 +349,16 @@ class UrDriver(Driver):
         off = dist(position, (x, y, z)) / _REACH
         turned = norm(difference(q, exp((rotation[0], rotation[1], rotation[2]))))
         wanted, measured = self._link.joints()
+        # As long as the controller smooths, and longer while it runs slowly.
+        patience = max(0.5, 5.0 * self._tuned.lookahead) / max(self._speed_scaling, 1e-3)
+        tool = "the tool that the controller commands"
         return [
-            AxisGap("the tool that the controller commands", max(off, turned), allowed),
+            AxisGap(tool, max(off, turned), allowed, patience=patience),
             *(
-                AxisGap(f"joint {name}", a - b, allowed)
+                AxisGap(f"joint {name}", a - b, allowed, patience=patience)
                 for name, a, b in zip(JOINT_NAMES, wanted, measured, strict=True)
             ),
         ]
-
-    @property
-    def arrival_time(self) -> float:
-        """As long as the controller smooths, and longer while it runs slowly; s."""
-        return max(0.5, 5.0 * self._tuned.lookahead) / max(self._speed_scaling, 1e-3)
 
     def deadline_shift_ns(self, deadline_ns: int) -> int:
         """Keep the deadlines clear of the moment at which the controller takes setpoints."""
@@ -395,6 +390,10 @@ class UrDriver(Driver):
             self._is_in_fault = True
             self._ending.begin()
 
+    def health(self) -> Sequence[PartHealth]:
+        """Return nothing: the controller watches its joints itself."""
+        return ()
+
     def notices(self) -> Sequence[str]:
         """Return what the robot's software lacks, and what was done to it during a fault."""
         return (*self._advice, *self._ending.notices)
@@ -409,7 +408,7 @@ class UrDriver(Driver):
         self._link.require()
         self._link.require_same()
         self._clock.reset()
-        self._await_package(LinkError(f"{self._options.host} sends no data packages"))
+        self._await_package(SpentLinkError(f"{self._options.host} sends no data packages"))
         self._ending.wait()
         self._recovery.clear()
         if self._link.has_control:
@@ -455,7 +454,9 @@ class UrDriver(Driver):
         host, chosen = self._options.host, self._options
         if age > chosen.link_timeout:
             self._link.is_lost = True
-            raise LinkError(f"the controller's clock at {host} has stood still for {age:.3f} s")
+            raise SpentLinkError(
+                f"the controller's clock at {host} has stood still for {age:.3f} s"
+            )
         if age > chosen.feedback_timeout:
             # What is sent from now on would pile up, and reach the arm as one jump.
             self._is_muted = True

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from orientd.driver import Quaternion, Vector3
-from orientd.errors import LimitError, PlanError
+from orientd.errors import LimitError, LimitKind, PlanError
 from orientd.floats import exp, multiply
 from orientd_ur.arm import Arm
 from orientd_ur.kinematics import JOINT_NAMES, Joints, Kinematics, Matrix, matrix, quaternion
@@ -147,6 +147,7 @@ def examine(
                 raise LimitError(
                     f"angle of joint {name}", abs(there), high if there > high else abs(low), time,
                     "rad", "turn less far (a turn by a shorter `--duration`), or unwind it first",
+                    kind=LimitKind.RANGE,
                 )  # fmt: skip
         before, before_time = joints, time
     _refuse_fast(speeds, arm)
@@ -161,7 +162,7 @@ def _refuse_fast(speeds: dict[str, Extreme], arm: Arm) -> None:
     if worst.value > limit:
         raise LimitError(
             f"speed of joint {name}", worst.value, limit, worst.time, "rad/s",
-            "allow the motion more time, or keep away from singularities",
+            "allow the motion more time, or keep away from singularities", kind=LimitKind.VELOCITY,
         )  # fmt: skip
 
 

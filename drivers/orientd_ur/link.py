@@ -13,7 +13,7 @@ import importlib.util
 import time
 from typing import Any
 
-from orientd.errors import DeviceFaultError, LinkError
+from orientd.errors import DeviceFaultError, LinkError, SpentLinkError
 from orientd_ur.deadline import process_ends_after
 from orientd_ur.sockets import OpenSocket, are_open, send_at_once
 from orientd_ur.states import RuntimeState
@@ -150,12 +150,15 @@ class Link:
         """Do nothing while the link lives.
 
         Raises:
-            LinkError: it does not; the library is not touched again.
+            SpentLinkError: it does not any more; the library is not touched again.
+            LinkError: nothing is connected.
         """
         problem = self.problem()
         if problem:
-            self.is_lost = self.is_lost or self._receive is not None
-            raise LinkError(problem)
+            if self._receive is None:
+                raise LinkError(problem)
+            self.is_lost = True
+            raise SpentLinkError(problem)
 
     def require_same(self) -> None:
         """Do nothing while the connections are those that were made.
@@ -168,7 +171,7 @@ class Link:
         """
         if not are_open(self._sockets):
             self.is_lost = True
-            raise LinkError(f"{self.host} closed the connection, and the library made another")
+            raise SpentLinkError(f"{self.host} closed the connection, and the library made another")
 
     # What the controller says; called every cycle.
 
@@ -224,10 +227,10 @@ class Link:
         except RuntimeError as error:
             raise self._loss(error) from error
 
-    def _loss(self, error: RuntimeError) -> LinkError:
+    def _loss(self, error: RuntimeError) -> SpentLinkError:
         """Return what it means that the library failed to connect anew, which it says once."""
         self.is_lost = True
-        return LinkError(f"{self.host} closed the connection: {' '.join(str(error).split())}")
+        return SpentLinkError(f"{self.host} closed the connection: {' '.join(str(error).split())}")
 
     def order(self, name: str, *arguments: Any, limit: float = _CALL_LIMIT) -> bool:  # noqa: ANN401 - the library's own
         """Call a method of the controlling connection that waits for the robot.

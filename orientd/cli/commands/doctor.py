@@ -82,10 +82,10 @@ def device_findings(device: DeviceSettings) -> list[Finding]:
     Raises:
         ConfigError: the driver is not installed, or refuses its options.
     """
-    from orientd.driver import make_driver
+    from orientd.driver import Diagnosable, make_driver
 
     driver = make_driver(device.name, device.driver, device.options, device.period_ns)
-    return list(driver.diagnose())
+    return list(driver.diagnose()) if isinstance(driver, Diagnosable) else []
 
 
 def latency_finding(device: DeviceSettings) -> Finding:
