@@ -123,7 +123,7 @@ def require_library() -> None:
         LinkError: it is not.
     """
     if importlib.util.find_spec("rtde_control") is None:
-        raise LinkError("the driver needs ur-rtde: pip install 'orientd-motion[ur]'")
+        raise LinkError(f"the driver needs ur-rtde: {sys.executable} -m pip install ur-rtde")
 
 
 class Link:
