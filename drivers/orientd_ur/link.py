@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import sys
 import time
 from typing import Any
 
@@ -48,7 +49,7 @@ def require_library() -> None:
         LinkError: it is not.
     """
     if importlib.util.find_spec("rtde_control") is None:
-        raise LinkError("the driver needs ur-rtde: pip install 'orientd-motion[ur]'")
+        raise LinkError(f"the driver needs ur-rtde: {sys.executable} -m pip install ur-rtde")
 
 
 class Link:
