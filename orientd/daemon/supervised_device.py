@@ -243,6 +243,7 @@ class SupervisedDevice:
             scheduling=servo.scheduling,
             memory_locked=servo.memory_locked,
             health=servo.health,
+            longest_calls=servo.longest_calls,
         )
 
     def _due(self, cycle: Cycle) -> Cycle:

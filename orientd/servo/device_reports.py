@@ -1,4 +1,4 @@
-"""Reports of the device besides its feedback: notices, health, and whether its axes have arrived.
+"""Reports of the device besides its feedback: notices, health, durations of calls, arrival.
 
 A motion ends with its last setpoint, and the axes lag behind it.  They have arrived once each was
 measured within its tolerance.  An axis that has not arrived in the time that the driver allows it
@@ -10,18 +10,69 @@ from __future__ import annotations
 import math
 
 from orientd.driver import Arriving, AxisGap, Driver, Healthy
-from orientd.stream import NoteKind, SharedMemory, pack_note, publish_health
+from orientd.stream import (
+    LONGEST_READ_WORD,
+    LONGEST_WRITE_WORD,
+    NoteKind,
+    SharedMemory,
+    pack_note,
+    publish_health,
+)
 
 _INTERVAL_NS = 1_000_000_000
 
+_CALLS = (LONGEST_READ_WORD, LONGEST_WRITE_WORD)
+
+_TOLERATED = 10.0
+"""How often in a second a call may take longer than its driver declares; a call that takes n times
+as long counts n times.  A busy machine interrupts a few calls of any driver."""
+
+
+class CallTimes:
+    """How long a driver's reads and writes take, against what it declares."""
+
+    def __init__(self, driver: Driver, memory: SharedMemory) -> None:
+        self._words = memory.pulse
+        self._declared_ns = driver.longest_call * 1e9
+        self._excess = 0.0
+        self._notices: tuple[str, ...] = ()
+
+    def note(self, word: int, taken_ns: int) -> None:
+        """Take note of a read or write, by its *word*, that took so long."""
+        if taken_ns > self._words[word]:
+            self._words[word] = taken_ns
+        if taken_ns > self._declared_ns:
+            self._excess += taken_ns / self._declared_ns
+
+    def notices(self) -> tuple[str, ...]:
+        """Return a warning once too many calls of one second took too long; call once a second."""
+        if self._excess >= _TOLERATED and not self._notices:
+            read, write = (self._words[word] * 1e-6 for word in _CALLS)
+            self._notices = (
+                f"the driver keeps the servo waiting: reads took up to {read:.1f} ms and writes up "
+                f"to {write:.1f} ms, at most {self._declared_ns * 1e-6:.1f} ms are declared",
+            )
+        self._excess = 0.0
+        return self._notices
+
+    def forget(self) -> None:
+        """Warn anew; the device was opened or reset, which may have taken long."""
+        self._excess, self._notices = 0.0, ()
+
 
 class DeviceReports:
-    """Notices and health, handed on to the daemon."""
+    """Notices and health, handed on to the daemon.
+
+    Attributes:
+        note_call: takes note of how long a read or write took, see :meth:`CallTimes.note`.
+    """
 
     def __init__(self, driver: Driver, memory: SharedMemory, period_ns: int) -> None:
         self._healthy = driver if isinstance(driver, Healthy) else None
         self._memory = memory
         self._every = max(1, _INTERVAL_NS // period_ns)
+        self._calls = CallTimes(driver, memory)
+        self.note_call = self._calls.note
         self._told: tuple[str, ...] = ()
         self._hindered = -self._every - 1
 
@@ -31,10 +82,12 @@ class DeviceReports:
     def publish_notices(self) -> None:
         """Publish all there is to say of a device that was opened, or reset."""
         self._told = ()
+        self._calls.forget()
         self._publish_new()
 
     def _publish_new(self) -> None:
         notices = () if self._healthy is None else tuple(self._healthy.notices())
+        notices += self._calls.notices()
         for text in notices:
             if text not in self._told:
                 self._publish(text)

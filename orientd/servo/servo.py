@@ -44,6 +44,8 @@ from orientd.stream import (
     HALTS_WORD,
     HEAD,
     JOINTS,
+    LONGEST_READ_WORD,
+    LONGEST_WRITE_WORD,
     NO_JOINTS,
     STOPS_WORD,
     TAKEN_AT_WORD,
@@ -148,10 +150,12 @@ class Servo:
             lateness_ns: how much later it began.
         """
         # Few calls, wide or deep: where caches are cold, one costs as much as a quaternion product.
+        begun_ns = self._clock.now_ns()
         try:
             self._feedback = self._driver.read() or self._feedback
         except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
             self._take_fault(error)
+        self.reports.note_call(LONGEST_READ_WORD, self._clock.now_ns() - begun_ns)
         if self._taken != self._memory.commands.words[HEAD]:
             self._take_command()
         if self._stops != self._memory.pulse[STOPS_WORD]:
@@ -166,6 +170,7 @@ class Servo:
             self.reports.publish_hindrance(self.setpoints.pursuit.hindrance, self._cycle_count)
         is_written = self._is_enabled
         if is_written:
+            begun_ns = self._clock.now_ns()
             try:
                 setpoint = tuple.__new__(Setpoint, (deadline_ns, *point))
                 if self.setpoints.pursuit.is_on:
@@ -175,6 +180,7 @@ class Servo:
             except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
                 self._take_fault(error)
                 is_written = False
+            self.reports.note_call(LONGEST_WRITE_WORD, self._clock.now_ns() - begun_ns)
         if before is _STREAMING and self.setpoints.state is _HOLDING:
             self._arrival.begin(self._clock.now_ns())
         if self._arrival.is_awaited:
@@ -240,6 +246,8 @@ class Servo:
             "cycles": self._cycle_count,
             "overruns": self.overruns,
             "missed": self.missed,
+            "longest_read_ns": self._memory.pulse[LONGEST_READ_WORD],
+            "longest_write_ns": self._memory.pulse[LONGEST_WRITE_WORD],
             "orientation": dict(zip("wxyz", setpoints.last.q, strict=True)),
             "position": list(setpoints.last.position),
         }

@@ -17,10 +17,18 @@ from orientd.daemon.devices.servo_link import (
     ServoLink,
     report_directory,
 )
-from orientd.driver import Explaining, PartHealth, driver_target
-from orientd.errors import GOING_DOWN, DaemonError, Fault, PendingError, StateError
+from orientd.driver import Explaining, PartHealth, driver_target, python_version
+from orientd.errors import GOING_DOWN, ConfigError, DaemonError, Fault, PendingError, StateError
 from orientd.servo import ProcessSettings
-from orientd.stream import Command, Cycle, NoteKind, ServoState, newest_health
+from orientd.stream import (
+    LONGEST_READ_WORD,
+    LONGEST_WRITE_WORD,
+    Command,
+    Cycle,
+    NoteKind,
+    ServoState,
+    newest_health,
+)
 
 _LONGEST_END = 30.0
 """How long a servo may take to stop on its path and to park its device, s."""
@@ -74,9 +82,14 @@ class ServoSupervisor:
             explaining: the driver, if it knows what ends the process.
 
         Raises:
-            ConfigError: the driver is not installed.
+            ConfigError: the driver is not installed, or its interpreter cannot be used.
         """
         self._settings = settings
+        if settings.python:
+            try:
+                python_version(settings.python)
+            except ConfigError as error:
+                raise ConfigError(f"devices.{settings.name}.python: {error}") from error
         self._target = driver_target(settings.driver)
         self._read_ahead = read_ahead
         self._tell = tell
@@ -114,7 +127,7 @@ class ServoSupervisor:
         self._ready.clear()
         self._forget()
         try:
-            self.link = ServoLink(self._process_settings())
+            self.link = ServoLink(self._process_settings(), self._settings.python)
         except DaemonError as error:
             self.link = None
             self._fail(Fault.SERVO_DIED, str(error))
@@ -191,6 +204,17 @@ class ServoSupervisor:
         """Return the newest cycle of a process that runs; ``None`` before the first."""
         link = self.link
         return link.newest() if link is not None and link.is_alive else None
+
+    @property
+    def longest_calls(self) -> dict[str, float]:
+        """How long the driver's longest ``read`` and ``write`` took, s; empty without a servo."""
+        link = self.link
+        with contextlib.suppress(ValueError):  # closed meanwhile
+            if link is not None:
+                pulse = link.memory.pulse
+                words = {"read": LONGEST_READ_WORD, "write": LONGEST_WRITE_WORD}
+                return {call: pulse[word] * 1e-9 for call, word in words.items()}
+        return {}
 
     @property
     def next_cycle(self) -> int:
