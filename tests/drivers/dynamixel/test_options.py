@@ -2,6 +2,7 @@
 
 import math
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -123,9 +124,9 @@ class HighServo(EmulatedServo):
 @pytest.mark.parametrize("name", [name for name in MODELS if name not in EMULATED])
 def test_every_model_of_the_p_series_is_driven_by_its_own_registers(rig, name):
     it = rig("ZY", axes=[{"id": 1, "model": name}, {"id": 2, "model": name}])
-    it.bus.servos[:] = [HighServo(k, now_ns=it.clock.now_ns()) for k in (1, 2)]
+    model = replace(EMULATED["xm430"], number=MODELS[name].number)
+    it.bus.servos[:] = [HighServo(k, model, now_ns=it.clock.now_ns()) for k in (1, 2)]
     for servo in it.bus.servos:
-        servo._memory[:2] = MODELS[name].number.to_bytes(2, "little")
         servo.shaft.position = 0.0
     it.start()
     angles = [300 * math.tau / MODELS[name].ticks, -100 * math.tau / MODELS[name].ticks]
