@@ -22,7 +22,7 @@ _NOT_EMULATED = """
     get_mass_matrix interpreter_mode end_interpreter clear_interpreter modbus_add_signal
     modbus_delete_signal modbus_get_signal_status modbus_send_custom_command
     modbus_set_digital_input_action modbus_set_output_register modbus_set_output_signal
-    modbus_set_signal_update_frequency movec optimovej optimovel path_offset_disable
+    modbus_set_signal_update_frequency optimovej optimovel path_offset_disable
     path_offset_enable path_offset_get path_offset_set path_offset_set_alpha_filter
     path_offset_set_max_offset read_port_bit read_port_register
     request_boolean_from_primary_client request_float_from_primary_client

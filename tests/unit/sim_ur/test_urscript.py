@@ -1,10 +1,12 @@
 """URScript on the emulated controller, in virtual time: the language, its threads, its words."""
 
+import itertools
 import math
 
 import pytest
 
 from emulated_ur import Behaviour, Controller
+from emulated_ur.arm import rotation_between
 from emulated_ur.urscript import ScriptError, Splitter, compile_script
 from emulated_ur.variables import ProgramState
 
@@ -376,3 +378,33 @@ def test_cycle_of_a_cb3_controller_is_eight_milliseconds():
     for _ in range(3):
         robot.tick()
     assert list(robot.told) == ["0.008"]
+
+
+@pytest.mark.parametrize(("sweep", "mode"), [(0.6, 0), (2.0, 0), (4.5, 0), (0.6, 1), (1.2, 1)])
+def test_movec_runs_on_the_circle_through_its_three_positions(robot, sweep, mode):
+    x, y, z, *turn = robot.tool.pose("target_TCP_pose")
+
+    def pose(angle):
+        at = x, y + 0.05 * math.sin(angle), z + 0.05 - 0.05 * math.cos(angle)
+        return f"p[{', '.join(map(repr, (*at, *turn)))}]"
+
+    begun = robot.tool.at(robot.arm.target_q)
+    robot.upload(
+        f"def p():\n  movec({pose(sweep / 3)}, {pose(sweep)}, a=0.5, v=0.05, mode={mode})\nend\n"
+    )
+    angles = []
+    for _ in range(4000):
+        robot.tick()
+        _, b, c, *_ = robot.tool.pose("target_TCP_pose")
+        assert math.hypot(b - y, c - z - 0.05) == pytest.approx(0.05, abs=1e-9)
+        angles.append(math.atan2(b - y, z + 0.05 - c) % math.tau)
+    assert robot.runtime_state is ProgramState.STOPPED
+    assert angles[-1] == pytest.approx(sweep, abs=1e-9)
+    turned = rotation_between(begun, robot.tool.at(robot.arm.target_q))
+    assert turned == pytest.approx((sweep if mode else 0.0, 0, 0), abs=1e-9)
+    assert max(b - a for a, b in itertools.pairwise(angles)) < 1.01 * 0.05 / 0.05 * 0.002
+
+
+def test_movec_without_a_circle_ends_the_program(robot):
+    run(robot, "q = get_target_tcp_pose()\n  movec(q, q)")
+    assert "the three positions are on a line" in robot.log[-1]
