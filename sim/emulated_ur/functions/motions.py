@@ -56,6 +56,7 @@ class Motions:
     program: Program
     _holder: int | None = None
     _force: tuple[tuple[float, ...], ...] | None = None
+    _is_aborted: bool
 
     def movej(
         self, q: Datum, a: float = 1.4, v: float = 1.05, t: float = 0.0, r: float = 0.0
@@ -295,6 +296,7 @@ class Motions:
             speed, acceleration = 1.5 * length / seconds, 4.5 * length / seconds**2
         speed, acceleration = max(speed, 1e-3), max(acceleration, 1e-3)
         along = rate = 0.0
+        self._is_aborted = False
         with self._arm():
             while along < length:
                 dt = TICK * self.robot.speed_scaling
@@ -303,6 +305,9 @@ class Motions:
                 along = min(length, along + rate * dt)
                 self.robot.arm.follow(at(along))
                 yield
+                if self._is_aborted:
+                    yield from self.stopj(acceleration)
+                    return False
                 if self.robot.arm.mode is not Mode.FOLLOW:
                     return True
             self.robot.arm.hold()
