@@ -16,10 +16,13 @@ from typing import Any
 from google.rpc import code_pb2, status_pb2
 from grpclib.config import Configuration
 from grpclib.metadata import decode_timeout, encode_bin_value, encode_grpc_message
-from grpclib.protocol import AbstractHandler, H2Protocol, Stream
+from grpclib.protocol import AbstractHandler, EventsProcessor, H2Protocol, Stream
+from grpclib.protocol import Connection as HttpConnection
 from h2.config import H2Configuration
+from h2.connection import H2Connection
 from h2.events import UnknownFrameReceived
 from h2.exceptions import ProtocolError
+from h2.settings import SettingCodes
 
 from orientd.daemon.access.identity import Caller
 from orientd.errors import MessageSizeError, RequestError
@@ -29,6 +32,9 @@ _log = logging.getLogger(__name__)
 
 WINDOW = 256 * 1024
 """Bytes that a client may send ahead of what is read, over one connection and for one call."""
+
+MOST_STREAMS = 1024
+"""Calls over one connection that its client has not done with; a client waits with more."""
 
 Send = Callable[[bytes], Awaitable[None]]
 """Sends one answer."""
@@ -77,10 +83,7 @@ class Connection(H2Protocol, AbstractHandler):
             message_bytes: of the largest message.
             ended: called once, when the connection is over.
         """
-        windows = Configuration(
-            http2_connection_window_size=WINDOW, http2_stream_window_size=WINDOW
-        )
-        super().__init__(self, windows.__for_server__(), _HTTP2)
+        super().__init__(self, Configuration().__for_server__(), _HTTP2)
         self._meet, self._serve = meet, serve
         self._message_bytes = message_bytes
         self._ended = ended
@@ -112,7 +115,19 @@ class Connection(H2Protocol, AbstractHandler):
             self.hang_up()
             return
         self.caller = caller
-        super().connection_made(transport)
+        http2 = H2Connection(config=_HTTP2)
+        http2.initiate_connection()
+        http2.increment_flow_control_window(WINDOW - http2.local_settings.initial_window_size)
+        http2.update_settings(
+            {
+                SettingCodes.INITIAL_WINDOW_SIZE: WINDOW,
+                SettingCodes.MAX_CONCURRENT_STREAMS: MOST_STREAMS,
+            }
+        )
+        gathering: Any = _Gathering(self._transport)
+        self.connection = HttpConnection(http2, gathering, config=self.config)
+        self.connection.flush()
+        self.processor = EventsProcessor(self, self.connection)
         # RFC 9113, 5.5: frames of an unknown type are ignored.
         self.processor.processors[UnknownFrameReceived] = lambda _: None
 
@@ -183,6 +198,33 @@ class Connection(H2Protocol, AbstractHandler):
             )
             if stream.closable:
                 stream.reset_nowait()  # whatever else the client would send
+
+
+class _Gathering:
+    """A transport that writes once what is written in one turn of the event loop.
+
+    Each write lets other threads run, which may then take milliseconds.
+    """
+
+    def __init__(self, transport: asyncio.Transport) -> None:
+        self._transport = transport
+        self._gathered: list[bytes] = []
+        self.get_extra_info = transport.get_extra_info
+        self.is_closing = transport.is_closing
+
+    def write(self, content: bytes) -> None:
+        if not self._gathered:
+            asyncio.get_running_loop().call_soon(self._flush)
+        self._gathered.append(content)
+
+    def close(self) -> None:
+        self._flush()
+        self._transport.close()
+
+    def _flush(self) -> None:
+        gathered, self._gathered = self._gathered, []
+        if gathered:
+            self._transport.write(b"".join(gathered))
 
 
 class _Requests:
