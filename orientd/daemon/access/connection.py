@@ -53,6 +53,7 @@ _HTTP2 = H2Configuration(
     normalize_inbound_headers=False,
     normalize_outbound_headers=False,
 )
+_CONFIGURATION = Configuration().__for_server__()
 _CONTENT = b"application/grpc"
 _HEAD = ((":status", "200"), ("content-type", _CONTENT.decode()))
 _PREFIX_BYTES = 5
@@ -63,9 +64,11 @@ class Connection(H2Protocol, AbstractHandler):
 
     Attributes:
         caller: who is at the other end, once that is known.
+        waiting: waits for the first word; ``None`` once that is there.
     """
 
     caller: Any = None
+    waiting: asyncio.Task[Any] | None = None
 
     def __init__(
         self,
@@ -83,7 +86,7 @@ class Connection(H2Protocol, AbstractHandler):
             message_bytes: of the largest message.
             ended: called once, when the connection is over.
         """
-        super().__init__(self, Configuration().__for_server__(), _HTTP2)
+        super().__init__(self, _CONFIGURATION, _HTTP2)
         self._meet, self._serve = meet, serve
         self._message_bytes = message_bytes
         self._ended = ended
@@ -102,7 +105,9 @@ class Connection(H2Protocol, AbstractHandler):
 
     def hang_up(self) -> None:
         """End the connection and every call over it."""
-        if self._transport is not None:
+        if self.waiting is not None:
+            self.waiting.cancel()
+        elif self._transport is not None:
             self._transport.abort()
 
     # asyncio's protocol

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import grp
 import itertools
 import os
@@ -134,7 +135,7 @@ class RolePolicy:
         roles = [self._groups[gid] for gid in gids if gid in self._groups]
         if uid in self._users:
             roles.append(self._users[uid])
-        return Identity(f"user:{uid}", _user_name(uid), max(roles)) if roles else None
+        return Identity(f"user:{uid}", user_name(uid), max(roles)) if roles else None
 
     def _certificate(self, name: str) -> Identity | None:
         role = self._certificates.get(name)
@@ -158,7 +159,9 @@ def _number(kind: str, name: str, find: Callable[[], int]) -> int:
         raise ConfigError(f"access.{kind}s: there is no {kind} {name!r} on this machine") from error
 
 
-def _user_name(uid: int) -> str:
+@functools.lru_cache(maxsize=1024)
+def user_name(uid: int) -> str:
+    """Return the name of a user, looked up once."""
     try:
         return pwd.getpwuid(uid).pw_name
     except KeyError:

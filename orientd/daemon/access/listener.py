@@ -20,13 +20,13 @@ from typing import Any
 
 from orientd.config import AccessSettings, TcpSettings
 from orientd.daemon.access.audit import AuditLog
-from orientd.daemon.access.connection import Connection, Serve
+from orientd.daemon.access.connection import Connection, Meet, Serve
 from orientd.daemon.access.identity import (
     Caller,
     ClientCertificate,
     Credentials,
-    Identity,
     RolePolicy,
+    user_name,
 )
 from orientd.daemon.access.peer import peer_process
 from orientd.daemon.access.tls import peer_certificate, server_context
@@ -46,6 +46,10 @@ SILENCE = 15
 _OTHER_DESCRIPTORS = 200
 _BACKLOG = 1024  # a client that finds it full gives up at once
 _AGAIN = 0.1  # s before another is accepted where there was no descriptor for one
+
+
+Receive = Callable[[socket.socket], Awaitable[bool]]
+"""Receives a connection; says whether it is served."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,8 @@ class Listener:
         self._path: Path | None = None
         self._listeners: list[socket.socket] = []
         self._tasks: set[asyncio.Task[None]] = set()
-        self._handshakes: list[asyncio.Timeout] = []
+        self._handshakes: list[asyncio.Task[bool]] = []
+        self._known_users: set[int] = set()
         self._connections: dict[Connection, None] = {}
 
     @property
@@ -110,6 +115,8 @@ class Listener:
         Raises:
             DaemonError: that is not possible.
         """
+        self._known_users = {0, os.geteuid(), *self.policy.tables()["users"]}
+        await asyncio.to_thread(lambda: list(map(user_name, self._known_users)))
         listener = socket.socket(socket.AF_UNIX)
         before = os.umask(0o177)
         try:
@@ -183,9 +190,7 @@ class Listener:
         _log.warning("refused %s: %s", origin, problem)
         self._audit.record(event="refused", origin=origin, text=problem)
 
-    def _accept_at(
-        self, listener: socket.socket, receive: Callable[[socket.socket], Awaitable[None]]
-    ) -> None:
+    def _accept_at(self, listener: socket.socket, receive: Receive) -> None:
         listener.listen(_BACKLOG)
         listener.setblocking(False)
         self._listeners.append(listener)
@@ -197,9 +202,7 @@ class Listener:
         task.add_done_callback(self._tasks.discard)
         return task
 
-    async def _accept(
-        self, listener: socket.socket, receive: Callable[[socket.socket], Awaitable[None]]
-    ) -> None:
+    async def _accept(self, listener: socket.socket, receive: Receive) -> None:
         loop = asyncio.get_running_loop()
         while True:
             try:
@@ -210,78 +213,81 @@ class Listener:
                 continue
             self._spawn(self._receive(accepted, receive))
 
-    async def _receive(
-        self, accepted: socket.socket, receive: Callable[[socket.socket], Awaitable[None]]
-    ) -> None:
+    async def _receive(self, accepted: socket.socket, receive: Receive) -> None:
+        """Have a connection received, and close it unless it is served."""
+        is_served = False
         try:
-            await receive(accepted)
+            is_served = await receive(accepted)
         except (OSError, AccessError) as error:  # ssl's errors are OSErrors
             reason = getattr(error, "reason", None) or str(error) or type(error).__name__
             self._refuse(_origin(accepted), str(reason))
-            accepted.close()
-        except BaseException:
-            accepted.close()
-            raise
+        finally:
+            if not is_served:
+                accepted.close()
 
-    async def _from_unix(self, accepted: socket.socket) -> None:
+    async def _from_unix(self, accepted: socket.socket) -> bool:
         process = peer_process(accepted)
-        # A directory of users may be asked, which may take its time.
-        caller = await asyncio.to_thread(self._caller, process, f"unix, process {process.pid}")
-        await asyncio.get_running_loop().connect_accepted_socket(
-            lambda: self._connection(lambda _: caller), accepted
-        )
-
-    async def _from_tcp(self, accepted: socket.socket) -> None:
-        origin = _origin(accepted)
-        for option, value in (
-            (socket.TCP_USER_TIMEOUT, SILENCE * 1000),
-            (socket.TCP_KEEPIDLE, SILENCE // 3),
-            (socket.TCP_KEEPINTVL, SILENCE // 3),
-            (socket.TCP_KEEPCNT, 2),
-        ):
-            accepted.setsockopt(socket.IPPROTO_TCP, option, value)
-        accepted.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-
-        def meet(transport: asyncio.BaseTransport) -> Caller:
-            return self._caller(peer_certificate(transport.get_extra_info("ssl_object")), origin)
-
-        loop = asyncio.get_running_loop()
-        if len(self._handshakes) >= MOST_HANDSHAKES:
-            self._handshakes.pop(0).reschedule(loop.time())
-        deadline = asyncio.timeout(HANDSHAKE_TIMEOUT)
-        self._handshakes.append(deadline)
+        if process.uid not in self._known_users:
+            # A directory of users may be asked for the name, which may take its time.
+            await asyncio.to_thread(user_name, process.uid)
+            self._known_users.add(process.uid)
+        caller = self._caller(process, f"unix, process {process.pid}")
+        connection = self._connection(lambda _: caller)
+        connection.waiting = asyncio.current_task()
+        self._enter(connection, caller)
+        is_served = False
         try:
-            async with deadline:
+            if await _has_spoken(accepted):
+                connection.waiting = None
+                loop = asyncio.get_running_loop()
+                await loop.connect_accepted_socket(lambda: connection, accepted)
+                is_served = True
+        finally:
+            if not is_served:
+                self._connections.pop(connection, None)
+        return is_served
+
+    async def _from_tcp(self, accepted: socket.socket) -> bool:
+        loop, origin = asyncio.get_running_loop(), _origin(accepted)
+        if len(self._handshakes) >= MOST_HANDSHAKES:
+            self._handshakes.pop(0).cancel()
+        task: Any = asyncio.current_task()
+        self._handshakes.append(task)
+        try:
+            async with asyncio.timeout(HANDSHAKE_TIMEOUT):
                 # TLS takes a quarter of a megabyte for each connection, which silence is not worth.
-                await _until_spoken(accepted)
+                if not await _has_spoken(accepted):
+                    return False
+                _keep_alive(accepted)
+
+                def meet(transport: asyncio.BaseTransport) -> Caller | None:
+                    try:
+                        certificate = peer_certificate(transport.get_extra_info("ssl_object"))
+                        caller = self._caller(certificate, origin)
+                        self._enter(connection, caller)
+                    except (AccessError, ValueError) as error:
+                        self._refuse(origin, str(error))
+                        return None
+                    return caller
+
+                connection = self._connection(meet)
                 await loop.connect_accepted_socket(
-                    lambda: self._connection(meet), accepted, ssl=self._tables.context
+                    lambda: connection, accepted, ssl=self._tables.context
                 )
         except TimeoutError as error:
             raise OSError(f"handshake: not done within {HANDSHAKE_TIMEOUT:g} s") from error
         finally:
             with contextlib.suppress(ValueError):  # given up for a later one
-                self._handshakes.remove(deadline)
+                self._handshakes.remove(task)
+        return True
 
-    def _connection(self, meet: Callable[[asyncio.BaseTransport], Caller]) -> Connection:
-        def welcome(transport: asyncio.BaseTransport) -> Caller | None:
-            """Return who has come, if anybody admits them and there is room."""
-            try:
-                caller = meet(transport)
-                self._make_room(caller.identity)
-            except (AccessError, ValueError) as error:
-                self._refuse(_origin(transport.get_extra_info("socket")), str(error))
-                return None
-            self._connections[connection] = None
-            return caller
-
-        connection = Connection(
-            welcome,
+    def _connection(self, meet: Meet) -> Connection:
+        return Connection(
+            meet,
             self._serve,
             message_bytes=self._access.message_bytes,
             ended=lambda ended: self._connections.pop(ended, None),
         )
-        return connection
 
     def _caller(self, credentials: Credentials, origin: str) -> Caller:
         """Return who has *credentials*.
@@ -294,21 +300,25 @@ class Listener:
             raise AccessError(f"nobody admits {credentials}")
         return Caller(credentials, origin, identity)
 
-    def _make_room(self, identity: Identity) -> None:
-        """Have an idle connection of the same identity give way, if there are too many.
+    def _enter(self, connection: Connection, caller: Caller) -> None:
+        """Count *connection*; an idle one of the same identity gives way if there are too many.
 
         Raises:
             AccessError: all of them are busy.
         """
-        own = [one for one in self._connections if one.caller.identity.key == identity.key]
-        if len(own) < self._access.connections and len(self._connections) < most_together():
-            return
-        oldest = next((one for one in own if one.is_idle), None)
-        if oldest is None:
-            raise AccessError(f"{identity.name} has {len(own)} connections already, all in use")
-        del self._connections[oldest]
-        self._refuse(oldest.caller.origin, "was idle, and gave way to a later one")
-        oldest.hang_up()
+        key = caller.identity.key
+        own = [one for one in self._connections if one.caller.identity.key == key]
+        is_full = len(self._connections) >= most_together()
+        if is_full or len(own) >= self._access.connections:
+            oldest = next((one for one in own if one.is_idle), None)
+            if oldest is None:
+                name = caller.identity.name
+                raise AccessError(f"{name} has {len(own)} connections already, all in use")
+            del self._connections[oldest]
+            _log.info("%s: was idle, and gave way to a later one", oldest.caller.origin)
+            oldest.hang_up()
+        connection.caller = caller
+        self._connections[connection] = None
 
 
 def most_together() -> int:
@@ -317,14 +327,27 @@ def most_together() -> int:
     return max(16, files - _OTHER_DESCRIPTORS)
 
 
-async def _until_spoken(peer: socket.socket) -> None:
-    """Wait until something has come from *peer*, or it has hung up; it is left to be read."""
+async def _has_spoken(peer: socket.socket) -> bool:
+    """Wait until something has come from *peer*, which is left to be read, or it has hung up."""
     loop, heard = asyncio.get_running_loop(), asyncio.Event()
     loop.add_reader(peer, heard.set)
     try:
         await heard.wait()
     finally:
         loop.remove_reader(peer)
+    return bool(peer.recv(1, socket.MSG_PEEK))
+
+
+def _keep_alive(peer: socket.socket) -> None:
+    """Have the kernel end a connection over TCP that the network has lost."""
+    peer.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for option, value in (
+        (socket.TCP_USER_TIMEOUT, SILENCE * 1000),
+        (socket.TCP_KEEPIDLE, SILENCE // 3),
+        (socket.TCP_KEEPINTVL, SILENCE // 3),
+        (socket.TCP_KEEPCNT, 2),
+    ):
+        peer.setsockopt(socket.IPPROTO_TCP, option, value)
 
 
 def _origin(peer: Any) -> str:  # noqa: ANN401 - a socket, or asyncio's of it
