@@ -28,10 +28,11 @@ def servos(text: str, *, baud: int = 1_000_000, now_ns: int = 0) -> list[Emulate
     """
     if baud not in BAUD_RATES:
         raise ValueError(f"baud must be one of {', '.join(map(str, BAUD_RATES))}, got {baud}")
+    models = {**MODELS, **{model.name.lower(): model for model in MODELS.values()}}
     found: dict[int, EmulatedServo] = {}
     for item in text.split(","):
         number, _, name = item.strip().partition(":")
-        model = MODELS.get(name or "xm430")
+        model = models.get(name.lower() or "xm430")
         if not number.isdecimal() or int(number) > 252 or model is None:
             raise ValueError(
                 f"servos must look like 1:xm430,2:xl330 with ids of 0 to 252, got {item!r}"
