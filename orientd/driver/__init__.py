@@ -41,7 +41,6 @@ from orientd.driver.values import (
     PartHealth,
     Quaternion,
     Setpoint,
-    ShapedPath,
     Vector3,
 )
 
@@ -70,7 +69,6 @@ __all__ = [
     "RestsInFault",
     "Scaled",
     "Setpoint",
-    "ShapedPath",
     "Tunable",
     "Vector3",
     "Verdict",
