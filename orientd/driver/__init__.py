@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from orientd.driver.contract import Driver
+from orientd.driver.diagnosing import findings_of, needs
 from orientd.driver.finding import Finding, Verdict
+from orientd.driver.foreign_python import python_command, python_version
 from orientd.driver.options import (
     check_names,
     choice,
@@ -75,10 +77,14 @@ __all__ = [
     "check_names",
     "choice",
     "driver_target",
+    "findings_of",
     "load_driver",
     "make_driver",
+    "needs",
     "number",
     "numbers",
+    "python_command",
+    "python_version",
     "quaternion",
     "switch",
     "tune",

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from orientd.clock import MonotonicClock
-from orientd.driver import Driver, PhaseLocked
+from orientd.driver import Driver, PhaseLocked, needs
 from orientd.errors import Fault
 from orientd.servo.realtime import DeadlineTimer, freeze_garbage, lock_memory, set_scheduling
 from orientd.servo.servo import Servo, fault_of
@@ -86,6 +86,8 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
         driver.open()
     except Exception as error:  # noqa: BLE001 - whatever it is, the daemon must hear of it
         text = f"{type(error).__name__}: {error}"
+        if isinstance(error, ModuleNotFoundError):
+            text = needs(error)
         fault = fault_of(error)
         fault = Fault.SERVO_DIED if fault is Fault.INTERNAL else fault
         memory.notes.publish(*pack_note(0, NoteKind.ENDING, fault, text))

@@ -17,8 +17,8 @@ from orientd.daemon.devices.servo_link import (
     ServoLink,
     report_directory,
 )
-from orientd.driver import Explaining, PartHealth, driver_target
-from orientd.errors import GOING_DOWN, DaemonError, Fault, PendingError, StateError
+from orientd.driver import Explaining, PartHealth, driver_target, python_version
+from orientd.errors import GOING_DOWN, ConfigError, DaemonError, Fault, PendingError, StateError
 from orientd.servo import ProcessSettings
 from orientd.stream import (
     LONGEST_READ_WORD,
@@ -82,9 +82,14 @@ class ServoSupervisor:
             explaining: the driver, if it knows what ends the process.
 
         Raises:
-            ConfigError: the driver is not installed.
+            ConfigError: the driver is not installed, or its interpreter cannot be used.
         """
         self._settings = settings
+        if settings.python:
+            try:
+                python_version(settings.python)
+            except ConfigError as error:
+                raise ConfigError(f"devices.{settings.name}.python: {error}") from error
         self._target = driver_target(settings.driver)
         self._read_ahead = read_ahead
         self._tell = tell
@@ -122,7 +127,7 @@ class ServoSupervisor:
         self._ready.clear()
         self._forget()
         try:
-            self.link = ServoLink(self._process_settings())
+            self.link = ServoLink(self._process_settings(), self._settings.python)
         except DaemonError as error:
             self.link = None
             self._fail(Fault.SERVO_DIED, str(error))

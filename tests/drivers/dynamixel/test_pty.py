@@ -12,12 +12,23 @@ import pytest
 pytest.importorskip("dynamixel_sdk")
 
 from orientd.clock import MonotonicClock
-from orientd.driver import Setpoint
+from orientd.driver import (
+    Arriving,
+    Diagnosable,
+    Freeable,
+    Healthy,
+    Parkable,
+    Resettable,
+    RestsInFault,
+    Setpoint,
+    Tunable,
+)
 from orientd.errors import DeviceError, LinkError
 from orientd.floats import difference, norm
 from orientd.testing import DriverConformance
 from orientd_dynamixel import DynamixelDriver
 from orientd_dynamixel.bus import open_bus
+from orientd_dynamixel.tables import X430
 
 PERIOD_NS = 10_000_000
 
@@ -68,6 +79,16 @@ class TestConformance(DriverConformance):
     # Three ticks, and the lag of a servo that a real one has too.
     follow_tolerance = 0.005
     settle_cycles = 60
+    protocols = (
+        Arriving,
+        Diagnosable,
+        Freeable,
+        Healthy,
+        Parkable,
+        Resettable,
+        RestsInFault,
+        Tunable,
+    )
 
     @pytest.fixture(autouse=True)
     def _emulate(self, emulator):
@@ -78,6 +99,10 @@ class TestConformance(DriverConformance):
 
     def break_device(self):
         self.emulator.tell("unplug")
+        return True
+
+    def mend_device(self):
+        self.emulator.tell("plug")
         return True
 
 
@@ -143,7 +168,7 @@ def test_a_write_does_not_wait_for_a_device_that_takes_nothing():
 
     def fill():
         for _ in range(10_000):
-            bus.sync_write(116, 4, [(1, 2048), (2, 2048)])
+            bus.sync_write([(1, X430.table.goal, 2048), (2, X430.table.goal, 2048)])
 
     try:
         with pytest.raises(LinkError, match="a write of goals was not sent"):
