@@ -80,14 +80,17 @@ def test_shortest_rotation_vector_is_the_rotation(angle):
         assert same(exp(found), exp(r))
 
 
-def test_rotation_vector_goes_on_beyond_pi_without_a_jump():
-    last = (0.0, 0.0, 3.0)
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.48, -0.6, 0.64), (-0.8, 0.36, 0.48)])
+def test_rotation_vector_goes_on_beyond_pi_without_a_jump(axis):
+    def turned(angle):
+        return tuple(angle * a for a in axis)
+
+    last = turned(3.0)
     for step in range(1, 160):
-        angle = 3.0 + 0.01 * step
-        r = continued(exp((0.0, 0.0, angle)), last)
+        r = continued(exp(turned(3.0 + 0.01 * step)), last)
         assert norm([a - b for a, b in zip(r, last, strict=True)]) < 0.0101
         last = r
-    assert last[2] == pytest.approx(3.0 + 1.59)
+    assert last == pytest.approx(turned(3.0 + 1.59))
 
 
 def test_orientation_that_trembles_about_pi_never_jumps():

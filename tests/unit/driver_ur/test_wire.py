@@ -11,6 +11,7 @@ import time
 import pytest
 
 from orientd.errors import LinkError
+from orientd_ur.timing import TickListener
 from orientd_ur.wire import DASHBOARD_PORT, RTDE_PORT, Connection, Dashboard, RtdeClient, take
 
 _numbers = itertools.count(1)
@@ -172,3 +173,32 @@ def test_packages_are_found_in_chunks(peer):
         assert client.samples_in(more) == [{"timestamp": (2.0,)}, {"timestamp": (3.0,)}]
         with pytest.raises(ValueError, match="a data package is 9 bytes, got 2"):
             client.samples_in(package("U", b"\1\2"))
+
+
+def test_arrival_of_packages_is_told_by_the_kernel_until_nothing_comes_any_more(peer):
+    stamps = [package("U", struct.pack(">Bd", 1, k)) for k in (1.0, 2.0)]
+    host, _ = peer(
+        RTDE_PORT, None, package("V", b"\1"), package("O", b"\1DOUBLE"),
+        [package("S", b"\1"), *stamps], pause=0.05,
+    )  # fmt: skip
+    listener, begun_ns = TickListener(host), time.monotonic_ns()
+    assert listener.heard() is None
+    assert listener.silence_ns() is None
+    time.sleep(0.2)
+    stamp, arrived_ns = listener.heard()
+    assert stamp == 2.0
+    # Not when it was read, 0.1 s later.
+    assert begun_ns < arrived_ns < time.monotonic_ns() - 80_000_000
+    assert listener.heard() is None
+    assert 0.08e9 < listener.silence_ns() < 0.4e9
+    listener._client.sock.shutdown(socket.SHUT_RD)
+    assert [listener.heard() for _ in range(3)] == [None] * 3
+    assert listener.silence_ns() > 0.08e9
+    listener.close()
+    assert listener.heard() is None
+
+
+def test_controller_that_does_not_tell_its_time_is_named(peer):
+    host, _ = peer(RTDE_PORT, None, package("V", b"\1"), package("O", b"\1NOT_FOUND"))
+    with pytest.raises(LinkError, match=r"does not tell its time: .*variable timestamp"):
+        TickListener(host)
