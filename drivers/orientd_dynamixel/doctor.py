@@ -14,6 +14,7 @@ from statistics import median_high
 from orientd.driver import Finding, Verdict
 from orientd.errors import DeviceError, LinkError
 from orientd_dynamixel.bus import ATTEMPTS, READ_WAIT_S, OpenBus, Row, ServoBus, open_bus
+from orientd_dynamixel.group import cycle_bytes
 from orientd_dynamixel.options import GimbalOptions
 from orientd_dynamixel.servo import Servo
 from orientd_dynamixel.tables import (
@@ -31,6 +32,10 @@ _IDS = 21
 """Numbers asked besides those configured: 0 to 20."""
 _GOOD_TIMER_MS = 1.0
 """The adapter's timer if the machine does not tell it: what it should be set to."""
+_MEND_TIMER = (
+    "write 1 to its latency_timer under /sys/bus/usb-serial/devices, with a udev rule to keep it, "
+    "and set latency_ms"
+)
 _TURNAROUND_MS = 0.05
 _HOST_MS = 0.3
 """What the host itself needs each cycle, on the safe side."""
@@ -63,6 +68,11 @@ class FoundServo:
     def kind(self) -> ServoModel | None:
         """What the driver knows of the model."""
         return _KINDS.get(self.model)
+
+    @property
+    def table(self) -> ControlTable:
+        """Its registers; those of most models if its own are not known."""
+        return self.kind.family.table if self.kind else ControlTable()
 
     @property
     def name(self) -> str:
@@ -135,12 +145,10 @@ def _asked(bus: ServoBus, number: int, baud: int, attempts: int) -> FoundServo |
     for attempt in range(1, attempts + 1):
         try:
             if answer := bus.ping(number):
-                kind = _KINDS.get(answer[0])
-                table = kind.family.table if kind else ControlTable()
-                return FoundServo(
-                    number, *answer, baud, DELAY_US * bus.read(number, table.return_delay),
-                    bus.read(number, table.hardware_error),
-                )  # fmt: skip
+                found = FoundServo(number, *answer, baud, 0, 0)
+                delay = DELAY_US * bus.read(number, found.table.return_delay)
+                error = bus.read(number, found.table.hardware_error)
+                return replace(found, return_delay_us=delay, hardware_error=error)
         except LinkError:
             if attempt == attempts:
                 raise
@@ -157,10 +165,8 @@ def cycle_ms(servos: Sequence[FoundServo], baud: int, *, latency_ms: float = 1.0
         baud: line speed.
         latency_ms: the adapter's timer; an answer waits half of it on average.
     """
-    count, block = len(servos), len(ControlTable().block)
     is_fast = all(servo.is_fast for servo in servos)
-    answer = 8 + count * (block + 4) if is_fast else count * (block + 11)
-    wire = (14 + 5 * count + 14 + count + answer) * 1e4 / baud
+    wire = cycle_bytes(len(servos), is_fast=is_fast) * 1e4 / baud
     turns = sum(_TURNAROUND_MS + servo.return_delay_us * 1e-3 for servo in servos)
     return wire + turns + latency_ms / 2 + _HOST_MS
 
@@ -182,8 +188,7 @@ def measure_cycle_ms(
     Raises:
         LinkError: the port is gone, or not one read came back whole.
     """
-    tables = [servo.kind.family.table if servo.kind else ControlTable() for servo in servos]
-    rows = [Row(s.id, table.current.address, 10) for s, table in zip(servos, tables, strict=True)]
+    rows = [Row(servo.id, servo.table.current.address, 10) for servo in servos]
     is_fast = all(servo.is_fast for servo in servos)
     spans = []
     for _ in range(count):
@@ -237,14 +242,15 @@ def diagnose(options: GimbalOptions, period: float, open_bus: OpenBus) -> list[F
     port = Path(options.port)
     adapters = ", ".join(map(str, find_ports())) or "none"
     if not port.exists():
-        mend = "plug the adapter in, or name one of these as port"
         text = f"{port} is not there; adapters: {adapters}"
+        mend = "plug the adapter in, or name one of these as port"
         return [Finding("port", text, Verdict.PROBLEM, mend)]
+    found = [Finding("port", f"{port} is there; adapters: {adapters}", Verdict.OK)]
     timer = latency_timer_ms(port)
-    found = [
-        Finding("port", f"{port} is there; adapters: {adapters}", Verdict.OK),
-        _timer(timer),
-    ]
+    mend = "" if timer is None or timer <= _GOOD_TIMER_MS else _MEND_TIMER
+    verdict = Verdict.IMPROVE if mend else Verdict.OK
+    text = "not told for this port" if timer is None else f"{timer} ms"
+    found.append(Finding("latency timer", text, verdict, mend))
     wanted = [axis.id for axis in options.axes]
     wait = max(SCAN_WAIT_MS, options.latency_ms, timer or 0.0)
     try:
@@ -280,18 +286,6 @@ def diagnose(options: GimbalOptions, period: float, open_bus: OpenBus) -> list[F
         mend = "is a daemon using it? end it first" if is_link else "look at cable and supply"
         found.append(Finding("bus", str(error), Verdict.PROBLEM, mend))
     return found
-
-
-def _timer(timer_ms: int | None) -> Finding:
-    if timer_ms is None:
-        return Finding("latency timer", "not told for this port", Verdict.OK)
-    if timer_ms <= _GOOD_TIMER_MS:
-        return Finding("latency timer", f"{timer_ms} ms", Verdict.OK)
-    mend = (
-        "write 1 to its latency_timer under /sys/bus/usb-serial/devices, with a udev rule to "
-        "keep it, and set latency_ms"
-    )
-    return Finding("latency timer", f"{timer_ms} ms", Verdict.IMPROVE, mend)
 
 
 def _servo(found: FoundServo, options: GimbalOptions, bus: ServoBus) -> Finding:
