@@ -36,12 +36,12 @@ from orientd.mechanism import Gimbal
 from orientd_dynamixel.axes import (
     SLACK,
     TICK,
-    Conditions,
     Following,
     Standing,
     Turns,
     complain,
     complain_of_step,
+    judge,
 )
 from orientd_dynamixel.bus import READ_WAIT_S, OpenBus, ServoBus, open_bus
 from orientd_dynamixel.group import TAIL_SHARE, Group, listen
@@ -92,7 +92,8 @@ class DynamixelDriver(Driver):
         self._turns = Turns(self.settings, self._servos)
         self._following = Following(self._gimbal, period_ns * 1e-9)
         self._prepared = Prepared([], [], "")
-        self._conditions = Conditions([])
+        self._health: tuple[PartHealth, ...] = ()
+        self._health_ns = 0
 
     @property
     def sent_joints(self) -> tuple[float, ...]:
@@ -340,7 +341,11 @@ class DynamixelDriver(Driver):
     def health(self) -> Sequence[PartHealth]:
         """Return voltage, temperature and current of every servo, with warnings."""
         group = self._group
-        return () if group is None else self._conditions.judge(group)
+        if group is not None and group.health_ns != self._health_ns:
+            self._health_ns = group.health_ns
+            told = zip(self._servos, group.health, strict=True)
+            self._health = tuple(judge(servo, reading, group.health_ns) for servo, reading in told)
+        return self._health
 
     def park(self) -> None:
         """Park and switch the torque off, or leave it on, as the options say."""
@@ -383,7 +388,6 @@ class DynamixelDriver(Driver):
             self._group, self.advice = listen(
                 self._servos, options, self._prepared.firmware, self.period_ns, self.clock
             )
-            self._conditions = Conditions(self._servos)
         except DeviceError as error:
             self._closed = str(error)
             bus.close()

@@ -74,7 +74,7 @@ def test_watchdog_is_armed_last(rig):
 
 def test_gimbal_follows_and_reports(gimbal):
     feedback = sway(gimbal, 3.0)[-1]
-    assert gimbal.driver._group.losses.total == 0
+    assert gimbal.driver._group.lost == 0
     assert feedback.joints == pytest.approx(gimbal.driver._following.angles, abs=0.05)
     assert np.linalg.norm(feedback.omega_body) > 0.01
     assert 0 < gimbal.clock.now_ns() - feedback.time_ns < 2 * gimbal.period_ns
@@ -91,7 +91,7 @@ def test_mixed_models_are_read_together(rig):
     it = rig(models=["xm430", "xm430", "xl330"])
     it.start()
     feedback = sway(it, 1.0)[-1]
-    assert it.driver._group.losses.total == 0
+    assert it.driver._group.lost == 0
     assert feedback.joints == pytest.approx(it.driver._following.angles, abs=0.1)
 
 
@@ -101,7 +101,7 @@ def test_both_kinds_of_read_follow(rig, order, fast):
     it = rig(order, fast_read=fast)
     it.start()
     sway(it, 1.0)
-    assert it.driver._group.losses.total == 0
+    assert it.driver._group.lost == 0
 
 
 def test_gear_direction_and_zero_are_applied(rig):

@@ -42,7 +42,7 @@ def test_planned_pass_over_the_pole_arrives_at_the_servos(rig):
     assert worst < 1e-6
     for _ in range(80):
         feedback = it.cycle()
-    assert it.driver._group.losses.total == 0
+    assert it.driver._group.lost == 0
     assert np.rad2deg(float(angle(feedback.q, path.q[-1]))) < 0.07
 
 
