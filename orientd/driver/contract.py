@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from orientd.clock import Clock
 from orientd.driver.finding import Finding
@@ -19,6 +19,7 @@ from orientd.driver.values import (
     AxisGap,
     ComingPose,
     Feedback,
+    Joints,
     PartHealth,
     Quaternion,
     Setpoint,
@@ -34,10 +35,12 @@ class Driver(ABC):
     Attributes:
         name: the registry's name of this kind of driver.
         default_rate_hz: cycle rate where the configuration names none.
+        takes: what :meth:`write` sends: ``"poses"``, or ``"joints"`` for the angles of the axes.
     """
 
     name: ClassVar[str]
     default_rate_hz: ClassVar[float] = 500.0
+    takes: ClassVar[Literal["poses", "joints"]] = "poses"
 
     def __init__(self, options: Mapping[str, Any], *, period_ns: int, clock: Clock) -> None:
         """Check *options* and keep what is needed; touch no device.
@@ -68,11 +71,6 @@ class Driver(ABC):
         more than a four-hundredth of a period.
         """
         return 0
-
-    @property
-    def sent_joints(self) -> tuple[float, ...]:
-        """The axis angles that were sent last, rad; empty where the driver sends none."""
-        return ()
 
     @property
     def is_spent(self) -> bool:
@@ -301,7 +299,8 @@ class Driver(ABC):
         """Make the device ready to follow setpoints, without moving it.
 
         Returns:
-            Where the device is; the first setpoint will be exactly this.
+            Where the device is; the first setpoint will be exactly this.  With the angles of the
+            axes if the driver takes joints.
         """
 
     def free(self) -> None:
@@ -322,17 +321,17 @@ class Driver(ABC):
     def write(self, setpoint: Setpoint) -> None:
         """Send *setpoint*.  Called every cycle while enabled, after :meth:`read`."""
 
-    def follow(self, setpoint: Setpoint) -> Quaternion:
+    def follow(self, setpoint: Setpoint) -> tuple[Quaternion, Joints]:
         """Send *setpoint*, which is on no planned path, or what the device's axes can do of it.
 
         Called in place of :meth:`write` while targets are followed, and while the device comes to
         rest off its path.
 
         Returns:
-            The orientation that was sent.
+            The orientation that was sent, and the angles of the axes if the driver takes joints.
         """
         self.write(setpoint)
-        return setpoint.q
+        return setpoint.q, ()
 
     def gaps(self) -> Sequence[AxisGap]:
         """Return how far every axis is from where it was last sent, by the newest feedback.

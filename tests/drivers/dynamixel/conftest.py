@@ -66,7 +66,7 @@ class Rig:
             sleep=lambda seconds: self.clock.advance(round(seconds * 1e9)),
         )  # fmt: skip
         self.next_ns = self.clock.now_ns()
-        self.q = None
+        self.q = self.joints = None
         self.seen = []
 
     def servo(self, number):
@@ -80,7 +80,7 @@ class Rig:
     def start(self):
         self.driver.open()
         feedback = self.driver.enable()
-        self.q = feedback.q
+        self.q, self.joints = feedback.q, feedback.joints
         self.next_ns = self.clock.now_ns()
         return feedback
 
@@ -93,11 +93,11 @@ class Rig:
         feedback = self.driver.read()
         self.seen.append(feedback)
         if angles is not None:
-            self.q = self.driver._tracker.forward(angles)
+            self.q, self.joints = self.driver._tracker.forward(angles), tuple(angles)
         if q is not None:
-            self.q = q
+            self.q, self.joints = q, self.driver._tracker.solve(q)[0]
         if write:
-            self.driver.write(Setpoint(self.next_ns, self.q))
+            self.driver.write(Setpoint(self.next_ns, self.q, joints=self.joints))
         return feedback
 
     def run(self, count, path=None, *, write=True):
