@@ -19,6 +19,7 @@ An error is ours (a call failed); a fault is the device's (it stopped and waits 
     ├── TooMuchError            the caller asks for more at a time than one may
     ├── DeviceError             raised by drivers, in the servo process
     │   ├── LinkError           the connection to the device is gone
+    │   │   └── SpentLinkError  and only a new servo process can make another
     │   ├── FeedbackError       feedback is missing or older than its limit
     │   └── DeviceFaultError    the device says that it cannot go on
     │       └── AxisFaultError  one axis cannot; the others can still be braked on the path
@@ -28,8 +29,26 @@ An error is ours (a call failed); a fault is the device's (it stopped and waits 
 
 from __future__ import annotations
 
-from enum import IntEnum
-from typing import Any
+from enum import Enum, IntEnum
+from typing import Any, ClassVar
+
+
+class Fault(IntEnum):
+    """Why a device is in the state ``fault``; crosses the process boundary as a number."""
+
+    NONE = 0
+    LINK_LOST = 1
+    FEEDBACK_STALE = 2
+    DEVICE_FAULT = 3
+    LIMIT_GUARD = 4
+    PATH_STARVED = 5
+    HEARTBEAT_LOST = 6
+    SERVO_DIED = 7
+    INTERNAL = 8
+    SERVO_STALLED = 9
+
+    def __str__(self) -> str:
+        return self.name
 
 
 def _as_it_was(kind: type[OrientdError], args: tuple[Any, ...]) -> OrientdError:
@@ -81,10 +100,23 @@ class PlanError(OrientdError):
     """A well-formed motion that cannot be planned."""
 
 
+class LimitKind(Enum):
+    """What a limit is about, which decides whether a slower motion would keep it."""
+
+    VELOCITY = "velocity"
+    ACCELERATION = "acceleration"
+    JERK = "jerk"
+    RANGE = "range"
+    """Of an axis: its angles end there, however slow the motion is."""
+    DEVIATION = "deviation"
+    TIME = "time"
+
+
 class LimitError(PlanError):
     """A motion that would break a limit.
 
     Attributes:
+        kind: what the limit is about.
         quantity: what breaks it, for example ``angular velocity``.
         value: the largest value reached, in SI units.
         limit: what was allowed, in the same units.
@@ -102,6 +134,7 @@ class LimitError(PlanError):
         unit: str,
         advice: str = "",
         *,
+        kind: LimitKind,
         is_in_lead_in: bool = False,
     ) -> None:
         text = (
@@ -109,6 +142,7 @@ class LimitError(PlanError):
             f"the limit is {limit:.6g} {unit}"
         )
         super().__init__(f"{text}; {advice}" if advice else text)
+        self.kind = kind
         self.quantity = quantity
         self.value = value
         self.limit = limit
@@ -154,23 +188,45 @@ class TooMuchError(OrientdError):
 
 
 class DeviceError(OrientdError):
-    """What a driver raises; the servo turns it into a fault."""
+    """What a driver raises; the servo turns it into a fault.
+
+    Attributes:
+        fault: the fault that it becomes.
+        brakes: whether the servo goes on writing setpoints, to brake on the path; else it cuts off:
+            it writes nothing more and disables the driver at once.
+    """
+
+    fault: ClassVar[Fault] = Fault.INTERNAL
+    brakes: ClassVar[bool] = False
 
 
 class LinkError(DeviceError):
     """The connection to the device is gone."""
 
+    fault = Fault.LINK_LOST
+
+
+class SpentLinkError(LinkError):
+    """The connection is gone, and only a new servo process can make another."""
+
 
 class FeedbackError(DeviceError):
     """Feedback is missing, or older than its limit."""
+
+    fault = Fault.FEEDBACK_STALE
+    brakes = True
 
 
 class DeviceFaultError(DeviceError):
     """The device says that it cannot go on."""
 
+    fault = Fault.DEVICE_FAULT
+
 
 class AxisFaultError(DeviceFaultError):
     """One axis of the device cannot go on; the others can still be braked on the path."""
+
+    brakes = True
 
 
 class DaemonError(OrientdError):
@@ -183,21 +239,3 @@ class KernelsError(OrientdError, ImportError):
 
 GOING_DOWN = "the daemon is going down"
 """Why motions stop and calls are refused once the daemon was told to end."""
-
-
-class Fault(IntEnum):
-    """Why a device is in the state ``fault``; crosses the process boundary as a number."""
-
-    NONE = 0
-    LINK_LOST = 1
-    FEEDBACK_STALE = 2
-    DEVICE_FAULT = 3
-    LIMIT_GUARD = 4
-    PATH_STARVED = 5
-    HEARTBEAT_LOST = 6
-    SERVO_DIED = 7
-    INTERNAL = 8
-    SERVO_STALLED = 9
-
-    def __str__(self) -> str:
-        return self.name

@@ -82,6 +82,7 @@ class DynamixelDriver(Driver):
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         super().__init__(options, period_ns=period_ns, clock=clock)
+        self.longest_call = CYCLE_SHARE * 1e-9 * period_ns
         self.settings: GimbalOptions = parse(options)
         self.advice: list[str] = []
         self._open_bus = open_bus

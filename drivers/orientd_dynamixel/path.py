@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.errors import LimitError, PlanError, StartError
+from orientd.errors import LimitError, LimitKind, PlanError, StartError
 from orientd.rotation import Floats, angle, check_unit, conjugate, exp, log, multiply, rotate
 from orientd_dynamixel.branches import Bools, Choice, SlewTime, candidates, choose, continued, near
 from orientd_dynamixel.certificate import (
@@ -190,8 +190,9 @@ def _refuse(
         _refuse_way_on(principal, choice.angles[at - 1], limits, period, time)
         rate = float(gaps[best, axis] / period)
         raise LimitError(
-            f"velocity of {limits[axis].name}", rate, limits[axis].velocity, time, "rad/s", _ADVICE
-        )
+            f"velocity of {limits[axis].name}", rate, limits[axis].velocity, time, "rad/s", _ADVICE,
+            kind=LimitKind.VELOCITY,
+        )  # fmt: skip
     _, acceleration = rates(choice.angles, period, past)
     if choice.slews:
         return
@@ -202,7 +203,7 @@ def _refuse(
         if worst.value > limit.acceleration * _SLACK:
             raise LimitError(
                 f"acceleration of {limit.name}", worst.value, worst.limit, worst.time, "rad/s^2",
-                _ADVICE,
+                _ADVICE, kind=LimitKind.ACCELERATION,
             )  # fmt: skip
 
 
@@ -220,6 +221,7 @@ def _refuse_way_on(
             raise LimitError(
                 f"angle of {limit.name}", value, limit.high if value > limit.high else limit.low,
                 time, "rad", "allow a slew, or begin on another turn",
+                kind=LimitKind.RANGE,
             )  # fmt: skip
 
 
@@ -252,8 +254,9 @@ def refuse_angle(principal: Floats, limits: Sequence[AxisLimits], time: float) -
     limit = limits[axis]
     bound = limit.high if abs(value - limit.high) < abs(value - limit.low) else limit.low
     raise LimitError(
-        f"angle of {limit.name}", value, bound, time, "rad", "no branch is inside the limits"
-    )
+        f"angle of {limit.name}", value, bound, time, "rad", "no branch is inside the limits",
+        kind=LimitKind.RANGE,
+    )  # fmt: skip
 
 
 def _path(
@@ -344,8 +347,9 @@ def _verify(certificate: AxisCertificate, limits: Sequence[AxisLimits]) -> None:
         ):
             if worst.value > worst.limit * _SLACK:
                 raise LimitError(
-                    f"{name} of {limit.name}", worst.value, worst.limit, worst.time, unit, _ADVICE
-                )
+                    f"{name} of {limit.name}", worst.value, worst.limit, worst.time, unit, _ADVICE,
+                    kind=LimitKind(name),
+                )  # fmt: skip
 
 
 def _honest(

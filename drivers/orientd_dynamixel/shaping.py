@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 
 from orientd.driver import Figure, Quaternion, ShapedPath, Vector3
-from orientd.errors import LimitError
+from orientd.errors import LimitError, LimitKind
 from orientd.rotation import angle
 from orientd_dynamixel.certificate import AxisPath, DeviationPolicy, ToolLimits
 from orientd_dynamixel.options import GimbalOptions
@@ -141,6 +141,6 @@ def _roll(
         raise LimitError(
             "orientation error of the two axes", value, tolerance, time, "rad",
             f"at most {degrees(tolerance):.2f} deg are allowed; `pointing = true` follows the "
-            "direction alone",
+            "direction alone", kind=LimitKind.DEVIATION,
         )  # fmt: skip
     return Figure("orientation error", value, "rad", tolerance, time)

@@ -7,7 +7,6 @@ centre point.
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Mapping, Sequence
 from math import dist, radians
@@ -23,30 +22,40 @@ from orientd.driver import (
     Feedback,
     Finding,
     Joints,
+    PartHealth,
     Quaternion,
     Setpoint,
     Vector3,
 )
-from orientd.errors import DeviceFaultError, FeedbackError, LinkError
-from orientd.floats import difference, exp, norm, rotate_back
+from orientd.errors import (
+    DeviceFaultError,
+    FeedbackError,
+    LinkError,
+    PlanError,
+    SpentLinkError,
+)
+from orientd.floats import difference, norm, rotate_back
+from orientd.mechanism import Mechanism
 from orientd_ur import options as ur_options
-from orientd_ur.arm import Arm
-from orientd_ur.control_program import ControlProgram
-from orientd_ur.deadline import arm, disarm
+from orientd_ur.arm import JOINT_NAMES, Arm
+from orientd_ur.controller import (
+    NO_DASHBOARD,
+    RuntimeState,
+    obstacle,
+    rate_problem,
+    tick_ns,
+    version_problem,
+)
+from orientd_ur.doctor import inspect
 from orientd_ur.following import Following
-from orientd_ur.inspection import advice, inspect, rate_problem
-from orientd_ur.kinematics import JOINT_NAMES
-from orientd_ur.link import Link, require_library
-from orientd_ur.pose import continued
-from orientd_ur.prediction import Prediction
+from orientd_ur.joint_path import examine
+from orientd_ur.link import Link, alarm_after, require_library
+from orientd_ur.pose import continued, pose_of
 from orientd_ur.probe import look
-from orientd_ur.program_end import ProgramEnd
-from orientd_ur.recovery import NO_DASHBOARD, Recovery
-from orientd_ur.sockets import Address
-from orientd_ur.states import RuntimeState, obstacle
-from orientd_ur.ticks import ControllerClock, TickListener, TickPhase, WriteSilence, tick_ns
+from orientd_ur.program import ControlProgram
+from orientd_ur.robot import Robot
+from orientd_ur.timing import ControllerClock, TickListener, TickPhase, WriteSilence
 
-_RESOLVING = 5.0
 _LOOKING = 0.5
 _FIRST_PACKAGES = 1.0
 # After this many looks the receiving thread has had its turn, however busy the machine.
@@ -69,26 +78,20 @@ _ENDS = {
 }
 
 
-_log = logging.getLogger(__name__)
-
-
 class UrDriver(Driver):
     """One arm."""
 
     name: ClassVar[str] = "ur"
     default_rate_hz: ClassVar[float] = 500.0
+    longest_call = _LONGEST_CYCLE
 
     def __init__(self, options: Mapping[str, Any], *, period_ns: int, clock: Clock) -> None:
         super().__init__(options, period_ns=period_ns, clock=clock)
         self._options = ur_options.check(options, period=period_ns * 1e-9)
         self._tuned = self._options
-        self._address = Address(self._options.host)
-        self._prediction = Prediction(self._options, self._address)
+        self._robot = Robot(self._options)
         self._link = Link(self._options.host, self._options.registers)
-        self._recovery = Recovery(self._link, self._options)
-        self._program = ControlProgram(self._link, self._recovery, self._options)
-        self._ending = ProgramEnd(self._link, self._recovery, self._options.stop_deceleration)
-        self._advice: tuple[str, ...] = ()
+        self._program = ControlProgram(self._link, self._options)
         self._silence = WriteSilence(self._options.watchdog_hz)
         self._clock = ControllerClock()
         self._arm: Arm | None = None
@@ -116,14 +119,22 @@ class UrDriver(Driver):
         """The speed slider times what the controller's own limiter leaves, 0 to 1."""
         return self._speed_scaling
 
-    @property
-    def is_spent(self) -> bool:
-        """Whether the link was lost: the library can then neither be used nor be destroyed."""
-        return self._link.is_lost
-
     def tune(self, options: Mapping[str, Any]) -> None:
         """Take the lookahead, gain and servo time of the motions to come."""
         self._tuned = ur_options.tuned(self._options, options)
+
+    def mechanism(self, *, may_ask: bool) -> Mechanism | None:
+        """Return the arm; ``None`` if its joints are not to be checked.
+
+        Raises:
+            LinkError: the robot does not answer, or does not say which arm it has.
+            PlanError: the options do not say which arm it is.
+        """
+        if not self._options.check_joints:
+            return None
+        if self._is_enabled:
+            return self._arm
+        return self._robot.look()[0] if may_ask else self._robot.named()
 
     def examine(
         self,
@@ -138,7 +149,17 @@ class UrDriver(Driver):
         Raises:
             PlanError: the time and the joint; or the robot does not say where it is.
         """
-        self._prediction.examine(times, poses, joints, is_offline=is_offline)
+        if not self._options.check_joints:
+            return
+        if is_offline:
+            arm, joints = self._robot.named(), joints or self._options.start_joints
+        else:
+            try:
+                arm, place = self._robot.look()
+            except LinkError as error:
+                raise PlanError(f"cannot predict the joints: {error}") from error
+            joints = joints or place.joints
+        examine(arm, times, poses, joints)
 
     def offline_start(self, *, from_device: bool) -> Feedback:
         """Return where the arm stands: by the options, or as the robot says.
@@ -147,11 +168,17 @@ class UrDriver(Driver):
             LinkError: the robot does not answer.
             PlanError: the options do not say which arm it is.
         """
-        return self._prediction.start(from_device=from_device)
+        if from_device:
+            _, place = self._robot.look()
+            return Feedback(0, place.pose[0], position=place.pose[1], joints=place.joints)
+        joints = self._options.start_joints
+        q, position = self._robot.named().forward(joints)
+        return Feedback(0, q, position=position, joints=joints)
 
     def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:
         """Return the arm's links up to the flange; nothing until the controller said which arm."""
-        return self._prediction.outline(joints) if len(joints) == len(JOINT_NAMES) else ()
+        arm = self._robot.drawn()
+        return arm.outline(joints) if arm is not None else ()
 
     def why_stale(self) -> str:
         """Return whether the controller's packages came late, or were not taken in here."""
@@ -174,22 +201,20 @@ class UrDriver(Driver):
                 client library cannot drive; or there is no client library.
         """
         require_library()
-        host, address = self._options.host, self._address.get(_RESOLVING)
+        host, address = self._options.host, self._robot.address
         probe = look(address, timeout=_LOOKING)
-        if probe.version_problem:
-            raise LinkError(f"{host}: {probe.version_problem}")
+        if problem := version_problem(probe.version):
+            raise LinkError(f"{host}: {problem}")
         if problem := rate_problem(probe.version, self.period_ns):
             raise LinkError(f"{host} {problem}")
-        self._advice = advice(probe.version, self._options)
-        self._prediction.confirm(address)
-        self._recovery.version = probe.version
-        if not self._recovery.has_dashboard:
-            _log.warning("%s: %s", host, NO_DASHBOARD)
+        self._arm = self._identified()
+        self._program.version = probe.version
+        self._notices = () if self._program.has_dashboard else (NO_DASHBOARD,)
         if self._options.keep_phase:
             self._listener = TickListener(address)
             self._phase = TickPhase(tick_ns(probe.version), self.period_ns)
         self._link.connect(address)
-        self._await_package(LinkError(f"{host} sends no data packages"))
+        self._await_package(SpentLinkError(f"{host} sends no data packages"))
 
     def enable(self) -> Feedback:
         """Have the control program play and the tool, payload and watchdog be set.
@@ -198,21 +223,21 @@ class UrDriver(Driver):
             DeviceFaultError: the robot may not move, or is not in remote control.
             LinkError: the link is lost, or another client holds the robot.
         """
-        self._arm, self._following = self._arm or self._prediction.confirm(self._link.address), None
+        self._arm = self._arm or self._identified()
+        self._following = None
         self._forget_age()
         self._program.play()
         self._clock.reset()
         self._await_package(FeedbackError(f"{self._options.host} sends no data packages"))
         # Where the controller commands the arm to be: what it measures differs by the arm's load.
-        pose = self._link.target_pose()
-        self._rotation = (pose[3], pose[4], pose[5])
-        self._feedback = Feedback(
-            self.clock.now_ns(),
-            exp(self._rotation),
-            position=(pose[0], pose[1], pose[2]),
-            joints=tuple(self._link.motion()[2]),
-        )
-        self._sent = self._feedback.q, self._feedback.position
+        numbers, joints = self._link.target_pose(), tuple(self._link.joints()[0])
+        q, position = pose_of(numbers)
+        self._rotation = (numbers[3], numbers[4], numbers[5])
+        measured = tuple(self._link.joints()[1])
+        self._feedback = Feedback(self.clock.now_ns(), q, position=position, joints=measured)
+        self._sent = q, position
+        if self._arm is not None:
+            self._arm = self._arm.seen(joints, (q, position))
         self._is_enabled, self._is_muted, self._is_in_fault = True, False, False
         self._silence.begin(self.clock.now_ns())
         return self._feedback
@@ -238,11 +263,8 @@ class UrDriver(Driver):
             FeedbackError: the controller's clock has stood still for the feedback's timeout.
             DeviceFaultError: a stop, a fault, or the end of the control program.
         """
-        armed = arm(_LONGEST_CYCLE)
-        try:
+        with alarm_after(_LONGEST_CYCLE):
             return self._read()
-        finally:
-            disarm(armed)
 
     def write(self, setpoint: Setpoint) -> None:
         """Send the pose of *setpoint* with ``servoL``; nothing more once feedback was missing.
@@ -279,7 +301,12 @@ class UrDriver(Driver):
         Raises:
             PlanError: it does not say.
         """
-        self._following = self._prediction.following(self.period_ns * 1e-9)
+        if self._options.check_joints:
+            try:
+                arm, place = self._robot.look()
+            except LinkError as error:
+                raise PlanError(f"cannot predict the joints: {error}") from error
+            self._following = Following(arm, place.joints, place.pose, self.period_ns * 1e-9)
 
     def refusal(self, q: Quaternion, position: Vector3, joints: tuple[float, ...]) -> str:
         """Return why the arm cannot be at a target, or an empty string."""
@@ -288,11 +315,8 @@ class UrDriver(Driver):
         return self._following.refusal(q, position, joints)
 
     def _send(self, setpoint: Setpoint) -> None:
-        armed = arm(_LONGEST_CYCLE)
-        try:
+        with alarm_after(_LONGEST_CYCLE):
             self._write(setpoint)
-        finally:
-            disarm(armed)
 
     def _read(self) -> Feedback | None:
         link, now_ns = self._link, self.clock.now_ns()
@@ -309,7 +333,7 @@ class UrDriver(Driver):
         if self._is_in_fault:
             # Nothing may feed the watchdog now, nor be left for a program that is played on.
             if link.has_control and not self._is_stale():
-                self._ending.advance(now_ns)
+                self._program.end(now_ns)
         elif self._is_enabled:
             reason = self._reason(now_ns)
             if reason:
@@ -348,23 +372,20 @@ class UrDriver(Driver):
     def gaps(self) -> Sequence[AxisGap]:
         """Return how far the commanded tool is from the last setpoint, and each joint behind it."""
         allowed = radians(self._options.arrival_tolerance_deg)
-        x, y, z, *rotation = self._link.target_pose()
+        commanded, at = pose_of(self._link.target_pose())
         q, position = self._sent
-        off = dist(position, (x, y, z)) / _REACH
-        turned = norm(difference(q, exp((rotation[0], rotation[1], rotation[2]))))
+        off, turned = dist(position, at) / _REACH, norm(difference(q, commanded))
         wanted, measured = self._link.joints()
+        # As long as the controller smooths, and longer while it runs slowly.
+        patience = max(0.5, 5.0 * self._tuned.lookahead) / max(self._speed_scaling, 1e-3)
+        tool = "the tool that the controller commands"
         return [
-            AxisGap("the tool that the controller commands", max(off, turned), allowed),
+            AxisGap(tool, max(off, turned), allowed, patience=patience),
             *(
-                AxisGap(f"joint {name}", a - b, allowed)
+                AxisGap(f"joint {name}", a - b, allowed, patience=patience)
                 for name, a, b in zip(JOINT_NAMES, wanted, measured, strict=True)
             ),
         ]
-
-    @property
-    def arrival_time(self) -> float:
-        """As long as the controller smooths, and longer while it runs slowly; s."""
-        return max(0.5, 5.0 * self._tuned.lookahead) / max(self._speed_scaling, 1e-3)
 
     def deadline_shift_ns(self, deadline_ns: int) -> int:
         """Keep the deadlines clear of the moment at which the controller takes setpoints."""
@@ -394,11 +415,15 @@ class UrDriver(Driver):
         """Take the stream back: the control program is ended in the cycles to come."""
         if not self._is_in_fault:
             self._is_in_fault = True
-            self._ending.begin()
+            self._program.give_up()
+
+    def health(self) -> Sequence[PartHealth]:
+        """Return nothing: the controller watches its joints itself."""
+        return ()
 
     def notices(self) -> Sequence[str]:
         """Return what the robot's software lacks, and what was done to it during a fault."""
-        return (*self._advice, *self._ending.notices)
+        return (*self._notices, *self._program.notices)
 
     def reset(self) -> None:
         """Unlock, power up if so configured, and play the control program again.
@@ -410,13 +435,9 @@ class UrDriver(Driver):
         self._link.require()
         self._link.require_same()
         self._clock.reset()
-        self._await_package(LinkError(f"{self._options.host} sends no data packages"))
-        self._ending.wait()
-        self._recovery.clear()
-        if self._link.has_control:
-            self._link.play()
+        self._await_package(SpentLinkError(f"{self._options.host} sends no data packages"))
+        self._program.clear()
         self._is_in_fault = False
-        self._ending.forget()
         self._forget_age()
 
     def close(self) -> None:
@@ -427,7 +448,20 @@ class UrDriver(Driver):
         if self._listener is not None:
             self._listener.close()
 
-    # Parts of reading
+    def _identified(self) -> Arm | None:
+        """Return the arm; ``None`` if it is not to be checked, or nobody says which it is.
+
+        Raises:
+            LinkError: it is another than the options name.
+        """
+        if not self._options.check_joints:
+            return None
+        try:
+            return self._robot.identify()
+        except LinkError:
+            if self._options.model is not None:
+                raise
+            return None
 
     def _reason(self, now_ns: int) -> str:
         """Return why the robot does not follow; its own watchdog where it heard too little."""
@@ -439,14 +473,10 @@ class UrDriver(Driver):
     def _measure(self, timestamp: float, now_ns: int) -> Feedback:
         pose, speed, joints, scaling = self._link.motion()
         self._speed_scaling = max(0.0, min(1.0, scaling))
-        q = exp((pose[3], pose[4], pose[5]))
-        return Feedback(
-            self._clock.measured_ns(timestamp, now_ns),
-            q,
-            rotate_back(q, (speed[3], speed[4], speed[5])),
-            (pose[0], pose[1], pose[2]),
-            tuple(joints),
-        )
+        q, position = pose_of(pose)
+        omega = rotate_back(q, (speed[3], speed[4], speed[5]))
+        measured_ns = self._clock.measured_ns(timestamp, now_ns)
+        return Feedback(measured_ns, q, omega, position, tuple(joints))
 
     def _look_for_age(self, now_ns: int) -> None:
         self._looks += 1
@@ -456,7 +486,9 @@ class UrDriver(Driver):
         host, chosen = self._options.host, self._options
         if age > chosen.link_timeout:
             self._link.is_lost = True
-            raise LinkError(f"the controller's clock at {host} has stood still for {age:.3f} s")
+            raise SpentLinkError(
+                f"the controller's clock at {host} has stood still for {age:.3f} s"
+            )
         if age > chosen.feedback_timeout:
             # What is sent from now on would pile up, and reach the arm as one jump.
             self._is_muted = True

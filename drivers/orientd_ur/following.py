@@ -9,11 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from orientd.driver import ComingPose, Quaternion, Vector3
-from orientd.floats import conjugate, log, multiply
+from orientd.driver import ComingPose, Joints, Quaternion, Vector3
 from orientd_ur.arm import Arm
 from orientd_ur.joint_path import SPEED_SHARE, UNITS, follow
-from orientd_ur.kinematics import JOINT_NAMES, Joints, Kinematics, quaternion
 
 # A stop is looked at in a few instants only; between them a joint is faster.
 _STOP_SPEED_SHARE = 0.9
@@ -44,9 +42,7 @@ class Following:
     def __init__(
         self, arm: Arm, joints: Sequence[float], pose: tuple[Quaternion, Vector3], period: float
     ) -> None:
-        self._arm = arm
-        self._kinematics = Kinematics(arm.links)
-        self._tool = _tool(self._kinematics, joints, pose)
+        self._arm = arm.seen(tuple(joints), pose)
         self._period = period
         self._seed: Sequence[float] = joints
         self._sent: list[tuple[Quaternion, Vector3]] = [pose, pose]
@@ -83,10 +79,10 @@ class Following:
             return "the arm does not reach where it was sent"
         before = self._period
         speed_share, change_share = SPEED_SHARE, 1.0
-        reserves = self._kinematics.reserve(near)
+        reserves = self._arm.kinematics.reserve(near)
         poses = [(q, position) for _, q, position in coming]
         # One after the other: what is not followed is mostly found in the first.
-        path = follow(self._kinematics, poses, near, tcp_offset=self._tool)
+        path = follow(self._arm, poses, near)
         self._looked = None
         for place, ((seconds, _, _), joints) in enumerate(zip(coming, path, strict=False)):
             if joints is not None and not place:
@@ -115,17 +111,16 @@ class Following:
     ) -> str:
         """Return which joint is too fast, changes its speed too fast, or turns too far."""
         arm = self._arm
-        for k, name in enumerate(JOINT_NAMES):
-            speed, most = abs(moved[k]), speed_share * arm.speeds[k]
+        for k, (name, low, high, velocity, acceleration, _) in enumerate(arm.axes):
+            speed, most = abs(moved[k]), speed_share * velocity
             if speed > most and speed > abs(rates[k]):
                 return f"{name} would turn at {speed:.3g} rad/s, the limit is {most:.3g}"
-            change, most = abs(moved[k] - rates[k]) / since, change_share * arm.accelerations[k]
+            change, most = abs(moved[k] - rates[k]) / since, change_share * acceleration
             if change > most:
                 return (
                     f"the speed of {name} would change by {change:.3g} rad/s^2, the limit is "
                     f"{most:.3g}"
                 )
-            low, high = arm.ranges[k]
             if (joints[k] > high - _RANGE_MARGIN and moved[k] > _STILL) or (
                 joints[k] < low + _RANGE_MARGIN and moved[k] < -_STILL
             ):
@@ -134,7 +129,7 @@ class Following:
 
     def _nearing(self, joints: Sequence[float], reserves: Mapping[str, float]) -> str:
         """Return which singularity is too near, and nearer than by *reserves*."""
-        for kind, reserve in self._kinematics.reserve(joints).items():
+        for kind, reserve in self._arm.kinematics.reserve(joints).items():
             if reserve < NEAREST[kind] and reserve < reserves[kind]:
                 return f"the {kind} would be {reserve:.3g} {UNITS[kind]} from its singularity"
         return ""
@@ -150,11 +145,11 @@ class Following:
         (found,) = self._solve([(q, position)], joints or self._seed)
         if found is None:
             return "the arm does not reach there"
-        for name, angle, (low, high) in zip(JOINT_NAMES, found, self._arm.ranges, strict=True):
+        for (name, low, high, *_), angle in zip(self._arm.axes, found, strict=True):
             if not low <= angle <= high:
                 most = high if angle > high else low
                 return f"{name} would have to turn to {angle:.4g} rad, its range ends at {most:.4g}"
-        for kind, reserve in self._kinematics.reserve(found).items():
+        for kind, reserve in self._arm.kinematics.reserve(found).items():
             if reserve < NEAREST[kind]:
                 return (
                     f"the {kind} is {reserve:.3g} {UNITS[kind]} from its singularity there, the "
@@ -173,16 +168,5 @@ class Following:
     def _solve(
         self, poses: Sequence[tuple[Quaternion, Vector3]], near: Sequence[float]
     ) -> list[Joints | None]:
-        found = list(follow(self._kinematics, poses, near, tcp_offset=self._tool))
+        found = list(follow(self._arm, poses, near))
         return found + [None] * (len(poses) - len(found))
-
-
-def _tool(
-    kinematics: Kinematics, joints: Sequence[float], pose: tuple[Quaternion, Vector3]
-) -> tuple[float, ...]:
-    """Return the tool in the flange, m and rad, that is at *pose* with *joints*."""
-    rotation, at = kinematics.forward(joints)
-    flange = quaternion(rotation)
-    turn = log(multiply(conjugate(flange), pose[0]))
-    x, y, z = (a - b for a, b in zip(pose[1], at, strict=True))
-    return (*(a * x + b * y + c * z for a, b, c in zip(*rotation, strict=True)), *turn)

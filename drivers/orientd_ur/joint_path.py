@@ -10,11 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from orientd.driver import Quaternion, Vector3
-from orientd.errors import LimitError, PlanError
-from orientd.floats import exp, multiply
-from orientd_ur.arm import Arm
-from orientd_ur.kinematics import JOINT_NAMES, Joints, Kinematics, Matrix, matrix, quaternion
+from orientd.driver import Joints, Quaternion, Vector3
+from orientd.errors import LimitError, LimitKind, PlanError
+from orientd_ur.arm import JOINT_NAMES, Arm
 
 SPEED_SHARE = 0.98
 """How much of the joint speed a path may use; between the poses that are looked at it is more."""
@@ -60,45 +58,20 @@ class JointReport:
 
 
 def follow(
-    kinematics: Kinematics,
-    poses: Iterable[tuple[Quaternion, Vector3]],
-    start: Sequence[float],
-    *,
-    tcp_offset: Sequence[float] = (0.0,) * 6,
+    arm: Arm, poses: Iterable[tuple[Quaternion, Vector3]], start: Sequence[float]
 ) -> Iterator[Joints | None]:
-    """Yield the joints for each pose of the tool, continuously from *start*.
-
-    Args:
-        kinematics: of the arm.
-        poses: orientation and position (m) of the tool in the base.
-        start: joints near the first pose, rad.
-        tcp_offset: pose of the tool in the flange, m and rad.
+    """Yield the joints for each pose of the tool, continuously from *start*, rad.
 
     Yields:
-        Joints in rad; ``None``, and then nothing more, where the arm does not reach.
+        ``None``, and then nothing more, if the arm does not reach.
     """
-    x, y, z, rx, ry, rz = tcp_offset
-    turn = matrix(exp((rx, ry, rz)))
-    near = tuple(start)
+    near: Joints = tuple(start)
     for q, position in poses:
-        flange = _times_transposed(matrix(q), turn)
-        px, py, pz = (row[0] * x + row[1] * y + row[2] * z for row in flange)
-        at = (position[0] - px, position[1] - py, position[2] - pz)
-        joints = kinematics.inverse(flange, at, near)
+        joints = arm.nearest(q, position, near)
         yield joints
         if joints is None:
             return
         near = joints
-
-
-def tool_pose(
-    kinematics: Kinematics, joints: Sequence[float], tcp_offset: Sequence[float]
-) -> tuple[Quaternion, Vector3]:
-    """Return orientation and position (m) of the tool in the base for *joints* (rad)."""
-    rotation, (x, y, z) = kinematics.forward(joints)
-    dx, dy, dz = (sum(a * b for a, b in zip(row, tcp_offset[:3], strict=True)) for row in rotation)
-    rx, ry, rz = tcp_offset[3:]
-    return multiply(quaternion(rotation), exp((rx, ry, rz))), (x + dx, y + dy, z + dz)
 
 
 def examine(
@@ -106,8 +79,6 @@ def examine(
     times: Sequence[float],
     poses: Iterable[tuple[Quaternion, Vector3]],
     start: Sequence[float],
-    *,
-    tcp_offset: Sequence[float] = (0.0,) * 6,
 ) -> JointReport:
     """Return what a path asks of the joints, or refuse it.
 
@@ -116,7 +87,6 @@ def examine(
         times: of the poses, s, increasing.
         poses: orientation and position (m) of the tool in the base.
         start: the joints as they are now, rad.
-        tcp_offset: pose of the tool in the flange, m and rad.
 
     Raises:
         LimitError: a joint would turn too fast or too far, or a singularity is too near.
@@ -125,16 +95,14 @@ def examine(
     speeds = {name: Extreme(0.0, times[0] if len(times) else 0.0) for name in JOINT_NAMES}
     reserves: dict[str, Extreme] = {}
     before, before_time = tuple(start), None
-    path = follow(arm.kinematics, poses, start, tcp_offset=tcp_offset)
+    path = follow(arm, poses, start)
     for time, joints in zip(times, path, strict=False):
         if joints is None:
             raise PlanError(f"the arm does not reach the pose at {time:.4f} s")
         for name, value in arm.kinematics.reserve(joints).items():
             if name not in reserves or value < reserves[name].value:
                 reserves[name] = Extreme(value, time)
-        for name, here, there, (low, high) in zip(
-            JOINT_NAMES, before, joints, arm.ranges, strict=True
-        ):
+        for (name, low, high, *_), here, there in zip(arm.axes, before, joints, strict=True):
             if before_time is not None:
                 if abs(there - here) > _LONGEST_STEP:
                     raise PlanError(f"the joint {name} would have to jump at {time:.4f} s")
@@ -147,21 +115,22 @@ def examine(
                 raise LimitError(
                     f"angle of joint {name}", abs(there), high if there > high else abs(low), time,
                     "rad", "turn less far (a turn by a shorter `--duration`), or unwind it first",
+                    kind=LimitKind.RANGE,
                 )  # fmt: skip
         before, before_time = joints, time
     _refuse_fast(speeds, arm)
     _refuse_singular(reserves)
-    return JointReport(speeds, reserves, before)  # type: ignore[arg-type] # six of them
+    return JointReport(speeds, reserves, before)
 
 
 def _refuse_fast(speeds: dict[str, Extreme], arm: Arm) -> None:
-    limits = dict(zip(JOINT_NAMES, arm.speeds, strict=True))
+    limits = {axis.name: axis.velocity for axis in arm.axes}
     name, worst = max(speeds.items(), key=lambda entry: entry[1].value / limits[entry[0]])
     limit = SPEED_SHARE * limits[name]
     if worst.value > limit:
         raise LimitError(
             f"speed of joint {name}", worst.value, limit, worst.time, "rad/s",
-            "allow the motion more time, or keep away from singularities",
+            "allow the motion more time, or keep away from singularities", kind=LimitKind.VELOCITY,
         )  # fmt: skip
 
 
@@ -172,9 +141,3 @@ def _refuse_singular(reserves: dict[str, Extreme]) -> None:
                 f"the {kind} comes within {least.value:.4f} {UNITS[kind]} of its singularity at "
                 f"{least.time:.4f} s, at least {LEAST_RESERVE[kind]:g} are needed; {_ADVICE[kind]}"
             )
-
-
-def _times_transposed(a: Matrix, b: Matrix) -> Matrix:
-    return tuple(  # type: ignore[return-value] # three by three, from three by three
-        tuple(sum(p * q for p, q in zip(row, other, strict=True)) for other in b) for row in a
-    )

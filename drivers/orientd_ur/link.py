@@ -4,19 +4,29 @@ The library (``ur-rtde``) reconnects by itself, and then may crash the process; 
 of its calls last five minutes, and its destructors may abort.  Three rules follow, and this module
 keeps them: look whether the link lives before each call; never call again once it does not; put a
 bound on every call that can wait.  All of it happens on the thread that calls.
+
+Its constructors hold the interpreter's lock, so no Python thread nor signal handler could end a
+call that hangs: a thread of C or a timer of the kernel ends the process.
 """
 
 from __future__ import annotations
 
+import contextlib
+import faulthandler
 import importlib
 import importlib.util
+import os
+import signal
+import socket
+import sys
 import time
-from typing import Any
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
 
-from orientd.errors import DeviceFaultError, LinkError
-from orientd_ur.deadline import process_ends_after
-from orientd_ur.sockets import OpenSocket, are_open, send_at_once
-from orientd_ur.states import RuntimeState
+from orientd.errors import DeviceFaultError, LinkError, SpentLinkError
+from orientd_ur.controller import RuntimeState
+from orientd_ur.wire import RTDE_PORT, SCRIPT_PORT
 
 VARIABLES = [
     "timestamp",
@@ -41,6 +51,71 @@ _REGISTER_RETRIES = 10
 _KEPT: list[Any] = []
 
 
+@contextlib.contextmanager
+def process_ends_after(seconds: float) -> Iterator[None]:
+    """End the process, exit status 1, when the block takes longer than *seconds*.
+
+    Whoever supervises the process sees its end; its traceback goes to standard error.
+    """
+    faulthandler.dump_traceback_later(seconds, exit=True, file=sys.__stderr__ or sys.stderr)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+
+
+@contextlib.contextmanager
+def alarm_after(seconds: float) -> Iterator[None]:
+    """Have the kernel end the process when the block takes longer; for calls made every cycle.
+
+    A timer of the kernel costs a microsecond.  Its signal, SIGALRM, ends the process unless
+    somebody handles it, whatever the library is doing.
+    """
+    before = signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, *before)
+
+
+class OpenSocket(NamedTuple):
+    """A socket of this process: its descriptor, and the kernel's number for what is behind it."""
+
+    descriptor: int
+    inode: int
+
+
+def send_at_once(address: str) -> frozenset[OpenSocket]:
+    """Set ``TCP_NODELAY`` on every connection to the robot's RTDE and script ports.
+
+    The library sets it and then connects in a way that opens the socket anew, which loses it: then
+    a setpoint waits for the acknowledgement of the one before.
+
+    Returns:
+        These connections, by which they can be told from later ones.
+    """
+    found: set[OpenSocket] = set()
+    for entry in os.listdir("/proc/self/fd"):  # noqa: PTH208 - names are all that is needed
+        # What is no socket, or gone since it was listed, is none of ours.
+        with contextlib.suppress(OSError):
+            if not str(Path("/proc/self/fd", entry).readlink()).startswith("socket:"):
+                continue
+            with socket.socket(fileno=os.dup(int(entry))) as copy:
+                peer = copy.getpeername() if copy.family == socket.AF_INET else ("", 0)
+                if peer[0] == address and peer[1] in (RTDE_PORT, SCRIPT_PORT):
+                    copy.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                    found.add(OpenSocket(int(entry), os.fstat(copy.fileno()).st_ino))
+    return frozenset(found)
+
+
+def are_open(sockets: frozenset[OpenSocket]) -> bool:
+    """Whether these are still the sockets they were; asks the kernel, a microsecond each."""
+    try:
+        return all(os.fstat(one.descriptor).st_ino == one.inode for one in sockets)
+    except OSError:
+        return False
+
+
 def require_library() -> None:
     """Do nothing where the client library is installed.
 
@@ -48,7 +123,7 @@ def require_library() -> None:
         LinkError: it is not.
     """
     if importlib.util.find_spec("rtde_control") is None:
-        raise LinkError("the driver needs ur-rtde: pip install 'orientd-motion[ur]'")
+        raise LinkError(f"the driver needs ur-rtde: {sys.executable} -m pip install ur-rtde")
 
 
 class Link:
@@ -150,12 +225,15 @@ class Link:
         """Do nothing while the link lives.
 
         Raises:
-            LinkError: it does not; the library is not touched again.
+            SpentLinkError: it does not any more; the library is not touched again.
+            LinkError: nothing is connected.
         """
         problem = self.problem()
         if problem:
-            self.is_lost = self.is_lost or self._receive is not None
-            raise LinkError(problem)
+            if self._receive is None:
+                raise LinkError(problem)
+            self.is_lost = True
+            raise SpentLinkError(problem)
 
     def require_same(self) -> None:
         """Do nothing while the connections are those that were made.
@@ -168,7 +246,7 @@ class Link:
         """
         if not are_open(self._sockets):
             self.is_lost = True
-            raise LinkError(f"{self.host} closed the connection, and the library made another")
+            raise SpentLinkError(f"{self.host} closed the connection, and the library made another")
 
     # What the controller says; called every cycle.
 
@@ -224,10 +302,10 @@ class Link:
         except RuntimeError as error:
             raise self._loss(error) from error
 
-    def _loss(self, error: RuntimeError) -> LinkError:
+    def _loss(self, error: RuntimeError) -> SpentLinkError:
         """Return what it means that the library failed to connect anew, which it says once."""
         self.is_lost = True
-        return LinkError(f"{self.host} closed the connection: {' '.join(str(error).split())}")
+        return SpentLinkError(f"{self.host} closed the connection: {' '.join(str(error).split())}")
 
     def order(self, name: str, *arguments: Any, limit: float = _CALL_LIMIT) -> bool:  # noqa: ANN401 - the library's own
         """Call a method of the controlling connection that waits for the robot.

@@ -16,6 +16,10 @@ A motion may have a ``lookahead``, ``gain`` and ``servo_time`` of its own, its `
     Plans made without the robot need it.
 ``start_joints``
     rad, six of them: where plans made without the robot begin; default elbow up, tool down.
+``joint_acceleration_deg``
+    degrees/s^2, 10 to 4584, default 2291.8 (40 rad/s^2): how much any joint may accelerate, in
+    motions, stops and pauses.  The default is the most that ``ur_rtde`` lets a program ask for, and
+    what controllers say that their joints are set to; with a heavy tool an arm can do less.
 ``check_joints``
     whether to refuse motions that the arm's joints cannot follow; default true.
 ``tcp_offset``
@@ -55,11 +59,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import pi
+from math import degrees, pi, radians
 from typing import Any
 
 from orientd.driver import check_names, choice, number, numbers, switch
-from orientd_ur.arm import MODELS, ArmModel
+from orientd_ur.arm import FASTEST_CHANGE, MODELS, ArmModel
 
 Vector = tuple[float, ...]
 
@@ -74,6 +78,7 @@ _NUMBERS: dict[str, tuple[float, float, float]] = {
     "stop_deceleration": (0.1, 40.0, 10.0),
     "unlock_timeout": (0.1, 15.0, 8.0),
     "arrival_tolerance_deg": (0.05, 10.0, 0.5),
+    "joint_acceleration_deg": (10.0, 4584.0, degrees(FASTEST_CHANGE)),
 }
 REGISTERS = {"lower": 0, "upper": 24}
 """The first register of each range."""
@@ -100,6 +105,7 @@ class UrOptions:
     stop_deceleration: float
     unlock_timeout: float
     arrival_tolerance_deg: float
+    joint_acceleration_deg: float
     tcp_offset: Vector | None
     payload_mass: float | None
     payload_cog: Vector
@@ -108,6 +114,11 @@ class UrOptions:
     registers: str
     check_joints: bool
     check_remote_control: bool
+
+    @property
+    def joint_acceleration(self) -> float:
+        """Largest acceleration of a joint, rad/s^2."""
+        return radians(self.joint_acceleration_deg)
 
 
 def check(given: Mapping[str, Any], *, period: float) -> UrOptions:

@@ -1,4 +1,4 @@
-"""Between quaternions and the rotation vectors that a UR controller takes.
+"""Between poses and the rotation vectors that a UR controller says and takes.
 
 A rotation vector has a seam: where the turn reaches pi the shortest vector jumps to the opposite
 side.  Both sides are the same orientation, and a controller that reads all six numbers of a pose
@@ -10,12 +10,22 @@ orientation that trembles about pi never jumps at all.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import pi, tau
 
 from orientd.driver import Quaternion, Vector3
-from orientd.floats import log, norm
+from orientd.floats import exp, log, norm
+
+Pose = tuple[Quaternion, Vector3]
+"""Orientation ``(w, x, y, z)`` and position, m."""
 
 LONGEST = 1.5 * pi
+
+
+def pose_of(numbers: Sequence[float]) -> Pose:
+    """Return the pose that a controller says as position, m, and rotation vector, rad."""
+    x, y, z, rx, ry, rz = numbers
+    return exp((rx, ry, rz)), (x, y, z)
 
 
 def continued(q: Quaternion, last: Vector3) -> Vector3:

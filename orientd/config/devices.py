@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import (
@@ -114,6 +115,9 @@ class DeviceSettings(Table):
     Attributes:
         name: the key of the table.
         driver: name of the driver in the registry.
+        python: interpreter of another environment that the servo process is run with, an absolute
+            path; for a driver whose vendor's packages cannot be installed beside orientd.  Nothing
+            of orientd needs to be installed there.
         rate_hz: cycles a second; by default those of the driver, 100 for a gimbal, else 500.
         auto_enable: enable at start and after a reset.
         heartbeat_timeout: the servo stops when it has not heard the daemon for so long, s.
@@ -135,6 +139,7 @@ class DeviceSettings(Table):
 
     name: Name
     driver: str
+    python: str = ""
     rate_hz: Annotated[float, Field(ge=1.0, le=MAX_RATE_HZ)] = 500.0
     auto_enable: bool = True
     heartbeat_timeout: Positive = 1.0
@@ -148,6 +153,13 @@ class DeviceSettings(Table):
     limits: LimitSettings = LimitSettings()
     frames: dict[str, Any] = Field(default_factory=dict)
     options: dict[str, Any] = Field(default_factory=dict)
+
+    @field_validator("python")
+    @classmethod
+    def _expand_python(cls, path: str) -> str:
+        if path and not Path(path).expanduser().is_absolute():
+            raise PydanticCustomError("python", "an absolute path of a Python interpreter")
+        return path and str(Path(path).expanduser())
 
     @field_validator("compensate_latency", "latency", mode="before")
     @classmethod

@@ -10,7 +10,7 @@ from orientd.daemon.devices import DeviceEvent, EventKind, servo_limits_of
 from orientd.daemon.motions import AT_ONCE, Motions, MoveOptions, Prepared
 from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
 from orientd.daemon.supervised_device import SupervisedDevice
-from orientd.driver import Driver, Quaternion, Vector3, make_driver
+from orientd.driver import Driver, Explaining, Quaternion, Vector3, make_driver
 from orientd.errors import RequestError, StateError
 from orientd.planner import Limits
 from orientd.planner import State as PlannedState
@@ -55,7 +55,8 @@ class Device(SupervisedDevice):
         self._examiner = make_driver(
             settings.name, settings.driver, settings.options, settings.period_ns
         )
-        super().__init__(settings, on_event=on_event, why_ended=self._examiner.why_ended)
+        explaining = self._examiner if isinstance(self._examiner, Explaining) else None
+        super().__init__(settings, on_event=on_event, explaining=explaining)
         self.limits, self._planners = settings.limits.to_limits(), planners
         self._has_no_outline = False
         self.is_free = self._was_following = False

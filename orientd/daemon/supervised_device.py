@@ -22,6 +22,7 @@ from orientd.daemon.devices import (
     ServoSupervisor,
 )
 from orientd.daemon.motions import Motions
+from orientd.driver import Explaining
 from orientd.errors import DaemonError, Fault, PendingError, StateError
 from orientd.floats import difference, norm
 from orientd.stream import STOPS_WORD, Cycle, CycleFlag, ServoState, unpack_cycle
@@ -62,14 +63,14 @@ class SupervisedDevice:
         settings: DeviceSettings,
         *,
         on_event: Callable[[DeviceEvent], None],
-        why_ended: Callable[[int], str],
+        explaining: Explaining | None = None,
     ) -> None:
         """Start nothing yet.
 
         Args:
             settings: the device's part of the configuration.
             on_event: called from the device's thread, or from a command.
-            why_ended: says what the driver knows of a signal that has ended the servo process.
+            explaining: the driver, if it knows what ends the servo process.
 
         Raises:
             ConfigError: the driver is not installed.
@@ -87,7 +88,7 @@ class SupervisedDevice:
             settings,
             read_ahead=self._read_ahead,
             tell=self._tell_of_servo,
-            why_ended=why_ended,
+            explaining=explaining,
         )
         self._lock = threading.RLock()
         self._thread: threading.Thread | None = None
@@ -242,6 +243,7 @@ class SupervisedDevice:
             scheduling=servo.scheduling,
             memory_locked=servo.memory_locked,
             health=servo.health,
+            longest_calls=servo.longest_calls,
         )
 
     def _due(self, cycle: Cycle) -> Cycle:

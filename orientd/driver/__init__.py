@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from orientd.driver.contract import Driver
+from orientd.driver.diagnosing import findings_of, needs
 from orientd.driver.finding import Finding, Verdict
+from orientd.driver.foreign_python import python_command, python_version
 from orientd.driver.options import (
     check_names,
     choice,
@@ -12,6 +14,21 @@ from orientd.driver.options import (
     quaternion,
     switch,
     whole,
+)
+from orientd.driver.protocols import (
+    Arriving,
+    Diagnosable,
+    Explaining,
+    Freeable,
+    Healthy,
+    Locatable,
+    Parkable,
+    PhaseLocked,
+    Resettable,
+    RestsInFault,
+    Scaled,
+    Tunable,
+    tune,
 )
 from orientd.driver.registry import driver_target, load_driver, make_driver
 from orientd.driver.values import (
@@ -33,28 +50,45 @@ from orientd.driver.values import (
 __all__ = [
     "IDENTITY",
     "ZERO",
+    "Arriving",
     "AxisGap",
     "AxisLimits",
     "ComingPose",
+    "Diagnosable",
     "Driver",
+    "Explaining",
     "Feedback",
     "Figure",
     "Finding",
+    "Freeable",
+    "Healthy",
     "Joints",
+    "Locatable",
+    "Parkable",
     "PartHealth",
+    "PhaseLocked",
     "Quaternion",
+    "Resettable",
+    "RestsInFault",
+    "Scaled",
     "Setpoint",
     "ShapedPath",
+    "Tunable",
     "Vector3",
     "Verdict",
     "check_names",
     "choice",
     "driver_target",
+    "findings_of",
     "load_driver",
     "make_driver",
+    "needs",
     "number",
     "numbers",
+    "python_command",
+    "python_version",
     "quaternion",
     "switch",
+    "tune",
     "whole",
 ]

@@ -1,9 +1,28 @@
-"""What the servo asks of a driver, and the values that pass between them.
+"""What the servo asks of every driver: six methods.
 
 A driver lives in the servo process, on its one thread.  It is constructed with its options,
 opened once, enabled and disabled by command, then called every cycle: first :meth:`Driver.read`,
-then :meth:`Driver.write`.  Both must return well within a period and never wait for anything
-but the device.  What passes between the two is in :mod:`orientd.driver.values`.
+then :meth:`Driver.write`.  Both must return well within a period and wait for nothing but the
+device.  What passes between the two is in :mod:`orientd.driver.values`, and what a driver may offer
+besides in :mod:`orientd.driver.protocols`.
+
+What :meth:`Driver.read` or :meth:`Driver.write` raises becomes a fault.  Its kind decides how the
+device comes to rest.  To brake, the servo goes on reading and writing until the device stands still
+on its path.  To cut off, the servo writes nothing more and calls :meth:`Driver.disable` at once.
+
+====================  ===================  ====================================
+raised                fault                what the servo does
+====================  ===================  ====================================
+``FeedbackError``     ``feedback_stale``   brakes on the path
+``AxisFaultError``    ``device_fault``     brakes on the path
+``DeviceFaultError``  ``device_fault``     cuts off
+``LinkError``         ``link_lost``        cuts off
+``SpentLinkError``    ``link_lost``        cuts off, and the process ends
+anything else         ``internal``         cuts off; it is a defect of the driver
+====================  ===================  ====================================
+
+An error of a command (enable, reset, free) fails that command and is no fault; an error of
+:meth:`Driver.open` ends the process.
 """
 
 from __future__ import annotations
@@ -14,19 +33,15 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Literal
 
 from orientd.clock import Clock
-from orientd.driver.finding import Finding
 from orientd.driver.values import (
-    AxisGap,
     ComingPose,
     Feedback,
     Joints,
-    PartHealth,
     Quaternion,
     Setpoint,
     ShapedPath,
     Vector3,
 )
-from orientd.errors import DeviceFaultError, PlanError
 
 
 class Driver(ABC):
@@ -34,13 +49,16 @@ class Driver(ABC):
 
     Attributes:
         name: the registry's name of this kind of driver.
-        default_rate_hz: cycle rate where the configuration names none.
+        default_rate_hz: cycle rate if the configuration names none.
         takes: what :meth:`write` sends: ``"poses"``, or ``"joints"`` for the angles of the axes.
+        longest_call: how long a read or a write takes at most, s.  The servo measures both, and
+            warns if they take longer; by default it only measures.
     """
 
     name: ClassVar[str]
     default_rate_hz: ClassVar[float] = 500.0
     takes: ClassVar[Literal["poses", "joints"]] = "poses"
+    longest_call: float = math.inf
 
     def __init__(self, options: Mapping[str, Any], *, period_ns: int, clock: Clock) -> None:
         """Check *options* and keep what is needed; touch no device.
@@ -57,39 +75,6 @@ class Driver(ABC):
         self.options = dict(options)
         self.period_ns = period_ns
         self.clock = clock
-
-    @property
-    def speed_scaling(self) -> float:
-        """How fast the device itself lets motions run, 0 to 1; the time scaling follows it."""
-        return 1.0
-
-    def deadline_shift_ns(self, deadline_ns: int) -> int:  # noqa: ARG002 - most devices are always ready
-        """Return by how much later than a period from *deadline_ns* the next deadline should be.
-
-        For a device with a cycle of its own that setpoints should keep clear of.  Called after
-        every cycle; must not raise.  Path time counts cycles, so the servo moves a deadline by no
-        more than a four-hundredth of a period.
-        """
-        return 0
-
-    @property
-    def is_spent(self) -> bool:
-        """Whether only a new process can reach the device again; the servo then ends this one."""
-        return False
-
-    def tune(self, options: Mapping[str, Any]) -> None:
-        """Take the options that hold for the motions to come, in place of those taken before.
-
-        Called in the servo process while the device holds still, before a motion begins whose
-        options are others than those of the last; empty for those of the configuration alone.
-        Called in the daemon's process, too, on a driver that is not open, to check them.
-
-        Raises:
-            ValueError: an option is unknown or not allowed, as in the constructor; nothing changes.
-        """
-        if options:
-            names = ", ".join(map(repr, options))
-            raise ValueError(f"the driver {self.name!r} has no options of one motion, got {names}")
 
     def examine(  # noqa: B027 - most devices follow any path inside the limits
         self,
@@ -112,25 +97,6 @@ class Driver(ABC):
         Raises:
             PlanError: why not, where and when.
         """
-
-    def offline_start(self, *, from_device: bool) -> Feedback | None:
-        """Return where a plan begins that is made without the daemon.
-
-        Called on a driver that is not open.
-
-        Args:
-            from_device: whether to ask the device; else the options say.
-
-        Returns:
-            ``None`` where the first keyframe says enough.
-
-        Raises:
-            LinkError: the device is asked, and does not answer.
-            PlanError: it is not asked, and the options do not say enough.
-        """
-        if from_device:
-            raise PlanError(f"the driver {self.name!r} cannot ask its device where it is")
-        return None
 
     def shape(
         self,
@@ -256,36 +222,6 @@ class Driver(ABC):
         """
         return ()
 
-    def notices(self) -> Sequence[str]:
-        """Return what there is to say of the device, in words.
-
-        What was changed in it, what keeps it from doing better, what somebody did to it in a fault.
-        Each is a warning, given once until the next reset.  Called when the device is open, after a
-        reset, and once a second, in a cycle; must neither wait nor raise.
-        """
-        return ()
-
-    def health(self) -> Sequence[PartHealth]:
-        """Return how the device's parts are, as last measured; empty where they do not tell.
-
-        Called once a second, in a cycle; must neither wait nor raise.
-        """
-        return ()
-
-    def why_stale(self) -> str:
-        """Return who is late when feedback is, in words; empty where the driver cannot know.
-
-        Called in the cycle in which feedback has become too old; must not wait, nor raise.
-        """
-        return ""
-
-    def why_ended(self, signal: int) -> str:  # noqa: ARG002 - most drivers have no such library
-        """Return what it means that *signal* has ended the servo process, where the driver knows.
-
-        Called in the daemon's process, on a driver that is not open.
-        """
-        return ""
-
     @abstractmethod
     def open(self) -> None:
         """Connect.  May take long; no cycle runs yet.
@@ -302,16 +238,6 @@ class Driver(ABC):
             Where the device is; the first setpoint will be exactly this.  With the angles of the
             axes if the driver takes joints.
         """
-
-    def free(self) -> None:
-        """Let the device be moved by hand, until it is enabled or disabled again.
-
-        Called after :meth:`disable`; feedback goes on.
-
-        Raises:
-            DeviceFaultError: it cannot be.
-        """
-        raise DeviceFaultError(f"a device of the driver {self.name!r} cannot be moved by hand")
 
     @abstractmethod
     def read(self) -> Feedback | None:
@@ -332,23 +258,6 @@ class Driver(ABC):
         """
         self.write(setpoint)
         return setpoint.q, ()
-
-    def gaps(self) -> Sequence[AxisGap]:
-        """Return how far every axis is from where it was last sent, by the newest feedback.
-
-        Called in each cycle after the last setpoint of a motion, until all axes are within their
-        tolerances: the motion is done then.  Where one is not after :attr:`arrival_time`, that is a
-        fault of the device.  Must neither wait nor raise.
-
-        Returns:
-            Empty where the device cannot tell: its motions are done with their last setpoints.
-        """
-        return ()
-
-    @property
-    def arrival_time(self) -> float:
-        """How long the axes may take to arrive after the last setpoint of a motion, s."""
-        return 0.5
 
     def foresee(self, coming: Sequence[ComingPose]) -> str:  # noqa: ARG002 - most devices follow any pose
         """Return why the device's axes cannot follow what comes next, or an empty string.
@@ -387,31 +296,6 @@ class Driver(ABC):
     @abstractmethod
     def disable(self) -> None:
         """Leave the device standing still and no longer following.  Must not raise twice."""
-
-    def rest_in_fault(self) -> None:  # noqa: B027 - most devices stay where they are told to be
-        """Leave the device where it is from now on, whatever setpoint it still gets.
-
-        Called once a fault has brought everything to rest, before :meth:`disable` where that
-        follows at once, and again for every stop in the fault; :meth:`write` may go on being called
-        with the setpoint that is held.  Must neither wait nor raise.
-        """
-
-    def reset(self) -> None:  # noqa: B027 - most devices need nothing
-        """Clear a fault of the device, so that :meth:`enable` can work again."""
-
-    def diagnose(self) -> Sequence[Finding]:
-        """Look at the device and the way to it; change nothing, raise no :class:`DeviceError`.
-
-        Called on a driver that is not open, outside of a servo process, and never again.
-        """
-        return ()
-
-    def park(self) -> None:  # noqa: B027 - most devices are left where they stand
-        """Bring the device to where it may be left alone; it may move, and let go of its load.
-
-        Called once, after :meth:`disable`, at an orderly end only: not in a fault, and not where
-        the daemon was lost, when the device is to go on holding.  May take some 20 s.
-        """
 
     @abstractmethod
     def close(self) -> None:

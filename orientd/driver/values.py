@@ -147,12 +147,14 @@ class AxisGap(NamedTuple):
         tolerance: how large that may be where the axis has arrived, rad.
         load: what the axis draws or carries, in words, for example ``0.45 A``; empty where the
             device does not tell.
+        patience: how long after the last setpoint of a motion the axis may take to arrive, s.
     """
 
     name: str
     gap: float
     tolerance: float
     load: str = ""
+    patience: float = 0.5
 
 
 class PartHealth(NamedTuple):

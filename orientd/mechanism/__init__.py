@@ -1,5 +1,5 @@
 """Mechanisms: how axes pose a tool, and what their limits make of a path."""
 
-from orientd.mechanism.mechanism import Mechanism
+from orientd.mechanism.mechanism import Mechanical, Mechanism, Reserve
 
-__all__ = ["Mechanism"]
+__all__ = ["Mechanical", "Mechanism", "Reserve"]

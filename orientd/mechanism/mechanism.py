@@ -6,9 +6,32 @@ Plain floats only, since the servo process loads it.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from math import tau
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from orientd.driver import AxisLimits, Joints, Quaternion, Vector3
+
+
+class Reserve(NamedTuple):
+    """How far the axes are from one of their singularities.
+
+    Attributes:
+        name: of the singularity, as messages name it.
+        value: the distance; 0 is singular.
+        least: how far the axes must be on a planned path, same unit.
+        least_followed: how far they must be while targets are followed: a stop has to begin before
+            it is known where it ends.
+        unit: of the three.
+        advice: how a motion stays away from it.
+    """
+
+    name: str
+    value: float
+    least: float
+    least_followed: float
+    unit: str = "rad"
+    advice: str = ""
 
 
 class Mechanism(ABC):
@@ -43,9 +66,34 @@ class Mechanism(ABC):
             Nothing if the pose is out of reach.
         """
 
-    def reserve(self, joints: Joints) -> Mapping[str, tuple[float, float]]:  # noqa: ARG002 - many mechanisms have no singularity that they must not pass
-        """Return how far the axes are from each singularity, and how far they must be, by name."""
-        return {}
+    def nearest(self, q: Quaternion, position: Vector3, near: Joints) -> Joints | None:
+        """Return the joints that pose the tool so, on the branch and turns nearest to *near*, rad.
+
+        The planner calls it for one record after the other, each time with the joints of the record
+        before.  Override it where continuing is quicker than solving every branch, or where *near*
+        has to say what a singular pose leaves open.
+
+        Args:
+            q: orientation ``(w, x, y, z)``, tool to world.
+            position: of the tool in the world, m.
+            near: joints of a pose close by, rad, unwrapped.
+
+        Returns:
+            ``None`` if the pose is out of reach.  The ranges of the axes are not looked at.
+        """
+        turned = [
+            tuple(a + tau * round((b - a) / tau) for a, b in zip(one, near, strict=True))
+            for one in self.solutions(q, position)
+        ]
+        return min(turned, key=lambda one: _apart(one, near), default=None)
+
+    def home(self) -> Joints:
+        """Return the joints at home, rad; empty if the mechanism has no home."""
+        return ()
+
+    def reserve(self, joints: Joints) -> Sequence[Reserve]:  # noqa: ARG002 - many mechanisms have no singularity that they must not pass
+        """Return how far *joints*, in rad, are from each singularity."""
+        return ()
 
     def outline(self, joints: Joints) -> Sequence[Sequence[Vector3]]:  # noqa: ARG002 - not every mechanism is drawn
         """Return the shape as lines from point to point, m, for a picture; empty if there is none.
@@ -54,3 +102,26 @@ class Mechanism(ABC):
             joints: angles of the axes, rad.
         """
         return ()
+
+
+@runtime_checkable
+class Mechanical(Protocol):
+    """A driver whose device has a mechanism: the core then plans for its axes."""
+
+    def mechanism(self, *, may_ask: bool) -> Mechanism | None:
+        """Return the mechanism of the device; ``None`` to plan without its axes.
+
+        The planner calls it for every plan and the daemon before targets are followed, on a driver
+        that is not open; the servo on an enabled one.  A driver keeps what need not be asked again.
+
+        Args:
+            may_ask: whether the device may be asked; else the options alone say.
+
+        Raises:
+            LinkError: the device was asked and did not answer.
+            PlanError: the options do not say enough.
+        """
+
+
+def _apart(one: Joints, other: Joints) -> float:
+    return max(abs(a - b) for a, b in zip(one, other, strict=True))

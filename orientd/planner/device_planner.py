@@ -15,8 +15,8 @@ from typing import cast
 
 import numpy as np
 
-from orientd.driver import Driver, Quaternion, ShapedPath
-from orientd.errors import LimitError, PlanError, RequestError
+from orientd.driver import Driver, Quaternion, ShapedPath, tune
+from orientd.errors import LimitError, LimitKind, PlanError, RequestError
 from orientd.planner.axis_path import reshaped
 from orientd.planner.blending import blend
 from orientd.planner.limits import Limits
@@ -32,7 +32,12 @@ from orientd.stream import tuning_text
 _EXAMINED_EVERY = 0.008
 """How far apart in path time the poses are that a driver looks at, s."""
 
-_POWERS = {"rad/s": 1, "rad/s^2": 2, "rad/s^3": 3, "s": 1}
+_POWERS = {
+    LimitKind.VELOCITY: 1,
+    LimitKind.ACCELERATION: 2,
+    LimitKind.JERK: 3,
+    LimitKind.TIME: 1,
+}
 """How what a limit is about falls with the speed; a stop takes less long, too."""
 _STEP = 0.8
 _SLOWEST = 0.1
@@ -128,7 +133,7 @@ class DevicePlanner:
             motion = fitting.plan(request)
         except LimitError as error:
             other = self._with_roll_of_axes(request)
-            if other is None or not error.quantity.startswith("angle of"):
+            if other is None or error.kind is not LimitKind.RANGE:
                 raise
             motion = fitting.plan(other)
         self._examine(motion, tuple(joints), is_offline=is_offline)
@@ -195,7 +200,7 @@ class DevicePlanner:
         """Have the driver look at its options of this motion."""
         try:
             tuning_text(request.device_options)
-            self._examiner.tune(request.device_options)
+            tune(self._examiner, request.device_options)
         except ValueError as error:
             raise RequestError("device_options", str(error)) from error
 
@@ -279,9 +284,9 @@ class Fitting:
         try:
             return self._fitted(motion)
         except LimitError as error:
-            if error.quantity.startswith("angle of"):
+            if error.kind is LimitKind.RANGE:
                 raise
-            is_fixed = motion.request.times is not None or error.unit not in _POWERS
+            is_fixed = motion.request.times is not None or error.kind not in _POWERS
             # No pace changes what the motion before leaves; whether one would do later is long to
             # find.
             is_given = not self.start.is_at_rest and error.time < _GIVEN and not is_fixed
@@ -309,7 +314,7 @@ class Fitting:
         refused, fits = 1.0, 0.0
         for _ in range(_ATTEMPTS):
             if fitted is None:
-                need = (worst.limit / worst.value) ** (1.0 / _POWERS[worst.unit])
+                need = (worst.limit / worst.value) ** (1.0 / _POWERS[worst.kind])
                 speed *= max(min(need, _STEP), 0.5)
                 if speed < least:
                     raise refusal
@@ -325,7 +330,7 @@ class Fitting:
             except PlanError as error:
                 refused = speed
                 if fitted is None:
-                    if not isinstance(error, LimitError) or error.unit not in _POWERS:
+                    if not isinstance(error, LimitError) or error.kind not in _POWERS:
                         raise refusal from error
                     worst = error
                 continue
@@ -365,7 +370,7 @@ class Fitting:
                     fixed = (motion.start_time, motion.end_time)
                     self._pace(motion, fixed, fixed, _SHARES[-1], _FINEST)
                 refusal = refusal or error
-                if isinstance(error, LimitError) and error.quantity.startswith("angle of"):
+                if isinstance(error, LimitError) and error.kind is LimitKind.RANGE:
                     refusal = error  # which no pace changes
                     break
         if refusal is not None and is_timed:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.errors import LimitError, PlanError, StartError
+from orientd.errors import LimitError, LimitKind, PlanError, StartError
 from orientd.planner.certify import SLOWEST_STOP, Peak, Peaks
 from orientd.planner.limits import ANGULAR, AXES, LONGEST, UNITS, Limits
 from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
@@ -101,7 +101,8 @@ def _check_rate(name: str, vector: Floats, limits: Limits, change: float, advice
     for axis, size, most in zip(_ABOUT, sizes, allowed, strict=True):
         if size - change > most * (1.0 + _ROUNDING):
             quantity = _QUANTITIES[name] + axis
-            raise LimitError(quantity, size, most, 0.0, UNITS[name], advice)
+            kind = LimitKind(name)
+            raise LimitError(quantity, size, most, 0.0, UNITS[name], advice, kind=kind)
 
 
 def check_continuity(request: MotionRequest) -> None:
@@ -228,24 +229,25 @@ def of_slow_stop(stop_time: float, longest: float, share: float) -> PlanError:
 def check_limits(peaks: Peaks, place: Place) -> None:
     """Raise :class:`.LimitError` for a motion that breaks a limit, named by the one broken most."""
     broken: list[tuple[float, str, str, Peak]] = []
-    for name, unit in UNITS.items():
+    for name in UNITS:
         of_axes: tuple[Peak, ...] = getattr(peaks, f"axis_{name}") if name in ANGULAR else ()
         for axis, peak in zip(_ABOUT, (getattr(peaks, name), *of_axes), strict=False):
             # Written so that a NaN counts as broken.  Off the records the guard's tolerance is
             # what keeps a motion on its path.
             if not (peak.planned_ratio <= 1.0 + _ROUNDING and peak.ratio <= GUARD_TOLERANCE):
                 ratio = peak.ratio if math.isfinite(peak.ratio) else math.inf
-                broken.append((ratio, _QUANTITIES[name] + axis, unit, peak))
+                broken.append((ratio, name, axis, peak))
     if not broken:
         return
-    _, quantity, unit, peak = max(broken, key=lambda entry: entry[0])
+    _, name, axis, peak = max(broken, key=lambda entry: entry[0])
     advice = place.name(peak.time)
     if _has_jumps(place.request):
         advice = f"{advice}; {_JUMPS}"
     is_in_lead_in = peak.time < place.begin
     raise LimitError(
-        quantity, peak.value, peak.limit, peak.time, unit, advice, is_in_lead_in=is_in_lead_in
-    )
+        _QUANTITIES[name] + axis, peak.value, peak.limit, peak.time, UNITS[name], advice,
+        kind=LimitKind(name.removeprefix("linear_")), is_in_lead_in=is_in_lead_in,
+    )  # fmt: skip
 
 
 def check_stop(peaks: Peaks, place: Place) -> None:
@@ -264,6 +266,7 @@ def check_stop(peaks: Peaks, place: Place) -> None:
             "s",
             f"{place.name(peaks.brake_time)}, where too little is left below the limits to slow "
             "down with",
+            kind=LimitKind.TIME,
         )
 
 

@@ -12,13 +12,12 @@ import pkgutil
 import signal
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from orientd.clock import MonotonicClock
-from orientd.driver import Driver
+from orientd.driver import Driver, PhaseLocked, needs
 from orientd.errors import Fault
 from orientd.servo.realtime import DeadlineTimer, freeze_garbage, lock_memory, set_scheduling
 from orientd.servo.servo import Servo, fault_of
@@ -87,6 +86,8 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
         driver.open()
     except Exception as error:  # noqa: BLE001 - whatever it is, the daemon must hear of it
         text = f"{type(error).__name__}: {error}"
+        if isinstance(error, ModuleNotFoundError):
+            text = needs(error)
         fault = fault_of(error)
         fault = Fault.SERVO_DIED if fault is Fault.INTERNAL else fault
         memory.notes.publish(*pack_note(0, NoteKind.ENDING, fault, text))
@@ -114,7 +115,7 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
             servo,
             timer,
             settings.period_ns,
-            driver.deadline_shift_ns,
+            driver if isinstance(driver, PhaseLocked) else None,
             phase_ns=settings.phase_ns,
         )
     finally:
@@ -129,17 +130,17 @@ def run_cycles(
     servo: Servo,
     timer: DeadlineTimer,
     period_ns: int,
-    shift_ns: Callable[[int], int],
+    device: PhaseLocked | None = None,
     *,
     phase_ns: int = 0,
 ) -> None:
     """Call ``servo.cycle`` at every deadline until the servo has ended.
 
     Deadlines are a period apart, *phase_ns* after its multiples on the clock at first, or nearly:
-    *shift_ns*, told the last one, says how much later the
-    next should be, and is heeded up to a period over :data:`LARGEST_SHIFT`.  One that has passed
-    altogether is counted and skipped, before a cycle too where the process has not run for long;
-    path time is not, so that a late cycle never makes the device jump.
+    a *device* with a cycle of its own says how much later the next should be, and is heeded up to a
+    period over :data:`LARGEST_SHIFT`.  A deadline that has passed altogether is counted and
+    skipped, before a cycle too if the process has not run for long; path time is not, so that a
+    late cycle never makes the device jump.
     """
     overrun_ns, most_ns = period_ns // 2, period_ns // LARGEST_SHIFT
     deadline = (time.monotonic_ns() // period_ns + 2) * period_ns + phase_ns
@@ -156,7 +157,8 @@ def run_cycles(
         servo.cycle(deadline, lateness)
         done = time.monotonic_ns()
         servo.work_ns = done - woken
-        deadline += period_ns + max(-most_ns, min(most_ns, shift_ns(deadline)))
+        shift_ns = 0 if device is None else device.deadline_shift_ns(deadline)
+        deadline += period_ns + max(-most_ns, min(most_ns, shift_ns))
         if done > deadline:
             skipped = (done - deadline) // period_ns + 1
             servo.missed += skipped

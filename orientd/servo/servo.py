@@ -12,14 +12,25 @@ import json
 from collections.abc import Callable
 
 from orientd.clock import Clock
-from orientd.driver import IDENTITY, Driver, Feedback, Setpoint
+from orientd.driver import (
+    IDENTITY,
+    Arriving,
+    Driver,
+    Explaining,
+    Feedback,
+    Freeable,
+    Parkable,
+    Resettable,
+    RestsInFault,
+    Setpoint,
+    tune,
+)
 from orientd.errors import (
     AxisFaultError,
-    DeviceFaultError,
+    DeviceError,
     Fault,
-    FeedbackError,
-    LinkError,
     NotYetError,
+    SpentLinkError,
     StateError,
 )
 from orientd.servo.device_reports import Arrival, DeviceReports
@@ -33,6 +44,8 @@ from orientd.stream import (
     HALTS_WORD,
     HEAD,
     JOINTS,
+    LONGEST_READ_WORD,
+    LONGEST_WRITE_WORD,
     NO_JOINTS,
     STOPS_WORD,
     TAKEN_AT_WORD,
@@ -63,14 +76,7 @@ _NO_FEEDBACK = Feedback(0, IDENTITY)
 
 def fault_of(error: Exception) -> Fault:
     """Return the fault that an error of a driver means."""
-    for kind, fault in (
-        (FeedbackError, Fault.FEEDBACK_STALE),
-        (LinkError, Fault.LINK_LOST),
-        (DeviceFaultError, Fault.DEVICE_FAULT),
-    ):
-        if isinstance(error, kind):
-            return fault
-    return Fault.INTERNAL
+    return error.fault if isinstance(error, DeviceError) else Fault.INTERNAL
 
 
 class Servo:
@@ -115,7 +121,8 @@ class Servo:
         self.setpoints = SetpointGenerator(
             driver, memory, period_ns=period_ns, stall_ns=watch.stall_ns, on_fault=self._tell_fault
         )
-        self._arrival = Arrival()
+        self._arrival = Arrival(driver if isinstance(driver, Arriving) else None)
+        self._resting = driver if isinstance(driver, RestsInFault) else None
         self._is_enabled = False
         self._is_orderly = False
         self._feedback = _NO_FEEDBACK
@@ -143,10 +150,12 @@ class Servo:
             lateness_ns: how much later it began.
         """
         # Few calls, wide or deep: where caches are cold, one costs as much as a quaternion product.
+        begun_ns = self._clock.now_ns()
         try:
             self._feedback = self._driver.read() or self._feedback
         except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
             self._take_fault(error)
+        self.reports.note_call(LONGEST_READ_WORD, self._clock.now_ns() - begun_ns)
         if self._taken != self._memory.commands.words[HEAD]:
             self._take_command()
         if self._stops != self._memory.pulse[STOPS_WORD]:
@@ -161,6 +170,7 @@ class Servo:
             self.reports.publish_hindrance(self.setpoints.pursuit.hindrance, self._cycle_count)
         is_written = self._is_enabled
         if is_written:
+            begun_ns = self._clock.now_ns()
             try:
                 setpoint = tuple.__new__(Setpoint, (deadline_ns, *point[:6]))
                 if self.setpoints.pursuit.is_on:
@@ -171,6 +181,7 @@ class Servo:
             except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
                 self._take_fault(error)
                 is_written = False
+            self.reports.note_call(LONGEST_WRITE_WORD, self._clock.now_ns() - begun_ns)
         if before is _STREAMING and self.setpoints.state is _HOLDING:
             self._arrival.begin(self._clock.now_ns())
         if self._arrival.is_awaited:
@@ -184,8 +195,7 @@ class Servo:
             arrival.is_awaited = False
             return
         try:
-            allowed_ns = round(self._driver.arrival_time * 1e9)
-            problem = arrival.look(self._driver.gaps(), self._feedback.time_ns, allowed_ns)
+            problem = arrival.look(self._feedback.time_ns)
             if problem:
                 raise AxisFaultError(problem)
         except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
@@ -217,12 +227,13 @@ class Servo:
         except Exception as error:  # noqa: BLE001 - whatever a driver raises, the process ends
             self.ending += f"; disable failed: {error}"
         self._is_enabled = False
-        if self._is_orderly and self.state is not ServoState.FAULT:
+        driver = self._driver
+        if self._is_orderly and self.state is not ServoState.FAULT and isinstance(driver, Parkable):
             try:
-                self._driver.park()
+                driver.park()
             except Exception as error:  # noqa: BLE001 - whatever a driver raises, the process ends
                 self.ending += f"; park failed: {error}"
-        self._driver.close()
+        driver.close()
 
     def report(self) -> dict[str, object]:
         """Return what the process writes down when it ends."""
@@ -236,6 +247,8 @@ class Servo:
             "cycles": self._cycle_count,
             "overruns": self.overruns,
             "missed": self.missed,
+            "longest_read_ns": self._memory.pulse[LONGEST_READ_WORD],
+            "longest_write_ns": self._memory.pulse[LONGEST_WRITE_WORD],
             "orientation": dict(zip("wxyz", setpoints.last.q, strict=True)),
             "position": list(setpoints.last.position),
         }
@@ -255,10 +268,12 @@ class Servo:
         """Turn what a driver raised into a fault: at once, or after a stop on the path."""
         fault = fault_of(error)
         text = f"{type(error).__name__}: {error}" if fault is Fault.INTERNAL else str(error)
-        if isinstance(error, (FeedbackError, AxisFaultError)):
+        if isinstance(error, DeviceError) and error.brakes:
             self.setpoints.brake(fault, text)
         else:
             self._fail(fault, text)
+        if isinstance(error, SpentLinkError):
+            self.request_end(text)
 
     # Commands
 
@@ -296,8 +311,8 @@ class Servo:
 
     def _stop(self, *, is_quickest: bool = False) -> None:
         """Come to rest; in a fault have the driver look again that nothing moves."""
-        if self.setpoints.state is ServoState.FAULT and self._is_enabled:
-            self._driver.rest_in_fault()
+        if self.setpoints.state is ServoState.FAULT and self._is_enabled and self._resting:
+            self._resting.rest_in_fault()
         if is_quickest:
             self.setpoints.halt()
         else:
@@ -322,19 +337,17 @@ class Servo:
             return self._tune()
         elif command is Command.ENABLE:
             self._enable()
-        elif command in (Command.DISABLE, Command.FREE):
-            following = advance(setpoints.state, command)
-            self._is_enabled = False
-            self._driver.disable()
-            setpoints.state = following
-            if command is Command.FREE:
-                self._driver.free()
+        elif command is Command.DISABLE:
+            self._disable(command)
+        elif command is Command.FREE:
+            return self._free()
         elif command is Command.RESET:
             advance(setpoints.state, Command.RESET)
             if self._is_enabled:
                 self._is_enabled = False
                 self._driver.disable()
-            self._driver.reset()
+            if isinstance(self._driver, Resettable):
+                self._driver.reset()
             setpoints.clear_fault()
             self.reports.publish_notices()
         elif command is Command.SHUTDOWN:
@@ -351,9 +364,25 @@ class Servo:
             return "the options are not there"
         _, length, text = fields
         try:
-            self._driver.tune(json.loads(text[:length]))
+            tune(self._driver, json.loads(text[:length]))
         except ValueError as error:
             return str(error)
+        return ""
+
+    def _disable(self, command: Command) -> None:
+        following = advance(self.setpoints.state, command)
+        self._is_enabled = False
+        self._driver.disable()
+        self.setpoints.state = following
+
+    def _free(self) -> str:
+        """Let the device be moved by hand; return why that cannot be, or nothing."""
+        advance(self.setpoints.state, Command.FREE)
+        driver = self._driver
+        if not isinstance(driver, Freeable):
+            return f"a device of the driver {driver.name!r} cannot be moved by hand"
+        self._disable(Command.FREE)
+        driver.free()
         return ""
 
     def _enable(self) -> None:
@@ -384,7 +413,8 @@ class Servo:
         if self._is_enabled and setpoints.fault is Fault.NONE:
             problem = watchdog.complain_of_device(max(measured_ns, self._enabled_ns), now_ns)
             if problem:
-                reason = self._driver.why_stale()
+                driver = self._driver
+                reason = driver.why_stale() if isinstance(driver, Explaining) else ""
                 text = f"{problem}; {reason}" if reason else problem
                 setpoints.brake(Fault.FEEDBACK_STALE, text)
 
@@ -399,9 +429,8 @@ class Servo:
 
     def _tell_fault(self, fault: Fault, text: str) -> None:
         self._memory.notes.publish(*pack_note(0, NoteKind.FAULT, fault, text))
-        self._driver.rest_in_fault()
-        if self._driver.is_spent:
-            self.request_end(text)
+        if self._resting:
+            self._resting.rest_in_fault()
 
     def _publish(
         self, deadline_ns: int, lateness_ns: int, point: PathPoint, *, is_written: bool

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from orientd.driver import IDENTITY, ZERO, Driver, Feedback, Joints, Quaternion
+from orientd.driver import IDENTITY, ZERO, Driver, Feedback, Joints, Quaternion, Scaled
 from orientd.errors import Fault, NotYetError
 from orientd.floats import combine, difference, norm
 from orientd.servo.guard import Guard
@@ -75,8 +75,8 @@ class SetpointGenerator:
         self._guard = Guard(period)
         self._quick_stop = QuickStop(self.time_scaling, self.follower, self._guard)
         self.pursuit = TargetFollower(memory.targets, self._guard, driver)
-        self._driver = driver
         self._takes_joints = driver.takes == "joints"
+        self._scaled = driver if isinstance(driver, Scaled) else None
         self._on_fault = on_fault
         self._period_ns, self._stall_ns = period_ns, stall_ns
         self._gap_ns = longest_gap_ns(period_ns)
@@ -243,7 +243,7 @@ class SetpointGenerator:
         """Return the next setpoint of a motion, or of a stop on its path."""
         scaling, follower, share = self.time_scaling, self.follower, 1.0
         if self.state is _STREAMING:
-            speed = self._speed * self._driver.speed_scaling
+            speed = self._speed * (self._scaled.speed_scaling if self._scaled else 1.0)
             if self._is_waiting:
                 # What the motion before sent last has to be over for differences over cycles, too.
                 share = self._share_run(deadline_ns) if self._guard.is_at_rest else 0.0

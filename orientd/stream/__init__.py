@@ -3,6 +3,8 @@
 from orientd.stream.memory import (
     GIVEN_UP_WORD,
     HALTS_WORD,
+    LONGEST_READ_WORD,
+    LONGEST_WRITE_WORD,
     PAGE,
     STOPS_WORD,
     TAKEN_AT_WORD,

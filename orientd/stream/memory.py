@@ -44,6 +44,9 @@ STOPS_WORD, HALTS_WORD, TAKEN_WORD, TAKEN_AT_WORD = 1, 2, 3, 4
 How many were asked for, and which of them was the newest halt; how many the servo has taken, and
 :func:`taken_at` that."""
 
+LONGEST_READ_WORD, LONGEST_WRITE_WORD = 5, 6
+"""Words of the pulse: how long the driver's longest read and write took so far, ns."""
+
 
 def taken_at(state: int, motion: int) -> int:
     """Return one word for the state and the motion that a stop met."""
@@ -73,7 +76,8 @@ class SharedMemory:
     Attributes:
         descriptor: the file; pass it to the servo process.
         pulse: its first word is when the daemon last said that it is alive, monotonic clock, ns;
-            the next ones are about stops, see :data:`STOPS_WORD`.
+            the next ones are about stops, see :data:`STOPS_WORD`, and about the driver's calls, see
+            :data:`LONGEST_READ_WORD`.
     """
 
     def __init__(self, descriptor: int, path_capacity: int, cycle_capacity: int) -> None:

@@ -1,8 +1,8 @@
 """The emulated bus: instructions in, answers out at their times.
 
 No input or output here: whoever owns the port hands in what the host wrote and takes what is due.
-In the answers to a
-group each servo waits for the one before it: where one is silent, all later ones are.
+In the answers to a group each servo waits for the one before it: if one is silent, all later ones
+are.
 """
 
 from __future__ import annotations
@@ -10,17 +10,20 @@ from __future__ import annotations
 import random
 from collections.abc import Iterable
 
-from emulated_dynamixel.instructions import SINGLE, bulk_list, bulk_write, sync_list, sync_write
-from emulated_dynamixel.line import SerialLine, Turn, Wire
+from emulated_dynamixel.line import SerialLine, Wire
 from emulated_dynamixel.packet import (
     BROADCAST,
+    FAST,
     MAX_LENGTH,
+    READS,
+    WRITES,
     Damaged,
     ErrorNumber,
     Instruction,
     Packet,
     Parser,
     fast_status,
+    group_blocks,
     status,
 )
 from emulated_dynamixel.servo import EmulatedServo
@@ -94,82 +97,64 @@ class Bus:
         self, packet: Packet | Damaged, listening: list[EmulatedServo], now_ns: int, baud: int
     ) -> None:
         by_id = {servo.id: servo for servo in reversed(listening)}
-        if packet.instruction == Instruction.STATUS:
-            return
-        turn = Turn(self.wire, now_ns, baud)
+        self.wire.begin_turn(now_ns, baud)
         if isinstance(packet, Damaged):
             if servo := by_id.get(packet.id):
-                self._answer(servo, packet.instruction, ErrorNumber.CRC, b"", turn)
-            return
-        match packet.instruction:
-            case Instruction.SYNC_WRITE:
-                sync_write(packet.parameters, by_id, now_ns)
-            case Instruction.BULK_WRITE:
-                bulk_write(packet.parameters, by_id, now_ns)
-            case (
-                Instruction.SYNC_READ
-                | Instruction.FAST_SYNC_READ
-                | Instruction.BULK_READ
-                | Instruction.FAST_BULK_READ
-            ):
-                if packet.id == BROADCAST:
-                    self._read_group(packet, by_id, turn)
-            case _:
-                self._single(packet, by_id, turn)
+                self._answer(servo, packet.instruction, ErrorNumber.CRC, b"")
+        elif packet.instruction in WRITES:
+            for servo_id, address, content in group_blocks(packet):
+                if servo := by_id.get(servo_id):
+                    servo.write(address, content, now_ns)
+        elif packet.instruction in READS:
+            if packet.id == BROADCAST:
+                self._read_group(packet, by_id, now_ns)
+        elif packet.instruction != Instruction.STATUS:
+            is_broadcast = packet.id == BROADCAST
+            for servo_id in sorted(by_id):
+                if is_broadcast or servo_id == packet.id:
+                    self._single(by_id[servo_id], packet, now_ns)
 
-    def _single(self, packet: Packet, by_id: dict[int, EmulatedServo], turn: Turn) -> None:
+    def _single(self, servo: EmulatedServo, packet: Packet, now_ns: int) -> None:
         is_broadcast = packet.id == BROADCAST
-        servos = [by_id[i] for i in sorted(by_id) if is_broadcast or i == packet.id]
-        if is_broadcast and packet.instruction == Instruction.FACTORY_RESET:
-            servos = [] if packet.parameters == b"\xff" else servos
-        for servo in servos:
-            act = SINGLE.get(packet.instruction)
-            error, content = (ErrorNumber.INSTRUCTION, b"") if act is None else act(
-                servo, packet.parameters, turn.now_ns
-            )  # fmt: skip
-            if not is_broadcast or packet.instruction == Instruction.PING:
-                self._answer(servo, packet.instruction, error, content, turn)
-            # These two answer first, then go silent.
-            if packet.instruction == Instruction.REBOOT:
-                servo.reboot(turn.now_ns)
-            elif packet.instruction == Instruction.FACTORY_RESET and packet.parameters:
-                servo.factory_reset(packet.parameters[0], turn.now_ns)
+        is_reset = packet.instruction == Instruction.FACTORY_RESET and packet.parameters
+        if is_broadcast and is_reset and packet.parameters == b"\xff":
+            return  # newer firmware refuses to reset every id
+        error, content = servo.carry_out(packet.instruction, packet.parameters, now_ns)
+        if not is_broadcast or packet.instruction == Instruction.PING:
+            self._answer(servo, packet.instruction, error, content)
+        # These two answer first, then go silent.
+        if packet.instruction == Instruction.REBOOT:
+            servo.reboot(now_ns)
+        elif is_reset:
+            servo.factory_reset(packet.parameters[0], now_ns)
 
-    def _answer(
-        self, servo: EmulatedServo, instruction: int, error: int, content: bytes, turn: Turn
-    ) -> None:
-        needed = _RETURN_LEVEL.get(instruction, 2)
-        if servo.return_level >= needed:
+    def _answer(self, servo: EmulatedServo, instruction: int, error: int, content: bytes) -> None:
+        if servo.return_level >= _RETURN_LEVEL.get(instruction, 2):
             reply = status(servo.id, servo.error_bits | error, content)
-            turn.send(servo.id, reply, servo.return_delay_ns)
+            self.wire.answer(servo.id, reply, servo.return_delay_ns)
 
-    def _read_group(self, packet: Packet, by_id: dict[int, EmulatedServo], turn: Turn) -> None:
-        if packet.instruction in {Instruction.SYNC_READ, Instruction.FAST_SYNC_READ}:
-            wanted = sync_list(packet.parameters)
-        else:
-            wanted = bulk_list(packet.parameters)
-        is_fast = packet.instruction in {Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ}
-        if is_fast and sum(count for _, _, count in wanted) > MAX_LENGTH:
+    def _read_group(self, packet: Packet, by_id: dict[int, EmulatedServo], now_ns: int) -> None:
+        is_fast = packet.instruction in FAST
+        wanted = group_blocks(packet)
+        if is_fast and sum(len(block) for _, _, block in wanted) > MAX_LENGTH:
             return  # no packet holds so much
         blocks = []
-        for servo_id, address, count in wanted:
+        for servo_id, address, block in wanted:
             servo = by_id.get(servo_id)
             if servo is None or not servo.return_level:
-                blocks.append((0, servo_id, bytes(count)))
+                blocks.append((0, servo_id, block))
                 continue
-            error, content = servo.read(address, count, turn.now_ns)
-            padded = content if not is_fast else content.ljust(count, b"\0")
+            error, content = servo.read(address, len(block), now_ns)
+            padded = content.ljust(len(block), b"\0") if is_fast else content
             blocks.append((servo.error_bits | error, servo_id, padded))
         pieces = (
             fast_status(blocks)
             if is_fast
             else [status(servo_id, error, content) for error, servo_id, content in blocks]
         )
-        for (servo_id, _, _), piece in zip(wanted, pieces, strict=True):
+        for (_, servo_id, _), piece in zip(blocks, pieces, strict=True):
             servo = by_id.get(servo_id)
-            if (
-                servo is None
-                or not servo.return_level
-                or not turn.send(servo_id, piece, servo.return_delay_ns)
-            ):
+            if servo is None or not servo.return_level:
+                return
+            if not self.wire.answer(servo_id, piece, servo.return_delay_ns):
                 return

@@ -1,15 +1,16 @@
-"""Run the emulated bus for `orientd sim dynamixel`, until Ctrl-C or SIGTERM."""
+"""Run an emulated bus on a pseudo-terminal, until Ctrl-C or SIGTERM."""
 
 from __future__ import annotations
 
 import os
 import random
 import signal
+import time
 from pathlib import Path
+from types import FrameType
 
 from emulated_dynamixel.bus import Bus
-from emulated_dynamixel.clock import MonotonicClock
-from emulated_dynamixel.console import obey
+from emulated_dynamixel.console import carry_out
 from emulated_dynamixel.line import SerialLine
 from emulated_dynamixel.pty import PtyServer
 from emulated_dynamixel.servo import EmulatedServo
@@ -60,50 +61,35 @@ def run(
         ValueError: *names* or *baud* is not allowed.
         FileExistsError: something that is not a symbolic link is in the link's place.
     """
-    clock = MonotonicClock()
-    bus = Bus(
-        servos(names, baud=baud, now_ns=clock.now_ns()),
-        line=line,
-        rng=random.Random(seed),
-        gap_ns=_GAP_NS,
-    )
-    server = PtyServer(bus, link, clock)
-    stopping: list[int] = []
-    previous = {
-        number: signal.signal(number, lambda got, _: stopping.append(got))
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    wake_read, wake_write = os.pipe()
-    os.set_blocking(wake_write, False)
-    previous_wake = signal.set_wakeup_fd(wake_write)
+    found = servos(names, baud=baud, now_ns=time.monotonic_ns())
+    server = PtyServer(Bus(found, line=line, rng=random.Random(seed), gap_ns=_GAP_NS), link)
+    previous = {number: signal.signal(number, _leave) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         server.plug()
-        kinds = ", ".join(f"{servo.id} {servo.model.name}" for servo in bus.servos)
+        kinds = ", ".join(f"{servo.id} {servo.model.name}" for servo in found)
         print(f"ready: {link} at {baud} baud, servos {kinds}", flush=True)  # noqa: T201
-        others = [wake_read] if console is None else [wake_read, console]
         pending = b""
-        while not stopping:
-            if console not in server.step(_IDLE_S, *others) or console is None:
+        while True:
+            is_asked = server.step(_IDLE_S, *([] if console is None else [console]))
+            if console is None or not is_asked:
                 continue
             octets = os.read(console, 4096)
-            if not octets:
-                others, console = [wake_read], None
             *lines, pending = (pending + octets).split(b"\n")
             for command in lines:
-                _obey(command.decode(errors="replace"), server, clock.now_ns())
+                said = carry_out(command.decode(errors="replace"), server, time.monotonic_ns())
+                print(said, flush=True)  # noqa: T201
+            console = console if octets else None
+    except _LeftError:
+        pass
     finally:
-        signal.set_wakeup_fd(previous_wake)
         for number, handler in previous.items():
             signal.signal(number, handler)
-        os.close(wake_read)
-        os.close(wake_write)
         server.unplug()
 
 
-def _obey(command: str, server: PtyServer, now_ns: int) -> None:
-    try:
-        told = obey(command, server, now_ns)
-    except (ValueError, OSError) as error:
-        print(f"refused: {error}", flush=True)  # noqa: T201
-    else:
-        print(f"done: {command}{': ' if told else ''}{told}", flush=True)  # noqa: T201
+class _LeftError(Exception):
+    """Somebody has asked the command to end."""
+
+
+def _leave(_number: int, _frame: FrameType | None) -> None:
+    raise _LeftError

@@ -31,42 +31,37 @@ if TYPE_CHECKING:
     from emulated_dynamixel.pty import PtyServer
 
 
-def obey(line: str, server: PtyServer, now_ns: int) -> str:
-    """Do what *line* says; return what it asked for, if it asked for anything.
-
-    Raises:
-        ValueError: it is not a command.
-    """
-    words = line.split()
-    if not words:
-        return ""
-    if words == ["help"]:
-        return " | ".join(line.strip() for line in (__doc__ or "").splitlines()[4:-1])
+def carry_out(line: str, server: PtyServer, now_ns: int) -> str:
+    """Do what *line* says; return ``done: ...``, with what it asked for, or ``refused: ...``."""
     try:
-        return _obey(words[0], words[1:], server, now_ns)
-    except (IndexError, KeyError) as error:
-        raise ValueError(f"not a command of the emulated bus: {line.strip()!r}") from error
+        told = _obey(line, server, now_ns)
+    except (IndexError, KeyError):
+        return f"refused: not a command of the emulated bus: {line.strip()!r}"
+    except (ValueError, OSError) as error:
+        return f"refused: {error}"
+    return f"done: {line}{': ' if told else ''}{told}"
 
 
-def _obey(verb: str, words: list[str], server: PtyServer, now_ns: int) -> str:
+def _obey(line: str, server: PtyServer, now_ns: int) -> str:
+    verb, *words = line.split() or ["nothing"]
     bus = server.bus
-    if verb in {"plug", "unplug"}:
-        (server.plug if verb == "plug" else server.unplug)()
-        return ""
-    if verb == "clear":
-        bus.faults.clear(int(words[0]) if words else None)
-        return ""
+    match verb:
+        case "nothing":
+            return ""
+        case "help":
+            return " | ".join(each.strip() for each in (__doc__ or "").splitlines()[4:-1])
+        case "plug":
+            server.plug()
+            return ""
+        case "unplug":
+            server.unplug()
+            return ""
+        case "clear":
+            bus.faults.clear(int(words[0]) if words else None)
+            return ""
     servo_id = int(words[0])
     if verb in set(FaultKind):
-        fault = ReplyFault(FaultKind(verb))
-        rest = words[1:]
-        if fault.kind is FaultKind.DELAY:
-            fault.delay_ns = round(float(rest.pop(0)) * 1e6)
-        if rest:
-            fault.probability = float(rest.pop(0))
-        if rest:
-            fault.remaining = int(rest.pop(0))
-        bus.faults.add(servo_id, fault)
+        bus.faults.add(servo_id, _fault(FaultKind(verb), words[1:]))
         return ""
     servo = bus.servo(servo_id)
     servo.advance(now_ns)
@@ -101,15 +96,21 @@ def _obey(verb: str, words: list[str], server: PtyServer, now_ns: int) -> str:
         case "error":
             servo.fail(int(words[1], 0), now_ns)
         case "state":
-            return ", ".join(
-                f"{shown} {servo.value(name)}"
-                for shown, name in (
-                    ("position", "present position"),
-                    ("goal", "goal position"),
-                    ("torque", "torque enable"),
-                    ("watchdog", "bus watchdog"),
-                )
-            )
+            registers = ("present position", "goal position", "torque enable", "bus watchdog")
+            shown = ("position", "goal", "torque", "watchdog")
+            pairs = zip(shown, map(servo.value, registers), strict=True)
+            return ", ".join(f"{word} {value}" for word, value in pairs)
         case _:
             raise KeyError(verb)
     return ""
+
+
+def _fault(kind: FaultKind, words: list[str]) -> ReplyFault:
+    fault = ReplyFault(kind)
+    if kind is FaultKind.DELAY:
+        fault.delay_ns = round(float(words.pop(0)) * 1e6)
+    if words:
+        fault.probability = float(words.pop(0))
+    if words:
+        fault.remaining = int(words.pop(0))
+    return fault

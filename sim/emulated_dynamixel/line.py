@@ -125,6 +125,7 @@ class Wire:
         self.collisions = 0
         self._rng = rng
         self._replies: deque[_Reply] = deque()
+        self._free_ns, self._baud = 0, 1_000_000
 
     def due_ns(self) -> int | None:
         """Return when the next answer reaches the host, ``None`` if there is none."""
@@ -151,35 +152,21 @@ class Wire:
         self.collisions += hit
         return hit
 
-    def put(self, start_ns: int, end_ns: int, octets: bytes, delay_ns: int) -> None:
-        """Send *octets* from *start_ns* to *end_ns*, held back by *delay_ns* after that."""
-        usb_ns = self.line.usb_latency_ns
-        arrival_ns = end_ns + delay_ns + (self._rng.randrange(usb_ns) if usb_ns else 0)
-        if self._replies:
-            arrival_ns = max(arrival_ns, self._replies[-1].arrival_ns)
-        self._replies.append(_Reply(start_ns, end_ns, arrival_ns, octets))
+    def begin_turn(self, now_ns: int, baud: int) -> None:
+        """Let the servos speak, one after the other, to an instruction heard at *now_ns*."""
+        self._free_ns, self._baud = now_ns, baud
 
-
-class Turn:
-    """The servos' turn to speak after one instruction, one after the other.
-
-    Attributes:
-        now_ns: when the instruction had been heard.
-    """
-
-    def __init__(self, wire: Wire, now_ns: int, baud: int) -> None:
-        self.now_ns = now_ns
-        self._wire = wire
-        self._free_ns = now_ns
-        self._baud = baud
-
-    def send(self, servo: int, octets: bytes, return_delay_ns: int) -> bool:
+    def answer(self, servo: int, octets: bytes, return_delay_ns: int) -> bool:
         """Let *servo* answer with *octets*; return whether anything was sent."""
-        line = self._wire.line
-        octets, delay_ns = self._wire.faults.apply(servo, octets)
+        line = self.line
+        octets, delay_ns = self.faults.apply(servo, octets)
         if not octets:
             return False
         start_ns = self._free_ns + (line.turnaround_ns + return_delay_ns if line.is_paced else 0)
         self._free_ns = start_ns + line.duration_ns(len(octets), self._baud)
-        self._wire.put(start_ns, self._free_ns, octets, delay_ns)
+        usb_ns = line.usb_latency_ns
+        arrival_ns = self._free_ns + delay_ns + (self._rng.randrange(usb_ns) if usb_ns else 0)
+        if self._replies:
+            arrival_ns = max(arrival_ns, self._replies[-1].arrival_ns)
+        self._replies.append(_Reply(start_ns, self._free_ns, arrival_ns, octets))
         return True

@@ -7,6 +7,7 @@ included.  Source: ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0".
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
@@ -36,6 +37,12 @@ class Instruction(IntEnum):
     BULK_READ = 0x92
     BULK_WRITE = 0x93
     FAST_BULK_READ = 0x9A
+
+
+SYNC = frozenset({Instruction.SYNC_READ, Instruction.FAST_SYNC_READ, Instruction.SYNC_WRITE})
+FAST = frozenset({Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ})
+READS = FAST | {Instruction.SYNC_READ, Instruction.BULK_READ}
+WRITES = frozenset({Instruction.SYNC_WRITE, Instruction.BULK_WRITE})
 
 
 class ErrorNumber(IntEnum):
@@ -140,6 +147,34 @@ def fast_status(blocks: Iterable[tuple[int, int, bytes]]) -> list[bytes]:
         pieces.append(piece + tail)
         crc = crc16(tail, crc)
     return pieces
+
+
+def group_blocks(packet: Packet) -> list[tuple[int, int, bytes]]:
+    """Return ``(id, address, content)`` of each servo that a sync or bulk instruction is for.
+
+    The content of a read has as many bytes as are asked for.  A bulk read that names a servo twice
+    is void.
+    """
+    is_sync, is_read = packet.instruction in SYNC, packet.instruction in READS
+    blocks: list[tuple[int, int, bytes]] = []
+    head, rest = b"", packet.parameters
+    if is_sync:
+        head, rest = rest[:4], rest[4:]
+    while rest:
+        servo, rest = rest[0], rest[1:]
+        if not is_sync:
+            head, rest = rest[:4], rest[4:]
+        if len(head) < 4:
+            break
+        address, count = struct.unpack("<HH", head)
+        if is_read:
+            content = bytes(count)
+        else:
+            content, rest = rest[:count], rest[count:]
+        if len(content) == count:
+            blocks.append((servo, address, content))
+    is_void = is_read and not is_sync and len({block[0] for block in blocks}) < len(blocks)
+    return [] if is_void else blocks
 
 
 class Parser:

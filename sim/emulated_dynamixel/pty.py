@@ -6,16 +6,16 @@ client's choice can be read from it, and servos set to another speed stay silent
 
 from __future__ import annotations
 
-import errno
+import contextlib
 import fcntl
 import os
 import select
 import struct
+import time
 import tty
 from pathlib import Path
 
 from emulated_dynamixel.bus import Bus
-from emulated_dynamixel.clock import Clock
 
 _CHUNK = 4096
 # struct termios2 of Linux: unlike termios it tells any speed as a number, which is how clients in
@@ -38,10 +38,9 @@ class PtyServer:
         link: where clients find the terminal.
     """
 
-    def __init__(self, bus: Bus, link: Path, clock: Clock) -> None:
+    def __init__(self, bus: Bus, link: Path) -> None:
         self.bus = bus
         self.link = link
-        self._clock = clock
         self._master = self._slave = -1
 
     @property
@@ -94,31 +93,17 @@ class PtyServer:
         due_ns = self.bus.wire.due_ns()
         wait_s = longest_s
         if due_ns is not None:
-            wait_s = min(wait_s, max(0.0, (due_ns - self._clock.now_ns()) * 1e-9))
-        watched = list(others)
-        if self.is_plugged:
-            watched.append(self._master)
+            wait_s = min(wait_s, max(0.0, (due_ns - time.monotonic_ns()) * 1e-9))
+        watched = [*others, self._master] if self.is_plugged else list(others)
         ready, _, _ = select.select(watched, [], [], wait_s)
-        now_ns = self._clock.now_ns()
         if self._master in ready:
-            self._receive(now_ns)
-        if self.is_plugged and (octets := self.bus.wire.take(self._clock.now_ns())):
-            self._send(octets)
-        if not ready:
-            self.bus.advance(now_ns)
-        return [descriptor for descriptor in others if descriptor in ready]
-
-    def _receive(self, now_ns: int) -> None:
-        try:
-            octets = os.read(self._master, _CHUNK)
-        except BlockingIOError:
-            return
-        self.bus.receive(octets, now_ns, baud=line_speed(self._slave))
-
-    def _send(self, octets: bytes) -> None:
-        try:
-            os.write(self._master, octets)
-        except OSError as error:
+            with contextlib.suppress(BlockingIOError):
+                octets = os.read(self._master, _CHUNK)
+                self.bus.receive(octets, time.monotonic_ns(), baud=line_speed(self._slave))
+        if self.is_plugged and (octets := self.bus.wire.take(time.monotonic_ns())):
             # A client that never reads fills the terminal; a real adapter would drop bytes too.
-            if error.errno not in {errno.EAGAIN, errno.EIO}:
-                raise
+            with contextlib.suppress(BlockingIOError):
+                os.write(self._master, octets)
+        if not ready:
+            self.bus.advance(time.monotonic_ns())
+        return [descriptor for descriptor in others if descriptor in ready]

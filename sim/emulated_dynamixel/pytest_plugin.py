@@ -8,10 +8,9 @@ from collections.abc import Iterator
 import pytest
 
 from emulated_dynamixel.bus import Bus
-from emulated_dynamixel.clock import ManualClock
 from emulated_dynamixel.command import servos
 from emulated_dynamixel.process import EmulatedBus
-from emulated_dynamixel.virtual_port import VirtualPort
+from emulated_dynamixel.virtual_port import ManualClock, VirtualPort
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 
 from emulated_dynamixel.motion import OVERLOAD_S, TICKS_PER_RADIAN, Aim, Shaft
-from emulated_dynamixel.packet import ALERT, ErrorNumber
+from emulated_dynamixel.packet import ALERT, ErrorNumber, Instruction
 from emulated_dynamixel.table import (
     ACCELERATION_UNIT,
     CENTRE,
@@ -130,9 +130,34 @@ class EmulatedServo:
 
     def value(self, name: str) -> int:
         """Return a register's content by *name*, for tests and displays."""
-        register = self.model.registers[self.model.address(name)]
+        register = self.model.named[name]
         raw = self._memory[register.address : register.address + register.size]
         return int.from_bytes(raw, "little", signed=register.is_signed)
+
+    def carry_out(self, instruction: int, parameters: bytes, now_ns: int) -> tuple[int, bytes]:
+        """Do what one instruction asks; return an error number and the content of the answer."""
+        address = int.from_bytes(parameters[:2], "little")
+        match instruction:
+            case Instruction.PING:
+                number = self.model.number.to_bytes(2, "little")
+                return ErrorNumber.NONE, number + bytes([self.value("firmware version")])
+            case Instruction.READ if len(parameters) == 4:
+                return self.read(address, int.from_bytes(parameters[2:], "little"), now_ns)
+            case Instruction.WRITE if len(parameters) >= 3:
+                return self.write(address, parameters[2:], now_ns), b""
+            case Instruction.REG_WRITE if len(parameters) >= 3:
+                return self.register_write(address, parameters[2:], now_ns), b""
+            case Instruction.READ | Instruction.WRITE | Instruction.REG_WRITE:
+                return ErrorNumber.DATA_LENGTH, b""
+            case Instruction.ACTION:
+                return self.action(now_ns), b""
+            case Instruction.CLEAR if parameters == CLEAR_TURNS:
+                return self.clear_turns(now_ns), b""
+            case Instruction.CLEAR:
+                return ErrorNumber.DATA_RANGE, b""
+            case Instruction.REBOOT | Instruction.FACTORY_RESET:
+                return ErrorNumber.NONE, b""  # the bus goes on once it has answered
+        return ErrorNumber.INSTRUCTION, b""
 
     def read(self, address: int, count: int, now_ns: int) -> tuple[int, bytes]:
         """Return an error number and *count* bytes from *address* on."""

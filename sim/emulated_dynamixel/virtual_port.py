@@ -15,10 +15,27 @@ from emulated_dynamixel.bus import Bus
 _GLANCE_NS = 10_000
 
 
-class _Clock(Protocol):
+class Clock(Protocol):
+    """Time in nanoseconds that a read may move forward."""
+
     def now_ns(self) -> int: ...
 
     def advance(self, step_ns: int) -> None: ...
+
+
+class ManualClock:
+    """A clock that stands still until it is moved."""
+
+    def __init__(self, start_ns: int = 0) -> None:
+        self._now_ns = start_ns
+
+    def now_ns(self) -> int:
+        """Return the time that it was last moved to."""
+        return self._now_ns
+
+    def advance(self, step_ns: int) -> None:
+        """Move forward."""
+        self._now_ns += step_ns
 
 
 class _Serial:
@@ -38,7 +55,7 @@ class VirtualPort:
         is_plugged: whether the adapter is there; without it reads and writes raise.
     """
 
-    def __init__(self, bus: Bus, clock: _Clock, *, latency_ms: float = 16.0) -> None:
+    def __init__(self, bus: Bus, clock: Clock, *, latency_ms: float = 16.0) -> None:
         self.bus = bus
         self.clock = clock
         self.latency_ms = latency_ms

@@ -4,38 +4,148 @@ from __future__ import annotations
 
 import contextlib
 import socket
+import time
 from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from emulated_ur.controller import Controller, Event
+from emulated_ur.primary import EVERY_TICKS, event_message, state_message, version_message
+from emulated_ur.urscript import Splitter
 
 _LARGEST_BACKLOG = 1 << 20
+
+
+class Talk(Protocol):
+    """What a client and the controller say to each other on one port."""
+
+    greeting: bytes
+
+    def feed(self, chunk: bytes) -> bytes:
+        """Take what the client says; return the answer."""
+        ...
+
+    def tick(self) -> bytes:
+        """Return what the client is told in this tick."""
+        ...
+
+    def tell(self, event: Event) -> bytes:
+        """Return what the client is told of an event."""
+        ...
+
+    def close(self) -> None:
+        """Take note that the client has gone."""
+        ...
+
+
+class LineTalk:
+    """A line asks and a line answers: the dashboard server, interpreter mode, the control channel.
+
+    Args:
+        reply: what answers a line, without the line's end.
+        greeting: a line for the client to begin with; empty for none.
+    """
+
+    def __init__(self, reply: Callable[[str], str], greeting: str = "") -> None:
+        self.greeting = f"{greeting}\n".encode() if greeting else b""
+        self._reply = reply
+        self._pending = b""
+
+    def feed(self, chunk: bytes) -> bytes:
+        """Take what the client says; return the answers."""
+        *lines, self._pending = (self._pending + chunk).split(b"\n")
+        replies = [self._reply(line.decode("utf-8", "replace")) for line in lines]
+        return "".join(f"{reply}\n" for reply in replies).encode()
+
+    def tick(self) -> bytes:
+        """Return nothing: only a line is answered."""
+        return b""
+
+    def tell(self, event: Event) -> bytes:  # noqa: ARG002
+        """Return nothing: only a line is answered."""
+        return b""
+
+    def close(self) -> None:
+        """Take note of nothing."""
+
+
+class ScriptTalk:
+    """URScript in; on the primary and secondary interfaces the robot's state out, at 10 Hz.
+
+    Args:
+        robot: whose port it is.
+        kind: ``primary``, ``secondary`` or ``script``.
+    """
+
+    def __init__(self, robot: Controller, kind: str) -> None:
+        self.greeting = version_message(robot) if kind != "script" else b""
+        self._robot = robot
+        self._kind = kind
+        self._splitter = Splitter()
+        self._is_first = True
+
+    def feed(self, chunk: bytes) -> bytes:
+        """Take a part of a program."""
+        for program in self._splitter.feed(chunk):
+            self._robot.upload(program)
+        return b""
+
+    def tick(self) -> bytes:
+        """Return the robot's state when it is due."""
+        if self._kind == "script" or self._robot.ticks % EVERY_TICKS:
+            return b""
+        is_first, self._is_first = self._is_first, False
+        return state_message(self._robot, is_first=is_first)
+
+    def tell(self, event: Event) -> bytes:
+        """Return the message about an event, which only the primary interface has."""
+        return event_message(self._robot, event) if self._kind == "primary" else b""
+
+    def close(self) -> None:
+        """Say so if the client left in the middle of a program."""
+        if unfinished := self._splitter.unfinished:
+            self._robot.say(f"program refused: it has no end: {unfinished[:80]!r}")
+
+
+@dataclass(slots=True)
+class Delays:
+    """How long bytes are held back: those that come, those that go, and each one that goes."""
+
+    coming_ns: int = 0
+    going_ns: int = 0
+    byte_ns: int = 0
 
 
 class ClientConnection:
     """A non-blocking socket with queues that can hold bytes back.
 
     Attributes:
-        kind: which port it came in on: ``rtde``, ``dashboard``, ``script`` or ``faults``.
+        kind: which port it came in on: ``rtde``, ``dashboard``, ``script`` and so on.
+        talk: what is said on it.
         is_closed: whether it is to be forgotten.
     """
 
-    def __init__(self, sock: socket.socket, kind: str) -> None:
+    def __init__(self, sock: socket.socket, kind: str, talk: Talk, delays: Delays) -> None:
         sock.setblocking(False)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.sock = sock
         self.kind = kind
+        self.talk = talk
         self.is_closed = False
+        self._delays = delays
         self._unsent = bytearray()
         self._outgoing: deque[tuple[int, bytes]] = deque()
         self._incoming: deque[tuple[int, bytes]] = deque()
 
-    def receive(self, now_ns: int, delay_ns: int) -> None:
-        """Take what has come; it may be read *delay_ns* from now."""
+    def receive(self) -> None:
+        """Take what has come from the socket."""
         try:
             chunk = self.sock.recv(65536)
         except BlockingIOError:
             return
         except OSError:
-            self.is_closed = True
-            return
+            chunk = b""
         if not chunk:
             self.is_closed = True
             return
@@ -43,23 +153,31 @@ class ClientConnection:
         # acknowledgements (Nagle) sends late in turn.
         with contextlib.suppress(OSError):
             self.sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
-        self._incoming.append((now_ns + delay_ns, chunk))
+        self._incoming.append((time.monotonic_ns() + self._delays.coming_ns, chunk))
 
-    def take(self, now_ns: int) -> bytes:
+    def take(self) -> bytes:
         """Return what has come and may be read now."""
+        now_ns = time.monotonic_ns()
         parts: list[bytes] = []
         while self._incoming and self._incoming[0][0] <= now_ns:
             parts.append(self._incoming.popleft()[1])
         return b"".join(parts)
 
-    def send(self, message: bytes, now_ns: int, delay_ns: int = 0) -> None:
-        """Queue *message*, to leave *delay_ns* from now."""
-        if message:
-            self._outgoing.append((now_ns + delay_ns, message))
-            self.flush(now_ns)
+    def send(self, message: bytes) -> None:
+        """Queue *message*, to leave after the delay."""
+        if not message:
+            return
+        due_ns = time.monotonic_ns() + self._delays.going_ns
+        if pace_ns := self._delays.byte_ns:
+            steps = enumerate(message, start=1)
+            self._outgoing += [(due_ns + n * pace_ns, bytes([byte])) for n, byte in steps]
+        else:
+            self._outgoing.append((due_ns, message))
+        self.flush()
 
-    def flush(self, now_ns: int) -> None:
+    def flush(self) -> None:
         """Send what is due, as far as the kernel takes it."""
+        now_ns = time.monotonic_ns()
         while self._outgoing and self._outgoing[0][0] <= now_ns:
             self._unsent += self._outgoing.popleft()[1]
         if not self._unsent or self.is_closed:
@@ -78,4 +196,5 @@ class ClientConnection:
     def close(self) -> None:
         """Close the socket."""
         self.is_closed = True
+        self.talk.close()
         self.sock.close()

@@ -1,4 +1,4 @@
-"""The emulated controller: its states, its registers, its program and its arm; no sockets here.
+"""The emulated controller: its states, its variables, its program and its arm; no sockets here.
 
 :meth:`Controller.tick` advances everything by 2 ms.  Whoever owns the sockets calls it, hands it
 what clients wrote, and reads variables by their RTDE names with :meth:`Controller.value`.
@@ -8,33 +8,79 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from enum import IntEnum
+from typing import Any, NamedTuple
 
 from emulated_ur.arm import TICK, Arm, Behaviour, Mode, Tool
 from emulated_ur.functions import FLAGS, Functions
-from emulated_ur.outputs import OUTPUT_GETTERS
+from emulated_ur.outputs import COMPUTED
 from emulated_ur.urscript import Program, Script, ScriptError, compile_script
-from emulated_ur.variables import INPUTS, REGISTERS, ProgramState, RobotMode, SafetyMode
-from emulated_ur.wire import Value
+from emulated_ur.variables import VARIABLES, ProgramState, RobotMode, SafetyMode, Value
 
-_STOPPED_BY_SAFETY = frozenset(
-    {
-        SafetyMode.PROTECTIVE_STOP,
-        SafetyMode.SAFEGUARD_STOP,
-        SafetyMode.SYSTEM_EMERGENCY_STOP,
-        SafetyMode.ROBOT_EMERGENCY_STOP,
-        SafetyMode.VIOLATION,
-        SafetyMode.FAULT,
-        SafetyMode.RECOVERY,
-    }
-)
 _HARD_DECELERATION = 30.0
 _SHORTEST_TICKS = 50
 """A program plays at least so long that its client can see it."""
 
 _HISTORY = 2500
 
-Event = tuple[str, int, int, str, str]
-"""What the primary interface tells: kind, line, column, title, text."""
+
+class Severity(IntEnum):
+    """What a safety mode does; a mode gives way to those that do more."""
+
+    NONE = 0
+    RESTRICTS = 1
+    STOPS = 2
+    CUTS_POWER = 3
+
+
+class Safety(NamedTuple):
+    """One safety mode: what it does, the program after it, and ``safety_status_bits``."""
+
+    severity: Severity
+    program: ProgramState | None
+    bits: int
+    is_latched: bool = False
+
+    @property
+    def forbids_motion(self) -> bool:
+        """Whether the arm must not move."""
+        return self.severity >= Severity.STOPS or self.program is ProgramState.STOPPED
+
+
+_STOPPED = 1 << 10
+_SAFEGUARD = Safety(Severity.STOPS, ProgramState.PAUSED, 1 << 4 | _STOPPED)
+_SAFETY = {
+    SafetyMode.NORMAL: Safety(Severity.NONE, None, 1 << 0),
+    SafetyMode.REDUCED: Safety(Severity.RESTRICTS, None, 1 << 0 | 1 << 1),
+    # What the program becomes is the robot's behaviour.
+    SafetyMode.PROTECTIVE_STOP: Safety(Severity.STOPS, None, 1 << 2 | _STOPPED, is_latched=True),
+    SafetyMode.RECOVERY: Safety(Severity.RESTRICTS, ProgramState.STOPPED, 1 << 3),
+    SafetyMode.SAFEGUARD_STOP: _SAFEGUARD,
+    SafetyMode.AUTOMATIC_MODE_SAFEGUARD_STOP: _SAFEGUARD,
+    SafetyMode.SYSTEM_THREE_POSITION_ENABLING_STOP: _SAFEGUARD,
+    **{
+        mode: Safety(Severity.CUTS_POWER, ProgramState.STOPPED, bits | _STOPPED, is_latched)
+        for mode, bits, is_latched in (
+            (SafetyMode.SYSTEM_EMERGENCY_STOP, 1 << 5 | 1 << 7, False),
+            (SafetyMode.ROBOT_EMERGENCY_STOP, 1 << 6 | 1 << 7, False),
+            (SafetyMode.VIOLATION, 1 << 8, True),
+            (SafetyMode.FAULT, 1 << 9, True),
+        )
+    },
+}
+
+
+class Event(NamedTuple):
+    """What clients are told: its kind, text and title, and numbers that its kind has.
+
+    The kinds are ``log``, ``text``, ``key``, ``popup`` (warning, error, blocking) and
+    ``exception`` (line, column).
+    """
+
+    kind: str
+    text: str
+    title: str = ""
+    numbers: tuple[int, ...] = ()
 
 
 class RefusedError(Exception):
@@ -50,8 +96,9 @@ class Controller:
         self.ticks = 0
         # Clients take a clock that starts at zero for a controller that is still booting.
         self.timestamp = 100.0
-        self.robot_mode = RobotMode.RUNNING
-        self.safety_status = SafetyMode.NORMAL
+        self.variables: dict[str, Any] = {n: one.initial for n, one in VARIABLES.items()}
+        self.robot_mode: RobotMode = RobotMode.RUNNING
+        self.safety_status: SafetyMode = SafetyMode.NORMAL
         self.runtime_state = ProgramState.STOPPED
         self.is_remote = True
         self.is_touching = False
@@ -60,23 +107,9 @@ class Controller:
         self.speed_fraction = 1.0
         self.speed_limiter = 1.0
         self.tool = Tool(self.arm)
-        self.payload = 0.0
-        self.payload_cog: tuple[float, ...] = (0.0, 0.0, 0.0)
-        self.payload_inertia: tuple[float, ...] = (0.0,) * 6
         self.gravity: tuple[float, ...] = (0.0, 0.0, 9.82)
-        self.digital_inputs = self.digital_outputs = 0
-        self.analog_inputs = [0.0] * 4
-        self.analog_outputs = [0.0, 0.0]
-        self.analog_types = 0
-        self.tool_voltage = 0
         self.flags = [False] * FLAGS
-        self.external_force: tuple[float, ...] = (0.0,) * 6
         self.uses_external_force = False
-        self.input_bits = self.output_bits = 0
-        self.input_ints = [0] * REGISTERS
-        self.input_doubles = [0.0] * REGISTERS
-        self.output_ints = [0] * REGISTERS
-        self.output_doubles = [0.0] * REGISTERS
         self.log: list[str] = []
         self.told: deque[str] = deque(maxlen=100)
         self.popup = ""
@@ -85,11 +118,10 @@ class Controller:
         self.missing_files: set[str] = set()
         self.events: deque[Event] = deque(maxlen=1000)
         self.history: deque[tuple[float, ...]] = deque([self.arm.actual_q], maxlen=_HISTORY)
-        self.on_message: Callable[[str], None] = lambda _text: None
         self.program: Program | None = None
         self.secondary: Program | None = None
         self._next_program: Program | None = None
-        self._written: list[tuple[Sequence[str], Sequence[Value]]] = []
+        self._written: list[dict[str, Any]] = []
         self._due: list[tuple[int, Callable[[], None]]] = []
         self._watchdog: tuple[str, int, str] | None = None
         self._watchdog_fed = 0
@@ -106,15 +138,15 @@ class Controller:
         self.tool.forget_poses()
         if self.ticks % self.behaviour.cycle_ticks == 0:
             written, self._written = self._written, []
-            for names, values in written:
-                self._apply(names, values)
+            for given in written:
+                self._apply(given)
         while self._due and self._due[0][0] <= self.ticks:
             self._due.pop(0)[1]()
         self._move_slider()
         self._run_program()
         breach = self.arm.step(self.speed_scaling)
         if breach is not None and self.behaviour.stops_on_breach and self.is_powered:
-            self.protective_stop(str(breach))
+            self.enter(SafetyMode.PROTECTIVE_STOP, str(breach))
         self.history.append(self.arm.actual_q)
         if self.runtime_state is ProgramState.PAUSING and self.arm.is_still:
             self.runtime_state = ProgramState.PAUSED
@@ -141,7 +173,7 @@ class Controller:
             self.secondary = None
         if self.program is None or self.runtime_state is not ProgramState.PLAYING:
             return
-        if self.safety_mode in _STOPPED_BY_SAFETY or self._watchdog_bites():
+        if self.safety.forbids_motion or self._watchdog_bites():
             return
         if self._has_ended(self.program):
             self._end_program("")
@@ -159,7 +191,7 @@ class Controller:
     def _report(self, what: str, error: ScriptError) -> None:
         place = f" (line {error.line})" if error.line else ""
         self.say(f"{what}: {error}{place}")
-        self.events.append(("exception", error.line, error.column, "", str(error)))
+        self.events.append(Event("exception", str(error), numbers=(error.line, error.column)))
 
     def _watchdog_bites(self) -> bool:
         if self._watchdog is None or self.ticks - self._watchdog_fed <= self._watchdog[1]:
@@ -182,7 +214,7 @@ class Controller:
     @property
     def can_move(self) -> bool:
         """Whether nothing forbids a program to move the arm."""
-        return self.is_powered and self.safety_mode not in _STOPPED_BY_SAFETY
+        return self.is_powered and not self.safety.forbids_motion
 
     def upload(self, text: str) -> None:
         """Take a program sent to a script port: a line, ``def .. end`` or ``sec .. end``."""
@@ -214,14 +246,14 @@ class Controller:
         self._playing_since = self.ticks
         self.arm.hold() if self.arm.is_still else self.arm.brake(_HARD_DECELERATION)
         self.runtime_state = ProgramState.PLAYING
-        self.events.append(("key", 0, 0, "PROGRAM_XXX_STARTED", program.script.name or "unnamed"))
+        self.events.append(Event("key", program.script.name or "unnamed", "PROGRAM_XXX_STARTED"))
 
     def _end_program(self, why: str) -> None:
         if why:
             self.say(why)
         if self.program is not None:
             name = self.program.script.name or "unnamed"
-            self.events.append(("key", 0, 0, "PROGRAM_XXX_STOPPED", name))
+            self.events.append(Event("key", name, "PROGRAM_XXX_STOPPED"))
             self.program.end()
         self.program = None
         self._watchdog = None
@@ -271,7 +303,8 @@ class Controller:
         Raises:
             ValueError: there is no such register or action.
         """
-        if register not in INPUTS or action not in ("pause", "stop", "ignore"):
+        is_input = register in VARIABLES and VARIABLES[register].is_input
+        if not is_input or action not in ("pause", "stop", "ignore"):
             raise ValueError(f"rtde_set_watchdog: no register {register!r} or action {action!r}")
         ticks = max(1, round(1.0 / (max(frequency, 1e-3) * TICK)))
         self._watchdog = None if action == "ignore" else (register, ticks, action)
@@ -280,19 +313,17 @@ class Controller:
     def say(self, text: str) -> None:
         """Write a line into the log and to the clients."""
         self.log.append(f"{self.timestamp:.3f} {text}")
-        self.on_message(text)
+        self.events.append(Event("log", text))
 
     def tell(self, text: str) -> None:
         """Write a program's words into its log and to the clients."""
         self.told.append(text)
-        self.events.append(("text", 0, 0, "", text))
+        self.events.append(Event("text", text))
 
-    def open_popup(
-        self, text: str, title: str, *, warning: bool, error: bool, blocking: bool
-    ) -> None:
-        """Show a window on the pendant."""
+    def open_popup(self, text: str, title: str, *flags: bool) -> None:
+        """Show a window on the pendant; *flags* say whether it warns, is an error, and blocks."""
         self.popup = text or title
-        self.events.append(("popup", warning, error << 1 | blocking, title, text))
+        self.events.append(Event("popup", text, title, flags))
 
     def close_popup(self) -> None:
         """Close the window on the pendant."""
@@ -301,7 +332,8 @@ class Controller:
     @property
     def force(self) -> tuple[float, ...]:
         """The force at the tool; there is none but what a client has written."""
-        return self.external_force if self.uses_external_force else (0.0,) * 6
+        written: tuple[float, ...] = self.variables["external_force_torque"]
+        return written if self.uses_external_force else (0.0,) * 6
 
     def push(self, q: Sequence[float], seconds: float) -> None:
         """Let somebody move the joints by hand to *q*, rad, in so many seconds.
@@ -316,56 +348,40 @@ class Controller:
 
     # Safety.
 
-    def protective_stop(self, why: str = "asked for") -> None:
-        """Stop the arm until the stop is unlocked."""
-        if self.safety_mode in _STOPPED_BY_SAFETY:
-            return
-        self.say(f"protective stop: {why}")
-        self._halt(SafetyMode.PROTECTIVE_STOP)
-        leaves = self.behaviour.protective_stop_leaves
-        if leaves is ProgramState.STOPPED:
-            self._end_program("")
-        elif self.runtime_state is ProgramState.PLAYING:
-            self.runtime_state = leaves
-
     @property
     def safety_mode(self) -> SafetyMode:
         """The mode that clients of old know; other safeguards are safeguard stops to them."""
         is_other = self.safety_status > SafetyMode.UNDEFINED_SAFETY_MODE
         return SafetyMode.SAFEGUARD_STOP if is_other else self.safety_status
 
-    def emergency_stop(self, mode: SafetyMode = SafetyMode.ROBOT_EMERGENCY_STOP) -> None:
-        """Stop the arm, end the program and cut the power; also for a violation or a fault."""
-        self.say(mode.name.lower().replace("_", " "))
-        self._halt(mode)
-        self._end_program("")
-        self.robot_mode = RobotMode.POWER_OFF
+    @property
+    def safety(self) -> Safety:
+        """What the present safety mode does."""
+        return _SAFETY[self.safety_status]
 
-    def safeguard_stop(self, mode: SafetyMode = SafetyMode.SAFEGUARD_STOP) -> None:
-        """Stop the arm and pause the program until the safeguard is released."""
-        if self.safety_mode in _STOPPED_BY_SAFETY:
+    def enter(self, mode: SafetyMode, why: str = "") -> None:
+        """Enter a safety mode, unless the present one is as severe; stop what it stops."""
+        after = _SAFETY[mode]
+        if after.severity <= self.safety.severity:
             return
-        self.say(mode.name.lower().replace("_", " "))
-        self._halt(mode)
-        if self.runtime_state is ProgramState.PLAYING:
-            self.runtime_state = ProgramState.PAUSED
-
-    def reduce(self, mode: SafetyMode = SafetyMode.REDUCED) -> None:
-        """Enter the reduced or the recovery mode, if the mode is normal."""
-        if self.safety_status is SafetyMode.NORMAL:
-            self.safety_status = mode
-            if mode is SafetyMode.RECOVERY and self.runtime_state is not ProgramState.STOPPED:
-                self._end_program("recovery mode")
-
-    def _halt(self, mode: SafetyMode) -> None:
+        self.say(mode.name.lower().replace("_", " ") + (f": {why}" if why else ""))
         self.safety_status = mode
         self._stopped_since = self.ticks
-        self.arm.brake(_HARD_DECELERATION)
+        program = after.program
+        if mode is SafetyMode.PROTECTIVE_STOP:
+            program = self.behaviour.protective_stop_leaves
+        if after.severity >= Severity.STOPS:
+            self.arm.brake(_HARD_DECELERATION)
+        if program is ProgramState.STOPPED and self.runtime_state is not ProgramState.STOPPED:
+            self._end_program("")
+        elif program and self.runtime_state is ProgramState.PLAYING:
+            self.runtime_state = program
+        if after.severity is Severity.CUTS_POWER:
+            self.robot_mode = RobotMode.POWER_OFF
 
     def release(self) -> None:
         """Let go of a button or a safeguard, or of a mode; a protective stop needs an unlock."""
-        latched = (SafetyMode.PROTECTIVE_STOP, SafetyMode.VIOLATION, SafetyMode.FAULT)
-        if self.safety_mode not in latched:
+        if not self.safety.is_latched:
             self.safety_status = SafetyMode.NORMAL
 
     def unlock_protective_stop(self) -> None:
@@ -375,13 +391,14 @@ class Controller:
             RefusedError: too early, or the robot is not in one.
         """
         since = (self.ticks - self._stopped_since) * TICK
-        if self.safety_mode is SafetyMode.PROTECTIVE_STOP and since < self.behaviour.unlock_after:
+        if self.safety_mode is not SafetyMode.PROTECTIVE_STOP:
+            return
+        if since < self.behaviour.unlock_after:
             raise RefusedError(
                 "Cannot unlock protective stop until 5s after occurrence. Always inspect cause of "
                 "protective stop before unlocking"
             )
-        if self.safety_mode is SafetyMode.PROTECTIVE_STOP:
-            self.safety_status = SafetyMode.NORMAL
+        self.safety_status = SafetyMode.NORMAL
 
     def restart_safety(self) -> None:
         """Leave a violation or a fault; the arm stays without power."""
@@ -391,7 +408,7 @@ class Controller:
 
     def power_on(self) -> None:
         """Power the arm; it is idle, brakes on, a moment later."""
-        if self.robot_mode is RobotMode.POWER_OFF and self.safety_mode not in _STOPPED_BY_SAFETY:
+        if self.robot_mode is RobotMode.POWER_OFF and not self.safety.forbids_motion:
             self.robot_mode = RobotMode.POWER_ON
             self.later(self.behaviour.power_up, lambda: self._reach(RobotMode.IDLE))
 
@@ -410,62 +427,52 @@ class Controller:
             self.later(self.behaviour.power_up, lambda: self._reach(RobotMode.RUNNING))
 
     def _reach(self, mode: RobotMode) -> None:
-        if self.robot_mode >= RobotMode.POWER_ON and self.safety_mode not in _STOPPED_BY_SAFETY:
+        if self.robot_mode >= RobotMode.POWER_ON and not self.safety.forbids_motion:
             self.robot_mode = mode
 
     # Variables.
 
     def value(self, name: str) -> Value:
-        """Return an RTDE output variable by its name."""
-        return OUTPUT_GETTERS[name](self)
+        """Return an RTDE variable by its name."""
+        compute = COMPUTED.get(name)
+        found: Value = compute(self) if compute else self.variables[name]
+        return found
 
-    def write(self, name: str, value: Value) -> None:
-        """Take an RTDE input variable; masks and values of one package are applied in order."""
-        if self._watchdog is not None and name == self._watchdog[0]:
-            self._watchdog_fed = self.ticks
-        if name == "external_force_torque" and isinstance(value, tuple):
-            self.external_force = value
-        if isinstance(value, tuple):
-            return
-        if name.startswith("input_int_register_"):
-            self.input_ints[int(name[19:])] = int(value)
-        elif name.startswith("input_double_register_"):
-            self.input_doubles[int(name[22:])] = float(value)
-        elif name.startswith("input_bit_register"):
-            shift, count = (int(name[19:]), 1) if name[18] == "_" else (32 * ("32" in name), 32)
-            mask = (1 << count) - 1
-            self.input_bits = self.input_bits & ~(mask << shift) | (int(value) & mask) << shift
+    def set_bits(self, name: str, mask: int, bits: int) -> None:
+        """Set those bits of a variable that are in *mask*."""
+        self.variables[name] = self.variables[name] & ~mask | bits & mask
 
-    def write_package(self, names: Sequence[str], values: Sequence[Value]) -> None:
-        """Take one package of inputs, which a program sees from the next cycle on."""
-        if self.behaviour.cycle_ticks == 1:
-            self._apply(names, values)
-        else:
-            self._written.append((names, values))
-
-    def _apply(self, names: Sequence[str], values: Sequence[Value]) -> None:
-        for name, value in zip(names, values, strict=True):
-            self.write(name, value)
-        given = dict(zip(names, values, strict=True))
-        if given.get("speed_slider_mask"):
-            fraction = given.get("speed_slider_fraction", 1.0)
-            self.set_slider(fraction if isinstance(fraction, float) else 1.0)
-        for kind, shift in (("standard", 0), ("configurable", 8), ("tool", 16)):
-            mask = given.get(f"{kind}_digital_output_mask")
-            bits = given.get(f"{kind}_digital_output")
-            if isinstance(mask, int) and isinstance(bits, int):
-                self.digital_outputs &= ~(mask << shift)
-                self.digital_outputs |= (mask & bits) << shift
-        analog = given.get("standard_analog_output_mask")
-        types = given.get("standard_analog_output_type")
-        for port in (0, 1):
-            if isinstance(analog, int) and isinstance(types, int) and analog >> port & 1:
-                bit = 1 << 2 + port
-                self.analog_types = self.analog_types & ~bit | (types >> port & 1) << 2 + port
-            level = given.get(f"standard_analog_output_{port}")
-            if isinstance(analog, int) and analog & (1 << port) and isinstance(level, float):
-                self.analog_outputs[port] = level
+    def set_analog_output(self, port: int, share: float) -> None:
+        """Set output 0 or 1 to a share of its range: 4 to 20 mA, or 0 to 10 V."""
+        is_voltage = self.variables["analog_io_types"] >> 2 + port & 1
+        level = 10.0 * share if is_voltage else 0.004 + 0.016 * share
+        self.variables[f"standard_analog_output{port}"] = level
 
     def set_slider(self, fraction: float) -> None:
         """Move the speed slider, 0 to 1."""
         self.speed_slider = max(0.0, min(1.0, fraction))
+
+    def write_package(self, names: Sequence[str], values: Sequence[Value]) -> None:
+        """Take one package of inputs, which a program sees from the next cycle on."""
+        given = dict(zip(names, values, strict=True))
+        if self.behaviour.cycle_ticks == 1:
+            self._apply(given)
+        else:
+            self._written.append(given)
+
+    def _apply(self, given: dict[str, Any]) -> None:
+        self.variables |= given
+        if self._watchdog is not None and self._watchdog[0] in given:
+            self._watchdog_fed = self.ticks
+        if given.get("speed_slider_mask"):
+            self.set_slider(given.get("speed_slider_fraction", 1.0))
+        for kind, shift in (("standard", 0), ("configurable", 8), ("tool", 16)):
+            if (bits := given.get(f"{kind}_digital_output")) is not None:
+                mask = given.get(f"{kind}_digital_output_mask", 0)
+                self.set_bits("actual_digital_output_bits", mask << shift, bits << shift)
+        mask = given.get("standard_analog_output_mask", 0)
+        if (types := given.get("standard_analog_output_type")) is not None:
+            self.set_bits("analog_io_types", mask << 2, types << 2)
+        for port in (0, 1):
+            if mask >> port & 1 and f"standard_analog_output_{port}" in given:
+                self.set_analog_output(port, given[f"standard_analog_output_{port}"])

@@ -3,68 +3,72 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 from emulated_ur.controller import Controller, RefusedError
-from emulated_ur.variables import ProgramState
+from emulated_ur.variables import ProgramState, Since
 
 WELCOME = "Connected: Universal Robots Dashboard Server"
 GOODBYE = "Disconnected"
 
-# First version of CB3 and of all others; None where CB3 never knew it.
-_SINCE: dict[str, tuple[tuple[int, ...] | None, tuple[int, ...]]] = {
-    "is in remote control": (None, (5, 6)),
-    "get serial number": ((3, 12), (5, 6)),
-    "get robot model": ((3, 12), (5, 6)),
-    "get operational mode": (None, (5, 6)),
-    "set operational mode ": (None, (5, 0)),
-    "clear operational mode": (None, (5, 0)),
-    "generate flight report ": ((3, 13), (5, 8)),
-    "generate support file ": ((3, 13), (5, 8)),
-    "setuserrole ": ((1,), (99,)),
-    "getuserrole": ((1,), (99,)),
-    "safetystatus": ((3, 11), (5, 4)),
-}
+_USER_ROLES = ("programmer", "operator", "none", "locked", "restricted")
+
+
+class Command(NamedTuple):
+    """One command: what it does and answers, and who may ask for it.
+
+    Attributes:
+        answer: where braces stand for the robot.
+        do: what it does before it answers.
+        reply: what it does and answers, of a command that takes an argument or has two answers.
+        needs_remote: whether local control forbids it.
+        since: the software that has it.
+    """
+
+    answer: str = ""
+    do: Callable[[Controller], None] | None = None
+    reply: Callable[[Controller, str], str] | None = None
+    needs_remote: bool = False
+    since: Since = Since()
 
 
 def reply(robot: Controller, line: str) -> str:
     """Carry out one line from a client and return the answer, without the line's end."""
-    command = line.strip()
-    lowered = command.lower()
-    for start, action in _WITH_ARGUMENT.items():
-        if f"{lowered} ".startswith(start) and _is_known(start, robot.behaviour.version):
-            return action(robot, command[len(start) :].strip())
-    if lowered not in _COMMANDS or not _is_known(lowered, robot.behaviour.version):
-        return f"could not understand: {command}"
-    if lowered in _NEEDS_REMOTE and not robot.is_remote:
+    asked = line.strip()
+    name = next((one for one in _COMMANDS if f"{asked.lower()} ".startswith(f"{one} ")), "")
+    command, argument = _COMMANDS.get(name), asked[len(name) :].strip()
+    is_known = command is not None and command.since.includes(robot.behaviour.version)
+    if command is None or not is_known or (argument and not command.reply):
+        return f"could not understand: {asked}"
+    if command.needs_remote and not robot.is_remote:
         return "Command is not allowed due to safety reasons"
     try:
-        return _COMMANDS[lowered](robot)
+        if command.reply:
+            return command.reply(robot, argument)
+        if command.do:
+            command.do(robot)
     except RefusedError as refused:
         return str(refused)
+    return command.answer.format(robot)
 
 
-def _is_known(command: str, version: tuple[int, ...]) -> bool:
-    first = _SINCE.get(command, ((0,), (0,)))[version[0] >= 5]
-    return first is not None and version >= first
-
-
-def _version(robot: Controller) -> str:
-    major, minor, bugfix, build = robot.behaviour.version
-    return f"URSoftware {major}.{minor}.{bugfix}.{build} (Oct 13 2022)"
-
-
-def _program_state(robot: Controller) -> str:
+def _program_state(robot: Controller, _: str) -> str:
     states = {ProgramState.PLAYING: "PLAYING", ProgramState.PAUSED: "PAUSED"}
     name = robot.loaded_program or "<unnamed>"
     return f"{states.get(robot.runtime_state, 'STOPPED')} {name}"
 
 
-def _after(action: Callable[[Controller], None], answer: str) -> Callable[[Controller], str]:
-    def carry_out(robot: Controller) -> str:
-        action(robot)
-        return answer
+def _loaded(robot: Controller, _: str) -> str:
+    name = robot.loaded_program
+    return f"Loaded program: {name}" if name else "No program loaded"
 
-    return carry_out
+
+def _is_running(robot: Controller, _: str) -> str:
+    return f"Program running: {str(robot.runtime_state is ProgramState.PLAYING).lower()}"
+
+
+def _is_remote(robot: Controller, _: str) -> str:
+    return str(robot.is_remote).lower()
 
 
 def _load(robot: Controller, name: str) -> str:
@@ -89,20 +93,20 @@ def _set_mode(robot: Controller, mode: str) -> str:
     return f"Setting operational mode: {mode}"
 
 
-def _clear_mode(robot: Controller) -> str:
+def _clear_mode(robot: Controller, _: str) -> str:
     now, robot.operational_mode = robot.operational_mode, "NONE"
     return f"No longer controlling the operational mode. Current operational mode: '{now}'."
 
 
 def _set_role(robot: Controller, role: str) -> str:
-    if role.lower() not in ("programmer", "operator", "none", "locked", "restricted"):
+    if role.lower() not in _USER_ROLES:
         return f"Failed setting user role: {role}"
     robot.user_role = role.upper()
     return f"Setting user role: {role}"
 
 
 def _popup(robot: Controller, text: str) -> str:
-    robot.open_popup(text, "Popup", warning=False, error=False, blocking=False)
+    robot.open_popup(text, "Popup", False, False, False)
     return "showing popup"
 
 
@@ -112,61 +116,60 @@ def _report(robot: Controller, kind: str) -> str:
     return f"Flight Report generated with id: {robot.ticks}"
 
 
+def _support_file(_: Controller, place: str) -> str:
+    return (
+        f"Completed successfully: {place}/ur_support_file.zip" if place else "Error: no directory"
+    )
+
+
 def _log(robot: Controller, text: str) -> str:
     robot.say(text)
     return "Added log message"
 
 
-_WITH_ARGUMENT: dict[str, Callable[[Controller, str], str]] = {
-    "load installation ": _load_installation,
-    "load ": _load,
-    "addtolog ": _log,
-    "popup ": _popup,
-    "setuserrole ": _set_role,
-    "set operational mode ": _set_mode,
-    "generate flight report ": _report,
-    "generate support file ": lambda _robot, place: (
-        f"Completed successfully: {place}/ur_support_file.zip" if place else "Error: no directory"
-    ),
-}
+_CB3 = Since((1,), None)
+_E_SERIES = Since(None)
+_IDENTITY = Since((3, 12), (5, 6))
+_REPORT = Since((3, 13), (5, 8))
 
-_NEEDS_REMOTE = frozenset(
-    {"play", "power on", "power off", "brake release", "unlock protective stop"}
-)
-
-_COMMANDS: dict[str, Callable[[Controller], str]] = {
-    "polyscopeversion": _version,
-    "get serial number": lambda robot: robot.behaviour.serial,
-    "get robot model": lambda robot: robot.behaviour.model.dashboard_name,
-    "stop": _after(Controller.stop, "Stopped"),
-    "play": _after(Controller.play, "Starting program"),
-    "pause": _after(Controller.pause, "Pausing program"),
-    "running": lambda robot: (
-        f"Program running: {str(robot.runtime_state is ProgramState.PLAYING).lower()}"
+_COMMANDS = {
+    "polyscopeversion": Command("URSoftware {0.behaviour.software} (Oct 13 2022)"),
+    "version": Command("{0.behaviour.software}"),
+    "get serial number": Command("{0.behaviour.serial}", since=_IDENTITY),
+    "get robot model": Command("{0.behaviour.model.dashboard_name}", since=_IDENTITY),
+    "stop": Command("Stopped", Controller.stop),
+    "play": Command("Starting program", Controller.play, needs_remote=True),
+    "pause": Command("Pausing program", Controller.pause),
+    "running": Command(reply=_is_running),
+    "robotmode": Command("Robotmode: {0.robot_mode.name}"),
+    "safetymode": Command("Safetymode: {0.safety_mode.name}"),
+    "safetystatus": Command("Safetystatus: {0.safety_status.name}", since=Since((3, 11), (5, 4))),
+    "programstate": Command(reply=_program_state),
+    "get loaded program": Command(reply=_loaded),
+    "load installation": Command(reply=_load_installation),
+    "load": Command(reply=_load),
+    "issaved": Command("true <unnamed>"),
+    "isprogramsaved": Command("true <unnamed>"),
+    "is in remote control": Command(reply=_is_remote, since=Since(None, (5, 6))),
+    "get operational mode": Command("{0.operational_mode}", since=Since(None, (5, 6))),
+    "set operational mode": Command(reply=_set_mode, since=_E_SERIES),
+    "clear operational mode": Command(reply=_clear_mode, since=_E_SERIES),
+    "getuserrole": Command("{0.user_role}", since=_CB3),
+    "setuserrole": Command(reply=_set_role, since=_CB3),
+    "unlock protective stop": Command(
+        "Protective stop releasing", Controller.unlock_protective_stop, needs_remote=True
     ),
-    "robotmode": lambda robot: f"Robotmode: {robot.robot_mode.name}",
-    "safetymode": lambda robot: f"Safetymode: {robot.safety_mode.name}",
-    "safetystatus": lambda robot: f"Safetystatus: {robot.safety_status.name}",
-    "version": lambda robot: ".".join(map(str, robot.behaviour.version)),
-    "get operational mode": lambda robot: robot.operational_mode,
-    "clear operational mode": _clear_mode,
-    "getuserrole": lambda robot: robot.user_role,
-    "programstate": _program_state,
-    "get loaded program": lambda robot: (
-        f"Loaded program: {robot.loaded_program}" if robot.loaded_program else "No program loaded"
-    ),
-    "issaved": lambda _robot: "true <unnamed>",
-    "isprogramsaved": lambda _robot: "true <unnamed>",
-    "is in remote control": lambda robot: str(robot.is_remote).lower(),
-    "unlock protective stop": _after(
-        Controller.unlock_protective_stop, "Protective stop releasing"
-    ),
-    "restart safety": _after(Controller.restart_safety, "Restarting safety"),
-    "power on": _after(Controller.power_on, "Powering on"),
-    "power off": _after(Controller.power_off, "Powering off"),
-    "brake release": _after(Controller.release_brakes, "Brake releasing"),
-    "close popup": _after(Controller.close_popup, "closing popup"),
-    "close safety popup": lambda _robot: "closing safety popup",
-    "quit": lambda _robot: GOODBYE,
-    "shutdown": _after(Controller.power_off, "Shutting down"),
+    "restart safety": Command("Restarting safety", Controller.restart_safety),
+    "power on": Command("Powering on", Controller.power_on, needs_remote=True),
+    "power off": Command("Powering off", Controller.power_off, needs_remote=True),
+    "brake release": Command("Brake releasing", Controller.release_brakes, needs_remote=True),
+    "popup": Command(reply=_popup),
+    "close popup": Command("closing popup", Controller.close_popup),
+    "close safety popup": Command("closing safety popup"),
+    "addtolog": Command(reply=_log),
+    "generate flight report": Command(reply=_report, since=_REPORT),
+    "generate support file": Command(reply=_support_file, since=_REPORT),
+    "quit": Command(GOODBYE),
+    "shutdown": Command("Shutting down", Controller.power_off),
 }
+"""Those with a longer name that begins alike stand first."""

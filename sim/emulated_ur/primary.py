@@ -32,18 +32,21 @@ def version_message(robot: Controller) -> bytes:
 
 def event_message(robot: Controller, event: Event) -> bytes:
     """Return what happened as a message: a program's words, its start, its end, its exception."""
-    kind, line, column, title, text = event
-    number = {"text": 0, "popup": 2, "key": 7, "exception": 10}[kind]
-    contents = struct.pack(">QbB", round(robot.timestamp * 1e6), -2, number)
-    words, name = text.encode(), title.encode()[:255]
-    if kind == "exception":
-        contents += struct.pack(">ii", line, column)
-    elif kind == "key":
-        contents += struct.pack(">iiB", 0, 0, len(name)) + name
-    elif kind == "popup":  # its line and column are how it is shown
-        flags = (line, column >> 1, column & 1)
-        contents += struct.pack(">II3BB", 0, 0, *flags, len(name)) + name
-    return _framed(_ROBOT_MESSAGE, contents + words)
+    kinds = {"text": (0, ""), "popup": (2, "II3B"), "key": (7, "ii"), "exception": (10, "ii")}
+    if event.kind not in kinds:
+        return b""
+    number, form = kinds[event.kind]
+    title = event.title.encode()[:255]
+    has_title = event.kind in ("popup", "key")
+    before = {"popup": (0, 0), "key": (0, 0)}.get(event.kind, ())
+    return _framed(
+        _ROBOT_MESSAGE,
+        struct.pack(
+            f">QbB{form}", round(robot.timestamp * 1e6), -2, number, *before, *event.numbers
+        )
+        + (bytes([len(title)]) + title if has_title else b"")
+        + event.text.encode(),
+    )
 
 
 def state_message(robot: Controller, *, is_first: bool) -> bytes:
@@ -95,9 +98,11 @@ def _joints(robot: Controller) -> bytes:
 
 
 def _masterboard(robot: Controller) -> bytes:
+    analog = (robot.variables[f"standard_analog_output{port}"] for port in (0, 1))
     return struct.pack(
         ">IIBBddBBddffffBBBIBB",
-        0, robot.digital_outputs & 0xFFFFFFFF, 0, 0, 0.0, 0.0, 0, 0, *robot.analog_outputs,
+        robot.variables["actual_digital_input_bits"], robot.variables["actual_digital_output_bits"],
+        0, 0, 0.0, 0.0, 0, 0, *analog,
         28.0, 48.0, 0.5, 0.0, robot.safety_mode, robot.safety_mode is SafetyMode.REDUCED,
         0, 0, 0, 0,
     )  # fmt: skip

@@ -1,14 +1,32 @@
-"""The variables a UR controller exchanges over RTDE: names, types, and the enumerations.
+"""The variables that a UR controller exchanges over RTDE, by ``variables.txt``, and their numbers.
 
-Names and types are those of UR's RTDE guide; what older software lacks is in :func:`is_known`, and
-asking for it is answered with ``NOT_FOUND``, as for a name that there is not.
+Asking for a name that the controller's software does not have is answered with ``NOT_FOUND``, as
+for a name that there is not.
 """
 
 from __future__ import annotations
 
+import re
 from enum import IntEnum
+from pathlib import Path
+from typing import NamedTuple
 
-REGISTERS = 48
+Scalar = int | float
+Value = Scalar | tuple[Scalar, ...]
+
+TYPES: dict[str, tuple[str, int]] = {
+    "BOOL": ("B", 1),
+    "UINT8": ("B", 1),
+    "UINT32": ("I", 1),
+    "INT32": ("i", 1),
+    "UINT64": ("Q", 1),
+    "DOUBLE": ("d", 1),
+    "VECTOR3D": ("3d", 3),
+    "VECTOR6D": ("6d", 6),
+    "VECTOR6INT32": ("6i", 6),
+    "VECTOR6UINT32": ("6I", 6),
+}
+"""How a variable's type is packed, and how many numbers it holds."""
 
 
 class ProgramState(IntEnum):
@@ -53,75 +71,58 @@ class SafetyMode(IntEnum):
     SYSTEM_THREE_POSITION_ENABLING_STOP = 13
 
 
-_OUTPUTS = """
-DOUBLE timestamp actual_execution_time speed_scaling target_speed_fraction actual_momentum
-DOUBLE actual_main_voltage actual_robot_voltage actual_robot_current standard_analog_input0
-DOUBLE standard_analog_input1 standard_analog_output0 standard_analog_output1 io_current
-DOUBLE euromap67_24V_voltage euromap67_24V_current tool_analog_input0 tool_analog_input1
-DOUBLE tool_output_current tool_temperature tcp_force_scalar joint_position_deviation_ratio
-DOUBLE collision_detection_ratio payload actual_robot_energy_consumed
-DOUBLE actual_robot_braking_energy_dissipated
-VECTOR6D target_q target_qd target_qdd target_current target_moment actual_q actual_qd
-VECTOR6D actual_current actual_current_window joint_control_output actual_TCP_pose
-VECTOR6D actual_TCP_speed actual_TCP_force target_TCP_pose target_TCP_speed joint_temperatures
-VECTOR6D actual_joint_voltage ft_raw_wrench wrench_calc_from_currents payload_inertia tcp_offset
-VECTOR6D actual_current_as_torque
-VECTOR3D actual_tool_accelerometer elbow_position elbow_velocity payload_cog
-VECTOR6INT32 joint_mode
-UINT64 actual_digital_input_bits actual_digital_output_bits
-INT32 robot_mode safety_mode safety_status tool_output_voltage time_scale_source encoder0_raw
-INT32 encoder1_raw
-UINT32 runtime_state robot_status_bits safety_status_bits analog_io_types euromap67_input_bits
-UINT32 euromap67_output_bits tool_mode tool_analog_input_types script_control_line
-UINT8 tool_output_mode tool_digital_output0_mode tool_digital_output1_mode
-"""
-_INPUTS = """
-UINT32 speed_slider_mask
-DOUBLE speed_slider_fraction standard_analog_output_0 standard_analog_output_1
-UINT8 standard_digital_output_mask standard_digital_output configurable_digital_output_mask
-UINT8 configurable_digital_output tool_digital_output_mask tool_digital_output
-UINT8 standard_analog_output_mask standard_analog_output_type
-VECTOR6D external_force_torque
-"""
+Version = tuple[int, ...]
 
 
-def _registers(kind: str) -> dict[str, str]:
-    return {
-        f"{kind}_bit_registers0_to_31": "UINT32",
-        f"{kind}_bit_registers32_to_63": "UINT32",
-        **{f"{kind}_bit_register_{n}": "BOOL" for n in range(64, 128)},
-        **{f"{kind}_int_register_{n}": "INT32" for n in range(REGISTERS)},
-        **{f"{kind}_double_register_{n}": "DOUBLE" for n in range(REGISTERS)},
-    }
+class Since(NamedTuple):
+    """The first software that has something; ``None`` for a family that never had it."""
+
+    cb3: Version | None = (0,)
+    others: Version | None = (0,)
+
+    def includes(self, version: Version) -> bool:
+        """Whether a controller with this *version* has it."""
+        first = self.cb3 if version[0] < 5 else self.others
+        return first is not None and version >= first
 
 
-def _table(text: str) -> dict[str, str]:
-    lines = (line.split() for line in text.strip().splitlines())
-    return {name: kind for kind, *names in lines for name in names}
+class Variable(NamedTuple):
+    """One variable: its type, the software that has it, and its value at the start."""
+
+    kind: str
+    since: Since
+    initial: Value
+    is_output: bool
+    is_input: bool
 
 
-OUTPUTS = {**_table(_OUTPUTS), **_registers("output"), **_registers("input")}
-INPUTS = {**_table(_INPUTS), **_registers("input")}
-
-# First version of CB3 and of all others, where it is known; None where CB3 never had it.
-_SINCE: dict[str, tuple[tuple[int, ...] | None, tuple[int, ...]]] = {
-    "tcp_offset": ((3, 12), (5, 5, 1)),
-    "payload": ((3, 11), (5, 5, 1)),
-    "payload_cog": ((3, 11), (5, 5, 1)),
-    "payload_inertia": ((3, 15), (5, 11)),
-    "script_control_line": ((3, 14), (5, 9)),
-    "ft_raw_wrench": (None, (5, 9)),
-    "collision_detection_ratio": (None, (5, 15)),
-    "time_scale_source": (None, (5, 17)),
-    "actual_current_as_torque": (None, (5, 23)),
-    "actual_robot_energy_consumed": (None, (5, 23)),
-    "actual_robot_braking_energy_dissipated": (None, (5, 23)),
-}
+def _version(text: str) -> Version | None:
+    return None if text == "-" else tuple(int(part) for part in text.split("."))
 
 
-def is_known(name: str, version: tuple[int, ...]) -> bool:
-    """Whether a controller with this *version* knows the output variable *name*."""
-    if name not in OUTPUTS:
-        return False
-    first = _SINCE.get(name, ((0,), (0,)))[version[0] >= 5]
-    return first is not None and version >= first
+def _counted(name: str) -> list[str]:
+    found = re.search(r"\{(\d+)\.\.(\d+)\}", name)
+    if not found:
+        return [name]
+    first, last = map(int, found.groups())
+    return [name.replace(found.group(), str(number)) for number in range(first, last + 1)]
+
+
+def _read() -> dict[str, Variable]:
+    variables: dict[str, Variable] = {}
+    text = Path(__file__).with_name("variables.txt").read_text(encoding="utf-8")
+    for line in text.splitlines():
+        if not line or line.startswith("#"):
+            continue
+        direction, kind, cb3, others, value, *names = line.split()
+        code, width = TYPES[kind]
+        numbers = tuple((float if "d" in code else int)(part) for part in value.split(","))
+        initial = numbers[0] if width == 1 else numbers * (width // len(numbers))
+        since = Since(_version(cb3), _version(others))
+        one = Variable(kind, since, initial, direction != "in", direction != "out")
+        variables |= {name: one for each in names for name in _counted(each)}
+    return variables
+
+
+VARIABLES = _read()
+"""Every variable by its name."""

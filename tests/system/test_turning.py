@@ -7,7 +7,7 @@ from harness import DaemonProcess, until
 
 import orientd
 from orientd import endless_turn
-from orientd.errors import LimitError
+from orientd.errors import LimitError, LimitKind
 from orientd.rotation import conjugate, log, multiply
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.reports import Outcome
@@ -50,7 +50,7 @@ class Bounded:
 
     def turn(self, *_, **__):
         if not self._handles:
-            raise LimitError("angle of yaw", 5.0, 4.7, 3.0, "rad")
+            raise LimitError("angle of yaw", 5.0, 4.7, 3.0, "rad", kind=LimitKind.RANGE)
         return self._handles.pop()
 
 

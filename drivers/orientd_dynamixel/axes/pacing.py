@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from orientd.driver import Quaternion, Vector3
-from orientd.errors import LimitError
+from orientd.errors import LimitError, LimitKind
 from orientd.rotation import Floats, check_unit, conjugate, log, multiply
 from orientd_dynamixel.keyhole import outer_line
 from orientd_dynamixel.options import GimbalOptions
@@ -111,7 +111,7 @@ def _refuse(
     )  # fmt: skip
     raise LimitError(
         f"{quantity} of {names[axis]}", float(values[at, axis]), float(limits[axis]),
-        float(times[at]), unit, advice,
+        float(times[at]), unit, advice, kind=LimitKind(quantity),
     )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ length, and exceptions of four kinds where a cable is pulled.
 from __future__ import annotations
 
 import os
+import sys
 import termios
 import threading
 import time
@@ -343,7 +344,8 @@ def _sdk() -> ModuleType:
         import dynamixel_sdk
     except ImportError as error:
         raise LinkError(
-            "the Dynamixel SDK is not installed; try: pip install 'orientd-motion[dynamixel]'"
+            "the Dynamixel SDK is not installed; try: "
+            f"{sys.executable} -m pip install dynamixel-sdk pyserial"
         ) from error
     module: ModuleType = dynamixel_sdk
     return module

@@ -13,7 +13,7 @@ from orientd.cli.completion import devices
 from orientd.cli.output import answer, table
 from orientd.cli.waiting import working
 from orientd.driver import Finding, Verdict
-from orientd.errors import OrientdError
+from orientd.errors import ConfigError, OrientdError
 
 if TYPE_CHECKING:
     from orientd.config import DeviceSettings, Settings
@@ -77,15 +77,44 @@ def _settings(config: Path | None, latency: str) -> Settings | None:
 
 
 def device_findings(device: DeviceSettings) -> list[Finding]:
-    """Return what the driver of *device* sees of it.
+    """Return what the driver of *device* sees of it, in the environment that it runs in.
 
     Raises:
-        ConfigError: the driver is not installed, or refuses its options.
+        ConfigError: the driver is not installed, refuses its options, or its interpreter cannot be
+            used.
     """
-    from orientd.driver import make_driver
+    from orientd.driver import findings_of, make_driver
 
     driver = make_driver(device.name, device.driver, device.options, device.period_ns)
-    return list(driver.diagnose())
+    return _foreign_findings(device) if device.python else findings_of(driver)
+
+
+def _foreign_findings(device: DeviceSettings) -> list[Finding]:
+    """Return what the driver sees with the interpreter of another environment."""
+    import json
+    import subprocess
+
+    from orientd.driver import driver_target, python_command, python_version
+
+    try:
+        found = f"{device.python}, Python {python_version(device.python)}"
+    except ConfigError as error:
+        mend = f"`python` in [devices.{device.name}] must be a Python of the driver's environment"
+        return [Finding("interpreter", str(error), Verdict.PROBLEM, mend)]
+    target = driver_target(device.driver)
+    asked = {"driver": target, "options": device.options, "period_ns": device.period_ns}
+    done = subprocess.run(
+        python_command(device.python, "orientd.driver.diagnosing", target),
+        input=json.dumps(asked), capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if done.returncode:
+        *_, problem = done.stderr.strip().splitlines() or ["it said nothing"]
+        mend = f"install what the driver needs: {device.python} -m pip install ..."
+        return [Finding("interpreter", f"{found}: {problem}", Verdict.PROBLEM, mend)]
+    return [
+        Finding("interpreter", found, Verdict.OK),
+        *(Finding(a, b, Verdict(c), d) for a, b, c, d in json.loads(done.stdout)),
+    ]
 
 
 def latency_finding(device: DeviceSettings) -> Finding:

@@ -15,11 +15,11 @@ from orientd.cli.completion import MOTIONS, files
 from orientd.cli.output import answer, say
 from orientd.cli.usage import check_ending
 from orientd.cli.waiting import working
-from orientd.errors import OrientdError, RequestError
+from orientd.errors import OrientdError, PlanError, RequestError
 
 if TYPE_CHECKING:
     from orientd.config import DeviceSettings
-    from orientd.driver import Feedback
+    from orientd.driver import Driver, Feedback
     from orientd.endless_turn import EndlessTurn
     from orientd.planner import MotionRequest, State
     from orientd.rpc import MoveHandle, OnTarget, Summary
@@ -77,7 +77,7 @@ def plan(
         plots.check_format(plot)
     settings = device_settings(config, device)
     driver = make_driver(settings.name, settings.driver, settings.options, settings.period_ns)
-    stands = driver.offline_start(from_device=from_robot)
+    stands = where_it_stands(driver, from_device=from_robot)
     if len(request.keyframes) == 1 and stands is None:
         raise RequestError(
             "keyframes",
@@ -115,6 +115,22 @@ def plan(
         *(f"wrote {written}" for written in (output, plot) if written is not None),
         as_json=as_json,
     )
+
+
+def where_it_stands(driver: Driver, *, from_device: bool) -> Feedback | None:
+    """Return where the device of *driver* is, if that is known without a daemon.
+
+    Raises:
+        LinkError: the device is asked, and does not answer.
+        PlanError: it cannot be asked, or the options do not say enough.
+    """
+    from orientd.driver import Locatable
+
+    if isinstance(driver, Locatable):
+        return driver.offline_start(from_device=from_device)
+    if from_device:
+        raise PlanError(f"the driver {driver.name!r} cannot ask its device where it is")
+    return None
 
 
 def _offline_start(request: MotionRequest, stands: Feedback | None) -> State:

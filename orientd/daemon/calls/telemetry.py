@@ -83,6 +83,11 @@ class Telemetry:
             ["method"],
             buckets=CALL_BUCKETS,
         )
+        self._driver_calls = gauge(
+            "driver_call_longest_seconds",
+            "Longest read or write of the driver since its servo process started.",
+            ["device", "call"],
+        )
         self._age = gauge(
             "feedback_age_seconds",
             "How old the newest feedback was when its cycle was due.",
@@ -194,6 +199,8 @@ class Telemetry:
                 self._age.labels(name).set(now.cycle.feedback_age_ns * 1e-9)
             if now.tracking_error is not None:
                 self._error.labels(name).set(now.tracking_error)
+            for call, seconds in now.longest_calls.items():
+                self._driver_calls.labels(name, call).set(seconds)
             for part in now.health:
                 measured = (
                     (self._voltage, part.voltage),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING
 
@@ -80,6 +81,7 @@ class DeviceSnapshot:
         scheduling: what scheduling the servo has got.
         memory_locked: whether its memory is locked.
         health: how the device's parts are, as last measured.
+        longest_calls: how long the driver's longest ``read`` and ``write`` took, s.
     """
 
     cycle: Cycle | None
@@ -96,3 +98,4 @@ class DeviceSnapshot:
     scheduling: str
     memory_locked: bool
     health: tuple[PartHealth, ...] = ()
+    longest_calls: Mapping[str, float] = field(default_factory=dict)

@@ -9,13 +9,13 @@ import contextlib
 import os
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from orientd.driver import python_command
 from orientd.errors import DaemonError, NotYetError, PendingError, StateError
 from orientd.planner import Limits
 from orientd.servo import ProcessSettings
@@ -71,8 +71,12 @@ class ServoLink:
         process: the process.
     """
 
-    def __init__(self, settings: ProcessSettings) -> None:
+    def __init__(self, settings: ProcessSettings, python: str = "") -> None:
         """Start the process; :meth:`words` will say when it is ready.
+
+        Args:
+            settings: what the process is told.
+            python: interpreter that it is run with; empty for our own.
 
         Raises:
             DaemonError: there is no room in shared memory, or too much else runs or is open.
@@ -91,7 +95,9 @@ class ServoLink:
         self._words: deque[Note] = deque(maxlen=256)
         try:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "orientd.servo", str(self.memory.descriptor)],
+                python_command(
+                    python, "orientd.servo", settings.driver, str(self.memory.descriptor)
+                ),
                 stdin=subprocess.PIPE,
                 pass_fds=[self.memory.descriptor],
                 # Out of the reach of a Ctrl-C, yet in the daemon's session: the kernel shares

@@ -17,10 +17,18 @@ from orientd.daemon.devices.servo_link import (
     ServoLink,
     report_directory,
 )
-from orientd.driver import PartHealth, driver_target
-from orientd.errors import GOING_DOWN, DaemonError, Fault, PendingError, StateError
+from orientd.driver import Explaining, PartHealth, driver_target, python_version
+from orientd.errors import GOING_DOWN, ConfigError, DaemonError, Fault, PendingError, StateError
 from orientd.servo import ProcessSettings
-from orientd.stream import Command, Cycle, NoteKind, ServoState, newest_health
+from orientd.stream import (
+    LONGEST_READ_WORD,
+    LONGEST_WRITE_WORD,
+    Command,
+    Cycle,
+    NoteKind,
+    ServoState,
+    newest_health,
+)
 
 _LONGEST_END = 30.0
 """How long a servo may take to stop on its path and to park its device, s."""
@@ -28,7 +36,6 @@ _LONGEST_END = 30.0
 _JUST_NOW = 0.5
 
 Tell = Callable[[EventKind, str], None]
-Explain = Callable[[int], str]
 
 
 _MOST_RECORDS = 1 << 17
@@ -59,7 +66,12 @@ class ServoSupervisor:
     """
 
     def __init__(
-        self, settings: DeviceSettings, *, read_ahead: int, tell: Tell, why_ended: Explain
+        self,
+        settings: DeviceSettings,
+        *,
+        read_ahead: int,
+        tell: Tell,
+        explaining: Explaining | None = None,
     ) -> None:
         """Start nothing yet.
 
@@ -67,16 +79,21 @@ class ServoSupervisor:
             settings: the device's part of the configuration.
             read_ahead: path records that are kept ahead of the servo, a power of two.
             tell: is told of a servo that is ready, in a fault, or has ended.
-            why_ended: says what the driver knows of a signal that has ended the process.
+            explaining: the driver, if it knows what ends the process.
 
         Raises:
-            ConfigError: the driver is not installed.
+            ConfigError: the driver is not installed, or its interpreter cannot be used.
         """
         self._settings = settings
+        if settings.python:
+            try:
+                python_version(settings.python)
+            except ConfigError as error:
+                raise ConfigError(f"devices.{settings.name}.python: {error}") from error
         self._target = driver_target(settings.driver)
         self._read_ahead = read_ahead
         self._tell = tell
-        self._why_ended = why_ended
+        self._explaining = explaining
         self._ready = threading.Event()
         self._has_ended = False
         self._failed = 0.0
@@ -110,7 +127,7 @@ class ServoSupervisor:
         self._ready.clear()
         self._forget()
         try:
-            self.link = ServoLink(self._process_settings())
+            self.link = ServoLink(self._process_settings(), self._settings.python)
         except DaemonError as error:
             self.link = None
             self._fail(Fault.SERVO_DIED, str(error))
@@ -189,6 +206,17 @@ class ServoSupervisor:
         return link.newest() if link is not None and link.is_alive else None
 
     @property
+    def longest_calls(self) -> dict[str, float]:
+        """How long the driver's longest ``read`` and ``write`` took, s; empty without a servo."""
+        link = self.link
+        with contextlib.suppress(ValueError):  # closed meanwhile
+            if link is not None:
+                pulse = link.memory.pulse
+                words = {"read": LONGEST_READ_WORD, "write": LONGEST_WRITE_WORD}
+                return {call: pulse[word] * 1e-9 for call, word in words.items()}
+        return {}
+
+    @property
     def next_cycle(self) -> int:
         """Number of the cycle that comes next; a process that is started anew begins with 0."""
         link = self.link
@@ -259,7 +287,7 @@ class ServoSupervisor:
         """Say that the process has ended, whatever ended it."""
         code = link.process.returncode
         ended = f"by signal {-code}" if code < 0 else f"with status {code}"
-        reason = self._why_ended(-code) if code < 0 else ""
+        reason = self._explaining.why_ended(-code) if code < 0 and self._explaining else ""
         died = f"the servo process was ended {ended}" + (f": {reason}" if reason else "")
         self.failure = self._last_words or died
         if self.fault is not Fault.LINK_LOST:

@@ -19,6 +19,7 @@ from orientd.errors import (
     DeadlineError,
     LeaseError,
     LimitError,
+    LimitKind,
     OrientdError,
     PendingError,
     PlanError,
@@ -154,7 +155,8 @@ def _failed_precondition(error: OrientdError, kind: str, message: str) -> status
     if isinstance(error, LimitError):
         subject = error.quantity
         figures = {name: repr(float(getattr(error, name))) for name in ("value", "limit", "time")}
-        cause.metadata.update({"quantity": error.quantity, "unit": error.unit, **figures})
+        words = {"kind": error.kind.value, "quantity": error.quantity, "unit": error.unit}
+        cause.metadata.update({**words, **figures})
     precondition = error_details_pb2.PreconditionFailure()
     precondition.violations.add(type=kind, subject=subject, description=message)
     status.details.add().Pack(precondition)
@@ -173,6 +175,7 @@ def _limit_error(status: status_pb2.Status) -> OrientdError:
         float(known["limit"]),
         float(known["time"]),
         known["unit"],
+        kind=LimitKind(known.get("kind", LimitKind.DEVIATION.value)),  # not of earlier daemons
     )
     # The daemon's own line: it may carry advice, which has no field.
     error.args = (status.message,)

@@ -1,15 +1,10 @@
-"""The robots that can be emulated: their arms' tables and limits, and how controllers differ.
-
-Denavit-Hartenberg parameters: Universal Robots, "DH Parameters for calculations of kinematics and
-dynamics"; speeds and ranges: the user manuals, as in ``joint_limits.yaml`` of
-Universal_Robots_ROS2_Description; numbers of the types: the primary interface's.
-"""
+"""The robots that can be emulated: their arms, by ``models.txt``, and how controllers differ."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from emulated_ur.variables import ProgramState
 
@@ -23,7 +18,7 @@ class Model:
         d, a: of the six joints, m.
         speeds: largest of each joint, rad/s.
         ranges: each joint turns so far either way, rad.
-        kind: its type at the primary interface; UR7e and UR12e have that of UR5e and UR10e.
+        kind: its type at the primary interface.
         dashboard_name: what the dashboard server calls it.
     """
 
@@ -43,51 +38,26 @@ class Model:
         return (5, 12, 6, 1102099)
 
 
-def _model(
-    name: str, kind: int, lengths: Sequence[float], speeds: Sequence[int], *, endless: bool = False
-) -> Model:
-    d1, a2, a3, d4, d5, d6 = lengths
-    wrist_3 = math.inf if endless else math.tau
+def _model(line: str) -> Model:
+    name, kind, *words = line.split()
+    d1, a2, a3, d4, d5, d6, *angles = map(float, words)
+    *speeds, wrist_3 = map(math.radians, angles)
     return Model(
         name,
         (d1, 0.0, 0.0, d4, d5, d6),
         (0.0, a2, a3, 0.0, 0.0, 0.0),
-        tuple(math.radians(speed) for speed in (*speeds, speeds[3], speeds[3])),
+        (*speeds, speeds[3], speeds[3]),
         (*(math.tau,) * 5, wrist_3),
-        kind,
+        int(kind),
         name.rstrip("e"),
     )
 
 
+_TABLE = Path(__file__).with_name("models.txt").read_text(encoding="utf-8")
 MODELS = {
     model.name.lower(): model
-    for model in (
-        _model("UR3", 3, (0.1519, -0.24365, -0.21325, 0.11235, 0.08535, 0.0819),
-               (180, 180, 180, 360), endless=True),
-        _model("UR5", 1, (0.089159, -0.425, -0.39225, 0.10915, 0.09465, 0.0823),
-               (180, 180, 180, 180)),
-        _model("UR10", 2, (0.1273, -0.612, -0.5723, 0.163941, 0.1157, 0.0922),
-               (120, 120, 180, 180)),
-        _model("UR3e", 3, (0.15185, -0.24355, -0.2132, 0.13105, 0.08535, 0.0921),
-               (180, 180, 180, 360), endless=True),
-        _model("UR5e", 1, (0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996),
-               (180, 180, 180, 180)),
-        _model("UR7e", 1, (0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996),
-               (180, 180, 180, 180)),
-        _model("UR10e", 2, (0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655),
-               (120, 120, 180, 180)),
-        _model("UR12e", 2, (0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655),
-               (120, 120, 180, 180)),
-        _model("UR16e", 4, (0.1807, -0.4784, -0.36, 0.17415, 0.11985, 0.11655),
-               (120, 120, 180, 180)),
-        _model("UR15", 9, (0.2186, -0.6475, -0.5164, 0.1824, 0.1361, 0.1434),
-               (180, 180, 240, 300)),
-        _model("UR20", 7, (0.2363, -0.862, -0.7287, 0.201, 0.1593, 0.1543),
-               (120, 120, 150, 210)),
-        _model("UR30", 8, (0.2363, -0.637, -0.5037, 0.201, 0.1593, 0.1543),
-               (120, 120, 150, 210)),
-    )
-}  # fmt: skip
+    for model in (_model(line) for line in _TABLE.splitlines() if not line.startswith("#"))
+}
 """Every model by its name in lower case."""
 
 
@@ -133,6 +103,11 @@ class Behaviour:
     power_up: float = 0.1
     program_start: float = 0.02
     stops_on_breach: bool = True
+
+    @property
+    def software(self) -> str:
+        """The version as it is written."""
+        return ".".join(map(str, self.version))
 
     @property
     def is_cb3(self) -> bool:

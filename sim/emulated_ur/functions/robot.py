@@ -3,64 +3,89 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from emulated_ur.arm import TICK, to_pose
 from emulated_ur.functions.motions import finite
 from emulated_ur.urscript import Array, Datum, Pose, written
+from emulated_ur.variables import SafetyMode
 
 if TYPE_CHECKING:
     from emulated_ur.controller import Controller
     from emulated_ur.urscript import Ticks
 
+_Place = Callable[[int], tuple[str, int]]
+"""Where the bit of a number is: a variable, and the bit in it."""
+
 _INT32 = 1 << 31
 FLAGS = 64
+REGISTERS = 48
 
 
-def _of(path: str, kind: Callable[[Datum], Datum] = lambda found: found) -> Callable[..., Datum]:
-    read = attrgetter(path)
-    return lambda self: kind(read(self.robot))
+def _variable(
+    name: str, kind: Callable[[Datum], Datum] = lambda found: found
+) -> Callable[[Robot], Datum]:
+    return lambda self: kind(self.robot.value(name))
 
 
-def _tool(name: str, kind: Callable[[Datum], Datum] = Pose) -> Callable[[Robot], Datum]:
-    return lambda self: kind(self.robot.tool.pose(name))
-
-
-def _analog(kind: str, first: int = 0) -> Callable[[Robot, int], float]:
-    return lambda self, n: float(getattr(self.robot, kind)[first + _number(n, 2)])
+def _analog(name: str) -> Callable[[Robot, int], float]:
+    return lambda self, n: float(self.robot.variables[f"{name}{_number(n, 2)}"])
 
 
 def _register(kind: str) -> Callable[[Robot, int], float]:
-    def read(self: Robot, address: int) -> float:
-        registers: list[float] = getattr(self.robot, kind)
-        return registers[_number(address, len(registers))]
+    name = f"{kind}_register_{{}}"
+    return lambda self, address: self.robot.variables[name.format(_number(address, REGISTERS))]
 
-    return read
+
+def _set_register(
+    kind: str, convert: Callable[[Datum], float]
+) -> Callable[[Robot, int, Datum], None]:
+    def write(self: Robot, address: int, value: Datum) -> None:
+        name = f"output_{kind}_register_{_number(address, REGISTERS)}"
+        self.robot.variables[name] = convert(value)
+
+    return write
+
+
+def _int32(value: Datum) -> int:
+    if not -_INT32 <= value < _INT32:
+        raise OverflowError(f"{value} is outside an integer register")
+    return int(value)
 
 
 def _accepted(*_: Datum, **__: Datum) -> None:
     """Take what makes no difference to an arm without sensors, fieldbus or cabinet."""
 
 
-def _digital_out(first: int, count: int) -> Callable[[Robot, int, bool], None]:
-    def set_output(self: Robot, n: int, b: bool) -> None:
-        bit = 1 << first + _number(n, count)
-        outputs = self.robot.digital_outputs & ~bit
-        self.robot.digital_outputs = outputs | bit if b else outputs
-
-    return set_output
+def _digital(kind: str, first: int, count: int) -> _Place:
+    return lambda n: (f"actual_digital_{kind}_bits", 1 << first + _number(n, count))
 
 
-def _digital(kind: str, first: int, count: int) -> Callable[[Robot, int], bool]:
-    return lambda self, n: bool(getattr(self.robot, kind) >> first + _number(n, count) & 1)
+def _bit_register(kind: str) -> _Place:
+    def place(n: int) -> tuple[str, int]:
+        number = _number(n, 128)
+        if number >= 64:
+            return f"{kind}_bit_register_{number}", 1
+        first = number // 32 * 32
+        return f"{kind}_bit_registers{first}_to_{first + 31}", 1 << number % 32
+
+    return place
 
 
-def _analog_out(self: Robot, n: int, f: float) -> None:
-    """Set an output to a share of its range: 4 to 20 mA, or 0 to 10 V."""
-    at = _number(n, 2)
-    is_voltage = self.robot.analog_types >> 2 + at & 1
-    self.robot.analog_outputs[at] = 10.0 * f if is_voltage else 0.004 + 0.016 * f
+def _read_bit(place: _Place) -> Callable[[Robot, int], bool]:
+    def read(self: Robot, n: int) -> bool:
+        name, bit = place(n)
+        return bool(self.robot.variables[name] & bit)
+
+    return read
+
+
+def _write_bit(place: _Place) -> Callable[[Robot, int, bool], None]:
+    def write(self: Robot, n: int, b: bool) -> None:
+        name, bit = place(n)
+        self.robot.set_bits(name, bit, bit if b else 0)
+
+    return write
 
 
 def _number(n: int, count: int) -> int:
@@ -76,17 +101,23 @@ class Robot:
 
     # State.
 
-    get_actual_joint_positions = get_joint_positions = _of("arm.actual_q", Array)
-    get_actual_joint_speeds = get_joint_speeds = _of("arm.actual_qd", Array)
-    get_target_joint_positions = _of("arm.target_q", Array)
-    get_target_joint_speeds = _of("arm.target_qd", Array)
-    get_tcp_force = _of("force", Array)
-    is_steady = _of("arm.is_still")
-    get_target_joint_accelerations = _of("arm.target_qdd", Array)
-    get_actual_tcp_pose = _tool("actual_TCP_pose")
-    get_target_tcp_pose = get_target_waypoint = _tool("target_TCP_pose")
-    get_actual_tcp_speed = _tool("actual_TCP_speed", Array)
-    get_target_tcp_speed = _tool("target_TCP_speed", Array)
+    get_actual_joint_positions = get_joint_positions = _variable("actual_q", Array)
+    get_actual_joint_speeds = get_joint_speeds = _variable("actual_qd", Array)
+    get_target_joint_positions = _variable("target_q", Array)
+    get_target_joint_speeds = _variable("target_qd", Array)
+    get_target_joint_accelerations = _variable("target_qdd", Array)
+    get_tcp_force = _variable("actual_TCP_force", Array)
+    get_actual_tcp_pose = _variable("actual_TCP_pose", Pose)
+    get_target_tcp_pose = get_target_waypoint = _variable("target_TCP_pose", Pose)
+    get_actual_tcp_speed = _variable("actual_TCP_speed", Array)
+    get_target_tcp_speed = _variable("target_TCP_speed", Array)
+    get_joint_torques = _variable("target_moment", Array)
+    get_tool_accelerometer_reading = _variable("actual_tool_accelerometer", Array)
+    get_tool_current = _variable("tool_output_current")
+    force = _variable("tcp_force_scalar")
+
+    def is_steady(self) -> bool:
+        return self.robot.arm.is_still
 
     def get_actual_joint_positions_history(self, steps: int = 0) -> Array:
         history = self.robot.history
@@ -95,24 +126,11 @@ class Robot:
     def get_actual_tool_flange_pose(self) -> Pose:
         return Pose(to_pose(self.robot.arm.kinematics.forward(self.robot.arm.actual_q)))
 
-    def get_joint_torques(self) -> Array:
-        return Array((0.0,) * 6)
-
     def get_joint_temp(self, j: int) -> float:
         return 28.0
 
     def get_controller_temp(self) -> float:
         return 28.0
-
-    def force(self) -> float:
-        x, y, z = self.robot.force[:3]
-        return float((x * x + y * y + z * z) ** 0.5)
-
-    def get_tool_accelerometer_reading(self) -> Array:
-        return Array((0.0, 0.0, -9.82))
-
-    def get_tool_current(self) -> float:
-        return 0.0
 
     def get_steptime(self) -> float:
         return TICK * self.robot.behaviour.cycle_ticks
@@ -151,36 +169,37 @@ class Robot:
 
     # Tool and safety.
 
-    get_tcp_offset = _of("tool.offset", Pose)
-    get_target_payload = _of("payload")
-    get_target_payload_cog = _of("payload_cog", Array)
-    get_target_payload_inertia = _of("payload_inertia", Array)
+    get_tcp_offset = _variable("tcp_offset", Pose)
+    get_target_payload = _variable("payload")
+    get_target_payload_cog = _variable("payload_cog", Array)
+    get_target_payload_inertia = _variable("payload_inertia", Array)
 
     def set_tcp(self, pose: Datum, tcp_name: str = "") -> None:
         self.robot.tool.offset = finite(pose)
 
     def set_payload(self, m: float, cog: Datum = None) -> None:
-        self.set_target_payload(m, self.robot.payload_cog if cog is None else cog)
+        self.set_target_payload(m, self.robot.variables["payload_cog"] if cog is None else cog)
 
     def set_payload_mass(self, m: float) -> None:
         self.set_payload(m)
 
     def set_payload_cog(self, cog: Datum) -> None:
-        self.set_payload(self.robot.payload, cog)
+        self.set_payload(self.robot.variables["payload"], cog)
 
     def set_target_payload(
         self, m: float, cog: Datum, inertia: Datum = None, transition_time: float = 0.0
     ) -> None:
-        (self.robot.payload,) = finite((m,), 1)
-        self.robot.payload_cog = finite(cog, 3)
+        variables = self.robot.variables
+        (variables["payload"],) = finite((m,), 1)
+        variables["payload_cog"] = finite(cog, 3)
         if inertia is not None:
-            self.robot.payload_inertia = finite(inertia)
+            variables["payload_inertia"] = finite(inertia)
 
     def set_gravity(self, d: Datum) -> None:
         self.robot.gravity = finite(d, 3)
 
     def protective_stop(self) -> None:
-        self.robot.protective_stop("asked for by the program")
+        self.robot.enter(SafetyMode.PROTECTIVE_STOP, "asked for by the program")
 
     def powerdown(self) -> None:
         self.robot.power_off()
@@ -205,32 +224,35 @@ class Robot:
 
     # Inputs and outputs.
 
-    set_digital_out = _digital_out(0, 10)
-    set_standard_digital_out = _digital_out(0, 8)
-    set_configurable_digital_out = _digital_out(8, 8)
-    set_tool_digital_out = _digital_out(16, 2)
-    get_digital_out = _digital("digital_outputs", 0, 10)
-    get_standard_digital_out = _digital("digital_outputs", 0, 8)
-    get_configurable_digital_out = _digital("digital_outputs", 8, 8)
-    get_tool_digital_out = _digital("digital_outputs", 16, 2)
-    get_digital_in = _digital("digital_inputs", 0, 10)
-    get_standard_digital_in = _digital("digital_inputs", 0, 8)
-    get_configurable_digital_in = _digital("digital_inputs", 8, 8)
-    get_tool_digital_in = _digital("digital_inputs", 16, 2)
-    set_analog_out = set_standard_analog_out = _analog_out
-    get_analog_in = get_standard_analog_in = _analog("analog_inputs")
-    get_tool_analog_in = _analog("analog_inputs", 2)
-    get_analog_out = get_standard_analog_out = _analog("analog_outputs")
+    set_digital_out = _write_bit(_digital("output", 0, 10))
+    set_standard_digital_out = _write_bit(_digital("output", 0, 8))
+    set_configurable_digital_out = _write_bit(_digital("output", 8, 8))
+    set_tool_digital_out = _write_bit(_digital("output", 16, 2))
+    get_digital_out = _read_bit(_digital("output", 0, 10))
+    get_standard_digital_out = _read_bit(_digital("output", 0, 8))
+    get_configurable_digital_out = _read_bit(_digital("output", 8, 8))
+    get_tool_digital_out = _read_bit(_digital("output", 16, 2))
+    get_digital_in = _read_bit(_digital("input", 0, 10))
+    get_standard_digital_in = _read_bit(_digital("input", 0, 8))
+    get_configurable_digital_in = _read_bit(_digital("input", 8, 8))
+    get_tool_digital_in = _read_bit(_digital("input", 16, 2))
+    get_analog_in = get_standard_analog_in = _analog("standard_analog_input")
+    get_tool_analog_in = _analog("tool_analog_input")
+    get_analog_out = get_standard_analog_out = _analog("standard_analog_output")
+
+    def set_analog_out(self, n: int, f: float) -> None:
+        self.robot.set_analog_output(_number(n, 2), f)
+
+    set_standard_analog_out = set_analog_out
 
     def set_analog_outputdomain(self, port: int, domain: int) -> None:
         bit = 1 << 2 + _number(port, 2)
-        types = self.robot.analog_types & ~bit
-        self.robot.analog_types = types | bit if domain else types
+        self.robot.set_bits("analog_io_types", bit, bit if domain else 0)
 
     def set_tool_voltage(self, voltage: int) -> None:
         if voltage not in (0, 12, 24):
             raise ValueError(f"a tool voltage is 0, 12 or 24, got {voltage}")
-        self.robot.tool_voltage = int(voltage)
+        self.robot.variables["tool_output_voltage"] = int(voltage)
 
     def set_flag(self, n: int, b: bool) -> None:
         self.robot.flags[_number(n, FLAGS)] = bool(b)
@@ -240,25 +262,15 @@ class Robot:
 
     # Registers.
 
-    read_input_integer_register = _register("input_ints")
-    read_input_float_register = _register("input_doubles")
-    read_input_boolean_register = _digital("input_bits", 0, 128)
-    read_output_integer_register = _register("output_ints")
-    read_output_float_register = _register("output_doubles")
-    read_output_boolean_register = _digital("output_bits", 0, 128)
-
-    def write_output_integer_register(self, address: int, value: int) -> None:
-        if not -_INT32 <= value < _INT32:
-            raise OverflowError(f"{value} is outside an integer register")
-        self.robot.output_ints[_number(address, len(self.robot.output_ints))] = int(value)
-
-    def write_output_float_register(self, address: int, value: float) -> None:
-        self.robot.output_doubles[_number(address, len(self.robot.output_doubles))] = float(value)
-
-    def write_output_boolean_register(self, address: int, value: bool) -> None:
-        bit = 1 << _number(address, 128)
-        bits = self.robot.output_bits & ~bit
-        self.robot.output_bits = bits | bit if value else bits
+    read_input_integer_register = _register("input_int")
+    read_input_float_register = _register("input_double")
+    read_input_boolean_register = _read_bit(_bit_register("input"))
+    read_output_integer_register = _register("output_int")
+    read_output_float_register = _register("output_double")
+    read_output_boolean_register = _read_bit(_bit_register("output"))
+    write_output_integer_register = _set_register("int", _int32)
+    write_output_float_register = _set_register("double", float)
+    write_output_boolean_register = _write_bit(_bit_register("output"))
 
     # Words.
 
@@ -269,6 +281,6 @@ class Robot:
         self, s: Datum, title: str = "Popup", warning: bool = False, error: bool = False,
         blocking: bool = False,
     ) -> Ticks:  # fmt: skip
-        self.robot.open_popup(written(s), title, warning=warning, error=error, blocking=blocking)
+        self.robot.open_popup(written(s), title, warning, error, blocking)
         while blocking and self.robot.popup:
             yield

@@ -6,24 +6,23 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 
 from emulated_dynamixel import Bus, EmulatedServo, PtyServer
 from emulated_dynamixel.command import servos
-from orientd.clock import MonotonicClock
 
 sdk = pytest.importorskip("dynamixel_sdk")
 
 
 @pytest.fixture
 def link(tmp_path):
-    clock = MonotonicClock()
-    now = clock.now_ns()
+    now = time.monotonic_ns()
     bus = Bus(
         [EmulatedServo(i, now_ns=now) for i in (1, 2, 3)], rng=random.Random(1), gap_ns=20_000_000
     )
-    server = PtyServer(bus, tmp_path / "bus", clock)
+    server = PtyServer(bus, tmp_path / "bus")
     server.plug()
     read, write = os.pipe()
 
@@ -98,7 +97,7 @@ def test_rustypot_reads_and_writes_positions(link, fast):
 
 
 def test_unplugging_takes_the_link_away_and_plugging_in_brings_it_back(tmp_path):
-    server = PtyServer(Bus([EmulatedServo(1)]), tmp_path / "bus", MonotonicClock())
+    server = PtyServer(Bus([EmulatedServo(1)]), tmp_path / "bus")
     server.plug()
     first = server.link.readlink()
     assert first.exists()

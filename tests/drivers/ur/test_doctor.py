@@ -5,7 +5,7 @@ import pytest
 from orientd.cli.commands.doctor import device_findings, latency_finding
 from orientd.config import DeviceSettings
 from orientd.driver import Verdict
-from orientd_ur.inspection import _link
+from orientd_ur.doctor import _link
 from orientd_ur.probe import Probe
 
 rtde_control = pytest.importorskip("rtde_control")

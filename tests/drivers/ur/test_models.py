@@ -17,7 +17,7 @@ from orientd.driver import Setpoint
 from orientd.errors import DeviceFaultError, LinkError, PlanError
 from orientd.floats import exp, log, multiply
 from orientd_ur import UrDriver
-from orientd_ur.arm import ask
+from orientd_ur.primary import ask
 from orientd_ur.probe import whereabouts
 
 STEP = 0.008
@@ -33,13 +33,13 @@ def random_turn(generator, pose):
     length = math.hypot(*axis)
     angle, peak = generator.uniform(0.2, 2.8), generator.uniform(0.3, 1.5)
     duration = 1.875 * angle / peak
-    path, start = [], exp(pose[3:])
+    path, (start, position) = [], pose
     count = math.ceil(duration / STEP)
     for k in range(count + 1):
         s = k / count
         turned = angle * (10 * s**3 - 15 * s**4 + 6 * s**5)
         q = multiply(start, exp(tuple(turned * a / length for a in axis)))
-        path.append((q, tuple(pose[:3])))
+        path.append((q, position))
     return [k * duration / count for k in range(count + 1)], path
 
 
@@ -64,7 +64,8 @@ def decisions(robot, model, count):
     driver, place = driver_of(robot.host), whereabouts(robot.host)
     for number in range(count):
         times_s, path = random_turn(random.Random(number), place.pose)
-        worst = follows(model, place.joints, place.tcp_offset, times_s, path)
+        turn, offset = place.tool
+        worst = follows(model, place.joints, (*offset, *log(turn)), times_s, path)
         try:
             driver.examine(times_s, path)
             refusal = ""
@@ -94,8 +95,15 @@ def test_sixty_turns_of_every_arm_are_decided_as_published(ur_host, name):
 def test_controller_is_asked_for_its_arm_and_its_limits(ur_host):
     with EmulatedRobot(ur_host, "--model", "ur20"):
         arm = ask(ur_host, 5.0)
-    assert (arm.name, arm.links.upper_arm) == ("ur20", 0.862)
-    assert [round(math.degrees(speed)) for speed in arm.speeds] == [120, 120, 150, 210, 210, 210]
+    assert (arm.name, arm.kinematics.links.upper_arm) == ("ur20", 0.862)
+    assert [round(math.degrees(axis.velocity)) for axis in arm.axes] == [
+        120,
+        120,
+        150,
+        210,
+        210,
+        210,
+    ]
 
 
 def test_another_arm_than_the_named_one_is_refused_in_words(ur_host):
@@ -133,12 +141,13 @@ def test_cb3_is_driven_at_its_own_rate_without_remote_control(ur_host):
             driver.close()
 
 
-def test_polyscope_x_moves_without_a_dashboard_and_says_what_it_lacks(ur_host, caplog):
+def test_polyscope_x_moves_without_a_dashboard_and_says_what_it_lacks(ur_host):
     with EmulatedRobot(ur_host, "--polyscope", "10.10.0") as robot:
         driver = driver_of(ur_host)
         try:
             driver.open()
-            assert "PolyScope X has no dashboard server: unlock protective stops" in caplog.text
+            (notice,) = driver.notices()
+            assert "PolyScope X has no dashboard server: unlock protective stops" in notice
             driver.enable()
             robot.ask("protective_stop")
             robot.wait_until(lambda state: state["safety_mode"] == "PROTECTIVE_STOP")

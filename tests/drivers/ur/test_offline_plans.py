@@ -62,7 +62,7 @@ def test_robot_is_asked_where_it_stands_and_which_arm_it_is(tmp_path, ur_host):
     config = configuration(tmp_path, ur_host, model="")
     absent = plan(CONFIG / "ur-turn.yaml", "--config", config, "--from-robot")
     assert absent.exit_code == 1
-    assert "nothing answers" in absent.output
+    assert "no RTDE server" in absent.output
     with EmulatedRobot(ur_host, "--model", "ur16e"):
         done = plan(CONFIG / "ur-turn.yaml", "--config", config, "--from-robot")
     assert done.exit_code == 0, done.output

@@ -219,7 +219,7 @@ def test_robot_without_a_dashboard_has_its_program_ended_when_it_is_played(ur_ho
             stream.run(0.5)
             assert moved(robot, stands) < 0.02
             assert robot.state()["runtime_state"] == "STOPPED"
-            assert "was played on the robot during the fault" in stream.driver.notices()[0]
+            assert "was played on the robot during the fault" in stream.driver.notices()[-1]
         finally:
             stream.driver.close()
 

@@ -12,10 +12,11 @@ from ur_rig import device_of, fault_of, streaming, swing
 from emulated_ur.process import EmulatedRobot
 from orientd.clock import MonotonicClock
 from orientd.driver import Setpoint, Verdict
-from orientd.errors import DeviceFaultError, Fault, LinkError, PlanError
+from orientd.errors import DeviceFaultError, Fault, LinkError
+from orientd.floats import difference, norm
 from orientd_ur import UrDriver
 from orientd_ur.dashboard import Dashboard
-from orientd_ur.inspection import _link, _remote_control
+from orientd_ur.doctor import _link, _remote_control
 from orientd_ur.probe import Probe
 
 pytest.importorskip("rtde_control")
@@ -34,36 +35,25 @@ def rows_of(host, **options):
 
 
 @pytest.mark.parametrize("version", ["5.4.3", "5.5.0"])
-def test_robot_that_does_not_say_its_tool_is_moved_with_the_option(ur_host, version):
+@pytest.mark.parametrize("options", [{}, {"tcp_offset": TOOL}])
+def test_tool_of_a_robot_that_does_not_say_it_is_seen(ur_host, version, options):
     with EmulatedRobot(ur_host, "--polyscope", version):
         rows = rows_of(ur_host)
         assert rows["version"].verdict is Verdict.OK
         assert rows["remote control"].verdict is Verdict.OK
-        assert rows["arm"].verdict is Verdict.PROBLEM
-        assert "CB3 from 3.12, e-Series from 5.5.1" in rows["arm"].found
-        assert "set the option `tcp_offset`" in rows["arm"].found
-        assert rows_of(ur_host, tcp_offset=TOOL)["arm"].verdict is Verdict.OK
-        driver = driver_of(ur_host, tcp_offset=TOOL)
+        assert rows["arm"].verdict is Verdict.OK
+        driver = driver_of(ur_host, **options)
         try:
             driver.open()
             start = driver.enable()
             assert not driver.notices()
-            driver.examine([0.0, 1.0], 2 * [(start.q, start.position)], start.joints)
+            # As the planner asks, on a driver that is not open.
+            arm = driver_of(ur_host, **options).mechanism(may_ask=True)
+            q, position = arm.forward(start.joints)
+            assert position == pytest.approx(start.position, abs=1e-6)
+            assert norm(difference(q, start.q)) < 1e-6
             begin = driver.offline_start(from_device=True)
             assert begin.position == pytest.approx(start.position, abs=1e-6)
-        finally:
-            driver.close()
-
-
-def test_robot_that_does_not_say_its_tool_is_named_when_it_is_opened_and_planned_for(ur_host):
-    with EmulatedRobot(ur_host, "--polyscope", "5.4.3"):
-        driver = driver_of(ur_host)
-        try:
-            driver.open()
-            start = driver.enable()
-            assert "PolyScope 5.4.3 does not say its TCP offset" in driver.notices()[0]
-            with pytest.raises(PlanError, match="set the option `tcp_offset`"):
-                driver.examine([0.0], [(start.q, start.position)])
         finally:
             driver.close()
 

@@ -18,7 +18,7 @@ from orientd.batch import Batch, Settings, open_requests, run
 from orientd.batch.rows import RECORD
 from orientd.cli.commands.motion_commands import device_settings
 from orientd.cli.main import app
-from orientd.errors import LimitError, OrientdError, RequestError
+from orientd.errors import LimitError, LimitKind, OrientdError, RequestError
 from orientd.planner import offline
 
 pytestmark = pytest.mark.filterwarnings("ignore:resource_tracker:UserWarning")
@@ -170,7 +170,7 @@ def test_many_motions_come_in_order_with_refusals_in_their_places():
 
 
 def test_errors_cross_processes_as_they_are():
-    limit = LimitError("jerk", 3.0, 2.0, 0.5, "rad/s^3")
+    limit = LimitError("jerk", 3.0, 2.0, 0.5, "rad/s^3", kind=LimitKind.JERK)
     for error in (RequestError("times", "expected one"), OrientdError("plain"), limit):
         arrived = pickle.loads(pickle.dumps(error))
         assert (type(arrived), str(arrived)) == (type(error), str(error))

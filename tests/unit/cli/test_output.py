@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from orientd.cli.command import AsJson, command
 from orientd.cli.output import plain, table
-from orientd.errors import LimitError, OrientdError, RequestError
+from orientd.errors import LimitError, LimitKind, OrientdError, RequestError
 from orientd.stream import ServoState
 
 
@@ -97,7 +97,7 @@ def test_what_goes_wrong_is_one_line_and_status_1(error, line):
 
 
 def test_what_goes_wrong_is_one_object_for_programs():
-    error = LimitError("angular velocity", 3.0, 2.5, 0.5, "rad/s")
+    error = LimitError("angular velocity", 3.0, 2.5, 0.5, "rad/s", kind=LimitKind.VELOCITY)
     result = run(error, "--json")
     assert (result.exit_code, result.stdout) == (1, "")
     assert json.loads(result.stderr) == {

@@ -75,6 +75,7 @@ class FakeDevice:
             fault=self.fault,
             tracking_error=0.01,
             health=(PartHealth("yaw", 0, 12.1, 41.0, 0.5),),
+            longest_calls={"read": 0.003, "write": 0.001},
         )
 
 
@@ -111,6 +112,8 @@ def test_cycles_are_counted_once_and_by_how_late_they_were(telemetry, device):
     assert value(telemetry, "feedback_age_seconds", device="arm") == pytest.approx(3e-3)
     assert value(telemetry, "cycle_age_seconds", device="arm") > 0.0
     assert value(telemetry, "tracking_error_radians", device="arm") == 0.01
+    assert value(telemetry, "driver_call_longest_seconds", device="arm", call="read") == 0.003
+    assert value(telemetry, "driver_call_longest_seconds", device="arm", call="write") == 0.001
     assert value(telemetry, "device_state", device="arm", state="holding") == 1
     assert value(telemetry, "device_state", device="arm", state="fault") == 0
 

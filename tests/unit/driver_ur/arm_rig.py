@@ -14,9 +14,10 @@ from orientd.stream import (
     unpack_note,
 )
 from orientd_loopback import LoopbackDriver
-from orientd_ur.arm import MODELS, published
+from orientd_ur.arm import MODELS
 from orientd_ur.following import NEAREST, Following
-from orientd_ur.joint_path import follow, tool_pose
+from orientd_ur.joint_path import follow
+from orientd_ur.pose import pose_of
 
 PERIOD_NS = 2_000_000
 PERIOD = PERIOD_NS * 1e-9
@@ -70,8 +71,8 @@ class ArmRig:
         linear_velocity=0.5,
         linear_acceleration=2.0,
     ):
-        self.arm, self.start = published(MODELS[model]), joints
-        self.q, self.position = tool_pose(self.arm.kinematics, joints, TOOL)
+        self.arm, self.start = MODELS[model].arm().with_tool(pose_of(TOOL)), joints
+        self.q, self.position = self.arm.forward(joints)
         self.limits = ServoLimits(
             velocity, acceleration, jerk, linear_velocity, linear_acceleration, 4.0
         )
@@ -135,17 +136,17 @@ class ArmRig:
                 break
         assert self.servo.state is ServoState.HOLDING, self.servo.setpoints.fault_text
         poses = [(s.q, s.position) for s in self.setpoints]
-        joints = list(follow(self.arm.kinematics, poses, self.start, tcp_offset=TOOL))
+        joints = list(follow(self.arm, poses, self.start))
         assert joints[-1] is not None, "the arm does not reach what was sent"
         joints = np.array(joints)
         rates = np.diff(joints, axis=0, prepend=joints[:1]) / PERIOD
         changes = np.diff(rates, axis=0, prepend=rates[:1] * 0.0) / PERIOD
-        assert (np.abs(rates) / self.arm.speeds).max() <= 1.0
-        assert (np.abs(changes) / self.arm.accelerations).max() <= 1.0
-        low, high = np.array(self.arm.ranges).T
+        assert (np.abs(rates) / [axis.velocity for axis in self.arm.axes]).max() <= 1.0
+        assert (np.abs(changes) / [axis.acceleration for axis in self.arm.axes]).max() <= 1.0
+        low, high = np.array([(axis.low, axis.high) for axis in self.arm.axes]).T
         assert (low <= joints).all()
         assert (joints <= high).all()
-        reserves = [self.arm.kinematics.reserve(row) for row in joints]
+        reserves = [self.arm.kinematics.reserve(row) for row in joints.tolist()]
         for kind, least in NEAREST.items():
             nearest = min(reserve[kind] for reserve in reserves)
             assert nearest >= min(0.98 * least, reserves[0][kind])

@@ -6,13 +6,12 @@ from math import pi, tau
 
 import numpy as np
 import pytest
-from arm_rig import TOOL, ArmRig
+from arm_rig import ArmRig
 
 from orientd.floats import difference, exp, multiply, norm
 from orientd.stream import ServoState
-from orientd_ur.arm import MODELS, published
+from orientd_ur.arm import MODELS
 from orientd_ur.following import NEAREST, Following
-from orientd_ur.joint_path import tool_pose
 
 CASES = int(os.environ.get("ORIENTD_CASES", "2"))
 HOME = (0.0, -pi / 2, pi / 2, -pi / 2, -pi / 2, 0.0)
@@ -32,7 +31,7 @@ def turning(q, axis, rate, most):
 def bent(rig, radians):
     """Return the pose of the tool with wrist 2 turned by *radians* from HOME."""
     joints = (*HOME[:4], HOME[4] + radians, HOME[5])
-    return tool_pose(rig.arm.kinematics, joints, TOOL)
+    return rig.arm.forward(joints)
 
 
 def straighten(rig, way=1.0, most=2.2):
@@ -104,8 +103,8 @@ def test_targets_that_the_joints_can_follow_are_followed_as_if_there_were_none()
 
 
 def test_what_the_arm_cannot_do_is_said_by_name():
-    arm = published(MODELS["ur5e"])
-    pose = tool_pose(arm.kinematics, HOME, (0.0,) * 6)
+    arm = MODELS["ur5e"].arm()
+    pose = arm.forward(HOME)
     following = Following(arm, HOME, pose, 0.002)
     q, (x, y, z) = pose
     assert following.refusal(q, (x, y, z), HOME) == ""
@@ -114,14 +113,14 @@ def test_what_the_arm_cannot_do_is_said_by_name():
     wound = (*HOME[:5], 6.2)
     beyond = multiply(multiply(q, exp((0.0, 0.0, 6.2))), exp((0.0, 0.0, 0.3)))
     assert "wrist 3 would have to turn to 6.5" in following.refusal(beyond, (x, y, z), wound)
-    straight = tool_pose(arm.kinematics, (*HOME[:4], 0.0, 0.0), (0.0,) * 6)
+    straight = arm.forward((*HOME[:4], 0.0, 0.0))
     assert "the wrist is" in following.refusal(*straight, (*HOME[:4], 0.1, 0.0))
 
 
 def random_arm(rng):
     """Return a model and joints that are well away from every singularity."""
     model = rng.choice(sorted(MODELS))
-    arm = published(MODELS[model])
+    arm = MODELS[model].arm()
     while True:
         joints = tuple(rng.uniform(-pi, pi) for _ in range(6))
         if rng.random() < 0.2:

@@ -9,9 +9,10 @@ import threading
 import pytest
 
 from orientd.errors import LinkError
-from orientd_ur.arm import MODELS, ask
-from orientd_ur.arm.identification import PRIMARY_PORT
+from orientd_ur.arm import MODELS
 from orientd_ur.kinematics import Kinematics
+from orientd_ur.primary import ask
+from orientd_ur.wire import PRIMARY_PORT
 
 TWISTS = [math.pi / 2, 0.0, 0.0, math.pi / 2, -math.pi / 2, 0.0]
 UR10E_A, UR10E_D = [0, -0.6127, -0.57155, 0, 0, 0], [0.1807, 0, 0, 0.17415, 0.11985, 0.11655]
@@ -57,6 +58,14 @@ def told(request):
     return tell
 
 
+def speeds(arm):
+    return [axis.velocity for axis in arm.axes]
+
+
+def ranges(arm):
+    return [(axis.low, axis.high) for axis in arm.axes]
+
+
 VERSION = framed(20, b"greeting")
 
 
@@ -64,32 +73,32 @@ def test_model_is_known_and_never_faster_than_published(told):
     message = framed(16, framed(0, b"mode") + configuration(UR10E_A, UR10E_D, speeds=(2.0,) * 6))
     without = framed(16, framed(0, b"mode"))
     arm = told(VERSION, without, message, without, without)
-    assert (arm.name, arm.is_calibrated) == ("ur10e", False)
-    assert arm.speeds == (2.0,) * 6
-    assert arm.ranges == ((-math.tau, math.tau),) * 6
+    assert (arm.name, arm.kinematics.is_calibrated) == ("ur10e", False)
+    assert speeds(arm) == [2.0] * 6
+    assert ranges(arm) == [(-math.tau, math.tau)] * 6
     fast = framed(16, configuration(UR10E_A, UR10E_D, speeds=(9.0,) * 6))
-    assert told(fast, without, without).speeds == MODELS["ur10e"].speeds
+    assert tuple(speeds(told(fast, without, without))) == MODELS["ur10e"].speeds
 
 
 def test_calibration_of_the_arm_is_taken(told):
     own = kinematics([1e-3] * 6, UR10E_A, UR10E_D, TWISTS)
     arm = told(framed(16, own + configuration(UR10E_A, UR10E_D)))
-    assert arm.is_calibrated
+    assert arm.kinematics.is_calibrated
     published = Kinematics(MODELS["ur10e"].links)
     _, position = arm.kinematics.forward([0.2] * 6)
     assert position != pytest.approx(published.forward([0.2] * 6)[1], abs=1e-4)
     assert position == pytest.approx(published.forward([0.201] * 6)[1], abs=1e-12)
     plain = told(framed(16, kinematics([0.0] * 6, UR10E_A, UR10E_D, TWISTS) +
                         configuration(UR10E_A, UR10E_D)))  # fmt: skip
-    assert not plain.is_calibrated
+    assert not plain.kinematics.is_calibrated
 
 
 def test_unknown_arm_is_taken_as_it_is_described(told):
     a, d = [0, -0.4, -0.35, 0, 0, 0], [0.2, 0, 0, 0.15, 0.11, 0.1]
     state = framed(16, configuration(a, d, kind=5, most=1e9))
     arm = told(state, state, state)
-    assert (arm.name, arm.links.forearm) == ("arm of type 5", 0.35)
-    assert arm.ranges == ((-math.inf, math.inf),) * 6
+    assert (arm.name, arm.kinematics.links.forearm) == ("arm of type 5", 0.35)
+    assert ranges(arm) == [(-math.inf, math.inf)] * 6
 
 
 @pytest.mark.parametrize(
@@ -106,5 +115,5 @@ def test_nonsense_is_refused_in_words(told, messages, words):
 
 
 def test_silence_is_bounded(told):
-    with pytest.raises(LinkError, match="does not say which arm it has: timed out"):
+    with pytest.raises(LinkError, match="did not send a description of its arm: timed out"):
         told(VERSION, timeout=0.05)

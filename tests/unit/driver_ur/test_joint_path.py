@@ -3,15 +3,17 @@
 import math
 import random
 
+import numpy as np
 import pytest
 
 from orientd.errors import LimitError, PlanError
-from orientd.floats import exp, multiply
-from orientd_ur.arm import MODELS, published
-from orientd_ur.joint_path import examine, follow, tool_pose
-from orientd_ur.kinematics import matrix, quaternion
+from orientd.floats import exp, log, multiply
+from orientd.rotation import rotate
+from orientd_ur.arm import MODELS
+from orientd_ur.joint_path import examine, follow
+from orientd_ur.kinematics import nearest_turns
 
-UR5E = published(MODELS["ur5e"])
+UR5E = MODELS["ur5e"].arm()
 forward, inverse, reserve = (
     UR5E.kinematics.forward,
     UR5E.kinematics.inverse,
@@ -25,20 +27,18 @@ def furthest(a, b):
 
 
 def flat(pose):
-    rotation, position = pose
-    return [*(part for row in rotation for part in row), *position]
+    q, position = pose
+    return [*exp(log(q)), *position]
 
 
-def pose_at(joints):
-    rotation, position = forward(joints)
-    return quaternion(rotation), position
+pose_at = forward
 
 
 def test_stretched_arm_is_where_the_published_table_says():
     # a2 + a3, -(d4 + d6), d1 - d5 of the UR5e.
-    rotation, position = forward((0.0,) * 6)
+    q, position = forward((0.0,) * 6)
     assert position == pytest.approx((-0.8172, -0.2329, 0.0628), abs=1e-12)
-    assert quaternion(rotation) == pytest.approx(exp((math.pi / 2, 0.0, 0.0)), abs=1e-12)
+    assert q == pytest.approx(exp((math.pi / 2, 0.0, 0.0)), abs=1e-12)
 
 
 def test_inverse_undoes_forward_on_every_branch():
@@ -47,47 +47,54 @@ def test_inverse_undoes_forward_on_every_branch():
         q = [generator.uniform(-math.pi, math.pi) for _ in range(6)]
         if min(reserve(q).values()) < 0.02:
             continue
-        found = inverse(*forward(q), [angle + generator.uniform(-0.01, 0.01) for angle in q])
+        found = inverse(forward(q), [angle + generator.uniform(-0.01, 0.01) for angle in q])
         assert furthest(found, q) < 1e-9
 
 
 @pytest.mark.parametrize("bend", [0.0, 5e-8, 2e-7, 1e-5])
 def test_straight_wrist_is_solved_on_both_sides_of_its_seam(bend):
     q = (0.3, -1.2, 1.5, -1.9, bend, 0.4)
-    found = inverse(*forward(q), q)
+    found = inverse(forward(q), q)
     assert furthest(flat(forward(found)), flat(forward(q))) < 1e-6
 
 
 def test_out_of_reach_is_none():
-    assert inverse(matrix((1.0, 0.0, 0.0, 0.0)), (2.0, 0.0, 0.0), HOME) is None
-
-
-@pytest.mark.parametrize(
-    "r", [(0.0, 0.0, 0.0), (3.0, 0.1, 0.2), (0.1, 3.0, -0.2), (-0.1, 0.2, 3.1), (0.3, 0.2, 0.1)]
-)
-def test_quaternion_survives_the_matrix(r):
-    q = exp(r)
-    found = quaternion(matrix(q))
-    sign = math.copysign(1.0, sum(a * b for a, b in zip(q, found, strict=True)))
-    assert furthest(q, [sign * part for part in found]) < 1e-15
+    assert inverse(((1.0, 0.0, 0.0, 0.0), (2.0, 0.0, 0.0)), HOME) is None
 
 
 def test_path_is_followed_without_a_jump_through_a_turn_beyond_pi():
     path = [(*HOME[:5], 0.02 * k) for k in range(250)]
-    found = list(follow(UR5E.kinematics, [pose_at(q) for q in path], HOME))
+    found = list(follow(UR5E, [pose_at(q) for q in path], HOME))
     assert furthest(found[-1], path[-1]) < 1e-9
 
 
 def test_tool_is_carried_by_the_flange():
-    offset = (0.01, -0.02, 0.1, 0.3, -0.2, 0.1)
+    turn, offset = exp((0.3, -0.2, 0.1)), (0.01, -0.02, 0.1)
+    arm = UR5E.with_tool((turn, offset))
     q, p = pose_at(HOME)
-    at = [
-        a + sum(x * y for x, y in zip(row, offset[:3], strict=True))
-        for a, row in zip(p, matrix(q), strict=True)
-    ]
-    found, position = tool_pose(UR5E.kinematics, HOME, offset)
-    assert position == pytest.approx(at, abs=1e-15)
-    assert found == pytest.approx(multiply(q, exp(offset[3:])), abs=1e-15)
+    found, position = arm.forward(HOME)
+    assert position == pytest.approx(np.add(p, rotate(q, offset)), abs=1e-15)
+    assert found == pytest.approx(multiply(q, turn), abs=1e-15)
+    assert arm.nearest(found, position, HOME) == pytest.approx(HOME, abs=1e-12)
+    again_turn, again_offset = UR5E.seen(HOME, (found, position)).tool
+    assert (again_turn, again_offset) == (pytest.approx(turn), pytest.approx(offset))
+
+
+def test_every_branch_is_a_solution_and_the_nearest_is_among_them():
+    generator, most = random.Random(8), 0
+    for _ in range(50):
+        joints = tuple(generator.uniform(-math.pi, math.pi) for _ in range(6))
+        if min(reserve(joints).values()) < 0.05:
+            continue
+        found = UR5E.solutions(*UR5E.forward(joints))
+        for one in found:
+            assert furthest(flat(forward(one)), flat(forward(joints))) < 1e-9
+        # Some are out of reach where others are not; whole turns are left aside.
+        near = [nearest_turns(one, joints) for one in found]
+        assert min(furthest(one, joints) for one in near) < 1e-9
+        assert len({tuple(round(angle, 6) for angle in one) for one in near}) == len(near)
+        most = max(most, len(found))
+    assert most == 8
 
 
 def wrist_turn(rate, seconds=1.0):

@@ -10,20 +10,19 @@ from orientd.errors import PlanError
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
 from orientd.stream import UNKNOWN, Command, ServoState
 from orientd.tolerances import GUARD_TOLERANCE
-from orientd_ur.arm import MODELS, published
-from orientd_ur.joint_path import examine, follow, tool_pose
+from orientd_ur.arm import MODELS
+from orientd_ur.joint_path import examine, follow
 
 CASES = int(os.environ.get("ORIENTD_CASES", "12"))
 LIMITS = Limits(2.5, 17.0, 8500.0, 1.0, 10.0)
-NO_TOOL = (0.0,) * 6
 
 
 def random_motion(random):
     """Return an arm, a motion past its straight wrist, and the joints on its records, or None."""
-    arm = published(MODELS[str(random.choice(list(MODELS)))])
+    arm = MODELS[str(random.choice(list(MODELS)))].arm()
     bend = random.choice([-1.0, 1.0]) * random.uniform(0.03, 0.5)
     start = (random.uniform(-1, 1), -1.4, 1.4, random.uniform(-2.5, -0.5), bend, 0.0)
-    q, position = tool_pose(arm.kinematics, start, NO_TOOL)
+    q, position = arm.forward(start)
     keyframes = [Keyframe(q, position=position)]
     for _ in range(int(random.integers(1, 4))):
         q = rotation.multiply(np.array(keyframes[-1].q), rotation.exp(0.4 * random.normal(size=3)))
@@ -41,7 +40,7 @@ def random_motion(random):
         examine(arm, times.tolist(), poses_of(rows[::step]), start)
     except PlanError:
         return None
-    joints = np.array(list(follow(arm.kinematics, poses_of(rows), start)))
+    joints = np.array(list(follow(arm, poses_of(rows), start)))
     return arm, motion, joints
 
 
@@ -60,7 +59,13 @@ def test_no_joint_of_random_arms_exceeds_its_speed():
         found += 1
         arm, motion, joints = made
         track = Track(motion)
-        quickest = int(np.argmax(np.max(np.abs(np.diff(joints, axis=0)) / arm.speeds, axis=1)))
+        quickest = int(
+            np.argmax(
+                np.max(
+                    np.abs(np.diff(joints, axis=0)) / [axis.velocity for axis in arm.axes], axis=1
+                )
+            )
+        )
         for k in range(4):
             record = int(random.integers(3, motion.record_count - 20))
             if k % 2:
@@ -83,7 +88,10 @@ def test_no_joint_of_random_arms_exceeds_its_speed():
                 ride.run()
             assert ride.rig.servo.state is not ServoState.FAULT
             sent = [(s.q, s.position) for s in ride.rig.driver.setpoints]
-            there = [joints[record], *follow(arm.kinematics, sent, joints[record])]
+            there = [joints[record], *follow(arm, sent, joints[record])]
             speeds = np.abs(np.diff(np.array(there), axis=0)) / PERIOD
-            assert np.max(speeds / arm.speeds) <= GUARD_TOLERANCE, (record, k)
+            assert np.max(speeds / [axis.velocity for axis in arm.axes]) <= GUARD_TOLERANCE, (
+                record,
+                k,
+            )
             track.rig.servo.setpoints.state = ServoState.HOLDING

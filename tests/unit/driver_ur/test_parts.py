@@ -3,7 +3,6 @@
 import math
 import random
 import re
-import struct
 from dataclasses import fields
 from itertools import pairwise
 from pathlib import Path
@@ -12,10 +11,10 @@ import pytest
 
 from orientd import config
 from orientd.floats import exp, multiply
-from orientd_ur import options, rtde, states
-from orientd_ur.arm import MODELS, published
+from orientd_ur import controller, options
+from orientd_ur.arm import MODELS
 from orientd_ur.pose import LONGEST, continued
-from orientd_ur.ticks.controller_clock import ControllerClock
+from orientd_ur.timing import ControllerClock
 
 
 def norm(r):
@@ -135,31 +134,6 @@ def test_clock_never_goes_back_and_recovers_from_a_freeze():
     assert now - measured < 1000
 
 
-def test_packages_are_taken_one_by_one():
-    stream = rtde.package(rtde.START, b"\1") + rtde.package(rtde.DATA, b"abc")
-    kind, payload, rest = rtde.take(stream)
-    assert (kind, payload) == (rtde.START, b"\1")
-    assert rtde.take(rest) == (rtde.DATA, b"abc", b"")
-    assert rtde.take(rest[:4]) is None
-    with pytest.raises(ValueError, match="shorter than its header"):
-        rtde.take(b"\0\2V")
-
-
-def test_sample_and_place_are_read_as_they_were_asked_for():
-    sample = struct.pack(">BdiiI", 1, 100.5, 7, 1, 2)
-    assert rtde.sample(sample) == (100.5, 7, 1, 2)
-    numbers = tuple(float(n) for n in range(18))
-    assert rtde.vectors(struct.pack(">B18d", 1, *numbers), 3) == [
-        numbers[:6],
-        numbers[6:12],
-        numbers[12:],
-    ]
-    answer = b"\1VECTOR6D,NOT_FOUND,VECTOR6D"
-    assert rtde.missing(answer, ("a", "b", "c")) == ["b"]
-    with pytest.raises(ValueError, match="21 bytes"):
-        rtde.sample(b"")
-
-
 @pytest.mark.parametrize(
     ("robot_mode", "safety_mode", "words"),
     [
@@ -173,7 +147,7 @@ def test_sample_and_place_are_read_as_they_were_asked_for():
     ],
 )
 def test_obstacle_is_named_and_reduced_mode_is_none(robot_mode, safety_mode, words):
-    found = states.obstacle(robot_mode, safety_mode)
+    found = controller.obstacle(robot_mode, safety_mode)
     assert words in found if words else not found
 
 
@@ -196,7 +170,7 @@ def test_example_configuration_is_whole():
     ],
 )
 def test_frames_are_where_the_published_table_says(joints, elbow, flange):
-    origins = published(MODELS["ur5e"]).kinematics.frames(joints)
+    origins = MODELS["ur5e"].arm().kinematics.frames(joints)
     assert origins[2] == pytest.approx(elbow, abs=1e-12)
     assert origins[-1] == pytest.approx(flange, abs=1e-12)
 
@@ -204,8 +178,8 @@ def test_frames_are_where_the_published_table_says(joints, elbow, flange):
 def test_links_keep_their_lengths():
     generator = random.Random(4)
     for _ in range(50):
-        origins = published(MODELS["ur5e"]).kinematics.frames(
-            [generator.uniform(-6.0, 6.0) for _ in range(6)]
+        origins = (
+            MODELS["ur5e"].arm().kinematics.frames([generator.uniform(-6.0, 6.0) for _ in range(6)])
         )
         lengths = [math.dist(a, b) for a, b in pairwise(origins)]
         assert lengths == pytest.approx([0.1625, 0.425, 0.3922, 0.1333, 0.0997, 0.0996])

@@ -5,7 +5,8 @@ import random
 import pytest
 
 from orientd.servo.process import LARGEST_SHIFT
-from orientd_ur.ticks.tick_phase import AIM, TickPhase, tick_ns
+from orientd_ur.controller import tick_ns
+from orientd_ur.timing import AIM, TickPhase
 
 TICK = 2_000_000
 PERIOD = 2_000_000

@@ -5,10 +5,10 @@ import random
 
 import pytest
 
-from emulated_ur import dashboard, variables
+from emulated_ur import dashboard
 from emulated_ur.controller import Behaviour, Controller
-from orientd_ur import versions
-from orientd_ur.ticks import WriteSilence
+from orientd_ur import controller as said
+from orientd_ur.timing import WriteSilence
 
 CASES = int(os.environ.get("ORIENTD_CASES", "100"))
 
@@ -26,27 +26,26 @@ CASES = int(os.environ.get("ORIENTD_CASES", "100"))
     ],
 )
 def test_version_that_is_too_old_is_said_with_the_one_that_is_needed(version, words):
-    found = versions.problem(version)
+    found = said.version_problem(version)
     assert found.startswith(words) if words else not found
 
 
 @pytest.mark.parametrize(
     ("feature", "before", "first"),
     [
-        ("tcp_offset", (3, 11, 9, 0), (3, 12, 0, 0)),
-        ("tcp_offset", (5, 5, 0, 9), (5, 5, 1, 0)),
+        ("the client library", (3, 3, 9, 0), (3, 4, 0, 0)),
         ("is in remote control", (5, 5, 9, 0), (5, 6, 0, 0)),
     ],
 )
 def test_feature_is_there_from_its_first_version_on(feature, before, first):
-    assert not versions.has(feature, before)
-    assert versions.has(feature, first)
+    assert not said.has(feature, before)
+    assert said.has(feature, first)
 
 
 def test_series_without_a_feature_never_has_it():
-    assert not versions.has("is in remote control", (3, 99, 0, 0))
-    assert not versions.has("is in remote control", (10, 99, 0, 0))
-    assert not versions.has("a dashboard server", (10, 11, 0, 0))
+    assert not said.has("is in remote control", (3, 99, 0, 0))
+    assert not said.has("is in remote control", (10, 99, 0, 0))
+    assert not said.has("a dashboard server", (10, 11, 0, 0))
 
 
 def test_emulated_robot_of_any_version_has_what_the_driver_takes_it_to_have():
@@ -54,12 +53,10 @@ def test_emulated_robot_of_any_version_has_what_the_driver_takes_it_to_have():
     for _ in range(CASES):
         major = generator.choice((3, 5, 10))
         version = (major, *(generator.randint(0, 16) for _ in range(2)), 0)
-        known = variables.is_known("tcp_offset", version)
-        assert known == versions.has("tcp_offset", version), version
         if major < 10:
             robot = Controller(Behaviour(version=version))
             answer = dashboard.reply(robot, "is in remote control")
-            is_known = versions.has("is in remote control", version)
+            is_known = said.has("is in remote control", version)
             assert (answer == "true") == is_known, version
             assert answer.startswith("could not understand") != is_known, version
 

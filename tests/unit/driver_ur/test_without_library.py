@@ -47,5 +47,5 @@ def test_motion_is_planned_offline():
 def test_robot_is_not_opened_and_the_error_says_what_to_install(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
     driver = UrDriver({"host": "127.0.0.9"}, period_ns=2_000_000, clock=MonotonicClock())
-    with pytest.raises(LinkError, match=r"needs ur-rtde: pip install 'orientd-motion\[ur\]'"):
+    with pytest.raises(LinkError, match=r"needs ur-rtde: \S+python\S* -m pip install ur-rtde"):
         driver.open()

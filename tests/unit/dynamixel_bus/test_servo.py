@@ -7,7 +7,9 @@ import pytest
 from emulated_dynamixel.motion import TICKS_PER_RADIAN
 from emulated_dynamixel.packet import ALERT, ErrorNumber
 from emulated_dynamixel.servo import EmulatedServo
-from emulated_dynamixel.table import TURN_LIMIT, XL330_M288, XM430_W350
+from emulated_dynamixel.table import XL330_M288, XM430_W350
+
+TURN_LIMIT = 1_048_575
 
 MS = 1_000_000
 S = 1_000_000_000

@@ -7,6 +7,7 @@ from orientd.errors import (
     DaemonError,
     LeaseError,
     LimitError,
+    LimitKind,
     OrientdError,
     PlanError,
     RequestError,
@@ -20,7 +21,9 @@ ERRORS = [
     RequestError("keyframes[2].quaternion", "norm must be 1 within 1e-06, got 1.1"),
     RequestError("", "a motion must be a mapping"),
     UnknownNameError("device", "expected one of arm, got 'leg'"),
-    LimitError("angular velocity", 3.0, 2.5, 0.125, "rad/s", "give it more time"),
+    LimitError(
+        "angular velocity", 3.0, 2.5, 0.125, "rad/s", "give it more time", kind=LimitKind.VELOCITY
+    ),
     StartError("it does not begin where the device is"),
     PlanError("it cannot be planned"),
     StateError("device arm is idle"),

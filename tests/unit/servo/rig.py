@@ -51,11 +51,15 @@ class Rig:
     heartbeat_ns: int = 500_000_000
     feedback_ns: int = 100_000_000
     stall_ns: int = 500_000_000
+    offers: dict = field(default_factory=dict)
+    """Methods that the driver has besides, by name."""
 
     def __post_init__(self):
         self.clock = ManualClock(10**9)
         self.memory = SharedMemory.create(self.capacity, 4096)
         self.driver = RecordingLoopback(self.options, period_ns=PERIOD_NS, clock=self.clock)
+        for name, method in self.offers.items():
+            setattr(self.driver, name, method)
         self.driver.open()
         self.parent_is_alive = True
         self.beats = True

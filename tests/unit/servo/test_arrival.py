@@ -7,21 +7,27 @@ from rig import PERIOD_NS, Rig, turn
 
 from orientd.driver import AxisGap
 from orientd.errors import Fault
-from orientd.servo.device_reports import ARRIVAL_NS, Arrival
+from orientd.servo.device_reports import Arrival
 from orientd.stream import Command, CycleFlag, ServoState
 
 DEGREE = math.pi / 180
-WAIT = ARRIVAL_NS // PERIOD_NS
+WAIT = 500_000_000 // PERIOD_NS
 
 
-def at_end(gap):
+class Axes:
+    def __init__(self, *axes):
+        self.gaps = lambda: axes
+
+
+def at_end(gap, patience=0.5):
     """Return a rig whose motion has just been sent to its end, with axes *gap* degrees behind."""
-    rig = Rig()
+
+    def gaps():
+        yield AxisGap("yaw", rig.gap * DEGREE, 2 * DEGREE, "0.45 A", patience)
+        yield AxisGap("pitch", 0.0, 2 * DEGREE)
+
+    rig = Rig(offers={"gaps": lambda: tuple(gaps())})
     rig.gap = gap
-    rig.driver.gaps = lambda: (
-        AxisGap("yaw", rig.gap * DEGREE, 2 * DEGREE, "0.45 A"),
-        AxisGap("pitch", 0.0, 2 * DEGREE),
-    )
     rig.start(turn())
     rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
     return rig
@@ -54,6 +60,12 @@ def test_axis_that_does_not_arrive_is_a_fault_that_names_it():
     assert "pitch" not in text
 
 
+def test_axis_with_more_patience_is_waited_for_longer():
+    rig = at_end(-6.1, patience=1.0)
+    taken = rig.run_until(lambda servo: servo.state is ServoState.FAULT)
+    assert 2 * WAIT <= taken <= 2 * WAIT + 5
+
+
 def test_device_that_does_not_tell_has_arrived_with_the_last_setpoint():
     rig = Rig()
     rig.start(turn())
@@ -72,24 +84,23 @@ def test_wait_ends_with_whatever_comes_next(command):
 
 
 def test_gap_that_is_no_number_is_not_arrived():
-    arrival = Arrival()
+    arrival = Arrival(Axes(AxisGap("yaw", math.nan, 1.0)))
     arrival.begin(0)
-    assert not arrival.look([AxisGap("yaw", math.nan, 1.0)], 1)
+    assert not arrival.look(1)
     assert arrival.is_awaited
 
 
 def test_what_was_measured_before_the_last_setpoint_does_not_count():
-    arrival = Arrival()
+    arrival = Arrival(Axes(AxisGap("yaw", 0.0, 1.0)))
     arrival.begin(1000)
-    assert not arrival.look([AxisGap("yaw", 0.0, 1.0)], 1000)
+    assert not arrival.look(1000)
     assert arrival.is_awaited
-    assert not arrival.look([AxisGap("yaw", 0.0, 1.0)], 1001)
+    assert not arrival.look(1001)
     assert not arrival.is_awaited
 
 
 def test_driver_that_cannot_tell_is_an_internal_fault():
-    rig = Rig()
-    rig.driver.gaps = lambda: 1 / 0
+    rig = Rig(offers={"gaps": lambda: 1 / 0})
     rig.start(turn())
     rig.run_until(lambda servo: servo.state is ServoState.FAULT)
     assert rig.servo.setpoints.fault is Fault.INTERNAL

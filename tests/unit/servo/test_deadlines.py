@@ -29,7 +29,8 @@ def test_deadline_moves_by_what_the_driver_asks_and_little_at_a_time(monkeypatch
     monkeypatch.setattr("orientd.servo.process.time.monotonic_ns", lambda: 10**9)
     servo = Rig().servo
     timer = VirtualTimer(servo, 20)
-    run_cycles(servo, timer, PERIOD_NS, lambda _deadline_ns: asked)
+    device = Rig(offers={"deadline_shift_ns": lambda _deadline_ns: asked}).driver
+    run_cycles(servo, timer, PERIOD_NS, device)
     steps = {b - a for a, b in itertools.pairwise(timer.deadlines)}
     most = PERIOD_NS // LARGEST_SHIFT
     assert steps == {PERIOD_NS + max(-most, min(most, asked))}
@@ -40,7 +41,7 @@ def test_deadlines_are_at_the_phase_that_is_asked_for(monkeypatch, phase_ns):
     monkeypatch.setattr("orientd.servo.process.time.monotonic_ns", lambda: 10**9 + 12_345)
     servo = Rig().servo
     timer = VirtualTimer(servo, 5)
-    run_cycles(servo, timer, PERIOD_NS, lambda _deadline_ns: 0, phase_ns=phase_ns)
+    run_cycles(servo, timer, PERIOD_NS, phase_ns=phase_ns)
     assert {deadline % PERIOD_NS for deadline in timer.deadlines} == {phase_ns}
 
 

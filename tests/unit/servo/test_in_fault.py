@@ -9,10 +9,9 @@ from orientd.stream import Answer, Command, ServoState
 
 @pytest.fixture
 def rig():
-    it = Rig()
+    it = Rig(offers={"rest_in_fault": lambda: it.rests.append(it.clock.now_ns())})
     it.rests = []
     it.ends = []
-    it.driver.rest_in_fault = lambda: it.rests.append(it.clock.now_ns())
     it.driver.disable = lambda: it.ends.append(it.clock.now_ns())
     it.ask(Command.ENABLE)
     it.servo.setpoints.brake(Fault.DEVICE_FAULT, "tried")

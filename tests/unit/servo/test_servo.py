@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from rig import PERIOD, TERMS, Rig, distance_to_path, peaks, turn
 
-from orientd.errors import Fault, LinkError
+from orientd.errors import Fault, LinkError, SpentLinkError
 from orientd.servo.state_table import TRANSITIONS, Event, advance
 from orientd.stream import (
     HALTS_WORD,
@@ -322,11 +322,12 @@ def test_every_event_has_a_place_in_the_table_and_every_state_can_fail():
         assert advance(state, Event.FAIL) is ServoState.FAULT
 
 
-def test_path_clock_follows_the_speed_the_device_allows(rig, monkeypatch):
+def test_path_clock_follows_the_speed_the_device_allows():
+    rig = Rig(offers={"speed_scaling": 1.0})
     path = turn()
     rig.start(path)
     rig.run(200)
-    monkeypatch.setattr(type(rig.driver), "speed_scaling", 0.5)
+    rig.driver.speed_scaling = 0.5
     rig.run(200)
     assert rig.cycle.speed == 0.5
     assert rig.ask(Command.SPEED, speed=0.5)[0] is Answer.DONE
@@ -337,11 +338,13 @@ def test_path_clock_follows_the_speed_the_device_allows(rig, monkeypatch):
     assert rig.cycle.q == tuple(path[0][-1])
 
 
-def test_servo_ends_when_its_driver_is_spent(rig, monkeypatch):
+def test_servo_ends_when_its_link_is_spent(rig, monkeypatch):
     rig.start(turn())
     rig.run(200)
-    monkeypatch.setattr(type(rig.driver), "is_spent", True)
     monkeypatch.setattr(rig.driver, "read", raiser(LinkError("gone")))
+    rig.run()
+    assert not rig.servo.has_ended
+    monkeypatch.setattr(rig.driver, "read", raiser(SpentLinkError("gone for good")))
     rig.run()
     assert rig.servo.has_ended
     assert rig.servo.report()["fault"] == "link_lost"
@@ -350,7 +353,7 @@ def test_servo_ends_when_its_driver_is_spent(rig, monkeypatch):
 @pytest.fixture
 def parked(rig, monkeypatch):
     calls = []
-    monkeypatch.setattr(rig.driver, "park", lambda: calls.append("park"))
+    monkeypatch.setattr(rig.driver, "park", lambda: calls.append("park"), raising=False)
     monkeypatch.setattr(rig.driver, "close", lambda: calls.append("close"))
     return calls
 
@@ -397,7 +400,7 @@ def test_device_in_a_fault_is_not_moved_at_the_end(rig, parked, monkeypatch):
 
 def test_park_that_fails_is_written_down(rig, monkeypatch):
     rig.start(turn())
-    monkeypatch.setattr(rig.driver, "park", raiser(LinkError("gone")))
+    monkeypatch.setattr(rig.driver, "park", raiser(LinkError("gone")), raising=False)
     rig.ask(Command.SHUTDOWN)
     end(rig)
     assert "park failed: gone" in rig.servo.report()["reason"]

@@ -178,14 +178,14 @@ def test_braking_arm_comes_to_rest_with_all_joints_at_once():
 
 
 def test_program_plays_after_its_upload_and_is_ready(robot):
-    assert robot.output_ints[0] == 1
+    assert robot.value("output_int_register_0") == 1
 
 
 def test_answered_command_is_done_until_cleared(robot):
     order(robot, MOVE_J, *HOME, 1.0, 1.0)
-    assert robot.output_ints[0] == 2
+    assert robot.value("output_int_register_0") == 2
     order(robot, NONE)
-    assert robot.output_ints[0] == 1
+    assert robot.value("output_int_register_0") == 1
 
 
 def test_servo_moves_the_arm_to_the_pose(robot):
@@ -248,8 +248,8 @@ def test_servo_stop_brakes_then_is_done(robot):
     servo(robot, shifted(robot, -0.05))
     tick(robot, 20)
     order(robot, SERVO_STOP, 10.0)
-    assert robot.output_ints[0] == 1
-    while robot.output_ints[0] != 2:
+    assert robot.value("output_int_register_0") == 1
+    while robot.value("output_int_register_0") != 2:
         tick(robot)
     assert robot.arm.is_still
 
@@ -275,7 +275,7 @@ def test_upper_registers_are_used_where_the_script_says():
     robot = Controller()
     robot.upload(SCRIPT.replace("\n0  global", "\n24  global"))
     tick(robot, 11)
-    assert (robot.output_ints[0], robot.output_ints[24]) == (0, 1)
+    assert (robot.value("output_int_register_0"), robot.value("output_int_register_24")) == (0, 1)
 
 
 @pytest.mark.parametrize(
@@ -285,14 +285,14 @@ def test_protective_stop_leaves_the_program_as_configured(leaves):
     robot = playing(Controller(Behaviour(protective_stop_leaves=leaves)))
     servo(robot, shifted(robot, -0.05))
     tick(robot, 20)
-    robot.protective_stop()
+    robot.enter(SafetyMode.PROTECTIVE_STOP)
     tick(robot, 50)
     assert (robot.safety_mode, robot.runtime_state) == (SafetyMode.PROTECTIVE_STOP, leaves)
     assert robot.arm.is_still
 
 
 def test_unlock_is_refused_at_first_and_granted_later(robot):
-    robot.protective_stop()
+    robot.enter(SafetyMode.PROTECTIVE_STOP)
     with pytest.raises(RefusedError, match="until 5s after"):
         robot.unlock_protective_stop()
     tick(robot, 51)
@@ -310,7 +310,7 @@ def test_joint_over_its_limit_is_a_protective_stop(robot):
 
 
 def test_emergency_stop_takes_the_power_until_released_and_powered(robot):
-    robot.emergency_stop()
+    robot.enter(SafetyMode.ROBOT_EMERGENCY_STOP)
     assert (robot.robot_mode, robot.runtime_state) == (RobotMode.POWER_OFF, ProgramState.STOPPED)
     robot.power_on()
     assert robot.robot_mode is RobotMode.POWER_OFF
@@ -324,7 +324,7 @@ def test_emergency_stop_takes_the_power_until_released_and_powered(robot):
 
 
 def test_safeguard_pauses_and_play_resumes(robot):
-    robot.safeguard_stop()
+    robot.enter(SafetyMode.SAFEGUARD_STOP)
     assert robot.runtime_state is ProgramState.PAUSED
     with pytest.raises(RefusedError):
         robot.play()
@@ -358,7 +358,7 @@ def test_slider_reaches_the_scaling_gradually(robot):
 def test_move_j_ends_on_its_target(robot):
     goal = tuple(angle + 0.1 for angle in HOME)
     order(robot, MOVE_J, *goal, 1.0, 2.0)
-    while robot.output_ints[0] != 2:
+    while robot.value("output_int_register_0") != 2:
         tick(robot)
     tick(robot)
     assert robot.arm.target_q == pytest.approx(goal, abs=1e-12)

@@ -190,7 +190,7 @@ def test_end_of_the_program_ends_its_threads(robot):
 )
 def test_program_that_does_not_compile_says_where(robot, text, line, why):
     robot.upload(text)
-    kind, at, _, _, said = robot.events[-1]
+    kind, said, _, (at, _) = robot.events[-1]
     assert (kind, at) == ("exception", line)
     assert why in said
     assert "program refused" in robot.log[-1]
@@ -216,7 +216,7 @@ def test_program_that_does_not_compile_says_where(robot, text, line, why):
 )
 def test_exception_ends_the_program_and_says_where(robot, statement, why):
     run(robot, f"  sleep(0.01)\n{statement}", 20)
-    kind, line, _, _, said = robot.events[-2]
+    kind, said, _, (line, _) = robot.events[-2]
     assert kind == "exception"
     assert line >= 3
     assert why in said
@@ -248,7 +248,7 @@ def test_motion_takes_its_time(robot, call, seconds):
     robot.upload(f"def p():\n{body}\nwrite_output_integer_register(1, 1)\nend\n")
     robot.tick()
     count = 0
-    while not robot.output_ints[1] and count < 1000:
+    while not robot.value("output_int_register_1") and count < 1000:
         robot.tick()
         count += 1
     assert count * 0.002 == pytest.approx(seconds, abs=0.02)
@@ -269,14 +269,14 @@ def test_statement_on_a_line_of_its_own_runs(robot):
     robot.upload(text)
     for _ in range(3):
         robot.tick()
-    assert robot.digital_outputs == 1
+    assert robot.value("actual_digital_output_bits") == 1
 
 
 def test_secondary_program_runs_beside_the_main_one(robot):
     run(robot, "while True:\n sync()\nend", 5)
     robot.upload("sec io():\n  set_standard_digital_out(3, True)\nend\n")
     robot.tick()
-    assert robot.digital_outputs == 8
+    assert robot.value("actual_digital_output_bits") == 8
     assert robot.runtime_state is ProgramState.PLAYING
     robot.upload("sec late():\n  sleep(1)\nend\n")
     robot.tick()
@@ -285,8 +285,8 @@ def test_secondary_program_runs_beside_the_main_one(robot):
 
 
 def test_registers_flags_and_outputs(robot):
-    robot.write("input_int_register_3", 7)
-    robot.write("input_double_register_4", 0.5)
+    robot.write_package(["input_int_register_3"], [7])
+    robot.write_package(["input_double_register_4"], [0.5])
     body = """
   write_output_integer_register(2, read_input_integer_register(3) + 1)
   write_output_float_register(3, read_input_float_register(4) * 2)
@@ -298,9 +298,11 @@ def test_registers_flags_and_outputs(robot):
   textmsg(get_flag(3), read_output_boolean_register(64))
   textmsg(get_configurable_digital_out(1), get_digital_in(0))"""
     assert run(robot, body) == ["TrueTrue", "TrueFalse"]
-    assert (robot.output_ints[2], robot.output_doubles[3]) == (8, 1.0)
-    assert (robot.output_bits, robot.digital_outputs) == (1 << 64, 1 << 9 | 1 << 16)
-    assert robot.analog_outputs[0] == pytest.approx(0.012)
+    assert robot.value("output_int_register_2") == 8
+    assert robot.value("output_double_register_3") == 1.0
+    assert robot.value("output_bit_register_64") == 1
+    assert robot.value("actual_digital_output_bits") == 1 << 9 | 1 << 16
+    assert robot.value("standard_analog_output0") == pytest.approx(0.012)
 
 
 def test_blocking_popup_waits_until_it_is_closed(robot):
@@ -343,7 +345,7 @@ def test_nonsense_is_refused_whatever_it_is():
 
 
 def test_numbers_that_are_none_reach_no_joint(robot):
-    robot.write("input_double_register_0", math.nan)
+    robot.write_package(["input_double_register_0"], [math.nan])
     before = robot.arm.target_q
     run(robot, "x = read_input_float_register(0)\nmovej([x, x, x, x, x, x])", 10)
     assert robot.arm.target_q == before
@@ -363,7 +365,7 @@ def test_motion_that_was_paused_goes_on_from_where_the_arm_stopped(robot, call):
     robot.play()
     for _ in range(600):
         robot.tick()
-    assert robot.output_ints[1] == 1
+    assert robot.value("output_int_register_1") == 1
     assert robot.log == []
 
 

@@ -4,11 +4,16 @@ import struct
 
 import pytest
 
-from emulated_ur import wire
-from emulated_ur.controller import Controller
-from emulated_ur.session import ClientSession
-from emulated_ur.variables import OUTPUTS
-from emulated_ur.wire import Layout, Package, PackageKind, Splitter, WireError
+from emulated_ur.controller import Controller, Event
+from emulated_ur.rtde import (
+    Layout,
+    Package,
+    PackageKind,
+    PackageSplitter,
+    RtdeSession,
+    WireError,
+)
+from emulated_ur.variables import VARIABLES
 
 SERVO = [("input_int_register_0", "INT32")] + [
     (f"input_double_register_{n}", "DOUBLE") for n in range(11)
@@ -21,10 +26,10 @@ class Client:
     def __init__(self, robot=None, owners=None):
         self.robot = robot or Controller()
         self.owners = {} if owners is None else owners
-        self.session = ClientSession(self.robot, self.owners, self.robot.write_package)
+        self.session = RtdeSession(self.robot, self.owners, self.robot.write_package)
 
     def ask(self, kind, payload=b""):
-        (reply,) = Splitter().feed(self.session.feed(wire.package(kind, payload)))
+        (reply,) = PackageSplitter().feed(self.session.feed(Package(kind, payload).packed()))
         assert reply.kind == kind
         return reply.payload
 
@@ -37,9 +42,9 @@ class Client:
 
 
 def test_packages_come_out_whole_however_they_were_cut():
-    stream = b"".join(wire.package(PackageKind.MESSAGE, bytes(n)) for n in range(40))
+    stream = b"".join(Package(PackageKind.MESSAGE, bytes(n)).packed() for n in range(40))
     for width in (1, 2, 3, 7, 1000):
-        splitter = Splitter()
+        splitter = PackageSplitter()
         found = [
             package
             for at in range(0, len(stream), width)
@@ -50,12 +55,12 @@ def test_packages_come_out_whole_however_they_were_cut():
 
 def test_impossible_size_is_refused():
     with pytest.raises(WireError, match="size"):
-        Splitter().feed(b"\0\2V")
+        PackageSplitter().feed(b"\0\2V")
 
 
 def test_servo_package_has_the_bytes_the_client_sends():
     layout = Layout(*zip(*SERVO, strict=True))
-    packed = wire.package(PackageKind.DATA, b"\2" + layout.pack([24, *([0.0] * 11)]))
+    packed = Package(PackageKind.DATA, b"\2" + layout.pack([24, *([0.0] * 11)])).packed()
     assert packed[:8].hex() == "0060550200000018"
     assert len(packed) == 96
 
@@ -97,12 +102,12 @@ def test_data_comes_at_the_frequency_asked_for():
     sent = []
     for _ in range(40):
         client.robot.tick()
-        sent.append(client.session.outputs())
-    (package,) = Splitter().feed(next(filter(None, sent)))
+        sent.append(client.session.tick())
+    (package,) = PackageSplitter().feed(next(filter(None, sent)))
     assert len(list(filter(None, sent))) == 10
     assert (package.kind, package.payload[0], len(package.payload)) == (PackageKind.DATA, 1, 9)
     assert client.ask(PackageKind.PAUSE) == b"\1"
-    assert client.session.outputs() == b""
+    assert client.session.tick() == b""
 
 
 def test_version_1_has_neither_frequency_nor_recipe_number():
@@ -111,7 +116,7 @@ def test_version_1_has_neither_frequency_nor_recipe_number():
     assert client.ask(PackageKind.START) == b"\1"
     for _ in range(4):
         client.robot.tick()
-    (package,) = Splitter().feed(client.session.outputs())
+    (package,) = PackageSplitter().feed(client.session.tick())
     assert struct.unpack(">d", package.payload) == (client.robot.timestamp,)
 
 
@@ -133,23 +138,27 @@ def test_short_input_package_is_dropped_and_a_long_one_taken():
     client = Client().speak_version_2()
     client.ask(PackageKind.INPUTS, b"input_int_register_3,input_double_register_3")
     client.session.feed(
-        wire.package(PackageKind.DATA, b"\1" + struct.pack(">id", 7, 0.5) + b"more")
+        Package(PackageKind.DATA, b"\1" + struct.pack(">id", 7, 0.5) + b"more").packed()
     )
-    client.session.feed(wire.package(PackageKind.DATA, b"\1" + struct.pack(">i", 9)))
-    assert (client.robot.input_ints[3], client.robot.input_doubles[3]) == (7, 0.5)
+    client.session.feed(Package(PackageKind.DATA, b"\1" + struct.pack(">i", 9)).packed())
+    assert (
+        client.robot.value("input_int_register_3"),
+        client.robot.value("input_double_register_3"),
+    ) == (7, 0.5)
     assert client.session.malformed == 1
 
 
 def test_messages_wait_until_the_client_listens():
     client = Client().speak_version_2()
-    assert client.session.message("hello") == b""
+    assert client.session.tell(Event("log", "hello")) == b""
     client.outputs(b"timestamp")
     client.ask(PackageKind.START)
-    (package,) = Splitter().feed(client.session.message("hello"))
+    (package,) = PackageSplitter().feed(client.session.tell(Event("log", "hello")))
     assert package.payload == b"\5hello\x0bemulated_ur\3"
 
 
 def test_every_output_variable_packs_as_its_type():
     robot = Controller()
-    layout = Layout(list(OUTPUTS), list(OUTPUTS.values()))
-    assert len(layout.pack([robot.value(name) for name in OUTPUTS])) == layout.size
+    outputs = {name: one.kind for name, one in VARIABLES.items() if one.is_output}
+    layout = Layout(list(outputs), list(outputs.values()))
+    assert len(layout.pack([robot.value(name) for name in outputs])) == layout.size

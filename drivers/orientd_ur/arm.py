@@ -1,0 +1,183 @@
+"""An arm as a mechanism: its joints, its tool, and the published models.
+
+Sources:
+
+- link lengths: Universal Robots, "DH Parameters for calculations of kinematics and dynamics"; the
+  same figures as ``config/*/default_kinematics.yaml`` of Universal_Robots_ROS2_Description
+  (2221ec0).  UR7e and UR12e have the arms of UR5e and UR10e.  Those of the UR15 are from the first
+  source only; :math:`a_2 + a_3 + d_5` is its reach of 1.300 m, as it is for every other model;
+- speeds and ranges: the user manuals, by ``config/*/joint_limits.yaml`` there, without the elbow's
+  range of half a turn, which that file gives for a planner's sake.  The UR15's speeds are those of
+  its data sheet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import inf, radians, tau
+
+from orientd.driver import IDENTITY, ZERO, AxisLimits, Joints, Quaternion, Vector3
+from orientd.floats import conjugate, multiply, plus, rotate_back
+from orientd.mechanism import Mechanism, Reserve
+from orientd_ur.kinematics import Kinematics, Links, Six
+from orientd_ur.pose import Pose
+
+JOINT_NAMES = ("base", "shoulder", "elbow", "wrist 1", "wrist 2", "wrist 3")
+
+FASTEST_CHANGE = 40.0
+"""Largest acceleration of a joint, rad/s^2: the most that ``ur_rtde`` lets a program ask for, and
+what controllers say that they are set to."""
+
+# Nearer than this a joint turns many times faster than the tool, whatever the present path asks.
+_LEAST = 0.02
+# Targets stay farther away: a stop has to begin before it is known where it ends.
+_LEAST_FOLLOWED = {"wrist": 0.05, "elbow": 0.1, "shoulder": 0.05}
+_UNITS = {"wrist": "rad", "elbow": "rad", "shoulder": "m"}
+_ADVICE = {
+    "wrist": "begin with wrist 2 bent, or turn about another axis",
+    "elbow": "move the tool nearer to the base",
+    "shoulder": "move the tool away from the axis of the base",
+}
+
+
+class Arm(Mechanism):
+    """One arm with its tool; world coordinates are those of its base.
+
+    Args:
+        name: of its model.
+        kinematics: of this very arm if its calibration is known, else of the model.
+        axes: limits of its joints.
+        tool: pose of the tool in the flange.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        kinematics: Kinematics,
+        axes: Iterable[AxisLimits],
+        tool: Pose = (IDENTITY, ZERO),
+    ) -> None:
+        self.name = name
+        self.kinematics = kinematics
+        self.axes = tuple(axes)
+        self.tool = tool
+
+    def with_tool(self, tool: Pose) -> Arm:
+        """Return this arm with another tool."""
+        return Arm(self.name, self.kinematics, self.axes, tool)
+
+    def seen(self, joints: Joints, pose: Pose) -> Arm:
+        """Return this arm with the tool that is at *pose* with *joints*, rad.
+
+        Whatever the arm's own lengths differ by there is part of that tool.
+        """
+        q, position = self.kinematics.forward(joints)
+        offset = rotate_back(q, plus(pose[1], position, -1.0))
+        return self.with_tool((multiply(conjugate(q), pose[0]), offset))
+
+    def slower(self, acceleration: float) -> Arm:
+        """Return this arm with no joint that accelerates more, rad/s^2."""
+        axes = (
+            axis._replace(acceleration=min(axis.acceleration, acceleration)) for axis in self.axes
+        )
+        return Arm(self.name, self.kinematics, axes, self.tool)
+
+    def forward(self, joints: Joints) -> tuple[Quaternion, Vector3]:
+        """Return the pose of the tool in the base for *joints*, rad."""
+        q, position = self.kinematics.forward(joints)
+        turn, offset = self.tool
+        return multiply(q, turn), _beside(position, q, offset)
+
+    def solutions(self, q: Quaternion, position: Vector3) -> Sequence[Joints]:
+        """Return the joints of every branch, rad; wrist 3 is at 0 where wrist 2 is straight."""
+        return self.kinematics.solutions(self._flange(q, position))
+
+    def nearest(self, q: Quaternion, position: Vector3, near: Joints) -> Joints | None:
+        """Return the joints on the branch of *near* if they are close by, else the nearest, rad."""
+        return self.kinematics.inverse(self._flange(q, position), near)
+
+    def reserve(self, joints: Joints) -> Sequence[Reserve]:
+        """Return how far *joints* are from the singularities of wrist, elbow and shoulder."""
+        return [
+            Reserve(kind, value, _LEAST, _LEAST_FOLLOWED[kind], _UNITS[kind], _ADVICE[kind])
+            for kind, value in self.kinematics.reserve(joints).items()
+        ]
+
+    def outline(self, joints: Joints) -> Sequence[Sequence[Vector3]]:
+        """Return the links from the base to the flange, m."""
+        return (self.kinematics.frames(joints),) if len(joints) == len(JOINT_NAMES) else ()
+
+    def _flange(self, q: Quaternion, position: Vector3) -> Pose:
+        turn, offset = self.tool
+        flange = multiply(q, conjugate(turn))
+        return flange, plus(position, _beside(ZERO, flange, offset), -1.0)
+
+
+def _beside(point: Vector3, q: Quaternion, offset: Vector3) -> Vector3:
+    """Return the point that is *offset* away from *point* in the coordinates of *q*."""
+    return plus(point, rotate_back(conjugate(q), offset), 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class ArmModel:
+    """One model of arm.
+
+    Attributes:
+        name: in lower case, as in ``ur10e``.
+        links: its lengths.
+        speeds: largest speed of each joint, rad/s.
+        ranges: how far each joint turns either way, rad.
+    """
+
+    name: str
+    links: Links
+    speeds: Six
+    ranges: Six
+
+    def arm(self) -> Arm:
+        """Return the arm as it is published."""
+        limits = zip(JOINT_NAMES, self.ranges, self.speeds, strict=True)
+        axes = (AxisLimits(name, -most, most, v, FASTEST_CHANGE) for name, most, v in limits)
+        return Arm(self.name, Kinematics(self.links), axes)
+
+
+_WHOLE_TURNS: Six = (tau, tau, tau, tau, tau, tau)
+_ENDLESS_WRIST: Six = (tau, tau, tau, tau, tau, inf)
+
+
+def _model(name: str, links: Sequence[float], degrees: Sequence[float], ranges: Six) -> ArmModel:
+    base, shoulder, elbow, wrists = map(radians, degrees)
+    return ArmModel(name, Links(*links), (base, shoulder, elbow, wrists, wrists, wrists), ranges)
+
+
+_UR5E = (0.1625, 0.425, 0.3922, 0.1333, 0.0997, 0.0996)
+_UR10E = (0.1807, 0.6127, 0.57155, 0.17415, 0.11985, 0.11655)
+_SMALL, _MEDIUM = (180, 180, 180, 360), (180, 180, 180, 180)
+_LARGE, _HEAVY = (120, 120, 180, 180), (120, 120, 150, 210)
+
+MODELS: dict[str, ArmModel] = {
+    model.name: model
+    for model in (
+        _model("ur3", (0.1519, 0.24365, 0.21325, 0.11235, 0.08535, 0.0819), _SMALL, _ENDLESS_WRIST),
+        _model("ur5", (0.089159, 0.425, 0.39225, 0.10915, 0.09465, 0.0823), _MEDIUM, _WHOLE_TURNS),
+        _model("ur10", (0.1273, 0.612, 0.5723, 0.163941, 0.1157, 0.0922), _LARGE, _WHOLE_TURNS),
+        _model(
+            "ur3e", (0.15185, 0.24355, 0.2132, 0.13105, 0.08535, 0.0921), _SMALL, _ENDLESS_WRIST
+        ),
+        _model("ur5e", _UR5E, _MEDIUM, _WHOLE_TURNS),
+        _model("ur7e", _UR5E, _MEDIUM, _WHOLE_TURNS),
+        _model("ur10e", _UR10E, _LARGE, _WHOLE_TURNS),
+        _model("ur12e", _UR10E, _LARGE, _WHOLE_TURNS),
+        _model("ur16e", (0.1807, 0.4784, 0.36, 0.17415, 0.11985, 0.11655), _LARGE, _WHOLE_TURNS),
+        _model(
+            "ur15",
+            (0.2186, 0.6475, 0.5164, 0.1824, 0.1361, 0.1434),
+            (180, 180, 240, 300),
+            _WHOLE_TURNS,
+        ),
+        _model("ur20", (0.2363, 0.862, 0.7287, 0.201, 0.1593, 0.1543), _HEAVY, _WHOLE_TURNS),
+        _model("ur30", (0.2363, 0.637, 0.5037, 0.201, 0.1593, 0.1543), _HEAVY, _WHOLE_TURNS),
+    )
+}
+"""The published arms by name."""

@@ -1,0 +1,232 @@
+"""The control program on the robot: have it play, and end it in a fault; the way out of stops.
+
+What the program cannot be asked for is asked for at the dashboard server.  PolyScope X has none:
+there the pendant is the only way, and what would be asked for is said instead.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from orientd.errors import DeviceFaultError, LinkError
+from orientd_ur import controller
+from orientd_ur.controller import PROTECTIVE_STOP, RUNNING, RuntimeState, interruption, obstacle
+from orientd_ur.dashboard import Dashboard
+from orientd_ur.link import Link
+from orientd_ur.options import UrOptions
+
+_POLL = 0.005
+_POWER_UP = 15.0
+_STOPPING = 1.0
+_JOIN = 2.0
+_ASK_AGAIN_NS = 500_000_000
+_REDUCED = 2
+"""The last of the safety modes in which an arm may be powered up."""
+
+_PLAYING_NEEDS = (
+    "PolyScope X plays it in remote control only (switch at the top of the pendant), with RTDE and "
+    "the primary and secondary clients allowed in its security settings, and while no other "
+    "program runs, that of a URCapX included"
+)
+
+
+class ControlProgram:
+    """The control program of one robot.
+
+    Args:
+        link: to the robot.
+        options: of the driver.
+
+    Attributes:
+        version: of the robot's software.
+        is_free: whether the arm can be moved by hand.
+        notices: what somebody did to the program during a fault, in words.
+    """
+
+    def __init__(self, link: Link, options: UrOptions) -> None:
+        # The version is not known before the robot was looked at, which tells it.
+        self.version: tuple[int, ...] = (5, 4)
+        self.is_free = False
+        self.notices: tuple[str, ...] = ()
+        self._link, self._options = link, options
+        self._has_ended = self._was_held = False
+        self._asked_ns = 0
+        self._asking: threading.Thread | None = None
+
+    @property
+    def has_dashboard(self) -> bool:
+        """Whether this software has a dashboard server."""
+        return controller.has("a dashboard server", self.version)
+
+    def reason(self) -> str:
+        """Return why the robot does not carry out orders; nothing if it should."""
+        robot_mode, safety_mode, runtime_state = self._link.modes()
+        return obstacle(robot_mode, safety_mode) or interruption(runtime_state)
+
+    def play(self) -> None:
+        """Have it play, with the tool, payload and watchdog set; the arm holds.
+
+        Raises:
+            DeviceFaultError: the robot may not move, or is not in remote control.
+            LinkError: the link is lost, or another client holds the robot.
+        """
+        link, chosen = self._link, self._options
+        link.require()
+        link.require_same()
+        self._require_readiness()
+        if self._needs_remote:
+            with Dashboard(link.address) as dashboard:
+                self._require_remote(dashboard)
+        if not link.has_control:
+            try:
+                link.take_control()
+            except DeviceFaultError as error:
+                if self.has_dashboard:
+                    raise
+                raise DeviceFaultError(f"{error}: {_PLAYING_NEEDS}") from error
+            self._await(lambda: link.modes()[2] == RuntimeState.PLAYING, _STOPPING)
+        elif link.modes()[2] != RuntimeState.PLAYING:
+            link.play()
+        self.hold()
+        if chosen.tcp_offset is not None:
+            self._order("setTcp", list(chosen.tcp_offset))
+        if chosen.payload_mass is not None:
+            self._order("setPayload", chosen.payload_mass, list(chosen.payload_cog))
+        self._order("setWatchdog", chosen.watchdog_hz)
+
+    def free(self) -> None:
+        """Switch freedrive on; errors are those of :meth:`play`."""
+        self.play()
+        self._order("teachMode")
+        self.is_free = True
+
+    def hold(self) -> None:
+        """Switch freedrive off, if it is on."""
+        if self.is_free:
+            self._order("endTeachMode")
+            self.is_free = False
+
+    def clear(self) -> None:
+        """Unlock, power up if so configured, and play anew.
+
+        Raises:
+            DeviceFaultError: what is wrong needs a person: a button, a safeguard, the pendant.
+            LinkError: the link is lost, or the dashboard server does not answer.
+        """
+        link = self._link
+        if self._asking is not None:
+            self._asking.join(_JOIN)
+        if self.has_dashboard:
+            with Dashboard(link.address) as dashboard:
+                if self._needs_remote:
+                    self._require_remote(dashboard)
+                if link.modes()[1] == PROTECTIVE_STOP:
+                    self._unlock(dashboard)
+                robot_mode, safety_mode, _ = link.modes()
+                is_down = robot_mode != RUNNING and safety_mode <= _REDUCED
+                if is_down and self._options.release_brakes:
+                    dashboard.ask("power on")
+                    dashboard.ask("brake release")
+                    self._await(lambda: link.modes()[0] == RUNNING, _POWER_UP)
+                # Anew, not resumed: a program that was paused would go on to the setpoint it was
+                # stopped at.
+                dashboard.ask("stop")
+                self._await(lambda: link.modes()[2] == RuntimeState.STOPPED, _STOPPING)
+        self._require_readiness()
+        if link.has_control:
+            link.play()
+        self.notices = ()
+
+    def give_up(self) -> None:
+        """Begin to end whatever plays: it holds the last setpoint, and *play* would go on to it."""
+        self._has_ended = self._was_held = False
+        self._asked_ns = 0
+
+    def end(self, now_ns: int) -> None:
+        """Do in this cycle what can be done to end it.
+
+        A program that plays takes the order to end from its registers.  One that is paused, or that
+        a safety stop holds, takes none: the dashboard server ends it, asked on a thread of its own,
+        since it may be slow to answer.  Without one the program ends as soon as somebody plays it.
+
+        Raises:
+            LinkError: the link is lost.
+        """
+        robot_mode, safety_mode, runtime_state = self._link.modes()
+        if runtime_state == RuntimeState.STOPPED:
+            self._has_ended = self._was_held = True
+        elif runtime_state != RuntimeState.PLAYING or obstacle(robot_mode, safety_mode):
+            self._was_held = True
+            self._ask_to_stop(now_ns)
+        elif self._has_ended:
+            self._notice("another program was played on the robot during the fault")
+        else:
+            if self._was_held:
+                self._notice(
+                    "the control program was played on the robot during the fault; it was ended"
+                )
+            self._link.order("servoStop", self._options.stop_deceleration)
+            self._link.order("stopScript")
+
+    def _notice(self, text: str) -> None:
+        if text not in self.notices:
+            self.notices = (*self.notices, text)
+
+    def _ask_to_stop(self, now_ns: int) -> None:
+        is_asking = self._asking is not None and self._asking.is_alive()
+        is_due = now_ns - self._asked_ns >= _ASK_AGAIN_NS
+        if self.has_dashboard and is_due and not is_asking and not self._has_ended:
+            self._asked_ns = now_ns
+            self._asking = threading.Thread(target=self._stop_by_dashboard, daemon=True)
+            self._asking.start()
+
+    def _stop_by_dashboard(self) -> None:
+        with contextlib.suppress(LinkError), Dashboard(self._link.address) as dashboard:
+            if dashboard.ask("stop").startswith("Stopped"):
+                # Whatever plays from now on is another program.
+                self._has_ended = self._was_held = True
+
+    @property
+    def _needs_remote(self) -> bool:
+        is_known = controller.has("is in remote control", self.version)
+        return self._options.check_remote_control and is_known
+
+    def _require_readiness(self) -> None:
+        robot_mode, safety_mode, _ = self._link.modes()
+        if reason := obstacle(robot_mode, safety_mode):
+            raise DeviceFaultError(reason)
+
+    def _require_remote(self, dashboard: Dashboard) -> None:
+        if dashboard.is_remote is False:
+            raise DeviceFaultError(
+                f"{self._options.host} is in local control; switch it to remote control on the "
+                "pendant"
+            )
+
+    def _unlock(self, dashboard: Dashboard) -> None:
+        ends = time.monotonic() + self._options.unlock_timeout
+        answer = ""
+        while self._link.modes()[1] == PROTECTIVE_STOP:
+            self._link.require()
+            if time.monotonic() > ends:
+                raise DeviceFaultError(f"the protective stop stays locked: {answer}")
+            answer = dashboard.ask("unlock protective stop")
+            time.sleep(_POLL)
+        dashboard.ask("close safety popup")
+
+    def _await(self, is_so: Callable[[], bool], seconds: float) -> None:
+        """Wait for a while until something is so, the link being alive."""
+        ends = time.monotonic() + seconds
+        while not is_so() and time.monotonic() < ends:
+            self._link.require()
+            time.sleep(_POLL)
+
+    def _order(self, name: str, *arguments: Any) -> None:  # noqa: ANN401 - the library's own
+        if not self._link.order(name, *arguments):
+            raise DeviceFaultError(
+                self.reason() or f"{self._options.host} did not carry out {name}"
+            )

@@ -1,0 +1,132 @@
+"""Which arm a robot has and where it stands, without being in command of it.
+
+The controller is asked for where it commands the arm to be each time, for which arm it has once,
+and again when the two do not agree.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from functools import cached_property
+
+from orientd.errors import LinkError, PlanError
+from orientd.floats import difference, norm, plus
+from orientd_ur.arm import Arm
+from orientd_ur.options import UrOptions
+from orientd_ur.pose import pose_of
+from orientd_ur.primary import ask
+from orientd_ur.probe import Place, whereabouts
+from orientd_ur.wire import numeric_address
+
+_TIMEOUT = 0.8
+"""s that the controller has for all that is asked of it in one plan."""
+
+# If an arm's own calibration is not known, its pose is off by some millimetres.
+_FARTHEST = 0.01
+_FURTHEST_TURN = 0.02
+_ASK_AGAIN = 5.0
+
+
+class Robot:
+    """One robot, as the options and its controller describe it.
+
+    Args:
+        options: of the driver.
+    """
+
+    def __init__(self, options: UrOptions) -> None:
+        self._options = options
+        self._arm: Arm | None = None
+        self._asked = -_ASK_AGAIN
+
+    @cached_property
+    def address(self) -> str:
+        """Its address, for whose name a resolver is asked once.
+
+        Raises:
+            LinkError: nobody knows the name.
+        """
+        return numeric_address(self._options.host)
+
+    def look(self) -> tuple[Arm, Place]:
+        """Return the robot's arm with its tool, and where it is commanded to be.
+
+        Raises:
+            LinkError: it does not answer in time, or what it says does not fit together.
+        """
+        ends = time.monotonic() + _TIMEOUT
+        place = whereabouts(self.address, timeout=_TIMEOUT)
+        if self._arm is None or not _fits(self._arm, place):
+            # Another robot may have taken the place of the one that was asked.
+            self._arm = self.identify(max(ends - time.monotonic(), 0.05))
+            if not _fits(self._arm, place):
+                raise LinkError(
+                    f"{self._options.host} says where its joints and its tool are, and they do not "
+                    f"agree for the {self._arm.name}; `check_joints = false` plans without its "
+                    "joints"
+                )
+        return self._arm.seen(place.joints, place.pose), place
+
+    def identify(self, timeout: float = _TIMEOUT) -> Arm:
+        """Return the arm that the controller has, without a tool.
+
+        Raises:
+            LinkError: it does not say and the options do not either, or they disagree.
+        """
+        model, chosen = self._options.model, self._options
+        try:
+            arm = ask(self.address, timeout)
+        except LinkError as error:
+            if model is None:
+                raise LinkError(
+                    f"{error}; allow the primary client interface under Settings > Security > "
+                    "Services, name `model`, or plan without its joints (`check_joints = false`)"
+                ) from error
+            arm = model.arm()
+        if model is not None and arm.kinematics.links != model.links:
+            raise LinkError(
+                f"{chosen.host} has a {arm.name}, `model` says {model.name}: change it, or leave "
+                "it out"
+            )
+        return arm.slower(chosen.joint_acceleration)
+
+    def named(self) -> Arm:
+        """Return the arm and the tool that the options name.
+
+        Raises:
+            PlanError: they do not say which arm it is.
+        """
+        model, tool = self._options.model, self._options.tcp_offset
+        if model is None:
+            raise PlanError(
+                "which arm it is is not known without the robot: name `model` in the device's "
+                "options, or ask the robot"
+            )
+        arm = model.arm().slower(self._options.joint_acceleration)
+        return arm if tool is None else arm.with_tool(pose_of(tool))
+
+    def drawn(self) -> Arm | None:
+        """Return the arm for a picture; ``None`` so far, and the controller is asked aside."""
+        now = time.monotonic()
+        if self._arm is None and self._options.model is not None:
+            return self.named()
+        if self._arm is None and now - self._asked >= _ASK_AGAIN:
+            self._asked = now
+            threading.Thread(target=self._identify_aside, daemon=True).start()
+        return self._arm
+
+    def _identify_aside(self) -> None:
+        try:
+            self._arm = self.identify()
+        except LinkError:
+            return  # asked again after a while, as long as somebody looks
+
+
+def _fits(arm: Arm, place: Place) -> bool:
+    """Whether joints and pose make the tool that the controller says it has."""
+    if place.tool is None:
+        return True
+    turn, offset = arm.seen(place.joints, place.pose).tool
+    off = norm(plus(offset, place.tool[1], -1.0))
+    return off < _FARTHEST and norm(difference(turn, place.tool[0])) < _FURTHEST_TURN

@@ -1,0 +1,45 @@
+"""Look at a device from the environment of its driver; ``orientd doctor`` starts this.
+
+Reads the driver, its options and its period as JSON from standard input, and writes the findings as
+JSON to standard output.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import pkgutil
+import sys
+
+from orientd.clock import MonotonicClock
+from orientd.driver.contract import Driver
+from orientd.driver.finding import Finding
+from orientd.driver.protocols import Diagnosable
+
+
+def findings_of(driver: Driver) -> list[Finding]:
+    """Return what *driver* sees of its device; nothing if it cannot look."""
+    return list(driver.diagnose()) if isinstance(driver, Diagnosable) else []
+
+
+def needs(error: ModuleNotFoundError) -> str:
+    """Return that a package is missing here, as a driver's user is to read it."""
+    return f"the driver needs the package {error.name!r}, which {sys.executable} does not have"
+
+
+def main() -> None:
+    """Read, look, write."""
+    asked = json.load(sys.stdin)
+    try:
+        # A vendor's library may print.
+        with contextlib.redirect_stdout(sys.stderr):
+            kind: type[Driver] = pkgutil.resolve_name(asked["driver"])
+            driver = kind(asked["options"], period_ns=asked["period_ns"], clock=MonotonicClock())
+            found = findings_of(driver)
+    except ModuleNotFoundError as error:
+        sys.exit(needs(error))
+    json.dump([[one.name, one.found, one.verdict.value, one.mend] for one in found], sys.stdout)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,46 @@
+"""Which error of a driver brakes on the path and which cuts off, as the contract says."""
+
+import re
+
+import pytest
+from rig import Rig, distance_to_path, turn
+
+from orientd import errors
+from orientd.driver import contract
+from orientd.stream import ServoState
+
+ROWS = re.findall(r"^(``(\w+)``|anything else) +``(\w+)`` +(.*)$", contract.__doc__, re.MULTILINE)
+RAISED = [(getattr(errors, name, ZeroDivisionError), fault, does) for _, name, fault, does in ROWS]
+
+
+def test_the_contract_says_it_of_every_error_of_a_driver():
+    def below(kind):
+        return {kind}.union(*map(below, kind.__subclasses__()))
+
+    declared = {kind for kind, *_ in RAISED}
+    assert declared == {*below(errors.DeviceError), ZeroDivisionError} - {errors.DeviceError}
+
+
+@pytest.mark.parametrize("method", ["read", "write"])
+@pytest.mark.parametrize(
+    ("error", "fault", "does"), [*RAISED, (errors.DeviceError, *RAISED[-1][1:])]
+)
+def test_the_servo_does_what_the_contract_says(monkeypatch, method, error, fault, does):
+    rig = Rig()
+    path = turn()
+    rig.start(path)
+    rig.run(400)
+    written, whole = len(rig.driver.setpoints), getattr(rig.driver, method)
+
+    def fail(*arguments):
+        monkeypatch.setattr(rig.driver, method, whole)
+        raise error("tried")
+
+    monkeypatch.setattr(rig.driver, method, fail)
+    rig.run_until(lambda servo: servo.state is ServoState.FAULT)
+    rig.run(5)
+    assert rig.servo.setpoints.fault.name.lower() == fault
+    assert distance_to_path(rig.sent(), path) < 1e-11
+    assert (len(rig.driver.setpoints) - written > 20) is does.startswith("brakes on the path")
+    assert (len(rig.driver.setpoints) == written) is does.startswith("cuts off")
+    assert rig.servo.has_ended is ("the process ends" in does)
