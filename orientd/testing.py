@@ -74,6 +74,22 @@ class DriverConformance(ABC):
         assert feedback is not None, "no feedback while holding"
         return feedback
 
+    def setpoint(self, driver: Driver, start: Feedback, angle: float = 0.0) -> Setpoint:
+        """Return a setpoint *angle* rad from *start*: about z, or of the last axis."""
+        now_ns = self.clock.now_ns()
+        if driver.takes == "joints":
+            joints = (*start.joints[:-1], start.joints[-1] + angle)
+            return Setpoint(now_ns, start.q, position=start.position, joints=joints)
+        q = multiply(start.q, exp((0.0, 0.0, angle)))
+        return Setpoint(now_ns, q, position=start.position)
+
+    def gap(self, setpoint: Setpoint, feedback: Feedback) -> float:
+        """Return how far the device is from a setpoint, rad."""
+        if setpoint.joints:
+            pairs = zip(setpoint.joints, feedback.joints, strict=True)
+            return max(abs(asked - measured) for asked, measured in pairs)
+        return norm(difference(setpoint.q, feedback.q))
+
     def test_its_class_has_a_name_and_a_rate(self) -> None:
         """The registry and the configuration need both."""
         driver = type(self.make_driver())
@@ -107,14 +123,15 @@ class DriverConformance(ABC):
             length = math.sqrt(sum(part * part for part in feedback.q))
             assert abs(length - 1.0) < 1e-9, f"the quaternion's norm is {length!r}"
             assert all(math.isfinite(part) for part in feedback.position)
+            assert feedback.joints or driver.takes == "poses", "it does not say where its axes are"
 
     def test_enabling_and_holding_does_not_move_it(self) -> None:
         """Nothing may move before a motion is started."""
         with self.opened() as driver:
             start = driver.enable()
-            setpoint = Setpoint(self.clock.now_ns(), start.q, position=start.position)
+            setpoint = self.setpoint(driver, start)
             feedback = self.hold(driver, setpoint, self.settle_cycles)
-            moved = norm(difference(start.q, feedback.q))
+            moved = self.gap(setpoint, feedback)
             assert moved <= self.follow_tolerance, f"it moved by {moved:.3g} rad"
 
     def test_it_follows_a_slow_turn(self) -> None:
@@ -123,23 +140,22 @@ class DriverConformance(ABC):
             start = driver.enable()
             period = driver.period_ns * 1e-9
             cycles = max(2, round(0.1 / period))
-            target = start.q
+            omega = (0.0, 0.0, 0.02 / (cycles * period))
             for k in range(1, cycles + 1):
                 driver.read()
-                target = multiply(start.q, exp((0.0, 0.0, 0.02 * k / cycles)))
-                omega = (0.0, 0.0, 0.02 / (cycles * period))
-                driver.write(Setpoint(self.clock.now_ns(), target, omega, position=start.position))
+                setpoint = self.setpoint(driver, start, 0.02 * k / cycles)
+                driver.write(setpoint._replace(omega_body=omega))
                 self.pass_cycle(driver)
-            resting = Setpoint(self.clock.now_ns(), target, position=start.position)
+            resting = self.setpoint(driver, start, 0.02)
             feedback = self.hold(driver, resting, self.settle_cycles)
-            gap = norm(difference(target, feedback.q))
+            gap = self.gap(resting, feedback)
             assert gap <= self.follow_tolerance, f"it stands {gap:.3g} rad from the setpoint"
 
     def test_feedback_is_stamped_when_it_was_measured(self) -> None:
         """Ages are computed from the stamps: never from the future, never backwards."""
         with self.opened() as driver:
             start = driver.enable()
-            setpoint = Setpoint(self.clock.now_ns(), start.q, position=start.position)
+            setpoint = self.setpoint(driver, start)
             last = 0
             for _ in range(self.settle_cycles):
                 feedback = driver.read()
@@ -166,7 +182,7 @@ class DriverConformance(ABC):
             driver.disable()
             driver.disable()
             again = driver.enable()
-            self.hold(driver, Setpoint(self.clock.now_ns(), again.q, position=again.position), 3)
+            self.hold(driver, self.setpoint(driver, again), 3)
 
     def test_it_can_be_let_go_and_enabled_again(self) -> None:
         """Where it can be moved by hand it goes on saying where it is; where not, it says so."""
@@ -181,7 +197,7 @@ class DriverConformance(ABC):
                 feedback = driver.read()
             assert feedback is not None, "it does not say where it is"
             again = driver.enable()
-            self.hold(driver, Setpoint(self.clock.now_ns(), again.q, position=again.position), 3)
+            self.hold(driver, self.setpoint(driver, again), 3)
 
     def test_it_can_be_closed_twice_and_unopened(self) -> None:
         """Every way out of the servo process ends in close."""
@@ -197,7 +213,7 @@ class DriverConformance(ABC):
             if not self.break_device():
                 return
             try:
-                self.hold(driver, Setpoint(self.clock.now_ns(), start.q), 10 * self.settle_cycles)
+                self.hold(driver, self.setpoint(driver, start), 10 * self.settle_cycles)
             except DeviceError:
                 return
             raise AssertionError("nothing was raised after the device had gone")

@@ -2,16 +2,18 @@
 
 import random
 
+import numpy as np
 import pytest
-from rig import PERIOD_NS
+from rig import PERIOD, PERIOD_NS
 from rig import Rig as LoopRig
 
 from emulated_dynamixel import MODELS, Bus, EmulatedServo, SerialLine, VirtualPort
 from orientd.clock import ManualClock
 from orientd.driver import Setpoint
+from orientd.planner.recorded import joint_rates
 from orientd.servo import Servo as ServoLoop
 from orientd.servo import WatchdogTimeouts
-from orientd.stream import SharedMemory
+from orientd.stream import JOINTS, SharedMemory
 
 MS = 1_000_000
 
@@ -79,9 +81,13 @@ class Rig:
 
     def start(self):
         self.driver.open()
+        feedback = self.enable()
+        self.next_ns = self.clock.now_ns()
+        return feedback
+
+    def enable(self):
         feedback = self.driver.enable()
         self.q, self.joints = feedback.q, feedback.joints
-        self.next_ns = self.clock.now_ns()
         return feedback
 
     def cycle(self, angles=None, q=None, *, write=True):
@@ -125,6 +131,20 @@ class GimbalLoop(LoopRig):
             parent_is_alive=lambda: True,
         )  # fmt: skip
         self.memory.beat(self.clock.now_ns())
+
+    def lay(self, q, *path, **options):
+        """Put a path of orientations into the ring, with the angles of the axes that make them."""
+        tracker, begun = self.driver._tracker, self.driver._tracker.angles
+        joints = []
+        for orientation in q:
+            tracker.angles, _ = tracker.solve(tuple(orientation))
+            joints.append(tracker.angles)
+        tracker.angles = begun
+        angles = np.array(joints)
+        table = np.full((len(q), 2 * JOINTS), np.nan)
+        table[:, : len(begun)] = angles
+        table[:, JOINTS : JOINTS + len(begun)] = joint_rates(angles, angles[[0, 0]], PERIOD)
+        return super().lay(q, *path, joints=table, **options)
 
 
 @pytest.fixture(autouse=True)

@@ -53,11 +53,12 @@ class Rig:
     stall_ns: int = 500_000_000
     offers: dict = field(default_factory=dict)
     """Methods that the driver has besides, by name."""
+    kind: type[RecordingLoopback] = RecordingLoopback
 
     def __post_init__(self):
         self.clock = ManualClock(10**9)
         self.memory = SharedMemory.create(self.capacity, 4096)
-        self.driver = RecordingLoopback(self.options, period_ns=PERIOD_NS, clock=self.clock)
+        self.driver = self.kind(self.options, period_ns=PERIOD_NS, clock=self.clock)
         for name, method in self.offers.items():
             setattr(self.driver, name, method)
         self.driver.open()
