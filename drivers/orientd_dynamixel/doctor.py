@@ -1,4 +1,4 @@
-"""Look at a bus: which servos there are, how they are set, and what stands in the way of speed.
+"""Look at a deployment's bus: port, adapter, every servo, and the rate that the bus can hold.
 
 Nothing is changed: every finding comes with what to do about it.
 """
@@ -6,25 +6,36 @@ Nothing is changed: every finding comes with what to do about it.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median_high
 
+from orientd.driver import Finding, Verdict
 from orientd.errors import DeviceError, LinkError
-from orientd_dynamixel.bus import BLOCK, READ_WAIT_S, OpenBus, ServoBus, explain_error, open_bus
-from orientd_dynamixel.options import BAUD_RATES, MODELS, ServoModel
-from orientd_dynamixel.settings import own_settings
+from orientd_dynamixel.bus import ATTEMPTS, READ_WAIT_S, OpenBus, Row, ServoBus, open_bus
+from orientd_dynamixel.options import GimbalOptions
+from orientd_dynamixel.servo import Servo
+from orientd_dynamixel.tables import (
+    BAUD_RATES,
+    DELAY_US,
+    MODELS,
+    ControlTable,
+    ServoModel,
+    explain_error,
+)
 
 SCAN_WAIT_MS = 4.0
-ATTEMPTS = 4
-"""How often a servo is asked that should be there; an answer may be late or damaged once."""
-TURNAROUND_MS = 0.05
-HOST_MS = 0.3
-"""What the host itself needs each cycle, on the safe side."""
-SAFE_SHARE = 0.57
-"""Share of a cycle that the bus may be busy; the model is about half as fast in the worst case."""
 
+_IDS = 21
+"""Numbers asked besides those configured: 0 to 20."""
+_GOOD_TIMER_MS = 1.0
+"""The adapter's timer if the machine does not tell it: what it should be set to."""
+_TURNAROUND_MS = 0.05
+_HOST_MS = 0.3
+"""What the host itself needs each cycle, on the safe side."""
+_SAFE_SHARE = 0.57
+"""Share of a cycle that the bus may be busy; the model is about half as fast in the worst case."""
 _KINDS: dict[int, ServoModel] = {model.number: model for model in MODELS.values()}
 
 
@@ -39,7 +50,6 @@ class FoundServo:
         baud: the line speed at which it answered.
         return_delay_us: how long it waits before it answers.
         hardware_error: bits, 0 if all is well.
-        settings: its own, which have a meaning beside orientd, by name.
     """
 
     id: int
@@ -48,19 +58,22 @@ class FoundServo:
     baud: int
     return_delay_us: int
     hardware_error: int
-    settings: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def kind(self) -> ServoModel | None:
+        """What the driver knows of the model."""
+        return _KINDS.get(self.model)
 
     @property
     def name(self) -> str:
         """What is printed on it."""
-        kind = _KINDS.get(self.model)
-        return kind.name if kind else f"model {self.model}"
+        return self.kind.name if self.kind else f"model {self.model}"
 
     @property
     def is_fast(self) -> bool:
         """Whether it answers fast reads."""
-        kind = _KINDS.get(self.model)
-        return kind is not None and self.firmware >= kind.fast_firmware
+        needed = self.kind.family.fast_firmware if self.kind else None
+        return needed is not None and self.firmware >= needed
 
 
 def find_ports(root: Path = Path("/dev")) -> list[Path]:
@@ -94,7 +107,7 @@ def scan(
         port: path of the serial port.
         bauds: line speeds to try.
         ids: numbers to ask; each that is silent costs some milliseconds a line speed.
-        wanted: numbers that are asked again where they are silent.
+        wanted: numbers that are asked again if they are silent.
         wait_ms: how long an answer may take; more than the adapter's latency.
         open_bus: for tests.
 
@@ -121,24 +134,19 @@ def _asked(bus: ServoBus, number: int, baud: int, attempts: int) -> FoundServo |
     """
     for attempt in range(1, attempts + 1):
         try:
-            answer = bus.ping(number)
-            if answer is not None:
-                return _look(bus, number, baud, answer)
+            if answer := bus.ping(number):
+                kind = _KINDS.get(answer[0])
+                table = kind.family.table if kind else ControlTable()
+                return FoundServo(
+                    number, *answer, baud, DELAY_US * bus.read(number, table.return_delay),
+                    bus.read(number, table.hardware_error),
+                )  # fmt: skip
         except LinkError:
             if attempt == attempts:
                 raise
         except DeviceError:
             return None
     return None
-
-
-def _look(bus: ServoBus, number: int, baud: int, answer: tuple[int, int]) -> FoundServo:
-    return FoundServo(
-        number, *answer, baud,
-        return_delay_us=2 * bus.read(number, 9, 1),
-        hardware_error=bus.read(number, 70, 1),
-        settings=own_settings(bus, number),
-    )  # fmt: skip
 
 
 def cycle_ms(servos: Sequence[FoundServo], baud: int, *, latency_ms: float = 1.0) -> float:
@@ -149,17 +157,17 @@ def cycle_ms(servos: Sequence[FoundServo], baud: int, *, latency_ms: float = 1.0
         baud: line speed.
         latency_ms: the adapter's timer; an answer waits half of it on average.
     """
-    count, block = len(servos), len(BLOCK)
+    count, block = len(servos), len(ControlTable().block)
     is_fast = all(servo.is_fast for servo in servos)
     answer = 8 + count * (block + 4) if is_fast else count * (block + 11)
     wire = (14 + 5 * count + 14 + count + answer) * 1e4 / baud
-    turns = sum(TURNAROUND_MS + servo.return_delay_us * 1e-3 for servo in servos)
-    return wire + turns + latency_ms / 2 + HOST_MS
+    turns = sum(_TURNAROUND_MS + servo.return_delay_us * 1e-3 for servo in servos)
+    return wire + turns + latency_ms / 2 + _HOST_MS
 
 
 def safe_rate_hz(servos: Sequence[FoundServo], baud: int, *, latency_ms: float = 1.0) -> float:
     """Return the cycle rate that the bus holds with room to spare, calculated."""
-    return 1e3 * SAFE_SHARE / cycle_ms(servos, baud, latency_ms=latency_ms)
+    return 1e3 * _SAFE_SHARE / cycle_ms(servos, baud, latency_ms=latency_ms)
 
 
 def measure_cycle_ms(
@@ -169,12 +177,13 @@ def measure_cycle_ms(
     *,
     now_ns: Callable[[], int] = time.monotonic_ns,
 ) -> float:
-    """Return the median time of a group read of position and velocity; nothing is written.
+    """Return the median time of a group read of current, velocity and position.
 
     Raises:
         LinkError: the port is gone, or not one read came back whole.
     """
-    rows = [(servo.id, 126, 10) for servo in servos]
+    tables = [servo.kind.family.table if servo.kind else ControlTable() for servo in servos]
+    rows = [Row(s.id, table.current.address, 10) for s, table in zip(servos, tables, strict=True)]
     is_fast = all(servo.is_fast for servo in servos)
     spans = []
     for _ in range(count):
@@ -199,7 +208,7 @@ def advise(servos: Sequence[FoundServo]) -> list[str]:
                 f"servo {servo.id} reports {explain_error(servo.hardware_error)}: a reset starts "
                 "it again; find out why it happened"
             )
-        if servo.model not in _KINDS:
+        if servo.kind is None:
             advice.append(f"servo {servo.id} is {servo.name}, which the driver does not know")
     speeds = sorted({servo.baud for servo in servos})
     if len(speeds) > 1:
@@ -208,10 +217,124 @@ def advise(servos: Sequence[FoundServo]) -> list[str]:
         advice.append(f"{speeds[0]} baud is slow: set the servos to 1000000 (register 8 := 3)")
     if any(servo.return_delay_us for servo in servos):
         advice.append("return delay is not 0: the driver sets it to 0 when it starts")
-    old = [servo.id for servo in servos if servo.model in _KINDS and not servo.is_fast]
+    old = [s.id for s in servos if s.kind and s.kind.family.fast_firmware and not s.is_fast]
     if old:
         advice.append(f"servos {old} have firmware that knows no fast reads: update it")
     twice = {s.id for s in servos if sum(o.id == s.id for o in servos) > 1}
     if twice:
         advice.append(f"ids {sorted(twice)} are used at more than one line speed")
     return advice
+
+
+def diagnose(options: GimbalOptions, period: float, open_bus: OpenBus) -> list[Finding]:
+    """Return what there is to say of the bus that *options* name; changes nothing.
+
+    Args:
+        options: of the deployment.
+        period: of its cycle, s.
+        open_bus: opens the port.
+    """
+    port = Path(options.port)
+    adapters = ", ".join(map(str, find_ports())) or "none"
+    if not port.exists():
+        mend = "plug the adapter in, or name one of these as port"
+        text = f"{port} is not there; adapters: {adapters}"
+        return [Finding("port", text, Verdict.PROBLEM, mend)]
+    timer = latency_timer_ms(port)
+    found = [
+        Finding("port", f"{port} is there; adapters: {adapters}", Verdict.OK),
+        _timer(timer),
+    ]
+    wanted = [axis.id for axis in options.axes]
+    wait = max(SCAN_WAIT_MS, options.latency_ms, timer or 0.0)
+    try:
+        # First at the speed that the daemon would use: a port in use is not touched further.
+        servos = scan(
+            options.port, bauds=[options.baud], ids=sorted({*range(_IDS), *wanted}),
+            wanted=wanted, wait_ms=wait, open_bus=open_bus,
+        )  # fmt: skip
+        missing = [number for number in wanted if number not in {one.id for one in servos}]
+        if missing:
+            others = [baud for baud in BAUD_RATES if baud != options.baud]
+            servos += scan(options.port, bauds=others, ids=missing, wait_ms=wait, open_bus=open_bus)
+        bus = open_bus(options.port, options.baud, wait_ms=wait, glance_s=READ_WAIT_S)
+        try:
+            found += [_servo(servo, options, bus) for servo in servos]
+            for number in missing:
+                if number not in {servo.id for servo in servos}:
+                    text, mend = (
+                        "does not answer at any line speed",
+                        "look at its cable, its supply and its id",
+                    )
+                    found.append(Finding(f"servo {number}", text, Verdict.PROBLEM, mend))
+            found += [
+                Finding("bus", "can do better", Verdict.IMPROVE, one) for one in advise(servos)
+            ]
+            ours = [one for one in servos if one.id in wanted and one.baud == options.baud]
+            if len(ours) == len(wanted):
+                found.append(_rate(ours, options, period, timer, bus))
+        finally:
+            bus.close()
+    except DeviceError as error:
+        is_link = isinstance(error, LinkError)
+        mend = "is a daemon using it? end it first" if is_link else "look at cable and supply"
+        found.append(Finding("bus", str(error), Verdict.PROBLEM, mend))
+    return found
+
+
+def _timer(timer_ms: int | None) -> Finding:
+    if timer_ms is None:
+        return Finding("latency timer", "not told for this port", Verdict.OK)
+    if timer_ms <= _GOOD_TIMER_MS:
+        return Finding("latency timer", f"{timer_ms} ms", Verdict.OK)
+    mend = (
+        "write 1 to its latency_timer under /sys/bus/usb-serial/devices, with a udev rule to "
+        "keep it, and set latency_ms"
+    )
+    return Finding("latency timer", f"{timer_ms} ms", Verdict.IMPROVE, mend)
+
+
+def _servo(found: FoundServo, options: GimbalOptions, bus: ServoBus) -> Finding:
+    axis = next((axis for axis in options.axes if axis.id == found.id), None)
+    text = (
+        f"{found.name}, firmware {found.firmware}, {found.baud} baud, return delay "
+        f"{found.return_delay_us} us"
+    )
+    if axis is None:
+        return Finding(f"servo {found.id}", f"{text}; not configured", Verdict.OK)
+    servo, mend = Servo(axis), ""
+    if found.baud != options.baud:
+        mend = f"configured are {options.baud} baud: set the servo or `baud`"
+    elif found.model != axis.model.number:
+        mend = f"configured is {axis.model.name}"
+    else:
+        servo.bus = bus
+        own = servo.foreign()
+        if refused := sorted(own.keys() - options.overwrite):
+            said = ", ".join(f"{setting} {own[setting][0]}" for setting in refused)
+            text = f"{text}; its own {said}"
+            mend = f"put it right with the vendor's wizard, or set overwrite = {refused}"
+    return Finding(str(servo), text, Verdict.PROBLEM if mend else Verdict.OK, mend)
+
+
+def _rate(
+    servos: list[FoundServo],
+    options: GimbalOptions,
+    period: float,
+    timer: int | None,
+    bus: ServoBus,
+) -> Finding:
+    latency = _GOOD_TIMER_MS if timer is None else timer
+    # The driver sets the return delay to 0 when it starts.
+    tuned = [replace(one, return_delay_us=0) for one in servos]
+    safe = safe_rate_hz(tuned, options.baud, latency_ms=latency)
+    text = (
+        f"{safe:.0f} Hz with room to spare (a cycle of "
+        f"{cycle_ms(tuned, options.baud, latency_ms=latency):.2f} ms, calculated); a read of all "
+        f"takes {measure_cycle_ms(bus, servos):.2f} ms now, measured; configured are "
+        f"{1 / period:.0f} Hz"
+    )
+    if 1 / period <= safe:
+        return Finding("rate", text, Verdict.OK)
+    mend = f"set rate_hz to {safe:.0f} or less, or the servos to a higher line speed"
+    return Finding("rate", text, Verdict.IMPROVE, mend)

@@ -4,7 +4,7 @@ A cycle takes in the answers to the read of the cycle before, then sends one wri
 the next read.  It waits for no servo, in a fault neither: at most :data:`CYCLE_SHARE` of a period
 for the end of an answer that has begun to arrive.
 
-Readings are believed only where they can be (:mod:`orientd_dynamixel.bus`), and a write of goals is
+Readings are believed only if they can be (:mod:`orientd_dynamixel.servo`), and a write of goals is
 never acknowledged, so torque, hardware error, watchdog and the distance between goal and
 position are watched instead.
 """
@@ -15,6 +15,7 @@ import importlib
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, ClassVar, Literal
 
 from orientd.clock import Clock
@@ -33,31 +34,22 @@ from orientd.driver import (
     switch,
 )
 from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
-from orientd_dynamixel import startup
 from orientd_dynamixel.axes import (
     SLACK,
     TICK,
     Conditions,
     Following,
     Standing,
-    Supervisor,
     Turns,
-    check_angle,
+    complain,
     complain_of_step,
 )
-from orientd_dynamixel.axis import Axis
-from orientd_dynamixel.bus import (
-    READ_WAIT_S,
-    TAIL_SHARE,
-    Group,
-    OpenBus,
-    ServoBus,
-    listen,
-    open_bus,
-)
+from orientd_dynamixel.bus import READ_WAIT_S, OpenBus, ServoBus, open_bus
+from orientd_dynamixel.group import TAIL_SHARE, Group, listen
 from orientd_dynamixel.options import GimbalOptions, parse
+from orientd_dynamixel.servo import Servo
+from orientd_dynamixel.start import Prepared, engage_all, park, prepare
 from orientd_dynamixel.tracker import AxisTracker
-from orientd_dynamixel.whereabouts import GOAL
 
 GLANCE_SHARE = 0.2
 """Of the period, how long one look at the port may wait."""
@@ -89,7 +81,7 @@ class DynamixelDriver(Driver):
         self._sleep = sleep
         self._bus: ServoBus | None = None
         self._group: Group | None = None
-        self._axes = [Axis(axis) for axis in self.settings.axes]
+        self._servos = [Servo(axis) for axis in self.settings.axes]
         self._tracker = AxisTracker(
             self.settings.order, self.settings.mount, self.settings.tool,
             is_pointing=self.settings.pointing,
@@ -99,13 +91,11 @@ class DynamixelDriver(Driver):
         self._feedback: Feedback | None = None
         self._closed = f"{self.settings.port} is not open"
         self._written_ns = 0
-        self._standing = Standing(self._axes)
-        self._supervisor = Supervisor(self.settings, self._axes)
-        self._turns = Turns(self.settings, self._axes)
+        self._standing = Standing(self._servos)
+        self._turns = Turns(self.settings, self._servos)
         self._following = Following(self.settings, self._tracker, period_ns * 1e-9)
-        self._prepared = startup.Prepared({}, [], "")
-        self._told_restarts = 0
-        self._conditions = Conditions()
+        self._prepared = Prepared([], [], "")
+        self._conditions = Conditions([])
 
     def shape(
         self,
@@ -182,36 +172,37 @@ class DynamixelDriver(Driver):
             DeviceFaultError: a servo refuses, the gimbal is outside its limits, or it is not known
                 on which turn it is.
         """
-        bus, group = self._connected()
+        _, group = self._connected()
         if self._prepared.unknown:
             raise DeviceFaultError(self._prepared.unknown)
         self._settle(group)
-        for axis in self._axes:
-            check_angle(axis, axis.angle(startup.sound_position(bus, axis)))
-        begun = startup.engage_all(bus, self._axes)
+        for servo in self._servos:
+            servo.check()
+        begun = engage_all(self._servos)
         try:
-            group.forget()
-            group.synchronise(self.clock.now_ns)
-            startup.arm_watchdogs(bus, self._axes, self.settings.watchdog_ms)
+            for servo in self._servos:
+                servo.arm_watchdog(self.settings.watchdog_ms)
         except DeviceError:
             # What held before goes on holding.
-            startup.drop(bus, begun)
+            for servo in begun:
+                servo.release()
             raise
-        angles = tuple(axis.angle(axis.goal) for axis in self._axes)
+        group.forget()
+        angles = tuple(servo.angle(servo.goal) for servo in self._servos)
         self._tracker.angles = angles
         self._following.rest()
         self._is_enabled, self._is_free, self._is_braking = True, False, False
         self._written_ns = self.clock.now_ns()
-        self._standing = Standing(self._axes)
-        self._supervisor = Supervisor(self.settings, self._axes)
+        self._standing = Standing(self._servos)
         self._feedback = Feedback(self.clock.now_ns(), self._tracker.forward(angles), joints=angles)
         return self._feedback
 
     def free(self) -> None:
         """Switch the torque off, so that the gimbal can be turned by hand; it may sink."""
-        bus, group = self._connected()
+        _, group = self._connected()
         self._settle(group)
-        startup.let_go(bus, self._axes)
+        for servo in self._servos:
+            servo.let_go()
         self._is_free = True
 
     def read(self) -> Feedback | None:
@@ -232,13 +223,7 @@ class DynamixelDriver(Driver):
                 group.ask(self.clock.now_ns())
         if is_new:
             self._feedback = self._report(group)
-        if self._told_restarts < len(group.restarted):
-            self._told_restarts = len(group.restarted)
-            for place in group.restarted:
-                self._standing.fail(place)
-            raise AxisFaultError("; ".join(group.restarted.values()))
-        if is_new and self._is_enabled:
-            self._supervise(group)
+        self._supervise(group, is_new=is_new)
         return self._feedback
 
     def write(self, setpoint: Setpoint) -> None:
@@ -252,10 +237,8 @@ class DynamixelDriver(Driver):
         """
         bus, group = self._connected()
         if self._standing.is_at_rest:
-            now_ns = self.clock.now_ns()
             self._standing.send(bus)
-            if group.can_ask(now_ns):
-                group.ask(now_ns, self._standing.alone(now_ns))
+            group.ask(self.clock.now_ns())
             return
         if self._is_braking:
             self._brake(bus, group)
@@ -265,14 +248,14 @@ class DynamixelDriver(Driver):
         now_ns, angles = self.clock.now_ns(), setpoint.joints
         # Judged by the cycle, not by the clock: two writes may come closer together than that.
         cycles = max(1, round((now_ns - self._written_ns) / self.period_ns))
-        for axis, angle in zip(self._axes, angles, strict=True):
-            check_angle(axis, angle)
+        for servo, angle in zip(self._servos, angles, strict=True):
+            servo.check_angle(angle)
         problem = self._complain_of(angles, cycles, SLACK, TICK)
         if problem:
             self._is_braking = True
             self._brake(bus, group)
             raise AxisFaultError(problem)
-        goals = [axis.ticks(angle) for axis, angle in zip(self._axes, angles, strict=True)]
+        goals = [servo.ticks(angle) for servo, angle in zip(self._servos, angles, strict=True)]
         self._following.took(angles)
         self._send(bus, group, angles, goals, now_ns)
 
@@ -281,11 +264,11 @@ class DynamixelDriver(Driver):
     ) -> str:
         """Return why the axes must not turn to *angles* within so many cycles, or nothing."""
         span = cycles * self.period_ns * 1e-9
-        steps = zip(self._axes, angles, self._tracker.angles, self._following.rates, strict=True)
-        for axis, angle, last, rate in steps:
+        steps = zip(self._servos, angles, self._tracker.angles, self._following.rates, strict=True)
+        for servo, angle, last, rate in steps:
             # Where a cycle was missed the axis has stood still meanwhile, or has not.
             known = rate if cycles == 1 else None
-            problem = complain_of_step(axis, angle - last, known, span, slack, least)
+            problem = complain_of_step(servo.options, angle - last, known, span, slack, least)
             if problem:
                 return problem
         return ""
@@ -301,14 +284,14 @@ class DynamixelDriver(Driver):
             self.write(setpoint)
             return self._tracker.forward(self._tracker.angles), self._tracker.angles
         angles = self._following.step(setpoint.q)
-        goals = [axis.ticks(angle) for axis, angle in zip(self._axes, angles, strict=True)]
+        goals = [servo.ticks(angle) for servo, angle in zip(self._servos, angles, strict=True)]
         self._send(bus, group, angles, goals, self.clock.now_ns())
         return self._tracker.forward(angles), angles
 
     def _brake(self, bus: ServoBus, group: Group) -> None:
         """Bring every axis nearer to rest, within its limits."""
         angles = self._following.brake()
-        goals = [axis.ticks(angle) for axis, angle in zip(self._axes, angles, strict=True)]
+        goals = [servo.ticks(angle) for servo, angle in zip(self._servos, angles, strict=True)]
         self._send(bus, group, angles, goals, self.clock.now_ns())
 
     def _send(
@@ -316,10 +299,9 @@ class DynamixelDriver(Driver):
     ) -> None:
         for place, goal in self._standing.goals.items():
             goals[place] = goal
-        told = list(zip(self._axes, goals, strict=True))
-        bus.sync_write(GOAL, 4, [(axis.options.id, goal) for axis, goal in told])
-        for axis, goal in told:
-            axis.goal = goal
+        for servo, goal in zip(self._servos, goals, strict=True):
+            servo.goal = goal
+        bus.sync_write([(s.options.id, s.table.goal, s.goal) for s in self._servos])
         self._tracker.angles = angles
         self._written_ns = now_ns
         group.ask(now_ns)
@@ -337,28 +319,22 @@ class DynamixelDriver(Driver):
         """Return how far every servo is from its goal, and the current that it draws."""
         found = []
         readings = () if self._group is None else self._group.readings
-        for axis, reading in zip(self._axes, readings, strict=bool(readings)):
-            options, unit = axis.options, axis.options.model.current_unit
-            found.append(
-                AxisGap(
-                    f"servo {options.id} ({options.name})",
-                    axis.angle(axis.goal) - axis.angle(reading.position),
-                    self.settings.arrival_tolerance,
-                    f"{abs(reading.current) * unit:.2f} A" if unit else "",
-                )
-            )
+        for servo, reading in zip(self._servos, readings, strict=bool(readings)):
+            unit = servo.options.model.current_unit
+            gap = servo.angle(servo.goal) - servo.angle(reading.position)
+            load = f"{abs(reading.current) * unit:.2f} A" if unit else ""
+            found.append(AxisGap(str(servo), gap, self.settings.arrival_tolerance, load))
         return found
 
     def disable(self) -> None:
         """Hold the last goal, in a fault the position; watchdogs off."""
         self._is_enabled = False
-        bus, group = self._bus, self._group
-        if bus is None or group is None or self._is_out_of_reach:
+        if self._group is None or self._is_out_of_reach:
             return
         try:
-            self._hold(bus, group)
+            self._hold(self._group)
             if self._is_free:
-                startup.engage_all(bus, self._axes)
+                engage_all(self._servos)
                 self._is_free = False
         except DeviceError:
             # The watchdogs stop what cannot be reached; asking again would only take time.
@@ -379,7 +355,7 @@ class DynamixelDriver(Driver):
 
     def diagnose(self) -> Sequence[Finding]:
         """Look at port, servos and the rate that the bus can hold."""
-        diagnose = importlib.import_module("orientd_dynamixel.diagnosis").diagnose
+        diagnose = importlib.import_module("orientd_dynamixel.doctor").diagnose
         found: list[Finding] = diagnose(self.settings, self.period_ns * 1e-9, self._open_bus)
         return found
 
@@ -394,15 +370,16 @@ class DynamixelDriver(Driver):
 
     def park(self) -> None:
         """Park and switch the torque off, or leave it on, as the options say."""
-        bus, group = self._bus, self._group
-        if bus is None or group is None or self.settings.at_end != "release":
+        if self._group is None or self.settings.at_end != "release":
             return
         try:
-            self._settle(group)
-            startup.release(bus, self.settings, self._axes, self._sleep)
-        except DeviceError:
-            startup.drop(bus, self._axes)
-            raise
+            self._settle(self._group)
+            is_held = all(servo.get(servo.table.torque) for servo in self._servos)
+            if self.settings.park is not None and is_held:
+                park(self._servos, self.settings.park, self._sleep)
+        finally:
+            for servo in self._servos:
+                servo.release()
 
     def close(self) -> None:
         """Leave the servos with their goals, watchdogs off, and let go of the port."""
@@ -412,13 +389,11 @@ class DynamixelDriver(Driver):
         self._turns.close()
         if bus is None:
             return
-        try:
+        # The watchdogs stop what cannot be reached.
+        with suppress(DeviceError):
             if group is not None and not self._is_out_of_reach:
-                self._hold(bus, group)
-        except DeviceError:
-            return  # the watchdogs stop what cannot be reached
-        finally:
-            bus.close()
+                self._hold(group)
+        bus.close()
 
     def _connect(self) -> None:
         options = self.settings
@@ -427,20 +402,19 @@ class DynamixelDriver(Driver):
         bus = self._open_bus(
             options.port, options.baud, wait_ms=options.latency_ms, glance_s=glance_s
         )
+        for servo in self._servos:
+            servo.bus = bus
         try:
-            self._prepared = startup.prepare(
-                bus, options, self._axes, self._turns, self._sleep, self.clock.now_ns
+            self._prepared = prepare(self._servos, options, self._turns, self._sleep, self.clock)
+            self._group, self.advice = listen(
+                self._servos, options, self._prepared.firmware, self.period_ns, self.clock
             )
-            known = self._prepared.firmware
-            self._group, self.advice = listen(bus, self._axes, options, known, self.period_ns)
-            self._group.synchronise(self.clock.now_ns)
-            self._conditions = Conditions(bus, self._axes)
+            self._conditions = Conditions(self._servos)
         except DeviceError as error:
             self._closed = str(error)
             bus.close()
             raise
         self._bus = bus
-        self._told_restarts = 0
         self._is_out_of_reach = False
 
     def _connected(self) -> tuple[ServoBus, Group]:
@@ -449,21 +423,28 @@ class DynamixelDriver(Driver):
         return self._bus, self._group
 
     def _settle(self, group: Group) -> None:
-        group.settle(self.clock.now_ns(), self.settings.latency_ms)
+        group.settle(self.settings.latency_ms)
 
-    def _hold(self, bus: ServoBus, group: Group) -> None:
+    def _hold(self, group: Group) -> None:
+        """Leave every servo where it is told to be; one that cannot be reached keeps none back."""
         self._settle(group)
         now_ns = self.clock.now_ns()
-        stand = [a for k, a in enumerate(self._axes) if self._standing.stands(k, now_ns)]
-        startup.hold(bus, self._axes, stand)
+        failure: DeviceError | None = None
+        for place, servo in enumerate(self._servos):
+            try:
+                servo.hold(stands=self._standing.stands(place, now_ns))
+            except DeviceError as error:
+                failure = failure or error
+        if failure is not None:
+            raise failure
 
     def _report(self, group: Group) -> Feedback:
         angles, rates = [], []
-        for place, (axis, reading) in enumerate(zip(self._axes, group.readings, strict=True)):
+        for place, (servo, reading) in enumerate(zip(self._servos, group.readings, strict=True)):
             if not self._prepared.unknown and place not in group.restarted:
                 self._turns.note(place, reading.position)
-            angles.append(axis.angle(reading.position))
-            rates.append(axis.rate(reading.velocity))
+            angles.append(servo.angle(reading.position))
+            rates.append(servo.rate(reading.velocity))
         return Feedback(
             group.time_ns,
             self._tracker.forward(angles),
@@ -471,14 +452,18 @@ class DynamixelDriver(Driver):
             joints=tuple(angles),
         )
 
-    def _supervise(self, group: Group) -> None:
+    def _supervise(self, group: Group, *, is_new: bool) -> None:
         """Raise what a servo newly shows to be wrong, having let its axis stand where it is."""
-        problems = []
-        for place, reading in enumerate(group.readings):
-            if place in group.restarted:
-                continue
-            problem = self._supervisor.complain(place, reading, group.time_ns)
-            if problem and self._standing.fail(place):
-                problems.append(problem)
+        problems = [
+            f"{self._servos[place]} has started again and lost its settings; was its supply "
+            "interrupted?"
+            for place in sorted(group.restarted)
+            if self._standing.fail(place)
+        ]
+        for place, servo in enumerate(self._servos):
+            if is_new and self._is_enabled and place not in group.restarted:
+                problem = complain(servo, group.readings[place], self.settings, group.time_ns)
+                if problem and self._standing.fail(place):
+                    problems.append(problem)
         if problems:
             raise AxisFaultError("; ".join(problems))

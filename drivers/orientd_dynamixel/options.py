@@ -24,7 +24,7 @@
     gear = 1.0                 # turns of the servo for one of the axis
     direction = 1              # or -1
     zero_deg = 0.0             # angle of the axis where the servo's position is 2048
-    limits_deg = [-170, 170]   # or "endless": as far as the servo counts, 255 turns either way
+    limits_deg = [-170, 170]   # or "endless": as far as the servo counts, 255 turns or more
     velocity_deg = 220         # degrees a second; 80 % of what the servo does without load
     acceleration_deg = 2290    # degrees a second squared
     current_limit = 0.8        # A, where the servo measures it; it gives way at more (mode 5)
@@ -45,12 +45,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from orientd.driver import check_names, choice, number, numbers, quaternion, switch, whole
-
-BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
-"""Those that both the servos and the vendor's SDK know."""
-
-_MOST_TURNS = 255
-"""Of a servo, either way from where its position is 2048."""
+from orientd_dynamixel.tables import BAUD_RATES, MODELS, ServoModel
 
 DEFAULT_ACCELERATION = 40.0
 """rad/s^2 of an axis where nothing else is said; an XM430 with a camera on it can do that."""
@@ -58,51 +53,6 @@ DEFAULT_ACCELERATION = 40.0
 
 OWN_SETTINGS = frozenset({"homing_offset", "drive_mode", "operating_mode"})
 """Of a servo, with a meaning beside orientd: what they are set to is said, or refused."""
-
-
-@dataclass(frozen=True, slots=True)
-class ServoModel:
-    """What the driver has to know of a kind of servo.
-
-    Attributes:
-        name: as printed on it.
-        number: what it answers to a ping.
-        fast_firmware: the first version that answers fast reads.
-        indirect_data: address of its first indirect byte.
-        indirect_address: address of the first entry of the map.
-        no_load_speed: rad/s.
-        current_unit: A of one step; 0 where the servo does not measure its current.
-    """
-
-    name: str
-    number: int
-    fast_firmware: int
-    indirect_data: int
-    indirect_address: int
-    no_load_speed: float
-    current_unit: float
-
-
-def _model(name: str, number: int, rpm: float, current_unit: float, *, is_330: bool) -> ServoModel:
-    """Return a model of one of the two families, which differ in firmware and indirect block."""
-    firmware, indirect_data = (46, 208) if is_330 else (45, 224)
-    speed = rpm * 2 * math.pi / 60
-    return ServoModel(name, number, firmware, indirect_data, 168, speed, current_unit)
-
-
-MODELS: Mapping[str, ServoModel] = {
-    "xm430": ServoModel("XM430-W350", 1020, 45, 224, 168, 4.817, 0.00269),
-    "xl330": ServoModel("XL330-M288", 1200, 46, 208, 168, 10.79, 0.001),
-    "xm540-w270": _model("XM540-W270", 1120, 30, 0.00269, is_330=False),
-    "xm540-w150": _model("XM540-W150", 1130, 53, 0.00269, is_330=False),
-    "xw540-t260": _model("XW540-T260", 1170, 40, 0.00269, is_330=False),
-    "xw540-t140": _model("XW540-T140", 1180, 72, 0.00269, is_330=False),
-    "xl430-w250": _model("XL430-W250", 1060, 61, 0.0, is_330=False),
-    "xc430-w240": _model("XC430-W240", 1080, 70, 0.0, is_330=False),
-    "xc330-m181": _model("XC330-M181", 1230, 129, 0.001, is_330=True),
-    "xc330-m288": _model("XC330-M288", 1240, 81, 0.001, is_330=True),
-}
-"""Numbers as in the vendor's SDK, speeds as in its manual, at 12 V or at 5 V; none was tried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,21 +223,23 @@ def _axis(row: object, place: int, called: str) -> AxisOptions:
     limits = row.get("limits_deg", [-180, 180])
     zero = math.radians(number(f"{where}zero_deg", row.get("zero_deg", 0.0)))
     if limits == "endless":
-        reach = 2 * math.pi * _MOST_TURNS / gear
+        reach = 2 * math.pi * model.most_turns / gear
         low, high = zero - reach, zero + reach
     else:
         low, high = map(math.radians, numbers(f"{where}limits_deg", limits, 2))
     if not low < high:
         raise ValueError(f"{where}limits_deg must be the lower angle first, got {limits!r}")
-    farthest = max(abs(low - zero), abs(high - zero)) * gear / (2 * math.pi) * 4096
-    if farthest + 2048 > 1_048_575:
+    family = model.family
+    farthest = max(abs(low - zero), abs(high - zero)) * gear / (2 * math.pi) * model.ticks
+    if farthest + model.ticks / 2 > family.goal_limit:
         raise ValueError(
-            f"{where}limits_deg must be within {_MOST_TURNS} turns of the servo, got {limits!r}"
+            f"{where}limits_deg must be within {model.most_turns} turns of the servo, got "
+            f"{limits!r}"
         )
     current = row.get("current_limit")
-    if current is not None and not model.current_unit:
-        raise ValueError(f"{where}current_limit: a {model.name} has no limit of its current")
     if current is not None:
+        if not (model.current_unit and family.limits_current):
+            raise ValueError(f"{where}current_limit: a {model.name} has no limit of its current")
         current = number(f"{where}current_limit", current, model.current_unit, 4)
     name = row.get("name", called)
     if not isinstance(name, str) or not name:

@@ -75,7 +75,7 @@ class ScriptTalk:
 
     Args:
         robot: whose port it is.
-        kind: ``primary``, ``secondary`` or ``script``.
+        kind: ``primary``, ``secondary`` or ``script``; the first two may be ``read-only``.
     """
 
     def __init__(self, robot: Controller, kind: str) -> None:
@@ -86,7 +86,9 @@ class ScriptTalk:
         self._is_first = True
 
     def feed(self, chunk: bytes) -> bytes:
-        """Take a part of a program."""
+        """Take a part of a program, except where clients only listen."""
+        if self._kind.endswith("read-only"):
+            return b""
         for program in self._splitter.feed(chunk):
             self._robot.upload(program)
         return b""
@@ -100,7 +102,7 @@ class ScriptTalk:
 
     def tell(self, event: Event) -> bytes:
         """Return the message about an event, which only the primary interface has."""
-        return event_message(self._robot, event) if self._kind == "primary" else b""
+        return event_message(self._robot, event) if self._kind.startswith("primary") else b""
 
     def close(self) -> None:
         """Say so if the client left in the middle of a program."""

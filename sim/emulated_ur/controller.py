@@ -237,6 +237,12 @@ class Controller:
         self._next_program = program
         self.later(self.behaviour.program_start, lambda: self._start(program))
 
+    def interpret(self, line: str) -> str:
+        """Take a line that a client sent to interpreter mode; return the answer."""
+        if self.program is None:
+            return f"discard: no program runs: {line.strip()}"
+        return self.program.functions.interpret(line.strip())
+
     def _start(self, program: Program) -> None:
         if program is not self._next_program or not self.can_move:
             return

@@ -34,6 +34,9 @@ PORTS = {
     "secondary": 30002,
     "script": 30003,
     "rtde": 30004,
+    "primary read-only": 30011,
+    "secondary read-only": 30012,
+    "interpreter": 30020,
 }
 
 TICK_NS = 2_000_000
@@ -73,8 +76,11 @@ class Server:
         try:
             if not host:  # would be every address of the machine
                 raise OSError(errno.EADDRNOTAVAIL, "it must be an address of this machine")
+            behaviour = self.robot.behaviour
+            lacking = {"dashboard": not behaviour.has_dashboard,
+                       "interpreter": not behaviour.has_interpreter}  # fmt: skip
             for kind, port in PORTS.items():
-                if kind != "dashboard" or self.robot.behaviour.has_dashboard:
+                if not lacking.get(kind):
                     self._listeners[kind] = socket.create_server((host, port), backlog=16)
                     self._listeners[kind].setblocking(False)
         except OSError:
@@ -176,6 +182,8 @@ class Server:
             return LineTalk(partial(faults.carry_out, self))
         if kind == "dashboard":
             return LineTalk(partial(dashboard.reply, self.robot), dashboard.WELCOME)
+        if kind == "interpreter":
+            return LineTalk(self.robot.interpret)
         return ScriptTalk(self.robot, kind)
 
     def _serve(self, connection: ClientConnection) -> None:

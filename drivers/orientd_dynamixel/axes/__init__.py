@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from orientd_dynamixel.axes.condition import Conditions
 from orientd_dynamixel.axes.following import Following
-from orientd_dynamixel.axes.standing import Standing
-from orientd_dynamixel.axes.supervisor import SLACK, TICK, Supervisor, check_angle, complain_of_step
+from orientd_dynamixel.axes.standing import Conditions, Standing, complain
+from orientd_dynamixel.axes.supervisor import SLACK, TICK, complain_of_step
 from orientd_dynamixel.axes.turns import Turns

@@ -6,4 +6,12 @@ from emulated_ur.arm.arm import TICK, Arm, Mode
 from emulated_ur.arm.kinematics import TWISTS, speed
 from emulated_ur.arm.models import MODELS, Behaviour, version_of
 from emulated_ur.arm.tool import Tool, UnreachableError
-from emulated_ur.arm.transforms import from_pose, inverse, multiply, rotation_between, to_pose
+from emulated_ur.arm.transforms import (
+    from_pose,
+    inverse,
+    moved,
+    multiply,
+    rotated,
+    rotation_between,
+    to_pose,
+)  # fmt: skip

@@ -120,6 +120,11 @@ class Behaviour:
         return self.version[0] < 10
 
     @property
+    def has_interpreter(self) -> bool:
+        """Whether its programs can enter interpreter mode."""
+        return self.version >= (5, 10)
+
+    @property
     def cycle_ticks(self) -> int:
         """Ticks of 2 ms from one look at the inputs to the next: CB3 controllers have 8 ms."""
         return 4 if self.is_cb3 else 1

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from emulated_ur.arm.arm import Arm, Mode
 from emulated_ur.arm.kinematics import Joints, speed
-from emulated_ur.arm.transforms import Pose, Transform, from_pose, inverse, multiply, to_pose
+from emulated_ur.arm.transforms import Pose, Transform, from_pose, inverse, moved, multiply, to_pose
 
 
 class UnreachableError(Exception):
@@ -73,10 +73,8 @@ class Tool:
 
     def pose_ahead(self, speeds: Sequence[float], dt: float) -> Pose:
         """Return the commanded pose *dt* seconds on, at tool *speeds* (m/s and rad/s)."""
-        tool = self.at(self._arm.target_q)
-        turned = multiply(from_pose((0.0, 0.0, 0.0, *(r * dt for r in speeds[3:]))), tool)
-        x, y, z = (p + v * dt for p, v in zip(tool[3::4], speeds[:3], strict=True))
-        return to_pose((*turned[0:3], x, *turned[4:7], y, *turned[8:11], z))
+        step = [rate * dt for rate in speeds]
+        return to_pose(moved(self.at(self._arm.target_q), step[:3], step[3:]))
 
     def pose(self, which: str) -> Pose:
         """Return one of the four poses and speeds of the tool, computed once a tick.

@@ -44,6 +44,20 @@ def inverse(a: Transform) -> Transform:
     )  # fmt: skip
 
 
+def rotated(vector: Sequence[float], turn: Sequence[float]) -> Vector:
+    """Return *vector* turned by the rotation vector *turn*."""
+    rows, (x, y, z) = from_pose((0.0, 0.0, 0.0, *turn)), vector
+    a, b, c = (rows[at] * x + rows[at + 1] * y + rows[at + 2] * z for at in (0, 4, 8))
+    return (a, b, c)
+
+
+def moved(a: Transform, shift: Sequence[float], turn: Sequence[float]) -> Transform:
+    """Return *a* shifted, and turned about its own origin; both in base coordinates."""
+    turned = multiply(from_pose((0.0, 0.0, 0.0, *turn)), a)
+    x, y, z = (p + d for p, d in zip(a[3::4], shift, strict=True))
+    return (*turned[0:3], x, *turned[4:7], y, *turned[8:11], z)
+
+
 def from_pose(pose: Sequence[float]) -> Transform:
     """Return the transform of a pose; its rotation vector may be of any length (Rodrigues)."""
     x, y, z, rx, ry, rz = pose

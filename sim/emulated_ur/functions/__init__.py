@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from emulated_ur.functions.interpreter import Interpreter
 from emulated_ur.functions.motions import Motions
 from emulated_ur.functions.robot import FLAGS, Robot
 from emulated_ur.functions.sockets import Sockets
@@ -19,10 +20,10 @@ _NOT_EMULATED = """
     encoder_enable_set_tick_count encoder_get_tick_count encoder_set_tick_count
     encoder_unwind_delta_tick_count end_screw_driving eval get_conveyor_tick_count
     get_coriolis_and_centrifugal_torques get_jacobian get_jacobian_time_derivative
-    get_mass_matrix interpreter_mode end_interpreter clear_interpreter modbus_add_signal
+    get_mass_matrix modbus_add_signal
     modbus_delete_signal modbus_get_signal_status modbus_send_custom_command
     modbus_set_digital_input_action modbus_set_output_register modbus_set_output_signal
-    modbus_set_signal_update_frequency movec optimovej optimovel path_offset_disable
+    modbus_set_signal_update_frequency optimovej optimovel path_offset_disable
     path_offset_enable path_offset_get path_offset_set path_offset_set_alpha_filter
     path_offset_set_max_offset read_port_bit read_port_register
     request_boolean_from_primary_client request_float_from_primary_client
@@ -42,7 +43,7 @@ def _missing(name: str) -> Callable[..., Any]:
     return refuse
 
 
-class Functions(Values, Robot, Sockets, Motions):
+class Functions(Values, Robot, Sockets, Interpreter, Motions):
     """The functions of one program.
 
     Args:
@@ -50,22 +51,27 @@ class Functions(Values, Robot, Sockets, Motions):
     """
 
     def __init__(self, robot: Controller) -> None:
-        super().__init__()
+        Sockets.__init__(self)
+        Interpreter.__init__(self)
         self.robot = robot
-        self._table = {
+        self._table = {name: _missing(name) for name in _NOT_EMULATED.split()} | {
             name: getattr(self, name)
-            for part in (Values, Robot, Sockets, Motions)
+            for part in Functions.__bases__
             for name in vars(part)
             if not name.startswith("_")
         }
 
     def table(self) -> dict[str, Callable[..., Any]]:
         """Return every function by its name; those that are not emulated say so when called."""
-        return {name: _missing(name) for name in _NOT_EMULATED.split()} | self._table
+        return self._table
 
     def press(self) -> None:
         """Give way to force mode for a cycle."""
         self._press()
+
+    def interpret(self, statement: str) -> str:
+        """Take a line that was sent to the program's interpreter mode; return the answer."""
+        return self._interpret(statement)
 
     def let_go(self, handle: int) -> None:
         """Take the arm from a thread that has ended."""

@@ -7,11 +7,12 @@ somebody asks for by the control channel's ``contact``.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from emulated_ur.arm import TICK, Mode, from_pose, multiply, rotation_between, to_pose
+from emulated_ur.arm import TICK, Mode, from_pose, moved, rotated, rotation_between, to_pose
 from emulated_ur.urscript import Array, Datum, Pose, ScriptError, written
 
 if TYPE_CHECKING:
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 _Path = tuple[float, Callable[[float], tuple[float, ...]]]
 
 _LARGEST = 1e6
+_STRAIGHT = 1e-12
+"""Three positions are on a line below this squared sine between the ways to two of them."""
+
 _YIELDING = (0.01, 0.01, 0.01, 0.5, 0.5, 0.5)
 """How fast the tool gives way to forces in force mode: m/s for each N, rad/s for each Nm."""
 
@@ -41,6 +45,10 @@ def finite(values: Iterable[float], count: int = 6) -> tuple[float, ...]:
     return numbers
 
 
+def _cross(a: Sequence[float], b: Sequence[float]) -> list[float]:
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
 class Motions:
     """What moves the arm."""
 
@@ -48,6 +56,7 @@ class Motions:
     program: Program
     _holder: int | None = None
     _force: tuple[tuple[float, ...], ...] | None = None
+    _is_aborted: bool
 
     def movej(
         self, q: Datum, a: float = 1.4, v: float = 1.05, t: float = 0.0, r: float = 0.0
@@ -71,6 +80,22 @@ class Motions:
 
     def movep(self, pose: Datum, a: float = 1.2, v: float = 0.25, r: float = 0.0) -> Ticks:
         yield from self.movel(pose, a, v, 0.0, r)
+
+    def movec(
+        self, pose_via: Datum, pose_to: Datum, a: float = 1.2, v: float = 0.25, r: float = 0.0,
+        mode: int = 0,
+    ) -> Ticks:  # fmt: skip
+        tool = self.robot.tool
+        via, end = (
+            from_pose(finite(one)) if isinstance(one, Pose) else tool.at(finite(one))
+            for one in (pose_via, pose_to)
+        )
+        begin = tool.at(self.robot.arm.target_q)
+        is_interrupted = yield from self._follow(
+            *self._arc(begin, via[3::4], end, int(mode)), (a, v, 0.0, r)
+        )
+        if is_interrupted:  # the rest of an arc that a pause has cut is a line
+            yield from self.movel(pose_to, a, v, 0.0, r)
 
     def servoj(
         self, q: Datum, a: float = 0.0, v: float = 0.0, t: float = TICK,
@@ -188,15 +213,8 @@ class Motions:
             max(-limit, min(limit, force * give)) if chosen else 0.0
             for chosen, force, limit, give in zip(selection, wrench, limits, _YIELDING, strict=True)
         ]
-        rows = from_pose((0.0, 0.0, 0.0, *frame[3:]))
-        ahead = self.robot.tool.pose_ahead(
-            [
-                sum(rows[4 * row + column] * speeds[first + column] for column in range(3))
-                for first in (0, 3)
-                for row in range(3)
-            ],
-            TICK * self.robot.speed_scaling,
-        )
+        speeds = [*rotated(speeds[:3], frame[3:]), *rotated(speeds[3:], frame[3:])]
+        ahead = self.robot.tool.pose_ahead(speeds, TICK * self.robot.speed_scaling)
         arm.follow(self.robot.tool.joints_at(ahead))
 
     def _push(self, speeds: Sequence[float]) -> None:
@@ -231,17 +249,43 @@ class Motions:
     def _line(self, begin: Transform, end: Transform) -> _Path:
         """Return the path of a tool in a line, with its length in m or rad."""
         turn = rotation_between(begin, end)
-        shift = (end[3] - begin[3], end[7] - begin[7], end[11] - begin[11])
+        shift = [b - a for a, b in zip(begin[3::4], end[3::4], strict=True)]
         length = max(math.hypot(*shift), math.hypot(*turn))
 
-        def along_line(s: float) -> tuple[float, ...]:
+        def along(s: float) -> tuple[float, ...]:
             share = s / length
-            turned = multiply(from_pose((0.0, 0.0, 0.0, *(share * one for one in turn))), begin)
-            at = tuple(p + share * d for p, d in zip(begin[3::4], shift, strict=True))
-            placed = (*turned[0:3], at[0], *turned[4:7], at[1], *turned[8:11], at[2])
-            return self.robot.tool.joints_at(to_pose(placed))
+            at = moved(begin, [share * one for one in shift], [share * one for one in turn])
+            return self.robot.tool.joints_at(to_pose(at))
 
-        return length, along_line
+        return length, along
+
+    def _arc(self, begin: Transform, via: Sequence[float], end: Transform, mode: int) -> _Path:
+        """Return the path of a tool on the circle through *via*, with its length in m."""
+        a, b = ([q - p for p, q in zip(begin[3::4], to, strict=True)] for to in (via, end[3::4]))
+        normal = _cross(a, b)
+        square = math.hypot(*normal) ** 2
+        if square <= _STRAIGHT * math.hypot(*a) ** 2 * math.hypot(*b) ** 2:
+            raise ValueError("movec: the three positions are on a line")
+        # From the first position to the centre, and the angle to the last one by way of the other.
+        ends = [
+            math.hypot(*a) ** 2 * q - math.hypot(*b) ** 2 * p for p, q in zip(a, b, strict=True)
+        ]
+        centre = [one / (2.0 * square) for one in _cross(ends, normal)]
+        axis = [one / math.sqrt(square) for one in normal]
+        first, last = [-one for one in centre], [q - c for q, c in zip(b, centre, strict=True)]
+        sine = sum(map(operator.mul, axis, _cross(first, last)))
+        angle = math.atan2(sine, sum(map(operator.mul, first, last))) % math.tau
+        turn = rotation_between(begin, end)
+        length = angle * math.hypot(*centre)
+
+        def along(s: float) -> tuple[float, ...]:
+            swing = [s / length * angle * one for one in axis]
+            spoke = rotated(first, swing)
+            shift = [c + r for c, r in zip(centre, spoke, strict=True)]
+            how = swing if mode else [s / length * one for one in turn]
+            return self.robot.tool.joints_at(to_pose(moved(begin, shift, how)))
+
+        return length, along
 
     def _follow(
         self, length: float, at: Callable[[float], tuple[float, ...]], how: Sequence[float]
@@ -252,6 +296,7 @@ class Motions:
             speed, acceleration = 1.5 * length / seconds, 4.5 * length / seconds**2
         speed, acceleration = max(speed, 1e-3), max(acceleration, 1e-3)
         along = rate = 0.0
+        self._is_aborted = False
         with self._arm():
             while along < length:
                 dt = TICK * self.robot.speed_scaling
@@ -260,6 +305,9 @@ class Motions:
                 along = min(length, along + rate * dt)
                 self.robot.arm.follow(at(along))
                 yield
+                if self._is_aborted:
+                    yield from self.stopj(acceleration)
+                    return False
                 if self.robot.arm.mode is not Mode.FOLLOW:
                     return True
             self.robot.arm.hold()

@@ -6,8 +6,16 @@ import math
 import random
 from collections.abc import Sequence
 
-from emulated_ur.arm import from_pose, inverse, multiply, rotation_between, to_pose
-from emulated_ur.urscript import Array, Datum, Pose, pose_of, written
+from emulated_ur.arm import (
+    from_pose,
+    inverse,
+    moved,
+    multiply,
+    rotated,
+    rotation_between,
+    to_pose,
+)  # fmt: skip
+from emulated_ur.urscript import Array, Datum, Pose, written
 
 
 class Values:
@@ -89,8 +97,7 @@ class Values:
     inv = pose_inv
 
     def pose_add(self, p_1: Sequence[float], p_2: Sequence[float]) -> Pose:
-        turned = self.pose_trans((0, 0, 0, *p_1[3:]), (0, 0, 0, *p_2[3:]))
-        return Pose((p_1[0] + p_2[0], p_1[1] + p_2[1], p_1[2] + p_2[2], *turned[3:]))
+        return Pose(to_pose(moved(from_pose(p_2), p_1[:3], p_1[3:])))
 
     def pose_sub(self, p_to: Sequence[float], p_from: Sequence[float]) -> Pose:
         shift = (p_to[0] - p_from[0], p_to[1] - p_from[1], p_to[2] - p_from[2])
@@ -103,23 +110,15 @@ class Values:
         return math.dist(p_from[:3], p_to[:3])
 
     def interpolate_pose(self, p_from: Pose, p_to: Pose, alpha: float) -> Pose:
-        *shift, rx, ry, rz = self.pose_sub(p_to, p_from)
-        turned = self.pose_trans(
-            (0, 0, 0, alpha * rx, alpha * ry, alpha * rz), (0, 0, 0, *p_from[3:])
-        )
-        at = (a + alpha * d for a, d in zip(p_from[:3], shift, strict=True))
-        return pose_of((*at, *turned[3:]))
+        step = [alpha * one for one in self.pose_sub(p_to, p_from)]
+        return Pose(to_pose(moved(from_pose(p_from), step[:3], step[3:])))
 
     def wrench_trans(self, T_from_to: Pose, w_from: Sequence[float]) -> Array:
-        rows = from_pose((0, 0, 0, *T_from_to[3:]))
         x, y, z = T_from_to[:3]
         fx, fy, fz, mx, my, mz = w_from
         moment = (mx - (y * fz - z * fy), my - (z * fx - x * fz), mz - (x * fy - y * fx))
-        return Array(
-            sum(rows[4 * row + column] * part[row] for row in range(3))
-            for part in ((fx, fy, fz), moment)
-            for column in range(3)
-        )
+        back = [-one for one in T_from_to[3:]]
+        return Array((*rotated((fx, fy, fz), back), *rotated(moment, back)))
 
     def rpy2rotvec(self, rpy_vector: Sequence[float]) -> Array:
         roll, pitch, yaw = rpy_vector

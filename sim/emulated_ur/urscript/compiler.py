@@ -56,11 +56,13 @@ class Script:
         name: after ``def`` or ``sec``; empty for a line on its own.
         is_secondary: whether it is a ``sec`` program, which runs beside the main one.
         code: what defines its functions, and ``main``.
+        defines: its variables and functions, and whether those take time.
     """
 
     name: str
     is_secondary: bool
     code: CodeType
+    defines: Mapping[str, bool]
 
 
 @dataclass
@@ -98,18 +100,24 @@ class _Function:
             yield from one.all()
 
 
-def compile_script(text: str, functions: Mapping[str, Callable[..., Any]]) -> Script:
+def compile_script(
+    text: str,
+    functions: Mapping[str, Callable[..., Any]],
+    known: Mapping[str, bool] | None = None,
+) -> Script:
     """Compile one program: ``def .. end``, ``sec .. end``, or statements on a line.
 
     Args:
         text: the program.
         functions: the controller's own functions; those that take time are generators.
+        known: what the program defines to which these statements are added; see
+            :attr:`Script.defines`.
 
     Raises:
         ScriptError: it does not compile; the text begins as the controller's does.
     """
     try:
-        return _Compiler(text, functions).program()
+        return _Compiler(text, functions, known or {}).program(is_whole=known is None)
     except (RecursionError, MemoryError) as error:
         raise ScriptError("syntax_error_on_line:1: too many brackets or blocks", 1, 1) from error
     except SyntaxError as error:  # a break outside a loop, a parameter that is there twice
@@ -123,7 +131,10 @@ def _signature(function: Callable[..., Any]) -> inspect.Signature:
 
 
 class _Compiler:
-    def __init__(self, text: str, functions: Mapping[str, Callable[..., Any]]) -> None:
+    def __init__(
+        self, text: str, functions: Mapping[str, Callable[..., Any]], known: Mapping[str, bool]
+    ) -> None:
+        self._known = known
         self._tokens = list(tokens(text))
         self._lines = text.split("\n")
         self._at = 0
@@ -174,10 +185,10 @@ class _Compiler:
 
     # Programs and functions.
 
-    def program(self) -> Script:
+    def program(self, *, is_whole: bool) -> Script:
         """Return the compiled program."""
         self._skip_lines()
-        kind = self._next.text if self._is("def", "sec") else ""
+        kind = self._next.text if is_whole and self._is("def", "sec") else ""
         name = ""
         if kind:
             self._take()
@@ -195,7 +206,9 @@ class _Compiler:
         self._resolve()
         everything = [one.node for one in self._here.inner] + [self._here.node]
         module = ast.fix_missing_locations(ast.Module(list(everything), []))
-        return Script(name, kind == "sec", compile(module, FILE, "exec"))
+        defines = {f"v_{name}": False for name in self._here.assigned}
+        defines |= {f"f_{one.name}": one.takes_time for one in self._here.inner}
+        return Script(name, kind == "sec", compile(module, FILE, "exec"), defines)
 
     def _function(self) -> None:
         is_thread = self._take().text == "thread"
@@ -232,10 +245,10 @@ class _Compiler:
         everything = list(self._here.all())
         for one in everything:
             for name, token in one.reads:
-                if one.owner(name) is None:
+                if one.owner(name) is None and f"v_{name}" not in self._known:
                     raise self._not_found(name, token)
             for _, name, token in one.calls:
-                if one.function(name) is None and name not in self._functions:
+                if not self._is_own(one, name) and name not in self._functions:
                     raise self._not_found(name, token)
             one.takes_time |= one.is_thread or one.parent is None
         is_settled = False
@@ -251,12 +264,18 @@ class _Compiler:
         return ScriptError(f"compile_error_name_not_found:{name}:", token.line, token.column)
 
     def _lasts(self, caller: _Function, name: str) -> bool:
-        own = caller.function(name)
-        return own.takes_time if own else inspect.isgeneratorfunction(self._functions[name])
+        if own := caller.function(name):
+            return own.takes_time
+        if self._is_own(caller, name):
+            return self._known[f"f_{name}"]
+        return inspect.isgeneratorfunction(self._functions[name])
+
+    def _is_own(self, caller: _Function, name: str) -> bool:
+        return caller.function(name) is not None or f"f_{name}" in self._known
 
     def _finish(self, one: _Function) -> None:
         for call, name, token in one.calls:
-            if one.function(name):
+            if self._is_own(one, name):
                 for keyword in call.keywords:
                     keyword.arg = f"v_{keyword.arg}"
                 call.func = ast.Name(f"f_{name}", ast.Load())
@@ -339,7 +358,12 @@ class _Compiler:
         self._at -= 1
         if word in ("run", "not", "True", "False"):
             return ast.Expr(self._expression())
-        raise self._wrong("expected a statement")
+        why = (
+            "switch is not emulated: use if and elif"
+            if word == "switch"
+            else "expected a statement"
+        )
+        raise self._wrong(why)
 
     def _if(self) -> ast.stmt:
         test = self._expression()

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 _WORDS = """
     def thread sec end if elif else while break continue return and or xor not True False global
-    local run kill join halt enter_critical exit_critical pass
+    local run kill join halt enter_critical exit_critical pass switch
 """
 KEYWORDS = frozenset(_WORDS.split())
-_OPENING = frozenset({"def", "thread", "sec", "if", "while"})
+_OPENING = frozenset({"def", "thread", "sec", "if", "while", "switch"})
 
 _TOKEN = re.compile(
     r"""(?P<blank>[ \t\r]+|\#[^\n]*)

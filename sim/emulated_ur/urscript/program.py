@@ -7,7 +7,7 @@ from types import GeneratorType, TracebackType
 from typing import TYPE_CHECKING, Any
 
 from emulated_ur.arm import UnreachableError
-from emulated_ur.urscript.compiler import FILE, Script
+from emulated_ur.urscript.compiler import FILE, Script, compile_script
 from emulated_ur.urscript.lexer import ScriptError
 from emulated_ur.urscript.values import Array, pose_of, replaced
 
@@ -42,25 +42,27 @@ class Program:
 
     Attributes:
         script: what it does.
+        functions: the controller's functions, for this program.
         current: the thread that runs now; 0 is the main one.
     """
 
     def __init__(self, script: Script, functions: Functions) -> None:
         self.script = script
         self.current = 0
-        self._functions = functions
+        self.functions = functions
         self._rounds = 0
         self._started = 0
-        names: dict[str, Any] = {
+        self._known = dict(script.defines)
+        self._names: dict[str, Any] = {
             "h_array": Array, "h_pose": pose_of, "h_replaced": replaced, "h_run": self._run,
             "h_kill": self._kill, "h_join": self._join, "h_halt": self._halt,
             "h_tired": self._is_tired, **functions.table(),
         }  # fmt: skip
         try:
-            exec(script.code, names)
+            exec(script.code, self._names)
         except _FAILURES as error:  # of a parameter's default
             raise _placed(error) from error
-        self._threads: dict[int, Ticks] = {0: names["main"]()}
+        self._threads: dict[int, Ticks] = {0: self._names["main"]()}
         functions.program = self
 
     def advance(self) -> bool:
@@ -85,13 +87,28 @@ class Program:
                 raise _placed(error) from error
             order += [one for one in self._threads if one > order[-1]]
         if 0 in self._threads:
-            self._functions.press()
+            self.functions.press()
         return 0 in self._threads
+
+    def compile(self, statement: str) -> Script:
+        """Return a statement, or more of them, to be added to the program.
+
+        Raises:
+            ScriptError: it does not compile.
+        """
+        script = compile_script(statement + "\n", self.functions.table(), self._known)
+        self._known |= script.defines
+        return script
+
+    def run_more(self, script: Script) -> Ticks:
+        """Run what was added, in the thread that calls."""
+        exec(script.code, self._names)
+        yield from self._names["main"]()
 
     def end(self) -> None:
         """Close what the program holds: its threads and its sockets."""
         self._threads.clear()
-        self._functions.end()
+        self.functions.end()
 
     @property
     def line(self) -> int:
@@ -106,7 +123,7 @@ class Program:
 
     def _forget(self, handle: int) -> None:
         self._threads.pop(handle, None)
-        self._functions.let_go(handle)
+        self.functions.let_go(handle)
 
     def _is_tired(self) -> bool:
         self._rounds += 1

@@ -39,7 +39,7 @@ class Rig:
         from dynamixel_sdk import Protocol2PacketHandler
 
         from orientd_dynamixel import DynamixelDriver
-        from orientd_dynamixel.bus.servo_bus import ServoBus
+        from orientd_dynamixel.bus import ServoBus
 
         self.period_ns = 1_000_000_000 // rate_hz
         self.clock = ManualClock(1_000_000_000)

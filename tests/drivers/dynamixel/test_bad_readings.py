@@ -157,7 +157,7 @@ def test_stop_and_disable_act_in_a_fault(rig, gimbal_loop, command):
     # Somebody else on the bus has sent it away, slowly.
     gimbal = it.gimbal
     it.high[0] += 2000
-    goal = gimbal.driver._axes[0]
+    goal = gimbal.driver._servos[0]
     goal.goal = 4000
     gimbal.driver._standing.goals[0] = 4000
     it.run(300)

@@ -17,8 +17,8 @@ from emulated_dynamixel import (
 )
 from orientd.clock import ManualClock
 from orientd_dynamixel import doctor
-from orientd_dynamixel.bus.servo_bus import ServoBus
-from orientd_dynamixel.diagnosis import diagnose
+from orientd_dynamixel.bus import ServoBus
+from orientd_dynamixel.doctor import diagnose
 from orientd_dynamixel.options import parse
 
 

@@ -2,8 +2,7 @@
 
 import pytest
 
-from orientd_dynamixel.bus.group import STALE_MS, ServoClock
-from orientd_dynamixel.bus.reading import behind_ms
+from orientd_dynamixel.group import STALE_MS, ServoClock
 
 MS = 1_000_000
 
@@ -40,5 +39,9 @@ def test_clock_that_runs_at_another_speed_is_followed(drift):
 
 
 def test_difference_is_taken_across_the_wrap():
-    assert behind_ms(32760, 5.0) == 13.0
-    assert behind_ms(5, 32760.0) == -13.0
+    clock = ServoClock()
+    clock.learn(0, 32760)
+    assert clock.behind_ms(0, 5) == -13.0
+    clock = ServoClock()
+    clock.learn(0, 5)
+    assert clock.behind_ms(0, 32760) == 13.0

@@ -56,13 +56,6 @@ def test_a_warning_comes_before_the_servo_gives_up(rig, model, change, said):
     assert gimbal.servo(1).is_torque_on
 
 
-def test_a_warning_stays_until_it_is_clearly_better(gimbal):
-    servo = gimbal.servo(1)
-    for temperature, is_warned in ((70, True), (69, True), (68, True), (66, False), (69, False)):
-        servo.temperature = temperature
-        assert bool(health(gimbal)["yaw"].warning) is is_warned, temperature
-
-
 def test_a_load_that_a_servo_hardly_bears_is_warned_of(gimbal):
     gimbal.servo(2).shaft.load = 0.95
     assert not health(gimbal)["pitch"].warning  # for a moment it may be

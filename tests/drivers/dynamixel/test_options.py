@@ -2,13 +2,17 @@
 
 import math
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from emulated_dynamixel import MODELS as EMULATED
+from emulated_dynamixel import EmulatedServo
 from orientd import config
 from orientd_dynamixel.options import parse
+from orientd_dynamixel.tables import MODELS
 
 EXAMPLE = Path(__file__).parents[3] / "config" / "gimbal.toml"
 GOOD = {"port": "/dev/null", "axes": [{"id": 1}, {"id": 2}, {"id": 3}]}
@@ -27,7 +31,7 @@ def test_example_deployment_is_read_by_the_daemon():
 
 
 def test_axis_takes_eighty_percent_of_the_speed_without_load():
-    assert parse(GOOD).axes[0].velocity == pytest.approx(0.8 * 4.817)
+    assert parse(GOOD).axes[0].velocity == pytest.approx(0.8 * 46 * math.tau / 60)
 
 
 def test_two_axes_about_the_same_letter_have_different_names():
@@ -78,17 +82,72 @@ def test_what_is_wrong_is_named(change, message):
         parse({**GOOD, **change})
 
 
-def test_every_model_is_driven_on_a_bus_of_its_own(rig):
-    from emulated_dynamixel import MODELS as EMULATED
-    from orientd_dynamixel.options import MODELS
+@pytest.mark.parametrize("name", EMULATED)
+def test_every_model_is_driven_on_a_bus_of_its_own(rig, name):
+    it = rig("ZY", models=[name, name])
+    it.start()
+    it.run(30, lambda k: [0.004 * k, -0.002 * k])
+    it.run(40)
+    assert it.seen[-1].joints == pytest.approx((0.116, -0.058), abs=0.002)
 
-    assert MODELS.keys() == EMULATED.keys()
-    for name in MODELS:
-        it = rig("ZY", models=[name, name])
-        it.start()
-        it.run(30, lambda k: [0.004 * k, -0.002 * k])
-        it.run(40)
-        assert it.seen[-1].joints == pytest.approx((0.116, -0.058), abs=0.002), name
+
+class HighServo(EmulatedServo):
+    """A servo whose registers that are not permanent lie 448 bytes higher, as in the P series.
+
+    Its shaft has as many ticks a turn as the others.
+    """
+
+    def read(self, address, count, now_ns):
+        error, content = super().read(self.low(address), count, now_ns)
+        if 168 <= address < 512:
+            content = self.shifted(content, 448)
+        return error, content
+
+    def write(self, address, content, now_ns):
+        if 168 <= address < 512:
+            assert not self.is_torque_on
+            content = self.shifted(content, -448)
+        return super().write(self.low(address), content, now_ns)
+
+    def low(self, address):
+        if 634 <= address < 762:
+            return address - 634 + 224
+        return address - 448 * (address >= 512)
+
+    def shifted(self, content, by):
+        entries = [
+            int.from_bytes(content[k : k + 2], "little") + by for k in range(0, len(content), 2)
+        ]
+        return b"".join(entry.to_bytes(2, "little") for entry in entries)
+
+
+@pytest.mark.parametrize("name", [name for name in MODELS if name not in EMULATED])
+def test_every_model_of_the_p_series_is_driven_by_its_own_registers(rig, name):
+    it = rig("ZY", axes=[{"id": 1, "model": name}, {"id": 2, "model": name}])
+    model = replace(EMULATED["xm430"], number=MODELS[name].number)
+    it.bus.servos[:] = [HighServo(k, model, now_ns=it.clock.now_ns()) for k in (1, 2)]
+    for servo in it.bus.servos:
+        servo.shaft.position = 0.0
+    it.start()
+    angles = [300 * math.tau / MODELS[name].ticks, -100 * math.tau / MODELS[name].ticks]
+    it.run(60, lambda k: [angle * min(1.0, k / 50) for angle in angles])
+    it.run(40)
+    assert it.driver._group.losses.total == 0
+    assert it.goals() == [300, -100]
+    assert it.seen[-1].joints == pytest.approx(angles, rel=0.02)
+
+
+def test_models_have_numbers_of_their_own():
+    numbers = [model.number for model in MODELS.values()]
+    assert len(set(numbers)) == len(numbers)
+    for name, emulated in EMULATED.items():
+        assert (MODELS[name].name, MODELS[name].number) == (emulated.name, emulated.number)
+
+
+def test_p_series_has_no_mode_that_limits_the_current():
+    axes = [{"id": 1, "model": "ph54-200", "current_limit": 0.5}, {"id": 2}]
+    with pytest.raises(ValueError, match="PH54-200-S500 has no limit of its current"):
+        parse({"port": "virtual", "order": "ZY", "axes": axes})
 
 
 def test_a_limit_of_current_is_for_servos_that_measure_it():

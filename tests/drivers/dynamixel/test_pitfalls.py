@@ -68,8 +68,9 @@ from emulated_dynamixel import (  # noqa: E402
 from emulated_dynamixel.packet import status  # noqa: E402
 from orientd.clock import ManualClock  # noqa: E402
 from orientd.errors import DeviceFaultError, FeedbackError, LinkError  # noqa: E402
-from orientd_dynamixel.bus.reading import BLOCK, decode  # noqa: E402
-from orientd_dynamixel.bus.servo_bus import ServoBus, _unstuffed  # noqa: E402
+from orientd_dynamixel.bus import ServoBus, _unstuffed  # noqa: E402
+from orientd_dynamixel.group import decode  # noqa: E402
+from orientd_dynamixel.tables import X430, Register  # noqa: E402
 
 MS = 1_000_000
 
@@ -212,7 +213,7 @@ def test_09_negative_values_are_negative():
     bus, port, ph = bare()
     bus.servo(1).shaft.position = -5.0
     assert ph.read4ByteTxRx(port, 1, 132)[0] == 2**32 - 5
-    assert ours(bus, port, ph).read(1, 132, 4, is_signed=True) == -5
+    assert ours(bus, port, ph).read(1, X430.table.position) == -5
     block = bytes([1, 2, 0, 10]) + b"\1\0" + b"\xfe\xff" + b"\xfd\xff\xff\xff" + b"\xfb\xff\xff\xff"
     reading = decode(block)
     assert (reading.current, reading.position) == (-2, -5)
@@ -228,7 +229,7 @@ def test_10_error_without_content_is_not_content(monkeypatch):
         ph.read4ByteTxRx(port, 1, 132)
     port.is_using = False
     with pytest.raises(DeviceFaultError, match="servo 1 refused instruction 0x02"):
-        ours(bus, port, ph).read(1, 132, 4)
+        ours(bus, port, ph).read(1, X430.table.position)
 
 
 def test_10b_short_answer_to_a_group_is_a_loss(gimbal, monkeypatch):
@@ -282,10 +283,10 @@ def test_11_late_reply_of_another_size_is_not_the_answer(monkeypatch):
 
     monkeypatch.setattr(port, "writePort", write_behind)
     it = ours(bus, port, ph)
-    assert it.read(1, 70, 1) == 0
-    assert it.read(1, 132, 4) == 2048
-    it.write(1, 112, 5, 4)
-    assert it.read(1, 112, 4) == 5
+    assert it.read(1, Register(70, 1)) == 0
+    assert it.read(1, Register(132, 4)) == 2048
+    it.write(1, Register(112, 4), 5)
+    assert it.read(1, Register(112, 4)) == 5
     assert it.ping(1) == (1020, 48)
 
 
@@ -293,12 +294,13 @@ def test_12_goal_that_holds_a_header_is_moved_by_a_tick(rig):
     axes = [{"id": 1, "limits_deg": [-12000, 12000]}, {"id": 2, "limits_deg": [-90, 90]}]
     it = rig("ZY", axes=axes)
     it.start()
-    axis = it.driver._axes[0]
+    axis = it.driver._servos[0]
     angle = axis.angle(-131_073)
     assert axis.ticks(angle) in (-131_074, -131_072)
     assert axis.ticks(axis.angle(-131_075)) == -131_075
+    goal = X430.table.goal
     with pytest.raises(ValueError, match="holds a packet header"):
-        it.driver._bus.sync_write(116, 4, [(1, -131_073), (2, 0)])
+        it.driver._bus.sync_write([(1, goal, -131_073), (2, goal, 0)])
 
 
 def test_12_sdk_sends_that_goal_unstuffed(monkeypatch):
@@ -345,7 +347,7 @@ def test_15_indirect_data_of_each_model_is_where_it_is(rig):
     it = rig("ZY", models=["xm430", "xl330"])
     it.start()
     for number, address in ((1, 224), (2, 208)):
-        raw = it.servo(number).read(address, len(BLOCK), it.clock.now_ns())[1]
+        raw = it.servo(number).read(address, len(X430.table.block), it.clock.now_ns())[1]
         assert decode(raw).position == 2048
 
 

@@ -18,6 +18,7 @@ from orientd.floats import difference, norm
 from orientd.testing import DriverConformance
 from orientd_dynamixel import DynamixelDriver
 from orientd_dynamixel.bus import open_bus
+from orientd_dynamixel.tables import X430
 
 PERIOD_NS = 10_000_000
 
@@ -144,7 +145,7 @@ def test_a_write_does_not_wait_for_a_device_that_takes_nothing():
 
     def fill():
         for _ in range(10_000):
-            bus.sync_write(116, 4, [(1, 2048), (2, 2048)])
+            bus.sync_write([(1, X430.table.goal, 2048), (2, X430.table.goal, 2048)])
 
     try:
         with pytest.raises(LinkError, match="a write of goals was not sent"):

@@ -8,8 +8,8 @@ import pytest
 
 from orientd.errors import DeviceFaultError
 from orientd_dynamixel.axes import Turns
-from orientd_dynamixel.axis import Axis
 from orientd_dynamixel.options import parse
+from orientd_dynamixel.servo import Servo
 
 AXES = [{"id": 1, "limits_deg": [-720, 720]}, {"id": 2, "limits_deg": [-90, 90]}]
 
@@ -150,7 +150,7 @@ def test_file_has_its_room_on_the_disk_before_anything_is_noted(tmp_path):
     options = parse(
         {"port": "none", "order": "ZY", "axes": AXES, "turns_file": f"{tmp_path}/turns"}
     )
-    turns = Turns(options, [Axis(axis) for axis in options.axes])
+    turns = Turns(options, [Servo(axis) for axis in options.axes])
     turns.open()
     turns.close()
     # A hole would have none, and the process be ended by a signal where the disk is full.

@@ -1,10 +1,12 @@
 """URScript on the emulated controller, in virtual time: the language, its threads, its words."""
 
+import itertools
 import math
 
 import pytest
 
 from emulated_ur import Behaviour, Controller
+from emulated_ur.arm import rotation_between
 from emulated_ur.urscript import ScriptError, Splitter, compile_script
 from emulated_ur.variables import ProgramState
 
@@ -184,6 +186,7 @@ def test_end_of_the_program_ends_its_threads(robot):
         ("def f():\n  x = 1 ; y = 2\nend\n", 2, "lexer_error_on_line:2"),
         ("def f():\n  if True\n    sync()\n  end\nend\n", 2, "expected ':'"),
         ("def f():\n  return\n", 3, "expected 'end'"),
+        ("def f():\n  switch (1):\n  end\nend\n", 2, "switch is not emulated: use if and elif"),
         ("end\n", 1, "expected a statement"),
         ("def f():\n  x = " + "(" * 5000 + "\nend\n", 1, "too many brackets"),
     ],
@@ -376,3 +379,89 @@ def test_cycle_of_a_cb3_controller_is_eight_milliseconds():
     for _ in range(3):
         robot.tick()
     assert list(robot.told) == ["0.008"]
+
+
+@pytest.mark.parametrize(("sweep", "mode"), [(0.6, 0), (2.0, 0), (4.5, 0), (0.6, 1), (1.2, 1)])
+def test_movec_runs_on_the_circle_through_its_three_positions(robot, sweep, mode):
+    x, y, z, *turn = robot.tool.pose("target_TCP_pose")
+
+    def pose(angle):
+        at = x, y + 0.05 * math.sin(angle), z + 0.05 - 0.05 * math.cos(angle)
+        return f"p[{', '.join(map(repr, (*at, *turn)))}]"
+
+    begun = robot.tool.at(robot.arm.target_q)
+    robot.upload(
+        f"def p():\n  movec({pose(sweep / 3)}, {pose(sweep)}, a=0.5, v=0.05, mode={mode})\nend\n"
+    )
+    angles = []
+    for _ in range(4000):
+        robot.tick()
+        _, b, c, *_ = robot.tool.pose("target_TCP_pose")
+        assert math.hypot(b - y, c - z - 0.05) == pytest.approx(0.05, abs=1e-9)
+        angles.append(math.atan2(b - y, z + 0.05 - c) % math.tau)
+    assert robot.runtime_state is ProgramState.STOPPED
+    assert angles[-1] == pytest.approx(sweep, abs=1e-9)
+    turned = rotation_between(begun, robot.tool.at(robot.arm.target_q))
+    assert turned == pytest.approx((sweep if mode else 0.0, 0, 0), abs=1e-9)
+    assert max(b - a for a, b in itertools.pairwise(angles)) < 1.01 * 0.05 / 0.05 * 0.002
+
+
+def test_movec_without_a_circle_ends_the_program(robot):
+    run(robot, "q = get_target_tcp_pose()\n  movec(q, q)")
+    assert "the three positions are on a line" in robot.log[-1]
+
+
+def test_interpreter_mode_runs_statements_of_the_program_as_they_come(robot):
+    assert robot.interpret("statelastexecuted") == "discard: no program runs: statelastexecuted"
+    robot.upload("def p():\n  a = 2\n  interpreter_mode()\n  textmsg(a)\nend\n")
+    for _ in range(5):
+        robot.tick()
+    statements = [
+        "def twice(x): sync() return 2 * x end",
+        "a = twice(a) + 1",
+        "b = a",
+        "textmsg(b)",
+        "sleep(1)",
+        "never()",
+        "textmsg(1)",
+    ]
+    answers = [robot.interpret(statement) for statement in statements]
+    ids = [1, 2, 3, 4, 5, None, 6]
+    assert answers == [
+        f"ack: {n}: {one}" if n else f"discard: compile_error_name_not_found:never:: {one}"
+        for n, one in zip(ids, statements, strict=True)
+    ]
+    for _ in range(20):
+        robot.tick()
+    assert list(robot.told) == ["5"]
+    states = ("statelastexecuted", "statelastinterpreted", "stateunexecuted", "statelastcleared")
+    assert [int(robot.interpret(one).split(":")[1]) for one in states] == [5, 6, 1, 0]
+    assert robot.interpret("skipbuffer") == "ack: 6: skipbuffer"
+    assert robot.interpret("end_interpreter()").startswith("ack: 7")
+    for _ in range(600):
+        robot.tick()
+    assert list(robot.told) == ["5", "5"]
+    assert robot.runtime_state is ProgramState.STOPPED
+
+
+def test_a_motion_of_interpreter_mode_is_aborted(robot):
+    robot.upload("def p():\n  interpreter_mode()\nend\n")
+    for _ in range(5):
+        robot.tick()
+    robot.interpret("movej([1, -1, 1, -1, -1, 0])")
+    for _ in range(100):
+        robot.tick()
+    assert not robot.arm.is_still
+    assert robot.interpret("abort").startswith("ack: 1")
+    for _ in range(300):
+        robot.tick()
+    assert robot.arm.is_still
+    assert robot.arm.target_q[0] < 0.9
+    assert robot.interpret("textmsg(1)") == "ack: 2: textmsg(1)"
+
+
+def test_statement_for_a_program_that_does_not_interpret_is_discarded(robot):
+    robot.upload("def p():\n  sleep(1)\nend\n")
+    for _ in range(5):
+        robot.tick()
+    assert robot.interpret("textmsg(1)\r").startswith("discard: the program is not in interp")

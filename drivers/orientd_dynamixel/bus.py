@@ -3,7 +3,7 @@
 Everything the SDK is known to get wrong is dealt with here, once: its port that stays busy after
 any exception, its busy wait, its 34 ms timeouts on the wall clock, its stuffing that is lost on the
 way out and eats too much on the way in, its answers that are accepted without a look at their
-length, and exceptions of four kinds where a cable is pulled.
+length, its versions that do not clear the input, and exceptions of four kinds for a pulled cable.
 """
 
 from __future__ import annotations
@@ -15,23 +15,25 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 from orientd.errors import DeviceFaultError, LinkError
+from orientd_dynamixel.tables import Register
 
-BROADCAST = 0xFE
-PING, READ, WRITE, REBOOT = 0x01, 0x02, 0x03, 0x08
 ALERT = 0x80
 ATTEMPTS = 4
 """How often a servo is asked, outside the cycle, before it is said not to answer."""
 PATIENT_ATTEMPTS = 12
-"""The same as the torque comes on, where nothing else waits: a machine busy for a fifth of a
-second need not have the user ask again."""
+"""The same as the torque comes on and nothing else waits.
+
+A machine that is busy for a fifth of a second need not have the user ask again.
+"""
 READ_WAIT_S = 0.002
 """How long one read of the port may wait; the SDK asks again until its timeout."""
 
+_BROADCAST = 0xFE
+_PING, _READ, _WRITE, _REBOOT = 0x01, 0x02, 0x03, 0x08
 _HEADER = b"\xff\xff\xfd"
 _GONE = (OSError, termios.error, IndexError, TypeError)
 _ERRORS = {
@@ -45,19 +47,20 @@ _ERRORS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Block:
-    """What one servo answered to a group read.
-
-    Attributes:
-        id: of the servo.
-        error: its error byte: the alert bit and a number.
-        content: the bytes asked for.
-    """
+class Block(NamedTuple):
+    """What one servo answered: its id, its error byte (alert bit and a number), the content."""
 
     id: int
     error: int
     content: bytes
+
+
+class Row(NamedTuple):
+    """What one servo of a group is asked for: its id, the first address, how many bytes."""
+
+    id: int
+    address: int
+    size: int
 
 
 class _Sender:
@@ -104,112 +107,102 @@ class ServoBus:
 
     def close(self) -> None:
         """Let go of the port; never raises."""
-        try:
+        with suppress(*_GONE, AttributeError):
             self._port.closePort()
-        except (*_GONE, AttributeError):
-            return
 
     def ping(self, servo: int) -> tuple[int, int] | None:
         """Return model number and firmware of *servo*, ``None`` if it does not answer."""
-        answer = self._transact(servo, PING, b"", 3)
+        answer = self._transact(servo, _PING, b"", 3)
         if answer is None:
             return None
         return int.from_bytes(answer.content[:2], "little"), answer.content[2]
 
-    def read(
-        self,
-        servo: int,
-        address: int,
-        count: int,
-        *,
-        is_signed: bool = False,
-        attempts: int = ATTEMPTS,
-    ) -> int:
+    def read(self, servo: int, register: Register, *, attempts: int = ATTEMPTS) -> int:
         """Return a register of *servo*.
 
         Args:
             servo: its id.
-            address: of the register.
-            count: its bytes.
-            is_signed: whether it is below zero at times.
+            register: which one.
             attempts: how often to ask.
 
         Raises:
             LinkError: no answer, at any attempt.
             DeviceFaultError: it answered that it cannot.
         """
+        address, count, is_signed = register
         request = address.to_bytes(2, "little") + count.to_bytes(2, "little")
         for _ in range(attempts):
-            answer = self._transact(servo, READ, request, count)
+            answer = self._transact(servo, _READ, request, count)
             if answer is not None:
                 return int.from_bytes(answer.content, "little", signed=is_signed)
         raise LinkError(f"servo {servo} does not answer a read of address {address}")
 
-    def write(self, servo: int, address: int, value: int, count: int) -> None:
+    def write(self, servo: int, register: Register, value: int) -> None:
         """Write a register of *servo* and wait for its answer.
 
         Raises:
             LinkError: no answer, at any attempt.
             DeviceFaultError: it answered that it cannot.
         """
-        content = value.to_bytes(count, "little", signed=value < 0)
+        address, count, is_signed = register
+        content = value.to_bytes(count, "little", signed=is_signed)
         for _ in range(ATTEMPTS):
-            answer = self._transact(servo, WRITE, address.to_bytes(2, "little") + content, 0)
+            answer = self._transact(servo, _WRITE, address.to_bytes(2, "little") + content, 0)
             if answer is not None:
                 return
         raise LinkError(f"servo {servo} does not answer a write of address {address}")
 
     def reboot(self, servo: int) -> None:
         """Ask *servo* to start again; it is silent for some 0.3 s after that."""
-        self._transact(servo, REBOOT, b"", 0)
+        self._transact(servo, _REBOOT, b"", 0)
 
-    def sync_write(self, address: int, count: int, values: Sequence[tuple[int, int]]) -> None:
-        """Write the same register of many servos; none of them answers, none reports an error.
+    def sync_write(self, values: Sequence[tuple[int, Register, int]]) -> None:
+        """Write a register of many servos; none of them answers, none reports an error.
 
         What has arrived is left alone: it may be an answer that is not yet collected.
 
         Args:
-            address: of the register.
-            count: its bytes.
-            values: ``(id, value)`` of each servo.
+            values: ``(id, register, value)`` of each servo; one packet goes to all whose registers
+                have the same address.
         """
-        parameters: list[int] = []
-        for servo, value in values:
-            parameters.append(servo)
-            parameters += value.to_bytes(count, "little", signed=value < 0)
-        _check_stuffing(bytes(parameters))
-        with self._owned("a write of goals"):
-            result = self._handler.syncWriteTxOnly(
-                self._sender, address, count, parameters, len(parameters)
-            )
-        if result != 0:
-            raise LinkError(f"a write of goals was not sent: {self._explain(result)}")
+        parameters: dict[Register, list[int]] = {}
+        for servo, register, value in values:
+            content = value.to_bytes(register.size, "little", signed=register.is_signed)
+            parameters.setdefault(register, []).extend((servo, *content))
+        for register, told in parameters.items():
+            _check_stuffing(bytes(told))
+            with self._owned("a write of goals"):
+                result = self._handler.syncWriteTxOnly(
+                    self._sender, register.address, register.size, told, len(told)
+                )
+            if result != 0:
+                raise LinkError(f"a write of goals was not sent: {self._explain(result)}")
 
-    def request(self, rows: Sequence[tuple[int, int, int]], *, is_fast: bool) -> None:
+    def request(self, rows: Sequence[Row], *, is_fast: bool) -> None:
         """Ask a group for a block each, without waiting for the answers.
 
         Args:
-            rows: ``(id, address, count)`` in the order in which they are to answer.
+            rows: in the order in which the servos are to answer.
             is_fast: whether one packet is to hold all answers.
         """
         _, address, count = rows[0]
         with self._owned("a read request"):
             if all(row[1:] == (address, count) for row in rows):
-                ids = [row[0] for row in rows]
+                ids = [row.id for row in rows]
                 result = self._handler.syncReadTx(
                     self._port, address, count, ids, len(ids), is_fast
                 )
             else:
                 parameters: list[int] = []
                 for row in rows:
-                    parameters.append(row[0])
-                    parameters += row[1].to_bytes(2, "little") + row[2].to_bytes(2, "little")
+                    parameters.append(row.id)
+                    parameters += row.address.to_bytes(2, "little") + row.size.to_bytes(2, "little")
                 result = self._handler.bulkReadTx(self._port, parameters, len(parameters), is_fast)
         if result != 0:
             raise LinkError(f"a read request was not sent: {self._explain(result)}")
 
     def collect(
-        self, rows: Sequence[tuple[int, int, int]], wait_ms: float, *, is_fast: bool
+        self, rows: Sequence[Row], wait_ms: float, *, is_fast: bool
     ) -> tuple[list[Block], int | None]:
         """Take the answers to :meth:`request`.
 
@@ -240,7 +233,7 @@ class ServoBus:
                 blocks.append(Block(servo, packet[8], body))
                 spent = self._port.getCurrentTime() - start
                 self._port.setPacketTimeoutMillis(max(0.0, wait_ms - spent))
-            return blocks, None if len(blocks) == len(rows) else rows[len(blocks)][0]
+            return blocks, None if len(blocks) == len(rows) else rows[len(blocks)].id
 
     def clear(self) -> None:
         """Throw away what has arrived."""
@@ -268,20 +261,19 @@ class ServoBus:
                 if result != 0:
                     return None
                 # What comes late answers an earlier question, mostly one of another size.
-                content, error = _unstuffed(answer), answer[8]
-                if answer[4] == servo and (error & ~ALERT or len(content) == count):
+                content, number = _unstuffed(answer), answer[8] & ~ALERT
+                if answer[4] == servo and (number or len(content) == count):
                     break
-        if error & ~ALERT:
-            number = error & ~ALERT
+        if number:
             raise DeviceFaultError(
                 f"servo {servo} refused instruction {instruction:#04x}: "
                 f"{_ERRORS.get(number, f'error {number}')}"
             )
-        return Block(servo, error, content)
+        return Block(servo, answer[8], content)
 
     def _receive(self) -> tuple[list[int], int]:
         # As a fast packet: any id is let through, and nothing is unstuffed, which the SDK gets
-        # wrong where two headers follow each other.
+        # wrong if two headers follow each other.
         packet, result = self._handler.rxPacket(self._port, True)
         return packet, result
 
@@ -302,6 +294,9 @@ class ServoBus:
         return str(self._handler.getTxRxResult(result)).removeprefix("[TxRxResult] ")
 
 
+OpenBus = Callable[..., ServoBus]
+
+
 def open_bus(
     port_name: str, baud: int, *, wait_ms: float = 16.0, glance_s: float = READ_WAIT_S
 ) -> ServoBus:
@@ -317,9 +312,8 @@ def open_bus(
         LinkError: the port or the SDK is not there, or somebody else has it.
     """
     sdk = _sdk()
-    own = {"getCurrentTime": _steady_ms, "writePort": _write_at_once}
-    steady = type("SteadyPort", (sdk.PortHandler,), own)
-    port = steady(port_name)
+    own = {"getCurrentTime": _steady_ms, "writePort": _write_at_once, "clearPort": _clear_input}
+    port = type("SteadyPort", (sdk.PortHandler,), own)(port_name)
     port.baudrate = baud
     try:
         opened = port.openPort()
@@ -334,9 +328,6 @@ def open_bus(
         # An FTDI adapter then hands answers on after 1 ms; others know nothing of it.
         port.ser.set_low_latency_mode(True)
     return ServoBus(port, sdk.Protocol2PacketHandler(), wait_ms=wait_ms)
-
-
-OpenBus = Callable[..., ServoBus]
 
 
 def _sdk() -> ModuleType:
@@ -358,11 +349,23 @@ def _steady_ms(_port: object) -> float:
 
 def _write_at_once(port: Any, packet: Sequence[int]) -> int:  # noqa: ANN401 - of the SDK
     # pyserial asks the terminal afterwards whether it takes more, and that waits until the kernel
-    # has handed on what has come in: for a second where the processor is busy.
+    # has handed on what has come in: for a second if the processor is busy.
     try:
         return os.write(port.ser.fileno(), bytes(packet))
     except BlockingIOError:
         return 0  # the device takes nothing
+
+
+def _clear_input(port: Any) -> None:  # noqa: ANN401 - of the SDK
+    # Before version 4.1 the SDK waits here until everything is sent, and clears nothing.
+    port.ser.reset_input_buffer()
+
+
+def sendable(goal: int) -> int:
+    """Return the first goal from *goal* on whose bytes hold no packet header."""
+    while _HEADER in goal.to_bytes(4, "little", signed=True):
+        goal += 1
+    return goal
 
 
 def _check_stuffing(parameters: bytes) -> None:
@@ -376,7 +379,7 @@ def _unstuffed(packet: Sequence[int]) -> bytes:
     return bytes(packet[7:-2]).replace(_HEADER + b"\xfd", _HEADER)[2:]
 
 
-def _first_missing(packet: Sequence[int], rows: Sequence[tuple[int, int, int]]) -> int | None:
+def _first_missing(packet: Sequence[int], rows: Sequence[Row]) -> int | None:
     """Return the servo at which the answer to a fast read broke off."""
     end = 8
     for servo, _, count in rows:
@@ -386,11 +389,11 @@ def _first_missing(packet: Sequence[int], rows: Sequence[tuple[int, int, int]]) 
     return None
 
 
-def _fast_blocks(packet: Sequence[int], rows: Sequence[tuple[int, int, int]]) -> list[Block]:
+def _fast_blocks(packet: Sequence[int], rows: Sequence[Row]) -> list[Block]:
     """Take the one answer to a fast read apart; its last CRC, over everything, has been checked."""
     blocks: list[Block] = []
     at = 8
-    if packet[4] != BROADCAST or len(packet) != 8 + sum(row[2] + 4 for row in rows):
+    if packet[4] != _BROADCAST or len(packet) != 8 + sum(row.size + 4 for row in rows):
         return blocks
     for servo, _, count in rows:
         if packet[at + 1] != servo:

@@ -1,0 +1,426 @@
+"""One servo, and the axis that it turns: units, what is believed of it, how it starts and stops.
+
+A servo now and then reports a position at which it is not.  So a reading is believed only if the
+servo can be there: with its torque on it is between where it was last seen and where it was sent
+since, and with its torque off it has turned no faster than it can by hand.  Outside of the cycle it
+has to be reported twice as well.  A reading that is not believed changes nothing, and no goal ever
+comes from one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from contextlib import suppress
+
+from orientd.errors import DeviceError, DeviceFaultError, LinkError
+from orientd_dynamixel.bus import ATTEMPTS, PATIENT_ATTEMPTS, Row, ServoBus, sendable
+from orientd_dynamixel.options import AxisOptions
+from orientd_dynamixel.tables import (
+    CURRENT_POSITION,
+    EXTENDED_POSITION,
+    RETURN_LEVEL,
+    WATCHDOG_TRIPPED,
+    Register,
+    explain_error,
+)
+
+PARK_RATE = math.radians(30)
+"""Velocity of parking, rad/s."""
+_ANGLE_SLACK = math.radians(0.5)
+
+_PARK_ACCELERATION = math.radians(64)
+_BOOT_STEPS = 20
+_BOOT_STEP_S = 0.05
+_WATCHDOG_UNIT_MS = 20
+_PROFILE_MARGIN = 1.2
+"""Room for a servo to catch up with its goals."""
+_PLAY = math.radians(2.1)
+"""Backlash, overshoot and rounding."""
+_HELD = math.radians(3.5)
+"""A goal this close to the position is kept: the torque was on, and the load hangs on it."""
+_MARGIN = 1.5
+_AGE_S = 0.008
+"""How old a reading may be when it arrives."""
+
+Sleep = Callable[[float], None]
+
+
+class DoubtError(DeviceFaultError):
+    """A servo reports a position at which it cannot be."""
+
+
+class Servo:
+    """A servo on a bus.
+
+    Attributes:
+        bus: its bus, set as the port is opened.
+        options: what it and its axis were configured as.
+        turns: whole turns by which its reading is short; it forgets them when it starts again.
+        position: where it is believed to be, in its ticks; ``None`` before it is known.
+        seen_ns: when it was last seen there.
+        apart_ns: since when it has been too far from its goal; 0 if it is not.
+        per_turn: ticks of one turn.
+        near: how far it may have moved while nobody watched, ticks: 45 degrees.
+        play: how far a reading may be from where it can be, ticks.
+    """
+
+    bus: ServoBus
+
+    def __init__(self, options: AxisOptions) -> None:
+        self.options = options
+        self.table = options.model.family.table
+        self.turns = 0
+        self.position: int | None = None
+        self.seen_ns = self.apart_ns = 0
+        self.per_turn = options.model.ticks
+        self.near = self.per_turn // 8
+        per_radian = self.per_turn / (2 * math.pi)
+        self._centre = options.model.family.centre
+        self._goal = self._low = self._high = self._centre
+        self._most = _MARGIN * options.velocity * options.gear * per_radian
+        self.play = _PLAY * per_radian + self._most * _AGE_S
+        self._held = round(_HELD * per_radian)
+        self._scale = options.direction * options.gear * per_radian
+
+    def __str__(self) -> str:
+        return f"servo {self.options.id} ({self.options.name})"
+
+    # Units
+
+    def angle(self, position: float) -> float:
+        """Return the angle of the axis, rad, at a position in the servo's ticks."""
+        ahead = position + self.turns * self.per_turn - self._centre
+        return self.options.zero + ahead / self._scale
+
+    def ticks(self, angle: float) -> int:
+        """Return the goal, in the servo's ticks, nearest to an angle in rad.
+
+        Raises:
+            ValueError: the servo cannot count that far.
+        """
+        ahead = (angle - self.options.zero) * self._scale
+        goal = round(self._centre + ahead - self.turns * self.per_turn)
+        if abs(goal) > self.options.model.family.goal_limit:
+            raise ValueError(f"{self.options.name} cannot go to {goal} ticks")
+        return sendable(goal)
+
+    def rate(self, steps: int) -> float:
+        """Return the axis' rate, rad/s, at a velocity in the servo's steps."""
+        unit = self.options.model.family.velocity_unit
+        return steps * unit * self.options.direction / self.options.gear
+
+    def steps(self, velocity: float) -> int:
+        """Return a velocity of the servo, rad/s, in its steps."""
+        return math.ceil(velocity / self.options.model.family.velocity_unit)
+
+    # What is believed
+
+    @property
+    def goal(self) -> int:
+        """Ticks last sent, as the servo counts them."""
+        return self._goal
+
+    @goal.setter
+    def goal(self, goal: int) -> None:
+        self._goal = goal
+        self._low, self._high = min(self._low, goal), max(self._high, goal)
+
+    def believe(self, position: int, now_ns: int) -> None:
+        """Take *position*, in ticks, as where the servo is."""
+        self.position, self.seen_ns = position, now_ns
+        self._low, self._high = min(position, self._goal), max(position, self._goal)
+
+    def doubt(self, position: int, *, is_driven: bool, now_ns: int | None = None) -> str:
+        """Return why the servo cannot be at *position*; nothing if it can.
+
+        Args:
+            position: as it reports, ticks.
+            is_driven: whether its torque is on.
+            now_ns: when it was asked; ``None`` if it may have been turned by hand for any time.
+        """
+        ahead = position - self._goal
+        if is_driven and self._is_turns_away(ahead):
+            return f"reports a jump of {abs(ahead)} ticks from its goal"
+        if self.position is None:
+            return ""
+        jump = position - self.position
+        if is_driven:
+            is_possible = self._low - self.play <= position <= self._high + self.play
+        elif now_ns is not None:
+            reach = self.play + self._most * max(0, now_ns - self.seen_ns) * 1e-9
+            is_possible = abs(jump) <= min(reach, self.near)
+        else:
+            # By hand it comes to any angle, but hardly to the same one after whole turns.
+            is_possible = not self._is_turns_away(jump)
+        return "" if is_possible else f"reports a jump of {abs(jump)} ticks"
+
+    def _is_turns_away(self, jump: float) -> bool:
+        turns = round(jump / self.per_turn)
+        return turns != 0 and abs(jump - turns * self.per_turn) <= self.play
+
+    # Registers
+
+    def get(self, register: Register, attempts: int = ATTEMPTS) -> int:
+        """Return a register; raise :class:`LinkError` if the servo does not answer."""
+        return self.bus.read(self.options.id, register, attempts=attempts)
+
+    def put(self, register: Register, value: int) -> None:
+        """Write a register; raise :class:`LinkError` if the servo does not answer."""
+        self.bus.write(self.options.id, register, value)
+
+    def row(self, size: int) -> Row:
+        """Return what the servo is asked for in a group read of *size* bytes."""
+        return Row(self.options.id, self.options.model.family.indirect_data, size)
+
+    def present_position(self) -> int:
+        """Return where the servo is, in its ticks, outside of the cycle.
+
+        Raises:
+            LinkError: it does not answer.
+            DoubtError: it reports a position at which it cannot be.
+        """
+        last, problem = None, "does not report the same position twice"
+        for _ in range(PATIENT_ATTEMPTS):
+            position = self.get(self.table.position, PATIENT_ATTEMPTS)
+            if last is not None and abs(position - last) <= self.play:
+                is_driven = bool(self.get(self.table.torque, PATIENT_ATTEMPTS))
+                if is_driven:
+                    self.goal = self.get(self.table.goal, PATIENT_ATTEMPTS)
+                problem = self.doubt(position, is_driven=is_driven)
+                if not problem:
+                    return position
+            last = position
+        raise DoubtError(
+            f"{self} {problem}; nothing is moved by that: turn the axis a little by hand with the "
+            "supply off, then reset"
+        )
+
+    # Start
+
+    def identify(self) -> int:
+        """Return the servo's firmware.
+
+        Raises:
+            LinkError: it does not answer.
+            DeviceFaultError: it is another model.
+        """
+        found = next(filter(None, (self.bus.ping(self.options.id) for _ in range(ATTEMPTS))), None)
+        if found is None:
+            raise LinkError(
+                f"{self} does not answer; look at its cable, its supply, its id and its line speed"
+            )
+        number, firmware = found
+        model = self.options.model
+        if number != model.number:
+            raise DeviceFaultError(
+                f"{self} is model {number}, configured is {model.name} ({model.number})"
+            )
+        return firmware
+
+    def clear_error(self, sleep: Sleep) -> None:
+        """Start the servo again if it reports a hardware error.
+
+        Raises:
+            LinkError: it does not come back.
+            DeviceFaultError: the error is still there.
+        """
+        if not self.get(self.table.hardware_error):
+            return
+        self.bus.reboot(self.options.id)
+        for _ in range(_BOOT_STEPS):
+            sleep(_BOOT_STEP_S)
+            if self.bus.ping(self.options.id) is not None:
+                break
+        else:
+            raise LinkError(f"{self} did not come back after a reboot")
+        if bits := self.get(self.table.hardware_error):
+            raise DeviceFaultError(f"{self} still reports {explain_error(bits)} after a reboot")
+
+    @property
+    def mode(self) -> int:
+        """The operating mode in which the servo counts turns, and its current is limited."""
+        return EXTENDED_POSITION if self.options.current_limit is None else CURRENT_POSITION
+
+    def foreign(self) -> dict[str, tuple[int, int]]:
+        """Return which of the servo's own settings are what, and what they must be, by name.
+
+        These have a meaning beside orientd; those that are as they must be are left out.
+        """
+        wanted = {"homing_offset": 0, "drive_mode": 0, "operating_mode": self.mode}
+        table = self.table._asdict()
+        pairs = {name: (self.get(table[name]), value) for name, value in wanted.items()}
+        return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
+
+    def _has_map(self) -> bool:
+        """Return whether the servo has the map of the cyclic read."""
+        mapped = b"".join(address.to_bytes(2, "little") for address in self._addresses)
+        whole = Register(self.options.model.family.indirect_address, len(mapped))
+        return self.get(whole) == int.from_bytes(mapped, "little")
+
+    def has_kept_power(self) -> bool:
+        """Return whether the servo is known to have counted turns since it was configured."""
+        is_counting = self.get(self.table.operating_mode) == self.mode
+        return self.options.model.family.forgets_map and is_counting and self._has_map()
+
+    def configure(self) -> None:
+        """Put the servo's settings right, the permanent ones only if they differ.
+
+        Raises:
+            DoubtError: it has stopped by itself, and reports a position at which it cannot be.
+            DeviceFaultError: it does not take a setting.
+        """
+        table, options, family = self.table, self.options, self.options.model.family
+        if self.get(table.return_level) != RETURN_LEVEL:
+            self.put(table.return_level, RETURN_LEVEL)
+        self.quiet_watchdog()
+        permanent = {table.return_delay: 0, table.drive_mode: 0, table.operating_mode: self.mode,
+                     table.homing_offset: 0}  # fmt: skip
+        wrong = {one: value for one, value in permanent.items() if self.get(one) != value}
+        has_map = self._has_map()
+        if wrong or not (has_map or family.forgets_map):
+            self.put(table.torque, 0)
+        for register, value in wrong.items():
+            self._set(register, value)
+        if not has_map:
+            for k, address in enumerate(self._addresses):
+                self._set(Register(family.indirect_address + 2 * k, 2), address)
+        self._set(table.profile_acceleration, 0)
+        # No more than what is asked of it, whatever lets go of it: a servo knows no other limit.
+        fastest = self.steps(_PROFILE_MARGIN * options.velocity * options.gear)
+        self._set(table.profile_velocity, min(fastest, self.get(table.velocity_limit)))
+        if options.current_limit is not None:
+            unit, most = options.model.current_unit, self.get(table.current_limit)
+            if (steps := round(options.current_limit / unit)) > most:
+                raise DeviceFaultError(
+                    f"{self} gives {most * unit:.2f} A at the most, current_limit is "
+                    f"{options.current_limit:g} A"
+                )
+            self._set(table.goal_current, steps)
+
+    @property
+    def _addresses(self) -> tuple[int, ...]:
+        return self.table.block + self.table.health
+
+    def _set(self, register: Register, value: int) -> None:
+        """Write a setting and look whether the servo has taken it.
+
+        Raises:
+            DeviceFaultError: it has not.
+        """
+        self.put(register, value)
+        if (kept := self.get(register)) != value:
+            raise DeviceFaultError(
+                f"{self} keeps {kept} at address {register.address}, asked was {value}"
+            )
+
+    def quiet_watchdog(self) -> bool:
+        """Switch the watchdog off; return whether it had tripped.
+
+        A tripped servo has stopped, but may keep its old goal and go there once it is allowed to:
+        its goal becomes where it is.
+
+        Raises:
+            DoubtError: it has tripped, and reports a position at which it cannot be; it stays
+                stopped.
+        """
+        state = self.get(self.table.watchdog)
+        if state == WATCHDOG_TRIPPED:
+            # Read first, so that nothing but the goal itself comes between the two writes.
+            goal = sendable(self.present_position())
+            self.put(self.table.watchdog, 0)
+            self.put(self.table.goal, goal)
+            self.goal = goal
+        elif state:
+            self.put(self.table.watchdog, 0)
+        return state == WATCHDOG_TRIPPED
+
+    def arm_watchdog(self, milliseconds: int) -> None:
+        """Let the servo stop by itself after a silence; 0 switches that off."""
+        self.put(self.table.watchdog, -(-milliseconds // _WATCHDOG_UNIT_MS))
+
+    def check(self) -> None:
+        """Refuse a servo that reports an error, or whose axis is outside its limits.
+
+        Raises:
+            DeviceFaultError: it does, it is, or it reports a position at which it cannot be.
+        """
+        if bits := self.get(self.table.hardware_error, PATIENT_ATTEMPTS):
+            raise DeviceFaultError(f"{self} reports {explain_error(bits)}; reset it")
+        self.check_angle(self.angle(self.present_position()))
+
+    def check_angle(self, angle: float) -> None:
+        """Refuse an angle, rad, outside the limits of the axis, by more than the servo's play."""
+        options = self.options
+        if not options.low - _ANGLE_SLACK <= angle <= options.high + _ANGLE_SLACK:
+            raise DeviceFaultError(
+                f"{options.name} would be at {math.degrees(angle):.2f} deg, allowed are "
+                f"{math.degrees(options.low):.2f} to {math.degrees(options.high):.2f} deg"
+            )
+
+    def engage(self) -> bool:
+        """Switch the torque on with the goal where the servo is; return whether it had been off.
+
+        A servo that holds already goes on with its goal.
+        """
+        position = self.present_position()
+        goal = self.get(self.table.goal, PATIENT_ATTEMPTS)
+        was_on = bool(self.get(self.table.torque, PATIENT_ATTEMPTS))
+        if not (was_on and abs(goal - position) <= self._held):
+            self.put(self.table.goal, sendable(position))
+            self.put(self.table.torque, 1)
+            if not self.get(self.table.torque, PATIENT_ATTEMPTS):
+                bits = self.get(self.table.hardware_error, PATIENT_ATTEMPTS)
+                why = f"it reports {explain_error(bits)}; reset it" if bits else "it says no more"
+                raise DeviceFaultError(f"{self} does not switch its torque on: {why}")
+            goal = self.get(self.table.goal, PATIENT_ATTEMPTS)
+            if abs(goal - position) > self._held:
+                if not was_on:
+                    self.release()
+                raise DeviceFaultError(
+                    f"{self} has its goal {goal - position} ticks away from where it is"
+                )
+        self.goal = goal
+        self.believe(position, self.seen_ns)
+        return not was_on
+
+    # End
+
+    def hold(self, *, stands: bool) -> None:
+        """Leave the servo where it is told to be, its watchdog off.
+
+        Args:
+            stands: whether it is left where it is, wherever it was told to be.
+
+        Raises:
+            DeviceError: it could not be reached.
+        """
+        if not self.quiet_watchdog() and stands:
+            with suppress(DoubtError):
+                goal = sendable(self.present_position())
+                self.put(self.table.goal, goal)
+                self.goal = goal
+        if stands:
+            self.put(self.table.profile_velocity, self.steps(PARK_RATE))
+
+    def go_slowly(self, angle: float) -> None:
+        """Send the axis to *angle*, rad, at the rate of parking."""
+        acceleration = _PARK_ACCELERATION / self.options.model.family.acceleration_unit
+        self.put(self.table.profile_acceleration, math.ceil(acceleration))
+        self.put(self.table.profile_velocity, self.steps(PARK_RATE))
+        self.goal = self.ticks(angle)
+        self.put(self.table.goal, self.goal)
+
+    def is_at_goal(self) -> bool:
+        """Return whether the servo is as good as where it was told to be."""
+        return abs(self.get(self.table.position) - self.goal) <= self._held
+
+    def let_go(self) -> None:
+        """Switch the torque off, so that the axis can be turned by hand, and the watchdog."""
+        self.put(self.table.watchdog, 0)
+        self.put(self.table.torque, 0)
+
+    def release(self) -> None:
+        """Switch the torque off if the servo can still be reached."""
+        with suppress(DeviceError):
+            self.put(self.table.torque, 0)

@@ -1,0 +1,127 @@
+"""Make the servos of a gimbal ready, switch their torque on and park them, all without a jerk.
+
+The order of a start matters.  A servo is asked for model and firmware before anything is written;
+settings are written only if they differ, because the permanent ones need the torque off; the goal
+is where the servo is before the torque comes on; the watchdog is last, because from then on silence
+stops it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import NamedTuple
+
+from orientd.clock import Clock
+from orientd.errors import DeviceError, DeviceFaultError
+from orientd_dynamixel.axes import Turns
+from orientd_dynamixel.options import GimbalOptions
+from orientd_dynamixel.servo import DoubtError, Servo, Sleep
+from orientd_dynamixel.tables import CURRENT_POSITION, EXTENDED_POSITION
+
+_PARK_LONGEST_S = 20.0
+_STEP_S = 0.05
+
+
+class Prepared(NamedTuple):
+    """What was found and done when servos were prepared.
+
+    Attributes:
+        firmware: of each servo.
+        overwritten: which settings of their own were, in words.
+        unknown: which are on an unknown turn, in words; empty if none is.
+    """
+
+    firmware: list[int]
+    overwritten: list[str]
+    unknown: str
+
+
+def overwritten(servos: Sequence[Servo], may_overwrite: Collection[str]) -> list[str]:
+    """Return what is about to be overwritten in the servos' own settings, a line a servo.
+
+    Args:
+        servos: of the gimbal.
+        may_overwrite: names of the settings that may be.
+
+    Raises:
+        DeviceFaultError: a servo has a setting of its own that may not be; nothing was written.
+    """
+    own = {servo: servo.foreign() for servo in servos}
+    refused = {name for settings in own.values() for name in settings} - set(may_overwrite)
+    if refused:
+        named = "; ".join(
+            f"{servo} has "
+            + " and ".join(
+                f"{n.replace('_', ' ')} {settings[n][0]}" for n in settings if n in refused
+            )
+            for servo, settings in own.items()
+            if refused & settings.keys()
+        )
+        raise DeviceFaultError(
+            f"{named}; orientd sets offset and drive mode to 0, which changes angles, and the mode "
+            f"to {EXTENDED_POSITION}, or {CURRENT_POSITION} with current_limit, which lifts the "
+            "servo's position limits: do it with the vendor's wizard, or permit it with "
+            f"overwrite = {sorted(refused)}"
+        )
+    return [
+        f"{servo}: {name.replace('_', ' ')} {before} is set to {after}"
+        for servo, settings in own.items()
+        for name, (before, after) in settings.items()
+    ]
+
+
+def prepare(
+    servos: Sequence[Servo], options: GimbalOptions, turns: Turns, sleep: Sleep, clock: Clock
+) -> Prepared:
+    """Put every servo right and find out on which turn it is; nothing moves.
+
+    Raises:
+        LinkError: a servo is not there.
+        DeviceFaultError: one is another model, may not be put right, or cannot be.
+    """
+    firmware = [servo.identify() for servo in servos]
+    turns.close()  # whoever deletes the file begins anew
+    turns.open()
+    changed = overwritten(servos, options.overwrite)
+    unknown = []
+    for place, servo in enumerate(servos):
+        servo.clear_error(sleep)
+        has_counted = servo.has_kept_power()
+        servo.position = turns.last(place) if has_counted else None
+        try:
+            servo.configure()
+            position = servo.present_position()
+        except DoubtError as error:
+            unknown.append(str(error))
+            continue
+        unknown.append(turns.resolve(place, position, has_kept_power=has_counted))
+        servo.believe(position, clock.now_ns())
+    return Prepared(firmware, changed, "; ".join(filter(None, unknown)))
+
+
+def engage_all(servos: Sequence[Servo]) -> list[Servo]:
+    """Switch the torque of all on where they stand, or of none; return which had it off.
+
+    Raises:
+        DeviceError: one does not; those that held before go on holding.
+    """
+    begun: list[Servo] = []
+    try:
+        # One at a time: what was begun has to be known when the next one fails.
+        for servo in servos:
+            begun += [servo] if servo.engage() else []
+    except DeviceError:
+        for servo in begun:
+            servo.release()
+        raise
+    return begun
+
+
+def park(servos: Sequence[Servo], angles: Sequence[float], sleep: Sleep) -> None:
+    """Go to *angles* slowly; give up after some time."""
+    for servo, angle in zip(servos, angles, strict=True):
+        servo.go_slowly(angle)
+    for _ in range(round(_PARK_LONGEST_S / _STEP_S)):
+        if all(servo.is_at_goal() for servo in servos):
+            return
+        sleep(_STEP_S)
