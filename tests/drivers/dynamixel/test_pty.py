@@ -12,7 +12,17 @@ import pytest
 pytest.importorskip("dynamixel_sdk")
 
 from orientd.clock import MonotonicClock
-from orientd.driver import Setpoint
+from orientd.driver import (
+    Arriving,
+    Diagnosable,
+    Freeable,
+    Healthy,
+    Parkable,
+    Resettable,
+    RestsInFault,
+    Setpoint,
+    Tunable,
+)
 from orientd.errors import DeviceError, LinkError
 from orientd.floats import difference, norm
 from orientd.testing import DriverConformance
@@ -69,6 +79,16 @@ class TestConformance(DriverConformance):
     # Three ticks, and the lag of a servo that a real one has too.
     follow_tolerance = 0.005
     settle_cycles = 60
+    protocols = (
+        Arriving,
+        Diagnosable,
+        Freeable,
+        Healthy,
+        Parkable,
+        Resettable,
+        RestsInFault,
+        Tunable,
+    )
 
     @pytest.fixture(autouse=True)
     def _emulate(self, emulator):
@@ -79,6 +99,10 @@ class TestConformance(DriverConformance):
 
     def break_device(self):
         self.emulator.tell("unplug")
+        return True
+
+    def mend_device(self):
+        self.emulator.tell("plug")
         return True
 
 
