@@ -99,9 +99,9 @@ class Rig:
         feedback = self.driver.read()
         self.seen.append(feedback)
         if angles is not None:
-            self.q, self.joints = self.driver._tracker.forward(angles), tuple(angles)
+            self.q, self.joints = self.driver._gimbal.orientation(angles), tuple(angles)
         if q is not None:
-            self.q, self.joints = q, self.driver._tracker.solve(q)[0]
+            self.q, self.joints = q, self.driver._gimbal.solve(q, self.joints)[0]
         if write:
             self.driver.write(Setpoint(self.next_ns, self.q, joints=self.joints))
         return feedback
@@ -134,16 +134,14 @@ class GimbalLoop(LoopRig):
 
     def lay(self, q, *path, **options):
         """Put a path of orientations into the ring, with the angles of the axes that make them."""
-        tracker, begun = self.driver._tracker, self.driver._tracker.angles
-        joints = []
+        joints = [self.driver._following.angles]
         for orientation in q:
-            tracker.angles, _ = tracker.solve(tuple(orientation))
-            joints.append(tracker.angles)
-        tracker.angles = begun
-        angles = np.array(joints)
+            joints.append(self.driver._gimbal.solve(tuple(orientation), joints[-1])[0])
+        angles = np.array(joints[1:])
+        axes = angles.shape[1]
         table = np.full((len(q), 2 * JOINTS), np.nan)
-        table[:, : len(begun)] = angles
-        table[:, JOINTS : JOINTS + len(begun)] = joint_rates(angles, angles[[0, 0]], PERIOD)
+        table[:, :axes] = angles
+        table[:, JOINTS : JOINTS + axes] = joint_rates(angles, angles[[0, 0]], PERIOD)
         return super().lay(q, *path, joints=table, **options)
 
 
