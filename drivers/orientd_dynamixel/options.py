@@ -44,7 +44,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from orientd.driver import check_names, choice, number, numbers, quaternion, switch, whole
+from orientd.driver import (
+    AxisLimits,
+    check_names,
+    choice,
+    number,
+    numbers,
+    quaternion,
+    switch,
+    whole,
+)
+from orientd.mechanism import Gimbal
 from orientd_dynamixel.tables import BAUD_RATES, MODELS, ServoModel
 
 DEFAULT_ACCELERATION = 40.0
@@ -97,6 +107,23 @@ class GimbalOptions:
     allow_slews: bool
     turns_file: str | None
     overwrite: frozenset[str]
+
+    def gimbal(self) -> Gimbal:
+        """Return the gimbal that the servos turn."""
+        limits = [
+            AxisLimits(axis.name, axis.low, axis.high, axis.velocity, axis.acceleration)
+            for axis in self.axes
+        ]
+        return Gimbal(
+            limits,
+            order=self.order,
+            mount=self.mount,
+            tool=self.tool,
+            is_pointing=self.pointing,
+            roll_tolerance=self.roll_tolerance,
+            max_deviation=self.max_deviation,
+            allow_slews=self.allow_slews,
+        )
 
 
 _AXIS_KEYS = {

@@ -12,6 +12,7 @@ from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
 from orientd.daemon.supervised_device import SupervisedDevice
 from orientd.driver import Driver, Explaining, Quaternion, Vector3, make_driver
 from orientd.errors import RequestError, StateError
+from orientd.mechanism import Mechanical
 from orientd.planner import Limits
 from orientd.planner import State as PlannedState
 from orientd.rpc import Statistics
@@ -159,11 +160,6 @@ class Device(SupervisedDevice):
             PlanError: the device does not say what has to be known of it to judge targets.
         """
         servo_limits = servo_limits_of(self.limits.narrowed(limits), brake_rate=1.0)
-        driver = type(self._examiner)
-        if driver.shape is not Driver.shape and driver.follow is Driver.follow:
-            raise StateError(
-                f"device {self.name} plans whole paths for its axes: it cannot follow targets"
-            )
         self._examiner.expect_targets()
         with self._lock:
             number = self._number + 1
@@ -310,6 +306,9 @@ class Device(SupervisedDevice):
         if cycle is None or not cycle.joints or self._has_no_outline:
             return ()
         try:
+            if isinstance(self._examiner, Mechanical):
+                mechanism = self._examiner.mechanism(may_ask=False)
+                return () if mechanism is None else mechanism.outline(cycle.joints)
             return self._examiner.outline(cycle.joints)
         except Exception:  # noqa: BLE001 - a picture is worth no trouble
             _log.exception("%s: the driver cannot draw its device", self.name)
