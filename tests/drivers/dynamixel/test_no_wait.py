@@ -47,7 +47,7 @@ CAUSES = {
 
 def _tilt(it, k):
     """Ask for more than the axes may accelerate, so that they brake by themselves."""
-    it.q = it.driver._tracker.forward([0.02 * (k % 5), 0.0, 0.0])
+    it.q = it.driver._gimbal.orientation([0.02 * (k % 5), 0.0, 0.0])
 
 
 STATES = {
