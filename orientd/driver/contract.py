@@ -30,15 +30,15 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from orientd.clock import Clock
 from orientd.driver.values import (
     ComingPose,
     Feedback,
+    Joints,
     Quaternion,
     Setpoint,
-    Vector3,
 )
 
 
@@ -48,12 +48,14 @@ class Driver(ABC):
     Attributes:
         name: the registry's name of this kind of driver.
         default_rate_hz: cycle rate if the configuration names none.
+        takes: what :meth:`write` sends: ``"poses"``, or ``"joints"`` for the angles of the axes.
         longest_call: how long a read or a write takes at most, s.  The servo measures both, and
             warns if they take longer; by default it only measures.
     """
 
     name: ClassVar[str]
     default_rate_hz: ClassVar[float] = 500.0
+    takes: ClassVar[Literal["poses", "joints"]] = "poses"
     longest_call: float = math.inf
 
     def __init__(self, options: Mapping[str, Any], *, period_ns: int, clock: Clock) -> None:
@@ -72,48 +74,6 @@ class Driver(ABC):
         self.period_ns = period_ns
         self.clock = clock
 
-    @property
-    def sent_joints(self) -> tuple[float, ...]:
-        """The axis angles that were sent last, rad; empty where the driver sends none."""
-        return ()
-
-    def examine(  # noqa: B027 - most devices follow any path inside the limits
-        self,
-        times: Sequence[float],
-        poses: Sequence[tuple[Quaternion, Vector3]],
-        joints: tuple[float, ...] = (),
-        *,
-        is_offline: bool = False,
-    ) -> None:
-        """Refuse a path that the device cannot follow although it keeps the limits.
-
-        Called in the daemon's process, on a driver that is not open, before a motion is accepted.
-
-        Args:
-            times: path times in seconds, increasing.
-            poses: orientation and position at each of them.
-            joints: axis angles near where the path begins, rad; empty where they are not known.
-            is_offline: whether the device is not to be asked for anything.
-
-        Raises:
-            PlanError: why not, where and when.
-        """
-
-    def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:  # noqa: ARG002 - many devices have no axes
-        """Return the device's shape as it stands, for a picture of it.
-
-        Called in the daemon's process, on a driver that is not open, while somebody watches; from
-        any thread, so it must depend on nothing but *joints* and the options.
-
-        Args:
-            joints: axis angles as measured, rad.
-
-        Returns:
-            Lines, each from point to point, in the coordinates of the positions, m; empty where
-            there is nothing to show.
-        """
-        return ()
-
     @abstractmethod
     def open(self) -> None:
         """Connect.  May take long; no cycle runs yet.
@@ -127,7 +87,8 @@ class Driver(ABC):
         """Make the device ready to follow setpoints, without moving it.
 
         Returns:
-            Where the device is; the first setpoint will be exactly this.
+            Where the device is; the first setpoint will be exactly this.  With the angles of the
+            axes if the driver takes joints.
         """
 
     @abstractmethod
@@ -138,17 +99,17 @@ class Driver(ABC):
     def write(self, setpoint: Setpoint) -> None:
         """Send *setpoint*.  Called every cycle while enabled, after :meth:`read`."""
 
-    def follow(self, setpoint: Setpoint) -> Quaternion:
+    def follow(self, setpoint: Setpoint) -> tuple[Quaternion, Joints]:
         """Send *setpoint*, which is on no planned path, or what the device's axes can do of it.
 
         Called in place of :meth:`write` while targets are followed, and while the device comes to
         rest off its path.
 
         Returns:
-            The orientation that was sent.
+            The orientation that was sent, and the angles of the axes if the driver takes joints.
         """
         self.write(setpoint)
-        return setpoint.q
+        return setpoint.q, ()
 
     def foresee(self, coming: Sequence[ComingPose]) -> str:  # noqa: ARG002 - most devices follow any pose
         """Return why the device's axes cannot follow what comes next, or an empty string.
@@ -160,27 +121,6 @@ class Driver(ABC):
         Args:
             coming: the next setpoint, a period after the last one, and a stop from there at a few
                 instants.
-        """
-        return ""
-
-    def expect_targets(self) -> None:  # noqa: B027 - most devices follow any target
-        """Prepare for :meth:`refusal`; may ask the device.
-
-        Called in the daemon's process, on a driver that is not open, before targets are followed.
-
-        Raises:
-            PlanError: what has to be known of the device is not.
-        """
-
-    def refusal(self, q: Quaternion, position: Vector3, joints: tuple[float, ...]) -> str:  # noqa: ARG002 - most devices follow any target
-        """Return why the device cannot be at a target, or an empty string.
-
-        Called in the daemon's process, after :meth:`expect_targets`, for every target.
-
-        Args:
-            q: orientation of the target.
-            position: position of the target, m; where the device is for a target without one.
-            joints: axis angles measured last, rad; empty where they are not known.
         """
         return ""
 

@@ -47,7 +47,7 @@ CAUSES = {
 
 def _tilt(it, k):
     """Ask for more than the axes may accelerate, so that they brake by themselves."""
-    it.q = it.driver._gimbal.orientation([0.02 * (k % 5), 0.0, 0.0])
+    it.joints = (0.02 * (k % 5), 0.0, 0.0)
 
 
 STATES = {
@@ -89,7 +89,7 @@ def test_no_cycle_waits_longer_than_declared(rig, cause, state, rate_hz, fast_re
                 is_resting = True
         if state not in {"disabled", "free"}:
             with contextlib.suppress(DeviceError):
-                it.driver.write(Setpoint(begun, it.q))
+                it.driver.write(Setpoint(begun, it.q, joints=it.joints))
         it.driver.health(), it.driver.notices(), it.driver.gaps()
         longest = max(longest, it.clock.now_ns() - begun)
         assert reads[0] <= MOST_READS
