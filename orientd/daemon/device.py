@@ -11,7 +11,8 @@ from orientd.daemon.motions import AT_ONCE, Motions, MoveOptions, Prepared
 from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
 from orientd.daemon.supervised_device import SupervisedDevice
 from orientd.driver import Driver, Explaining, Quaternion, Vector3, make_driver
-from orientd.errors import RequestError, StateError
+from orientd.errors import LinkError, PlanError, RequestError, StateError
+from orientd.mechanism import Mechanical, Mechanism, refusal
 from orientd.planner import Limits
 from orientd.planner import State as PlannedState
 from orientd.rpc import Statistics
@@ -59,6 +60,7 @@ class Device(SupervisedDevice):
         super().__init__(settings, on_event=on_event, explaining=explaining)
         self.limits, self._planners = settings.limits.to_limits(), planners
         self._has_no_outline = False
+        self._followed: Mechanism | None = None
         self.is_free = self._was_following = False
 
     # Motions
@@ -164,7 +166,7 @@ class Device(SupervisedDevice):
             raise StateError(
                 f"device {self.name} plans whole paths for its axes: it cannot follow targets"
             )
-        self._examiner.expect_targets()
+        self._followed = self._mechanism()
         with self._lock:
             number = self._number + 1
             self._servo.running().ask(Command.TRACK, motion=number, servo_limits=servo_limits)
@@ -175,6 +177,20 @@ class Device(SupervisedDevice):
                 self._motions.drop("by targets to follow", kind=kind)
             self._tell(EventKind.MOTION_STARTED, number, "following targets")
         return number
+
+    def _mechanism(self) -> Mechanism | None:
+        """Return the mechanism that has to reach every target; ``None`` for a device without one.
+
+        Raises:
+            PlanError: the device does not say which it is.
+        """
+        driver = self._examiner
+        if driver.takes == "joints" or not isinstance(driver, Mechanical):
+            return None
+        try:
+            return driver.mechanism(may_ask=True)
+        except LinkError as error:
+            raise PlanError(f"cannot predict the axes: {error}") from error
 
     def aim(
         self,
@@ -191,13 +207,12 @@ class Device(SupervisedDevice):
             StateError: there is no servo.
         """
         servo = self._servo.running()
-        if type(self._examiner).refusal is not Driver.refusal:
-            cycle = servo.newest()
-            if cycle is not None:
-                at = cycle.position if position is None else position
-                problem = self._examiner.refusal(q, at, cycle.joints)
-                if problem:
-                    raise RequestError("target", problem)
+        cycle = servo.newest()
+        if self._followed is not None and cycle is not None:
+            at = cycle.position if position is None else position
+            problem = refusal(self._followed, q, at, cycle.joints)
+            if problem:
+                raise RequestError("target", problem)
         servo.memory.targets.publish(
             time_ns, expires_ns, *q, *(omega_body or NOT_GIVEN), *(position or NOT_GIVEN)
         )

@@ -30,11 +30,10 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from orientd.clock import Clock
 from orientd.driver.values import (
-    ComingPose,
     Feedback,
     Quaternion,
     Setpoint,
@@ -49,12 +48,14 @@ class Driver(ABC):
     Attributes:
         name: the registry's name of this kind of driver.
         default_rate_hz: cycle rate if the configuration names none.
+        takes: what :meth:`write` sends: ``"poses"``, or ``"joints"`` for the angles of the axes.
         longest_call: how long a read or a write takes at most, s.  The servo measures both, and
             warns if they take longer; by default it only measures.
     """
 
     name: ClassVar[str]
     default_rate_hz: ClassVar[float] = 500.0
+    takes: ClassVar[Literal["poses", "joints"]] = "poses"
     longest_call: float = math.inf
 
     def __init__(self, options: Mapping[str, Any], *, period_ns: int, clock: Clock) -> None:
@@ -259,40 +260,6 @@ class Driver(ABC):
         """
         self.write(setpoint)
         return setpoint.q
-
-    def foresee(self, coming: Sequence[ComingPose]) -> str:  # noqa: ARG002 - most devices follow any pose
-        """Return why the device's axes cannot follow what comes next, or an empty string.
-
-        Called in the servo process while targets are followed, before each setpoint is sent.  If
-        the axes cannot, the servo comes to rest along the stop that was asked about a cycle ago.
-        Must neither wait nor raise.
-
-        Args:
-            coming: the next setpoint, a period after the last one, and a stop from there at a few
-                instants.
-        """
-        return ""
-
-    def expect_targets(self) -> None:  # noqa: B027 - most devices follow any target
-        """Prepare for :meth:`refusal`; may ask the device.
-
-        Called in the daemon's process, on a driver that is not open, before targets are followed.
-
-        Raises:
-            PlanError: what has to be known of the device is not.
-        """
-
-    def refusal(self, q: Quaternion, position: Vector3, joints: tuple[float, ...]) -> str:  # noqa: ARG002 - most devices follow any target
-        """Return why the device cannot be at a target, or an empty string.
-
-        Called in the daemon's process, after :meth:`expect_targets`, for every target.
-
-        Args:
-            q: orientation of the target.
-            position: position of the target, m; where the device is for a target without one.
-            joints: axis angles measured last, rad; empty where they are not known.
-        """
-        return ""
 
     @abstractmethod
     def disable(self) -> None:

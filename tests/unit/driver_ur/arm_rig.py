@@ -15,7 +15,6 @@ from orientd.stream import (
 )
 from orientd_loopback import LoopbackDriver
 from orientd_ur.arm import MODELS
-from orientd_ur.following import NEAREST, Following
 from orientd_ur.joint_path import follow
 from orientd_ur.pose import pose_of
 
@@ -25,35 +24,34 @@ TOOL = (0.02, -0.01, 0.12, 0.1, -0.2, 0.3)
 
 
 class ArmLoopback(LoopbackDriver):
-    """A loopback device that is where it was sent, and foresees the joints of an arm."""
+    """A loopback device that is where it was sent, and has the joints of an arm."""
 
-    def begin(self, arm, joints, pose):
+    def begin(self, arm, joints):
+        self.arm = arm
         self.joints = joints
         self.setpoints = []
-        self.following = Following(arm, joints, pose, PERIOD)
 
     def enable(self):
         return super().enable()._replace(joints=self.joints)
 
-    def foresee(self, coming):
-        return self.following.look(coming)
+    def read(self):
+        found = super().read()
+        return found and found._replace(joints=self.joints)
+
+    def mechanism(self, *, may_ask):
+        return self.arm
 
     def write(self, setpoint):
         super().write(setpoint)
         self.setpoints.append(setpoint)
-        self.following.stream(setpoint.q, setpoint.position, self.joints)
-
-    def follow(self, setpoint):
-        super().write(setpoint)
-        self.setpoints.append(setpoint)
-        self.following.took(setpoint.q, setpoint.position)
-        return setpoint.q
+        self.joints = self.arm.nearest(setpoint.q, setpoint.position, self.joints) or self.joints
 
 
 class CarelessArm(ArmLoopback):
     """The same without a look at its joints."""
 
-    foresee = LoopbackDriver.foresee
+    def mechanism(self, *, may_ask):
+        return None
 
 
 class ArmRig:
@@ -84,7 +82,7 @@ class ArmRig:
         }
         kind = ArmLoopback if foresees else CarelessArm
         self.driver = kind(options, period_ns=PERIOD_NS, clock=self.clock)
-        self.driver.begin(self.arm, joints, (self.q, self.position))
+        self.driver.begin(self.arm, joints)
         self.setpoints = self.driver.setpoints
         self.driver.open()
         self.servo = Servo(
@@ -146,8 +144,8 @@ class ArmRig:
         low, high = np.array([(axis.low, axis.high) for axis in self.arm.axes]).T
         assert (low <= joints).all()
         assert (joints <= high).all()
-        reserves = [self.arm.kinematics.reserve(row) for row in joints.tolist()]
-        for kind, least in NEAREST.items():
-            nearest = min(reserve[kind] for reserve in reserves)
-            assert nearest >= min(0.98 * least, reserves[0][kind])
+        reserves = [self.arm.reserve(row) for row in joints.tolist()]
+        for every in zip(*reserves, strict=True):
+            nearest = min(one.value for one in every)
+            assert nearest >= min(0.98 * every[0].least_followed, every[0].value)
         return joints
