@@ -29,7 +29,6 @@ from orientd.errors import (
     DeviceFaultError,
     FeedbackError,
     LinkError,
-    PlanError,
     SpentLinkError,
 )
 from orientd.floats import difference, norm, rotate_back
@@ -45,7 +44,6 @@ from orientd_ur.controller import (
     version_problem,
 )
 from orientd_ur.doctor import inspect
-from orientd_ur.joint_path import examine
 from orientd_ur.link import Link, alarm_after, require_library
 from orientd_ur.pose import continued, pose_of
 from orientd_ur.probe import look
@@ -130,32 +128,7 @@ class UrDriver(Driver):
             return None
         if self._is_enabled:
             return self._arm
-        return self._robot.look()[0] if may_ask else self._robot.named()
-
-    def examine(
-        self,
-        times: Sequence[float],
-        poses: Sequence[tuple[Quaternion, Vector3]],
-        joints: tuple[float, ...] = (),
-        *,
-        is_offline: bool = False,
-    ) -> None:
-        """Refuse a path on which a joint would be too fast, or a singularity too near.
-
-        Raises:
-            PlanError: the time and the joint; or the robot does not say where it is.
-        """
-        if not self._options.check_joints:
-            return
-        if is_offline:
-            arm, joints = self._robot.named(), joints or self._options.start_joints
-        else:
-            try:
-                arm, place = self._robot.look()
-            except LinkError as error:
-                raise PlanError(f"cannot predict the joints: {error}") from error
-            joints = joints or place.joints
-        examine(arm, times, poses, joints)
+        return self._robot.look()[0] if may_ask else self._robot.known()
 
     def offline_start(self, *, from_device: bool) -> Feedback:
         """Return where the arm stands: by the options, or as the robot says.
@@ -168,13 +141,8 @@ class UrDriver(Driver):
             _, place = self._robot.look()
             return Feedback(0, place.pose[0], position=place.pose[1], joints=place.joints)
         joints = self._options.start_joints
-        q, position = self._robot.named().forward(joints)
+        q, position = self._robot.known().forward(joints)
         return Feedback(0, q, position=position, joints=joints)
-
-    def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:
-        """Return the arm's links up to the flange; nothing until the controller said which arm."""
-        arm = self._robot.drawn()
-        return arm.outline(joints) if arm is not None else ()
 
     def why_stale(self) -> str:
         """Return whether the controller's packages came late, or were not taken in here."""

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import logging
+import threading
+import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 from orientd.config import DeviceSettings
 from orientd.daemon.devices import DeviceEvent, EventKind, servo_limits_of
 from orientd.daemon.motions import AT_ONCE, Motions, MoveOptions, Prepared
 from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
 from orientd.daemon.supervised_device import SupervisedDevice
-from orientd.driver import Driver, Explaining, Quaternion, Vector3, make_driver
-from orientd.errors import LinkError, PlanError, RequestError, StateError
+from orientd.driver import Explaining, Quaternion, Vector3, make_driver
+from orientd.errors import LinkError, OrientdError, PlanError, RequestError, StateError
 from orientd.mechanism import Mechanical, Mechanism, refusal
 from orientd.planner import Limits
 from orientd.planner import State as PlannedState
@@ -23,6 +26,9 @@ _log = logging.getLogger(__name__)
 
 _SAME_BRANCH = 0.5
 """How far axis angles as measured may be from those planned to be on the same branch, rad."""
+
+_ASK_AGAIN = 5.0
+"""s after which a device is asked again for its mechanism."""
 
 
 class Device(SupervisedDevice):
@@ -61,6 +67,7 @@ class Device(SupervisedDevice):
         self.limits, self._planners = settings.limits.to_limits(), planners
         self._has_no_outline = False
         self._followed: Mechanism | None = None
+        self._asked_at = -_ASK_AGAIN
         self.is_free = self._was_following = False
 
     # Motions
@@ -161,11 +168,6 @@ class Device(SupervisedDevice):
             PlanError: the device does not say what has to be known of it to judge targets.
         """
         servo_limits = servo_limits_of(self.limits.narrowed(limits), brake_rate=1.0)
-        driver = type(self._examiner)
-        if driver.shape is not Driver.shape and driver.follow is Driver.follow:
-            raise StateError(
-                f"device {self.name} plans whole paths for its axes: it cannot follow targets"
-            )
         self._followed = self._mechanism()
         with self._lock:
             number = self._number + 1
@@ -324,12 +326,33 @@ class Device(SupervisedDevice):
         cycle = link.newest() if link is not None else None
         if cycle is None or not cycle.joints or self._has_no_outline:
             return ()
+        driver = self._examiner
+        if not isinstance(driver, Mechanical):
+            return ()
         try:
-            return self._examiner.outline(cycle.joints)
+            mechanism = driver.mechanism(may_ask=False)
+            return () if mechanism is None else mechanism.outline(cycle.joints)
+        except PlanError:
+            self._ask_aside(driver)
+            return ()
         except Exception:  # noqa: BLE001 - a picture is worth no trouble
             _log.exception("%s: the driver cannot draw its device", self.name)
             self._has_no_outline = True
             return ()
+
+    def _ask_aside(self, driver: Mechanical) -> None:
+        """Have the device asked for its mechanism now and then, by somebody who may wait."""
+        now = time.monotonic()
+        if now < self._asked_at + _ASK_AGAIN:
+            return
+        self._asked_at = now
+
+        def ask() -> None:
+            # It is asked again as long as somebody looks.
+            with suppress(OrientdError):
+                driver.mechanism(may_ask=True)
+
+        threading.Thread(target=ask, daemon=True).start()
 
     def statistics(self, motion_number: int) -> Statistics | None:
         """Return what was measured of a motion; ``None`` unless it is one of the newest."""

@@ -10,11 +10,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from orientd.driver import PartHealth
 from orientd_dynamixel.bus import ServoBus, sendable
-from orientd_dynamixel.group import Group, Health, Reading
+from orientd_dynamixel.group import Reading
 from orientd_dynamixel.options import GimbalOptions
 from orientd_dynamixel.servo import PARK_RATE, Servo
 from orientd_dynamixel.tables import VOLT, WATCHDOG_TRIPPED, explain_error
@@ -26,7 +25,7 @@ _FAR = math.radians(1.0)
 _SETTLING_NS = 100_000_000
 """After this time at rest an axis no longer lags behind its goal."""
 
-_HEAT_MARGIN = 10.0
+_HEAT_MARGIN = 10
 """K below the temperature at which a servo gives up."""
 _VOLTAGE_MARGIN = 0.04
 """Share of the voltages at which a servo reports an error."""
@@ -118,72 +117,25 @@ class Standing:
         self._pending.remove(place)
 
 
-@dataclass(slots=True)
-class Condition:
-    """The condition of one servo against what it switches itself off for.
-
-    Attributes:
-        servo: which one.
-        temperature: the highest that it bears, as its own settings say; degrees Celsius.
-        lowest: voltage, V.
-        highest: voltage, V.
-        current: A; 0 if it does not measure it.
-        strained: looks in a row at which the current was large.
-    """
-
-    servo: Servo
-    temperature: int
-    lowest: float
-    highest: float
-    current: float
-    strained: int = 0
-
-    @classmethod
-    def ask(cls, servo: Servo) -> Condition:
-        """Ask a servo for what it bears."""
-        table, unit = servo.table, servo.options.model.current_unit
-        lowest, highest = (VOLT * servo.get(one) for one in (table.min_voltage, table.max_voltage))
-        current = unit * servo.get(table.current_limit) if unit else 0.0
-        return cls(servo, servo.get(table.temperature_limit), lowest, highest, current)
-
-    def judge(self, health: Health, reading: Reading) -> PartHealth:
-        """Return how the servo is, with what is soon to go wrong."""
-        unit = self.servo.options.model.current_unit
-        current = reading.current * unit if unit else None
-        # An axis that speeds up needs all the current there is for a moment.
-        is_large = current is not None and abs(current) >= _CURRENT_SHARE * self.current
-        self.strained = self.strained + 1 if is_large else 0
-        hot, volt = health.temperature, health.voltage
-        found = {
-            f"has {hot:.0f} degrees C, at {self.temperature} it gives up":
-                hot >= self.temperature - _HEAT_MARGIN,
-            f"has {volt:.1f} V, below {self.lowest:.1f} V it reports an error":
-                volt <= self.lowest * (1.0 + _VOLTAGE_MARGIN),
-            f"has {volt:.1f} V, above {self.highest:.1f} V it reports an error":
-                volt >= self.highest * (1.0 - _VOLTAGE_MARGIN),
-            f"needs {abs(current or 0.0):.2f} A for long, {self.current:.2f} A is its limit":
-                self.strained >= _LONG,
-        }  # fmt: skip
-        problems = " and ".join(text for text, is_true in found.items() if is_true)
-        warning = f"{self.servo} {problems}" if problems else ""
-        name = self.servo.options.name
-        return PartHealth(name, health.time_ns, volt, hot, current, warning)
-
-
-class Conditions:
-    """The condition of all servos of a gimbal."""
-
-    def __init__(self, servos: Sequence[Servo]) -> None:
-        """Ask the servos for what they bear."""
-        self._conditions = [Condition.ask(servo) for servo in servos]
-        self._told: tuple[PartHealth, ...] = ()
-
-    def judge(self, group: Group) -> tuple[PartHealth, ...]:
-        """Return how every servo is, as *group* has last read it; empty before that."""
-        is_new = group.health and [h.time_ns for h in group.health] != [
-            p.time_ns for p in self._told
-        ]
-        if is_new and group.readings:
-            looked = zip(self._conditions, group.health, group.readings, strict=True)
-            self._told = tuple(one.judge(health, reading) for one, health, reading in looked)
-        return self._told
+def judge(servo: Servo, reading: Reading, time_ns: int) -> PartHealth:
+    """Return how a servo is, as it was read at *time_ns*, with what is soon to go wrong."""
+    options, bears, unit = servo.options, servo.bears, servo.options.model.current_unit
+    hot, volt = reading.temperature, VOLT * reading.voltage
+    current = abs(reading.current) * unit
+    # An axis that speeds up needs all the current there is for a moment.
+    servo.strained = servo.strained + 1 if current >= _CURRENT_SHARE * bears.current > 0.0 else 0
+    found = {
+        f"has {hot} degrees C, at {bears.temperature} it gives up":
+            hot >= bears.temperature - _HEAT_MARGIN,
+        f"has {volt:.1f} V, below {bears.lowest:.1f} V it reports an error":
+            volt <= bears.lowest * (1.0 + _VOLTAGE_MARGIN),
+        f"has {volt:.1f} V, above {bears.highest:.1f} V it reports an error":
+            volt >= bears.highest * (1.0 - _VOLTAGE_MARGIN),
+        f"needs {current:.2f} A for long, {bears.current:.2f} A is its limit":
+            servo.strained >= _LONG,
+    }  # fmt: skip
+    problems = " and ".join(text for text, is_true in found.items() if is_true)
+    return PartHealth(
+        options.name, time_ns, volt, float(hot), reading.current * unit if unit else None,
+        f"{servo} {problems}" if problems else "",
+    )  # fmt: skip

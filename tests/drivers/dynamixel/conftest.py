@@ -93,7 +93,7 @@ class Rig:
         feedback = self.driver.read()
         self.seen.append(feedback)
         if angles is not None:
-            self.q = self.driver._tracker.forward(angles)
+            self.q = self.driver._gimbal.orientation(angles)
         if q is not None:
             self.q = q
         if write:

@@ -174,7 +174,7 @@ def test_06_lost_reply_keeps_the_last_good_reading_and_names_the_servo(gimbal):
     good = gimbal.seen[-1]
     gimbal.bus.faults.add(2, ReplyFault(FaultKind.DROP, remaining=1))
     gimbal.run(3)
-    assert gimbal.driver._group.losses.total == 1
+    assert gimbal.driver._group.lost == 1
     assert gimbal.seen[-1].joints == good.joints
     gimbal.bus.faults.add(2, ReplyFault(FaultKind.DROP))
     with pytest.raises(FeedbackError, match=r"10 readings lost in a row.*servo 2 \(pitch\)"):
@@ -194,7 +194,7 @@ def test_07_failed_read_is_never_a_zero(rig):
     it.start()
     it.bus.faults.add(1, ReplyFault(FaultKind.DROP, probability=0.3))
     it.run(100)
-    assert it.driver._group.losses.total > 5
+    assert it.driver._group.lost > 5
     for feedback in it.seen:
         assert feedback.joints == pytest.approx([952 / 4096 * 6.283185] * 3, abs=0.002)
 
@@ -237,9 +237,9 @@ def test_10b_short_answer_to_a_group_is_a_loss(gimbal, monkeypatch):
     original = gimbal.servo(2).read
     monkeypatch.setattr(gimbal.servo(2), "read", lambda a, n, t: (0, original(a, n, t)[1][:5]))
     gimbal.driver._group._is_fast = False
-    before = gimbal.driver._group.losses.total
+    before = gimbal.driver._group.lost
     gimbal.run(2)
-    assert gimbal.driver._group.losses.total > before
+    assert gimbal.driver._group.lost > before
 
 
 def test_11_late_reply_is_the_answer_to_the_next_read_of_the_sdk():
@@ -328,7 +328,7 @@ def test_13_readings_that_hold_a_header_come_through(rig):
         it.servo(1).shaft.position = -131_073.0
         feedback = it.start()
         it.run(20)
-        assert it.driver._group.losses.total == 0
+        assert it.driver._group.lost == 0
         assert it.seen[-1].joints[0] == pytest.approx(feedback.joints[0], abs=0.002)
 
 
@@ -340,7 +340,7 @@ def test_14_servos_with_telling_ids_are_all_read(rig):
     it.bus.servos[1]._memory[7] = 224
     it.start()
     it.run(20)
-    assert it.driver._group.losses.total == 0
+    assert it.driver._group.lost == 0
 
 
 def test_15_indirect_data_of_each_model_is_where_it_is(rig):
@@ -401,4 +401,4 @@ def test_21_return_delay_is_zero_and_the_adapters_timer_is_allowed_for(rig):
     it.start()
     assert it.servo(1).return_delay_ns == 0
     it.run(200)
-    assert it.driver._group.losses.total == 0
+    assert it.driver._group.lost == 0

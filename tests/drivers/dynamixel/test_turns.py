@@ -21,7 +21,7 @@ def started(rig, file):
 
 
 def turn_to(it, degrees):
-    yaw = it.driver._tracker.angles[0]
+    yaw = it.driver._following.angles[0]
     steps = max(1, math.ceil(abs(math.radians(degrees) - yaw) / 0.035))
     for k in range(1, steps + 1):
         it.cycle([yaw + (math.radians(degrees) - yaw) * k / steps, 0.0])

@@ -1,5 +1,7 @@
 """The real servo in virtual time, with a loopback device that has an arm's joints."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from orientd.clock import ManualClock
@@ -15,12 +17,21 @@ from orientd.stream import (
 )
 from orientd_loopback import LoopbackDriver
 from orientd_ur.arm import MODELS
-from orientd_ur.joint_path import follow
 from orientd_ur.pose import pose_of
 
 PERIOD_NS = 2_000_000
 PERIOD = PERIOD_NS * 1e-9
 TOOL = (0.02, -0.01, 0.12, 0.1, -0.2, 0.3)
+
+
+def joints_of(arm, poses, near):
+    """Return the joints that make poses of the tool, continuously from *near*, rad."""
+    found = []
+    for q, position in poses:
+        near = arm.nearest(q, position, near)
+        assert near is not None, "the arm does not reach what was sent"
+        found.append(near)
+    return np.array(found)
 
 
 class ArmLoopback(LoopbackDriver):
@@ -69,7 +80,7 @@ class ArmRig:
         linear_velocity=0.5,
         linear_acceleration=2.0,
     ):
-        self.arm, self.start = MODELS[model].arm().with_tool(pose_of(TOOL)), joints
+        self.arm, self.start = replace(MODELS[model].arm(), tool=pose_of(TOOL)), joints
         self.q, self.position = self.arm.forward(joints)
         self.limits = ServoLimits(
             velocity, acceleration, jerk, linear_velocity, linear_acceleration, 4.0
@@ -134,9 +145,7 @@ class ArmRig:
                 break
         assert self.servo.state is ServoState.HOLDING, self.servo.setpoints.fault_text
         poses = [(s.q, s.position) for s in self.setpoints]
-        joints = list(follow(self.arm, poses, self.start))
-        assert joints[-1] is not None, "the arm does not reach what was sent"
-        joints = np.array(joints)
+        joints = joints_of(self.arm, poses, self.start)
         rates = np.diff(joints, axis=0, prepend=joints[:1]) / PERIOD
         changes = np.diff(rates, axis=0, prepend=rates[:1] * 0.0) / PERIOD
         assert (np.abs(rates) / [axis.velocity for axis in self.arm.axes]).max() <= 1.0

@@ -1,23 +1,25 @@
-"""Stops on a path: the path slows down, the axes slew at rest, the path goes on.
+"""Stops on a gimbal's path: the path slows down, the axes slew at rest, the path goes on.
 
-Everything here has continuous acceleration: quintic ramps of the path's clock, quintic slews.
+Everything here has continuous acceleration: quintic ramps of the path's time, quintic slews.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
+from orientd.driver import AxisLimits
 from orientd.errors import PlanError
+from orientd.mechanism.arrays import orientations
+from orientd.mechanism.gimbal import Gimbal
+from orientd.mechanism.joint_path import UNLIMITED, ToolLimits
+from orientd.mechanism.timing import quintic, ramp_times, run_through
 from orientd.rotation import Floats, angle
-from orientd_dynamixel.certificate import AxisLimits, Slew, ToolLimits
-
-Excess = Callable[[Floats], float]
-"""How much longer axis angles must take for the tool to keep its limits, at most 1 if it does."""
 
 _RAMP = 0.5
 """How long the path takes to stop at least, s."""
@@ -30,31 +32,57 @@ _PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
 _CRAWL_STEPS = 8.0
 """Up to so many times what an axis can turn in a sample, a step is a path that is too fast."""
 _ATTEMPTS = 40
+_RESERVE = 0.97
+"""Share of the fastest slew that keeps the tool's limits; the rest is for stops on it."""
 TILT = math.radians(2.0)
 """How far off the pole the tool is tilted to turn the outer axis there."""
 
 
-@dataclass(frozen=True)
-class Timeline:
-    """A path with stops.
+@dataclass(frozen=True, slots=True)
+class Slew:
+    """A stop of the path in which the axes change branch or unwind.
+
+    Or a stretch of it that is gone along slowly, from rest to rest, because an axis would have to
+    hurry too much: then the path is not left.
 
     Attributes:
-        times: s, uniform, shape ``(n,)``.
-        angles: rad, shape ``(n, axes)``.
+        start: s.
+        end: s.
+        before: axis angles, rad.
+        after: axis angles, rad.
+        is_on_path: whether the path is gone along slowly instead of being left.
+        error: the largest angle by which the path is missed in it, rad.
+    """
+
+    start: float
+    end: float
+    before: tuple[float, ...]
+    after: tuple[float, ...]
+    is_on_path: bool = False
+    error: float = 0.0
+
+    @property
+    def duration(self) -> float:
+        """How long it lasts, s."""
+        return self.end - self.start
+
+    def off_by(self, error: float) -> Slew:
+        """Return the same slew with another *error*."""
+        return replace(self, error=error)
+
+
+class Stopped(NamedTuple):
+    """A path with stops, on a uniform grid.
+
+    Attributes:
+        joints: rad, shape ``(n, axes)``.
         path_times: where the path is, in its own time, s, shape ``(n,)``.
         slews: in order.
     """
 
-    times: Floats
-    angles: Floats
+    joints: Floats
     path_times: Floats
     slews: tuple[Slew, ...]
-
-
-def quintic(u: Floats) -> Floats:
-    """Return the quintic from 0 to 1 that is at rest, with no acceleration, at both ends."""
-    u = np.clip(u, 0.0, 1.0)
-    return u * u * u * (10.0 + u * (6.0 * u - 15.0))
 
 
 def slew_duration(before: Floats, after: Floats, limits: Sequence[AxisLimits]) -> float:
@@ -62,9 +90,7 @@ def slew_duration(before: Floats, after: Floats, limits: Sequence[AxisLimits]) -
     return float(slew_times(np.abs(after - before)[None], limits)[0])
 
 
-def slew_times(
-    gaps: Floats, limits: Sequence[AxisLimits], tool: ToolLimits | None = None
-) -> Floats:
+def slew_times(gaps: Floats, limits: Sequence[AxisLimits], tool: ToolLimits = UNLIMITED) -> Floats:
     """Return how long quintic slews over *gaps* take at least, s.
 
     Args:
@@ -72,7 +98,6 @@ def slew_times(
         limits: of every axis.
         tool: what it keeps to; every axis turns it as quickly as itself.
     """
-    tool = tool or ToolLimits()
     speed = np.array([min(limit.velocity, tool.velocity) for limit in limits])
     force = np.array([min(limit.acceleration, tool.acceleration) for limit in limits])
     by_axis = np.maximum(_PEAK_SPEED * gaps / speed, np.sqrt(_PEAK_ACCELERATION * gaps / force))
@@ -88,13 +113,12 @@ def stop_time(q: Floats, period: float, tool: ToolLimits) -> float:
 
 
 def _slew(
+    gimbal: Gimbal,
     here: Floats,
     there: Floats,
     period: float,
     limits: Sequence[AxisLimits],
-    excess: Excess,
-    *,
-    is_at_pole: bool,
+    tool: ToolLimits,
 ) -> Floats:
     """Return axis angles between *here* and *there*, as quick as the axes and the tool allow.
 
@@ -102,7 +126,7 @@ def _slew(
     meanwhile: the driver would not see the axes turn.
     """
     tilt = np.zeros_like(here)
-    if is_at_pole:
+    if _is_at_pole(gimbal, here):
         middle = limits[1]
         tilt[1] = math.copysign(TILT, (middle.low + middle.high) / 2 - here[1])
     seconds = slew_duration(here, there, limits) + slew_duration(np.zeros_like(tilt), tilt, limits)
@@ -115,7 +139,7 @@ def _slew(
         angles += (64.0 * (share * (1.0 - share)) ** 3)[:, None] * tilt
         held = np.concatenate([angles[:1], angles, angles[-1:]])
         more = max(
-            excess(angles),
+            _excess(gimbal, angles, period, tool),
             float(np.max(np.abs(np.diff(angles, axis=0)) / speed)),
             math.sqrt(float(np.max(np.abs(np.diff(held, 2, axis=0)) / bend))),
         )
@@ -123,14 +147,6 @@ def _slew(
             break
         seconds = count * period * max(more, 1.01)
     return angles[1:-1]
-
-
-def ramp_times(elapsed: Floats, ramp: float) -> Floats:
-    """Return the way of a clock whose speed rises from 0 to 1 as a quintic over *ramp* seconds."""
-    u = np.clip(elapsed / ramp, 0.0, 1.0)
-    # The integral of quintic(u).
-    way: Floats = ramp * u**4 * (2.5 + u * (u - 3.0)) + np.maximum(0.0, elapsed - ramp)
-    return way
 
 
 def _clock(length: float, ramp: float, *, is_left: bool, is_right: bool, period: float) -> Floats:
@@ -177,35 +193,44 @@ def _between(grid_values: Floats, at: Floats) -> Floats:
 
 
 def _crawl(
-    part: Floats, period: float, limits: Sequence[AxisLimits], excess: Excess
+    gimbal: Gimbal, part: Floats, period: float, limits: Sequence[AxisLimits], tool: ToolLimits
 ) -> tuple[Floats, Floats]:
     """Return axis angles, and where in *part* they are, of going along it from rest to rest."""
-    length = len(part) - 1
     speed = np.array([limit.velocity for limit in limits]) * period
-    # Each step takes as long as its slowest axis needs, and no less than on the path.
+    # Each sample takes as long as the slowest axis needs on either side, no less than on the path.
     spans = np.maximum(1.0, np.max(np.abs(np.diff(part, axis=0)) / speed, axis=1))
-    passed = np.concatenate([[0.0], np.cumsum(spans)])
-    count = max(2, math.ceil(_PEAK_SPEED * float(passed[-1])))
+    slow = np.maximum(np.concatenate([spans[:1], spans]), np.concatenate([spans, spans[-1:]]))
+    lasts = float(np.sum(slow[1:] + slow[:-1])) / 2.0
+    count = max(2, math.ceil(_PEAK_SPEED * lasts))
     most = np.array([limit.acceleration for limit in limits]) * period * period
     for _ in range(_ATTEMPTS):
-        share = quintic(np.arange(count + 1) / count)
-        at = np.interp(share * passed[-1], passed, np.arange(length + 1))
+        at = run_through(slow, lasts * quintic(np.arange(count + 1) / count))
         angles = _between(part, at)
         change = np.abs(np.diff(angles, axis=0))
         bend = np.abs(np.diff(angles, n=2, axis=0))
-        if np.all(change <= speed) and np.all(bend <= most) and excess(angles) <= 1.0:
+        is_slow = np.all(change <= speed) and np.all(bend <= most)
+        if is_slow and _excess(gimbal, angles, period, tool) <= 1.0:
             break
         count = math.ceil(count * 1.2)
     return angles, at
 
 
+def _excess(gimbal: Gimbal, joints: Floats, period: float, tool: ToolLimits) -> float:
+    """Return how much longer axis angles must take for the tool to keep its limits."""
+    return tool.excess(orientations(gimbal, joints), period) / _RESERVE
+
+
+def _is_at_pole(gimbal: Gimbal, joints: Floats) -> bool:
+    return gimbal.is_at_pole(gimbal.orientation(tuple(joints.tolist())))
+
+
 def _events(
+    gimbal: Gimbal,
     angles: Floats,
     period: float,
     slews: Sequence[int],
     limits: Sequence[AxisLimits],
     ramp: float,
-    is_at_pole: Callable[[Floats], bool],
 ) -> list[tuple[int, int, bool]]:
     """Return ``(last before, first after, whether it is a crawl)`` of each stop.
 
@@ -217,7 +242,7 @@ def _events(
     found: list[tuple[int, int, bool]] = []
     for k in slews:
         is_small = bool(np.max(np.abs(angles[k] - angles[k - 1]) / speed) <= _CRAWL_STEPS)
-        is_crawl = is_small and not is_at_pole(angles[k - 1])
+        is_crawl = is_small and not _is_at_pole(gimbal, angles[k - 1])
         if is_crawl and found and found[-1][2] and (k - 1 - found[-1][1]) * period < 2 * ramp:
             found[-1] = (found[-1][0], k, True)
         else:
@@ -226,27 +251,27 @@ def _events(
 
 
 def with_stops(
+    gimbal: Gimbal,
     angles: Floats,
     period: float,
     slews: Sequence[int],
     limits: Sequence[AxisLimits],
     *,
+    tool: ToolLimits = UNLIMITED,
     ramp: float = _RAMP,
     is_moving: bool = False,
-    excess: Excess = lambda _: 0.0,
-    is_at_pole: Callable[[Floats], bool] = lambda _: False,
-) -> Timeline:
+) -> Stopped:
     """Return a path that stops before each sample of *slews* and slews to it.
 
     Args:
+        gimbal: whose.
         angles: rad, shape ``(n, axes)``, with a jump before each of *slews*.
         period: s.
         slews: indices.
         limits: of every axis.
+        tool: what it keeps to on a slew.
         ramp: how long the path takes to stop, s.
         is_moving: whether the path begins in motion.
-        excess: of axis angles from rest to rest.
-        is_at_pole: whether axis angles are.
 
     Raises:
         PlanError: it does, and would have to stop sooner than it can.
@@ -254,7 +279,7 @@ def with_stops(
     pieces: list[Floats] = []
     path_pieces: list[Floats] = []
     found: list[Slew] = []
-    events = _events(angles, period, slews, limits, ramp, is_at_pole)
+    events = _events(gimbal, angles, period, slews, limits, ramp)
     room = (events[0][0] if events else len(angles)) * period
     if events and is_moving and room < ramp / 2:
         raise PlanError(
@@ -276,11 +301,11 @@ def with_stops(
         if number == len(events):
             break
         if is_crawl:
-            inside, at = _crawl(angles[last : after + 1], period, limits, excess)
+            inside, at = _crawl(gimbal, angles[last : after + 1], period, limits, tool)
             inside, path_times = inside[1:-1], (last + at[1:-1]) * period
         else:
             here, there = angles[last], angles[after]
-            inside = _slew(here, there, period, limits, excess, is_at_pole=is_at_pole(here))
+            inside = _slew(gimbal, here, there, period, limits, tool)
             path_times = np.full(len(inside), last * period)
         pieces.append(inside)
         path_pieces.append(path_times)
@@ -290,8 +315,6 @@ def with_stops(
                  tuple(map(float, angles[after])), is_crawl)
         )  # fmt: skip
         elapsed += len(inside)
-    whole = np.concatenate(pieces)
-    times = period * np.arange(len(whole), dtype=np.float64)
     # Where two pieces meet, the same time is calculated in two ways.
     path_times = np.maximum.accumulate(np.concatenate(path_pieces))
-    return Timeline(times, whole, path_times, tuple(found))
+    return Stopped(np.concatenate(pieces), path_times, tuple(found))

@@ -8,16 +8,15 @@ to its last in one step; anything else is a slew, which costs more than any deto
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from orientd.driver import AxisLimits
+from orientd.mechanism.arrays import wrapped
+from orientd.mechanism.pole import Passage
 from orientd.rotation import Floats
-from orientd_dynamixel.certificate import AxisLimits
-from orientd_dynamixel.keyhole import Passage
-from orientd_dynamixel.kinematics import wrapped
 
 SLEW_COST = 1e3
 """Of a second that the path stands still, or of a stop where nothing is known of its time."""
@@ -28,18 +27,17 @@ Bools = np.ndarray[Any, np.dtype[np.bool_]]
 _MATCH = 1e-5
 
 
-@dataclass(frozen=True)
-class Choice:
+class Choice(NamedTuple):
     """What was chosen.
 
     Attributes:
-        angles: rad, unwrapped, shape ``(n, axes)``, with the passages in them.
+        joints: rad, unwrapped, shape ``(n, axes)``, with the passages in them.
         slews: indices of samples before which the axes have to slew.
         passages: those taken.
         reached: how many samples could be reached; the whole path if all.
     """
 
-    angles: Floats
+    joints: Floats
     slews: tuple[int, ...]
     passages: tuple[Passage, ...]
     reached: int
@@ -106,7 +104,7 @@ def near(principal: Floats, limits: Sequence[AxisLimits], start: Floats | None) 
     ends = np.array([(limit.low, limit.high) for limit in limits]).T
     begun = np.clip(np.zeros(len(limits)) if start is None else start, *ends)
     return [
-        replace(limit, low=max(limit.low, at - far), high=min(limit.high, at + far))
+        limit._replace(low=max(limit.low, at - far), high=min(limit.high, at + far))
         for limit, at, far in zip(limits, begun.tolist(), reach.tolist(), strict=True)
     ]
 
@@ -233,10 +231,10 @@ def _offer(
 ) -> None:
     """Enter *passage* wherever it leads from a candidate to a candidate, inside the limits."""
     for origin in np.nonzero(np.isfinite(before))[0]:
-        shift = every[passage.first, origin] - passage.angles[0]
+        shift = every[passage.first, origin] - passage.joints[0]
         if np.max(np.abs(np.exp(1j * shift) - 1)) > _MATCH:
             continue
-        angles = passage.angles + shift
+        angles = passage.joints + shift
         if any(
             np.min(angles[:, axis]) < limit.low - 1e-9
             or np.max(angles[:, axis]) > limit.high + 1e-9
@@ -276,7 +274,7 @@ def _trace(
     while k > 0:
         if (k, state) in via:
             first, origin, passage = via[k, state]
-            angles[first : k + 1] = passage.angles + (every[first, origin] - passage.angles[0])
+            angles[first : k + 1] = passage.joints + (every[first, origin] - passage.joints[0])
             taken.append(passage)
             k, state = first, origin
             continue

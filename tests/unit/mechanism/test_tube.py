@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orientd_dynamixel.tube import smooth, taut_string
+from orientd.mechanism.pole import smooth, taut_string
 
 
 def test_string_through_an_open_tube_is_straight():
