@@ -195,7 +195,7 @@ def along(arm, rows):
 
 def test_plan_for_a_robot_that_does_not_answer_is_refused(ur_host):
     driver = UrDriver({"host": ur_host}, period_ns=2_000_000, clock=MonotonicClock())
-    planner = DevicePlanner(driver, limits=Limits(1.0, 5.0, 100.0), period=0.002)
+    planner = DevicePlanner(driver, limits=Limits(1.0, 5.0, 100.0, 0.5, 5.0), period=0.002)
     start = State.at_rest((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     request = MotionRequest([Keyframe((0.0, 1.0, 0.0, 0.0))], approach=True)
     with pytest.raises(PlanError, match=r"cannot predict the axes: no RTDE server"):
