@@ -128,7 +128,7 @@ class UrDriver(Driver):
             return None
         if self._is_enabled:
             return self._arm
-        return self._robot.look()[0] if may_ask else self._robot.known()
+        return self._robot.look()[0] if may_ask else self._robot.named()
 
     def offline_start(self, *, from_device: bool) -> Feedback:
         """Return where the arm stands: by the options, or as the robot says.
@@ -141,7 +141,7 @@ class UrDriver(Driver):
             _, place = self._robot.look()
             return Feedback(0, place.pose[0], position=place.pose[1], joints=place.joints)
         joints = self._options.start_joints
-        q, position = self._robot.known().forward(joints)
+        q, position = self._robot.named().forward(joints)
         return Feedback(0, q, position=position, joints=joints)
 
     def why_stale(self) -> str:

@@ -89,16 +89,14 @@ class Robot:
             )
         return arm.slower(chosen.joint_acceleration)
 
-    def known(self) -> Arm:
-        """Return the arm and the tool that the options name, without asking the robot.
+    def named(self) -> Arm:
+        """Return the arm and the tool that the options name.
 
         Raises:
-            PlanError: they do not say which arm it is, and it was never asked.
+            PlanError: they do not say which arm it is.
         """
         model, tool = self._options.model, self._options.tcp_offset
         if model is None:
-            if self._arm is not None:
-                return self._arm
             raise PlanError(
                 "which arm it is is not known without the robot: name `model` in the device's "
                 "options, or ask the robot"

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import logging
-import threading
-import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 
 from orientd.config import DeviceSettings
+from orientd.daemon.device_axes import DeviceAxes
 from orientd.daemon.devices import DeviceEvent, EventKind, servo_limits_of
 from orientd.daemon.motions import AT_ONCE, Motions, MoveOptions, Prepared
 from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
 from orientd.daemon.supervised_device import SupervisedDevice
 from orientd.driver import Explaining, Quaternion, Vector3, make_driver
-from orientd.errors import LinkError, OrientdError, PlanError, RequestError, StateError
-from orientd.mechanism import Mechanical, Mechanism, refusal
+from orientd.errors import RequestError, StateError
 from orientd.planner import Limits
 from orientd.planner import State as PlannedState
 from orientd.rpc import Statistics
@@ -26,9 +23,6 @@ _log = logging.getLogger(__name__)
 
 _SAME_BRANCH = 0.5
 """How far axis angles as measured may be from those planned to be on the same branch, rad."""
-
-_ASK_AGAIN = 5.0
-"""s after which a device is asked again for its mechanism."""
 
 
 class Device(SupervisedDevice):
@@ -65,9 +59,7 @@ class Device(SupervisedDevice):
         explaining = self._examiner if isinstance(self._examiner, Explaining) else None
         super().__init__(settings, on_event=on_event, explaining=explaining)
         self.limits, self._planners = settings.limits.to_limits(), planners
-        self._has_no_outline = False
-        self._followed: Mechanism | None = None
-        self._asked_at = -_ASK_AGAIN
+        self._axes = DeviceAxes(self._examiner, self.name)
         self.is_free = self._was_following = False
 
     # Motions
@@ -168,7 +160,7 @@ class Device(SupervisedDevice):
             PlanError: the device does not say what has to be known of it to judge targets.
         """
         servo_limits = servo_limits_of(self.limits.narrowed(limits), brake_rate=1.0)
-        self._followed = self._mechanism()
+        self._axes.expect_targets()
         with self._lock:
             number = self._number + 1
             self._servo.running().ask(Command.TRACK, motion=number, servo_limits=servo_limits)
@@ -179,20 +171,6 @@ class Device(SupervisedDevice):
                 self._motions.drop("by targets to follow", kind=kind)
             self._tell(EventKind.MOTION_STARTED, number, "following targets")
         return number
-
-    def _mechanism(self) -> Mechanism | None:
-        """Return the mechanism that has to reach every target; ``None`` for a device without one.
-
-        Raises:
-            PlanError: the device does not say which it is.
-        """
-        driver = self._examiner
-        if driver.takes == "joints" or not isinstance(driver, Mechanical):
-            return None
-        try:
-            return driver.mechanism(may_ask=True)
-        except LinkError as error:
-            raise PlanError(f"cannot predict the axes: {error}") from error
 
     def aim(
         self,
@@ -210,9 +188,9 @@ class Device(SupervisedDevice):
         """
         servo = self._servo.running()
         cycle = servo.newest()
-        if self._followed is not None and cycle is not None:
+        if cycle is not None and cycle.joints:
             at = cycle.position if position is None else position
-            problem = refusal(self._followed, q, at, cycle.joints)
+            problem = self._axes.refusal(q, at, cycle.joints)
             if problem:
                 raise RequestError("target", problem)
         servo.memory.targets.publish(
@@ -324,35 +302,7 @@ class Device(SupervisedDevice):
         """Return the device's shape as it stands: lines, m; none where it has no axes."""
         link = self._servo.link
         cycle = link.newest() if link is not None else None
-        if cycle is None or not cycle.joints or self._has_no_outline:
-            return ()
-        driver = self._examiner
-        if not isinstance(driver, Mechanical):
-            return ()
-        try:
-            mechanism = driver.mechanism(may_ask=False)
-            return () if mechanism is None else mechanism.outline(cycle.joints)
-        except PlanError:
-            self._ask_aside(driver)
-            return ()
-        except Exception:  # noqa: BLE001 - a picture is worth no trouble
-            _log.exception("%s: the driver cannot draw its device", self.name)
-            self._has_no_outline = True
-            return ()
-
-    def _ask_aside(self, driver: Mechanical) -> None:
-        """Have the device asked for its mechanism now and then, by somebody who may wait."""
-        now = time.monotonic()
-        if now < self._asked_at + _ASK_AGAIN:
-            return
-        self._asked_at = now
-
-        def ask() -> None:
-            # It is asked again as long as somebody looks.
-            with suppress(OrientdError):
-                driver.mechanism(may_ask=True)
-
-        threading.Thread(target=ask, daemon=True).start()
+        return self._axes.outline(cycle.joints) if cycle is not None and cycle.joints else ()
 
     def statistics(self, motion_number: int) -> Statistics | None:
         """Return what was measured of a motion; ``None`` unless it is one of the newest."""

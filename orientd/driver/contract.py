@@ -35,6 +35,7 @@ from typing import Any, ClassVar, Literal
 from orientd.clock import Clock
 from orientd.driver.values import (
     Feedback,
+    Joints,
     Quaternion,
     Setpoint,
 )
@@ -72,11 +73,6 @@ class Driver(ABC):
         self.period_ns = period_ns
         self.clock = clock
 
-    @property
-    def sent_joints(self) -> tuple[float, ...]:
-        """The axis angles that were sent last, rad; empty where the driver sends none."""
-        return ()
-
     @abstractmethod
     def open(self) -> None:
         """Connect.  May take long; no cycle runs yet.
@@ -90,7 +86,8 @@ class Driver(ABC):
         """Make the device ready to follow setpoints, without moving it.
 
         Returns:
-            Where the device is; the first setpoint will be exactly this.
+            Where the device is; the first setpoint will be exactly this.  With the angles of the
+            axes if the driver takes joints.
         """
 
     @abstractmethod
@@ -101,17 +98,17 @@ class Driver(ABC):
     def write(self, setpoint: Setpoint) -> None:
         """Send *setpoint*.  Called every cycle while enabled, after :meth:`read`."""
 
-    def follow(self, setpoint: Setpoint) -> Quaternion:
+    def follow(self, setpoint: Setpoint) -> tuple[Quaternion, Joints]:
         """Send *setpoint*, which is on no planned path, or what the device's axes can do of it.
 
         Called in place of :meth:`write` while targets are followed, and while the device comes to
         rest off its path.
 
         Returns:
-            The orientation that was sent.
+            The orientation that was sent, and the angles of the axes if the driver takes joints.
         """
         self.write(setpoint)
-        return setpoint.q
+        return setpoint.q, ()
 
     @abstractmethod
     def disable(self) -> None:
