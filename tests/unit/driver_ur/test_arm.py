@@ -1,4 +1,4 @@
-"""The driver's own kinematics, and what it predicts of the joints over a path."""
+"""The arm as a mechanism: its kinematics, and what the planner makes of a path with it."""
 
 import math
 import random
@@ -7,10 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from orientd.clock import ManualClock
 from orientd.errors import LimitError, PlanError
 from orientd.floats import exp, log, multiply
 from orientd.mechanism import route
+from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
 from orientd.rotation import rotate
+from orientd_ur import UrDriver
 from orientd_ur.arm import MODELS
 from orientd_ur.kinematics import nearest_turns
 
@@ -140,3 +143,30 @@ def test_path_out_of_reach_is_refused_with_the_time():
     position = np.array([(x - 0.004 * k, y, z) for k in range(250)])
     with pytest.raises(PlanError, match=r"at \d\.\d+ s|elbow"):
         route(UR5E, 0.008, np.array([q] * 250), position, joints=HOME)
+
+
+def test_motion_runs_slower_where_a_joint_needs_it():
+    limits = Limits(2.5, 17.0, 8500.0, 1.0, 10.0)
+    begin = (0.3, -1.3, 1.5, -1.7, -0.12, 0.4)
+
+    def plan(**options):
+        settings = {"host": "127.0.0.9", "model": "ur5e", **options}
+        driver = UrDriver(settings, period_ns=2_000_000, clock=ManualClock(1))
+        q, position = driver.mechanism(may_ask=False).forward(begin)
+        goal = multiply(q, exp((0.1, 0.5, 0.1)))
+        request = MotionRequest([Keyframe(goal, position=position)], approach=True)
+        planner = DevicePlanner(driver, limits=limits, period=0.002)
+        start = State.at_rest(q, position)
+        return planner.plan(request, start=start, joints=begin, is_offline=True)
+
+    free, bound = plan(), plan(joint_acceleration_deg=300.0)
+    assert bound.duration > 1.2 * free.duration
+    assert any("the axes need" in note for note in bound.certificate.notes)
+    figures = {figure.name: figure for figure in bound.certificate.figures}
+    assert figures["acceleration of wrist 3"].limit == pytest.approx(math.radians(300.0))
+    for figure in bound.certificate.figures:
+        assert (
+            figure.limit is None or "angle" in figure.name or figure.value <= 1.001 * figure.limit
+        )
+    moved = np.abs(np.diff(bound.path.joints, 2, axis=0)) / 0.002**2
+    assert 0.5 * math.radians(300.0) < np.max(moved) <= 1.001 * math.radians(300.0)
