@@ -15,10 +15,11 @@ import numpy as np
 
 from orientd.driver import AxisLimits
 from orientd.errors import PlanError
+from orientd.kernels import solve_banded
 from orientd.mechanism.arrays import orientations
 from orientd.mechanism.gimbal import Gimbal
 from orientd.mechanism.joint_path import UNLIMITED, ToolLimits, axis_peaks, excess_of
-from orientd.mechanism.timing import quintic, ramp_times, run_through
+from orientd.mechanism.timing import calmed, quintic, ramp_times, run_through
 from orientd.rotation import Floats, angle, conjugate, log, multiply
 
 _RAMP = 0.5
@@ -29,6 +30,8 @@ _FASTEST, _HARDEST = 1.875, 5.7735
 """Largest slope and curvature of the quintic from 0 to 1."""
 _CRAWL_STEPS = 8.0
 """Up to so many times what an axis can turn in a sample, a step is a path that is too fast."""
+_FINER = 8
+"""Steps between two samples of a stretch that is gone along slowly, so that its pace is smooth."""
 _ATTEMPTS = 40
 _RESERVE = 0.97
 """Share of the fastest slew that keeps the tool's limits; the rest is for stops on it."""
@@ -288,7 +291,7 @@ def _clock(length: float, ramp: float, period: float, is_left: bool, is_right: b
 
 
 def _between(samples: Floats, at: Floats) -> Floats:
-    """Return values between samples by cubic Hermite segments with central differences.
+    """Return values between samples of the cubic spline through them, whose ends do not bend.
 
     Args:
         samples: shape ``(n, axes)``.
@@ -297,7 +300,12 @@ def _between(samples: Floats, at: Floats) -> Floats:
     count = len(samples)
     if count == 1:
         return np.repeat(samples, len(at), axis=0)
-    slopes = np.gradient(samples, axis=0)
+    # A slope and its two neighbours make the second derivatives equal on both sides.
+    slopes = np.diff(samples[[0, *range(count), -1]], axis=0)
+    slopes = 3.0 * (slopes[1:] + slopes[:-1])
+    band = np.repeat([[1.0], [4.0], [1.0]], count, axis=1)
+    band[1, [0, -1]] = 2.0
+    solve_banded(band, 1, 1, slopes)
     left = np.clip(np.floor(at).astype(int), 0, count - 2)
     u = (at - left)[:, None]
     p, q = samples[left], samples[left + 1]
@@ -311,13 +319,16 @@ def _crawl(
 ) -> tuple[Floats, Floats]:
     """Return axis angles, and where in *part* they are, of going along it from rest to rest."""
     speed = np.array([axis.velocity for axis in axes]) * period
-    # Each sample takes as long as the slowest axis needs on either side, no less than on the path.
-    spans = np.maximum(1.0, np.max(np.abs(np.diff(part, axis=0)) / speed, axis=1))
-    slow = np.maximum(np.concatenate([spans[:1], spans]), np.concatenate([spans, spans[-1:]]))
+    # Each step takes as long as its slowest axis needs, and no less than on the path.
+    steps = _FINER * (len(part) - 1)
+    fine = np.abs(np.diff(_between(part, np.arange(steps + 1) / _FINER), axis=0))
+    pace = _FINER * np.minimum(1.0, 1.0 / np.max(_FINER * fine / speed, axis=1).clip(1e-12))
+    pace = np.minimum(np.concatenate([pace[:1], pace]), np.concatenate([pace, pace[-1:]]))
+    slow = 1.0 / calmed(pace, 2 * _FINER)
     lasts = float(np.sum(slow[1:] + slow[:-1])) / 2.0
     count = max(2, math.ceil(_FASTEST * lasts))
     for _ in range(_ATTEMPTS):
-        at = run_through(slow, lasts * quintic(np.arange(count + 1) / count))
+        at = run_through(slow, lasts * quintic(np.arange(count + 1) / count)) / _FINER
         joints = _between(part, at)
         if _excess(gimbal, joints, period, axes, tool) <= 1.0:
             break

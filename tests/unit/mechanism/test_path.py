@@ -439,3 +439,15 @@ def test_path_that_leaves_the_pole_as_the_gimbal_stands_needs_nothing():
         path = planned(order, q, limits(order), start=start)
         assert path.error[0] < 1e-9
         assert path.path.joints[0] == pytest.approx(start, abs=1e-12)
+
+
+@pytest.mark.parametrize("miss", [0.5, 1.0, 2.0])
+def test_stretch_gone_along_slowly_accelerates_smoothly(miss):
+    path = planned("ZYX", passing(miss), limits("ZYX"), allow_slews=True)
+    assert all(slew.is_on_path for slew in path.slews)
+    _, acceleration = rates(path.path.joints, PERIOD)
+    steps = np.abs(np.diff(acceleration[3:], axis=0))
+    turns_back = np.abs(np.diff(acceleration[3:], 2, axis=0))
+    assert np.max(steps) < 0.15 * 40.0
+    # No step up that the next record takes back.
+    assert np.max(turns_back) < 0.2 * 40.0
