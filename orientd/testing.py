@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 import subprocess
 import sys
 import time
@@ -188,8 +189,9 @@ class DriverConformance(ABC):
         """A servo process is small; NumPy alone is as large again."""
         module = type(self.make_driver()).__module__
         code = f"import sys, {module}; print(*[m for m in {_FORBIDDEN!r} if m in sys.modules])"
+        found_by = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
         loaded = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=found_by
         ).stdout.split()
         assert not loaded, f"importing {module} loads {loaded}"
 
