@@ -12,11 +12,10 @@ position are watched instead.
 from __future__ import annotations
 
 import importlib
-import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from orientd.clock import Clock
 from orientd.driver import (
@@ -24,6 +23,7 @@ from orientd.driver import (
     Driver,
     Feedback,
     Finding,
+    Joints,
     PartHealth,
     Quaternion,
     Setpoint,
@@ -31,7 +31,6 @@ from orientd.driver import (
     switch,
 )
 from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
-from orientd.floats import difference, norm
 from orientd.mechanism import Gimbal
 from orientd_dynamixel.axes import (
     SLACK,
@@ -54,15 +53,13 @@ GLANCE_SHARE = 0.2
 CYCLE_SHARE = TAIL_SHARE + 2 * GLANCE_SHARE
 """Of the period, how long a read and a write together may wait for the port."""
 
-_UNSEEN = 1e-4
-"""By how much the tool may be off beside the pole, rad; a tick of a servo is 15 times as much."""
-
 
 class DynamixelDriver(Driver):
     """Two or three servos that turn a tool; *advice* is what was noticed that costs speed."""
 
     name: ClassVar[str] = "dynamixel"
     default_rate_hz: ClassVar[float] = 100.0
+    takes: ClassVar[Literal["poses", "joints"]] = "joints"
 
     def __init__(
         self,
@@ -94,11 +91,6 @@ class DynamixelDriver(Driver):
         self._prepared = Prepared([], [], "")
         self._health: tuple[PartHealth, ...] = ()
         self._health_ns = 0
-
-    @property
-    def sent_joints(self) -> tuple[float, ...]:
-        """The axis angles of the last goals; empty before there are any."""
-        return self._following.angles if self._is_enabled else ()
 
     def mechanism(self, *, may_ask: bool) -> Gimbal:  # noqa: ARG002 - the options say all of it
         """Return the gimbal that the options describe."""
@@ -182,7 +174,7 @@ class DynamixelDriver(Driver):
         return self._feedback
 
     def write(self, setpoint: Setpoint) -> None:
-        """Send the goals of *setpoint*, and the next request.
+        """Send the angles of *setpoint*, and the next request.
 
         Raises:
             LinkError: the port is gone.
@@ -200,16 +192,9 @@ class DynamixelDriver(Driver):
             if not any(self._following.rates):
                 self._standing.rest(self.clock.now_ns())
             return
-        angles, missed = self._gimbal.solve(setpoint.q, self._following.angles)
-        if missed > self.settings.roll_tolerance:
-            raise DeviceFaultError(
-                f"the gimbal misses the orientation by {math.degrees(missed):.2f} deg, at most "
-                f"{math.degrees(self.settings.roll_tolerance):.2f} deg are allowed"
-            )
-        now_ns = self.clock.now_ns()
+        now_ns, angles = self.clock.now_ns(), setpoint.joints
         # Judged by the cycle, not by the clock: two writes may come closer together than that.
         cycles = max(1, round((now_ns - self._written_ns) / self.period_ns))
-        angles, wanted = self._eased(setpoint.q, angles, cycles)
         for servo, angle in zip(self._servos, angles, strict=True):
             servo.check_angle(angle)
         problem = self._complain_of(angles, cycles, SLACK, TICK)
@@ -218,22 +203,8 @@ class DynamixelDriver(Driver):
             self._brake(bus, group)
             raise AxisFaultError(problem)
         goals = [servo.ticks(angle) for servo, angle in zip(self._servos, angles, strict=True)]
-        self._following.took(angles, wanted)
+        self._following.took(angles)
         self._send(bus, group, goals, now_ns)
-
-    def _eased(
-        self, q: Quaternion, angles: tuple[float, ...], cycles: int
-    ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return the angles for *q*, or some within the limits that all but make it; and for *q*.
-
-        Beside the pole an axis turns through any angle for a path that misses it by nothing that
-        can be seen.
-        """
-        if not self._complain_of(angles, cycles, SLACK, TICK):
-            return angles, angles
-        near, wanted = self._following.reach(q)
-        is_seen = norm(difference(self._gimbal.orientation(near), q)) > _UNSEEN
-        return (angles, angles) if is_seen else (near, wanted)
 
     def _complain_of(
         self, angles: tuple[float, ...], cycles: int, slack: float, least: float
@@ -251,7 +222,7 @@ class DynamixelDriver(Driver):
                 return problem
         return ""
 
-    def follow(self, setpoint: Setpoint) -> Quaternion:
+    def follow(self, setpoint: Setpoint) -> tuple[Quaternion, Joints]:
         """Send what the axes can do of *setpoint* within their limits; return what that makes.
 
         Raises:
@@ -260,11 +231,11 @@ class DynamixelDriver(Driver):
         bus, group = self._connected()
         if self._standing.is_at_rest or self._is_braking:
             self.write(setpoint)
-            return self._gimbal.orientation(self._following.angles)
+            return self._gimbal.orientation(self._following.angles), self._following.angles
         angles = self._following.step(setpoint.q)
         goals = [servo.ticks(angle) for servo, angle in zip(self._servos, angles, strict=True)]
         self._send(bus, group, goals, self.clock.now_ns())
-        return self._gimbal.orientation(angles)
+        return self._gimbal.orientation(angles), angles
 
     def _brake(self, bus: ServoBus, group: Group) -> None:
         """Bring every axis nearer to rest, within its limits."""

@@ -21,6 +21,7 @@ from orientd.driver import (
     Driver,
     Feedback,
     Finding,
+    Joints,
     PartHealth,
     Quaternion,
     Setpoint,
@@ -287,12 +288,12 @@ class UrDriver(Driver):
             return self._following.look(coming)
         return "which arm it is is not known" if self._options.check_joints else ""
 
-    def follow(self, setpoint: Setpoint) -> Quaternion:
+    def follow(self, setpoint: Setpoint) -> tuple[Quaternion, Joints]:
         """Send the pose of a *setpoint* on the way to a target; errors are those of a write."""
         self._send(setpoint)
         if self._following is not None:
             self._following.took(setpoint.q, setpoint.position)
-        return setpoint.q
+        return setpoint.q, ()
 
     def expect_targets(self) -> None:
         """Ask the robot for its arm and where it is; see :meth:`refusal`.

@@ -30,12 +30,13 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from orientd.clock import Clock
 from orientd.driver.values import (
     ComingPose,
     Feedback,
+    Joints,
     Quaternion,
     Setpoint,
     Vector3,
@@ -48,12 +49,14 @@ class Driver(ABC):
     Attributes:
         name: the registry's name of this kind of driver.
         default_rate_hz: cycle rate if the configuration names none.
+        takes: what :meth:`write` sends: ``"poses"``, or ``"joints"`` for the angles of the axes.
         longest_call: how long a read or a write takes at most, s.  The servo measures both, and
             warns if they take longer; by default it only measures.
     """
 
     name: ClassVar[str]
     default_rate_hz: ClassVar[float] = 500.0
+    takes: ClassVar[Literal["poses", "joints"]] = "poses"
     longest_call: float = math.inf
 
     def __init__(self, options: Mapping[str, Any], *, period_ns: int, clock: Clock) -> None:
@@ -71,11 +74,6 @@ class Driver(ABC):
         self.options = dict(options)
         self.period_ns = period_ns
         self.clock = clock
-
-    @property
-    def sent_joints(self) -> tuple[float, ...]:
-        """The axis angles that were sent last, rad; empty where the driver sends none."""
-        return ()
 
     def examine(  # noqa: B027 - most devices follow any path inside the limits
         self,
@@ -127,7 +125,8 @@ class Driver(ABC):
         """Make the device ready to follow setpoints, without moving it.
 
         Returns:
-            Where the device is; the first setpoint will be exactly this.
+            Where the device is; the first setpoint will be exactly this.  With the angles of the
+            axes if the driver takes joints.
         """
 
     @abstractmethod
@@ -138,17 +137,17 @@ class Driver(ABC):
     def write(self, setpoint: Setpoint) -> None:
         """Send *setpoint*.  Called every cycle while enabled, after :meth:`read`."""
 
-    def follow(self, setpoint: Setpoint) -> Quaternion:
+    def follow(self, setpoint: Setpoint) -> tuple[Quaternion, Joints]:
         """Send *setpoint*, which is on no planned path, or what the device's axes can do of it.
 
         Called in place of :meth:`write` while targets are followed, and while the device comes to
         rest off its path.
 
         Returns:
-            The orientation that was sent.
+            The orientation that was sent, and the angles of the axes if the driver takes joints.
         """
         self.write(setpoint)
-        return setpoint.q
+        return setpoint.q, ()
 
     def foresee(self, coming: Sequence[ComingPose]) -> str:  # noqa: ARG002 - most devices follow any pose
         """Return why the device's axes cannot follow what comes next, or an empty string.

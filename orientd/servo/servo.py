@@ -172,9 +172,10 @@ class Servo:
         if is_written:
             begun_ns = self._clock.now_ns()
             try:
-                setpoint = tuple.__new__(Setpoint, (deadline_ns, *point))
+                setpoint = tuple.__new__(Setpoint, (deadline_ns, *point[:6]))
                 if self.setpoints.pursuit.is_on:
-                    point = self.setpoints.confine(self._driver.follow(setpoint))
+                    q, joints = self._driver.follow(setpoint)
+                    point = self.setpoints.confine(q, joints)
                 else:
                     self._driver.write(setpoint)
             except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
@@ -390,7 +391,7 @@ class Servo:
             return
         feedback = self._driver.enable()
         self._feedback = feedback
-        self.setpoints.anchor(feedback.q, feedback.position)
+        self.setpoints.anchor(feedback)
         self._enabled_ns = self._clock.now_ns()
         self._is_enabled = True
         self.setpoints.state = following
@@ -462,7 +463,7 @@ class Servo:
             *measured.omega_body,
             *measured.position,
             *(measured.joints + NO_JOINTS)[:JOINTS],
-            *(self._driver.sent_joints + NO_JOINTS)[:JOINTS],
+            *((point.joints if is_written else ()) + NO_JOINTS)[:JOINTS],
         )
         ring.append(record)
         self._cycle_count += 1

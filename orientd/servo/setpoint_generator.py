@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from orientd.driver import IDENTITY, ZERO, Driver, Quaternion, Scaled, Vector3
+from orientd.driver import IDENTITY, ZERO, Driver, Feedback, Joints, Quaternion, Scaled
 from orientd.errors import Fault, NotYetError
 from orientd.floats import combine, difference, norm
 from orientd.servo.guard import Guard
@@ -20,6 +20,7 @@ from orientd.servo.path import (
     QuickStop,
     StarvedError,
     TimeScaling,
+    joint_gap,
 )
 from orientd.servo.state_table import Event, advance
 from orientd.servo.tracking import TargetFollower
@@ -33,6 +34,8 @@ _NO_FAULT = Fault.NONE
 
 _NO_LIMITS = ServoLimits(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
 _START_TOLERANCE = 1e-9
+_JOINT_TOLERANCE = 1e-8
+"""Of an axis' angle, rad: close to a pole rounding is more than elsewhere."""
 
 
 class SetpointGenerator:
@@ -72,6 +75,7 @@ class SetpointGenerator:
         self._guard = Guard(period)
         self._quick_stop = QuickStop(self.time_scaling, self.follower, self._guard)
         self.pursuit = TargetFollower(memory.targets, self._guard, driver)
+        self._takes_joints = driver.takes == "joints"
         self._scaled = driver if isinstance(driver, Scaled) else None
         self._on_fault = on_fault
         self._period_ns, self._stall_ns = period_ns, stall_ns
@@ -105,18 +109,20 @@ class SetpointGenerator:
         """Return the last setpoint once more, at rest."""
         self._guard.hold()
         last = self.last
-        return PathPoint(last.q, ZERO, ZERO, last.position, ZERO)
+        return PathPoint(last.q, ZERO, ZERO, last.position, ZERO, last.joints)
 
-    def anchor(self, q: Quaternion, position: Vector3) -> None:
-        """Begin at rest at *q* and *position*."""
-        self.last = PathPoint(q, ZERO, ZERO, position, ZERO)
+    def anchor(self, feedback: Feedback) -> None:
+        """Begin at rest where the device is, as *feedback* says."""
+        q, position = feedback.q, feedback.position
+        joints = feedback.joints if self._takes_joints else ()
+        self.last = PathPoint(q, ZERO, ZERO, position, ZERO, joints)
         self._guard.anchor(q, position)
         self.time_scaling.halt()
 
-    def confine(self, q: Quaternion) -> PathPoint:
-        """Take note that *q* was sent in place of the last setpoint; return what was sent."""
+    def confine(self, q: Quaternion, joints: Joints) -> PathPoint:
+        """Take note of what was sent in place of the last setpoint; return it."""
         self._is_there, self._sent = norm(difference(q, self._sent)) < _START_TOLERANCE, q
-        self.last = self.last._replace(q=q)
+        self.last = self.last._replace(q=q, joints=joints)
         return self.last
 
     # What the daemon asks for
@@ -150,6 +156,10 @@ class SetpointGenerator:
         gap = norm(difference(self.last.q, first.q))
         if not gap <= _START_TOLERANCE:
             return f"the path begins {gap:.3g} rad from the commanded orientation"
+        if self._takes_joints:
+            gap = joint_gap(self.last.joints, first.joints)
+            if not gap <= _JOINT_TOLERANCE:
+                return f"the path begins {gap:.3g} rad from the commanded angles of the axes"
         brake_rate = part.servo_limits.brake_rate
         if not (brake_rate > 0.0 and 0.0 <= speed <= 1.0):
             return f"brake rate and speed must be positive, got {brake_rate!r} and {speed!r}"
@@ -272,6 +282,7 @@ class SetpointGenerator:
             combine(path.alpha_body, rate * rate, path.omega_body, change),
             path.position,
             combine(path.velocity, rate, path.velocity, 0.0),
+            path.joints,
         )
 
     def _share_run(self, deadline_ns: int) -> float:
@@ -316,7 +327,7 @@ class SetpointGenerator:
             self._finish()
             # Axes that could not get there hold where they could.
             guard.anchor(self._sent, position)
-            return PathPoint(self._sent, ZERO, ZERO, position, ZERO)
+            return PathPoint(self._sent, ZERO, ZERO, position, ZERO, self.last.joints)
         return PathPoint(point.q, point.omega_body, point.alpha_body, position, guard.velocity)
 
     def _finish(self) -> None:

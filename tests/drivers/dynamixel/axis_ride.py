@@ -88,8 +88,9 @@ class AxisRide(LoopRig):
         assert self.ask(Command.ENABLE)[0] is Answer.DONE
         r = self.records
         self.first = self.lay(
-            r[:, :4], r[:, 4:7], r[:, 7:10], position=r[:, 10:13], velocity=r[:, 13:16]
-        )
+            r[:, :4], r[:, 4:7], r[:, 7:10], position=r[:, 10:13], velocity=r[:, 13:16],
+            joints=r[:, 16:],
+        )  # fmt: skip
 
     def run(self, cycles=1):
         """Let *cycles* pass."""

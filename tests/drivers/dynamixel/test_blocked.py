@@ -130,6 +130,6 @@ def test_no_cycle_waits_for_a_servo(rig, cause, fast_read, rate_hz):
             if k > 50 + rate_hz and not is_resting:
                 it.driver.rest_in_fault()
                 is_resting = True
-        it.driver.write(Setpoint(begun, it.q))
+        it.driver.write(Setpoint(begun, it.q, joints=it.joints))
         longest = max(longest, it.clock.now_ns() - begun)
     assert longest <= CYCLE_SHARE * it.period_ns

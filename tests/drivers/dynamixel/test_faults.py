@@ -143,7 +143,7 @@ def test_lasting_fault_is_typed_and_reset_recovers(rig, name, moments):
         assert_sane(it)
         heal(it, servo)
         it.driver.reset()
-        it.q = it.driver.enable().q
+        it.enable()
         assert all(abs(goal - 2048) < 1.5 / 6.28 * 4096 for goal in it.goals())
         it.seen.clear()
         it.run(30)

@@ -27,7 +27,7 @@ def followed(rig, orientations, order="ZYX"):
         it.next_ns += it.period_ns
         it.clock.advance(max(0, it.next_ns - it.clock.now_ns()))
         it.driver.read()
-        sent.append(it.driver.follow(Setpoint(it.next_ns, tuple(q))))
+        sent.append(it.driver.follow(Setpoint(it.next_ns, tuple(q)))[0])
         angles.append(it.driver._following.angles)
         goals.append(it.goals())
     return np.array(angles), np.array(goals), np.array(sent)

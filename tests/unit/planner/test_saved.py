@@ -76,7 +76,7 @@ def test_a_motion_from_a_file_is_the_one_that_was_saved(name, tmp_path):
         motion.certificate,
     )
     assert np.array_equal(
-        back.records(0, back.record_count), motion.records(0, motion.record_count)
+        back.records(0, back.record_count), motion.records(0, motion.record_count), equal_nan=True
     )
     assert replace(back.facts, earlier=None, limits=None) is not None
     for ours, theirs in zip(
