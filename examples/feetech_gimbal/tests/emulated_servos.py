@@ -58,41 +58,37 @@ class Servo:
         return bytes(self.memory[address : address + count])
 
 
-class EmulatedServos(threading.Thread):
-    """A bus with servos 1, 2 and 3."""
+class EmulatedServos:
+    """A bus with servos 1, 2 and 3, plugged in."""
 
     def __init__(self, link):
-        super().__init__(daemon=True)
         self.link, self.servos = Path(link), {number: Servo(number) for number in (1, 2, 3)}
         self.plug()
 
     def plug(self):
-        """Make the pseudo-terminal and lead the link to it."""
-        self.line, self.other = os.openpty()
-        tty.setraw(self.line)
-        tty.setraw(self.other)
+        """Make the pseudo-terminal, lead the link to it, and answer until it is unplugged."""
+        self.line, other = os.openpty()
+        tty.setraw(other)
         self.link.unlink(missing_ok=True)
-        self.link.symlink_to(os.ttyname(self.other))
+        self.link.symlink_to(os.ttyname(other))
         self.is_plugged = True
+        self.thread = threading.Thread(target=self.answer_all, args=(other,), daemon=True)
+        self.thread.start()
 
     def unplug(self):
         """Pull the adapter out."""
         self.is_plugged = False
+        self.thread.join()
         self.link.unlink()
-        os.close(self.line)
-        os.close(self.other)
 
-    def run(self):
-        """Answer until the end."""
+    def answer_all(self, other):
+        """Answer whatever arrives; *other* is the far end, which is kept open for clients."""
         pending = NO_DATA
-        while True:
-            line = self.line
-            try:
-                readable, _, _ = select.select([line], [], [], 0.02)
-                pending = self.take(pending + os.read(line, 4096)) if readable else pending
-            except (OSError, ValueError):
-                pending = NO_DATA  # pulled out
-                time.sleep(0.005)
+        while self.is_plugged:
+            readable, _, _ = select.select([self.line], [], [], 0.02)
+            pending = self.take(pending + os.read(self.line, 4096)) if readable else pending
+        os.close(self.line)
+        os.close(other)
 
     def take(self, arrived):
         """Carry out every whole packet; return what is left."""
@@ -135,7 +131,6 @@ class EmulatedServos(threading.Thread):
 
 if __name__ == "__main__":
     servos = EmulatedServos(sys.argv[1])
-    servos.start()
     print("ready", flush=True)
     signal.sigwait([signal.SIGTERM, signal.SIGINT])
     servos.unplug()

@@ -21,7 +21,6 @@ AXES = [{"id": k, "name": name} for k, name in ((1, "yaw"), (2, "pitch"), (3, "r
 def servos(tmp_path):
     """A bus that is plugged in."""
     it = EmulatedServos(tmp_path / "bus")
-    it.start()
     yield it
     if it.is_plugged:
         it.unplug()
@@ -32,7 +31,7 @@ class TestFeetechGimbal(DriverConformance):
 
     # Two ticks of 4096 a turn.
     follow_tolerance = 0.003
-    settle_cycles = 20
+    settle_cycles = 40
     protocols = (Arriving, Freeable, Healthy, Mechanical, Parkable, Resettable)
 
     @pytest.fixture(autouse=True)
