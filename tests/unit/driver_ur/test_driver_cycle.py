@@ -526,6 +526,7 @@ def test_gaps_are_of_the_tool_and_of_each_joint_behind_its_command(robot):
     driver, start = enabled(robot, arrival_tolerance_deg=1.0)
     driver.write(Setpoint(0, start.q, position=(0.1, 0.2, 0.35)))
     robot.joints = [q + 0.01 * k for k, q in enumerate(JOINTS)]
+    cycle(driver)
     tool, *joints = driver.gaps()
     assert (tool.gap, tool.patience) == (pytest.approx(0.05), 0.5)
     assert tool.tolerance == pytest.approx(math.radians(1.0))
