@@ -188,7 +188,6 @@ class UrDriver(Driver):
             LinkError: the link is lost, or another client holds the robot.
         """
         self._arm = self._arm or self._identified()
-        self._forget_age()
         self._program.play()
         self._clock.reset()
         measured = self._awaited(FeedbackError(f"{self._options.host} sends no data packages"))
@@ -212,7 +211,6 @@ class UrDriver(Driver):
             DeviceFaultError: as for :meth:`enable`.
             LinkError: as for :meth:`enable`.
         """
-        self._forget_age()
         self._program.free()
         self._clock.reset()
         self._awaited(FeedbackError(f"{self._options.host} sends no data packages"))
@@ -354,7 +352,6 @@ class UrDriver(Driver):
         self._awaited(SpentLinkError(f"{self._options.host} sends no data packages"))
         self._program.clear()
         self._is_in_fault = False
-        self._forget_age()
 
     def close(self) -> None:
         """End the control program and disconnect; after a loss, do nothing at all."""
@@ -436,7 +433,3 @@ class UrDriver(Driver):
         self._timestamp, self._changed_ns, self._looks = before, now_ns, 0
         self._feedback = self._measure(before, now_ns)
         return self._feedback
-
-    def _forget_age(self) -> None:
-        """Count the age of feedback from now: nobody has looked for as long as a call took."""
-        self._timestamp, self._changed_ns, self._looks = -1.0, self.clock.now_ns(), 0
