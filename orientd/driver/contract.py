@@ -29,17 +29,15 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
 from orientd.clock import Clock
 from orientd.driver.values import (
-    ComingPose,
     Feedback,
     Joints,
     Quaternion,
     Setpoint,
-    Vector3,
 )
 
 
@@ -74,43 +72,6 @@ class Driver(ABC):
         self.options = dict(options)
         self.period_ns = period_ns
         self.clock = clock
-
-    def examine(  # noqa: B027 - most devices follow any path inside the limits
-        self,
-        times: Sequence[float],
-        poses: Sequence[tuple[Quaternion, Vector3]],
-        joints: tuple[float, ...] = (),
-        *,
-        is_offline: bool = False,
-    ) -> None:
-        """Refuse a path that the device cannot follow although it keeps the limits.
-
-        Called in the daemon's process, on a driver that is not open, before a motion is accepted.
-
-        Args:
-            times: path times in seconds, increasing.
-            poses: orientation and position at each of them.
-            joints: axis angles near where the path begins, rad; empty where they are not known.
-            is_offline: whether the device is not to be asked for anything.
-
-        Raises:
-            PlanError: why not, where and when.
-        """
-
-    def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:  # noqa: ARG002 - many devices have no axes
-        """Return the device's shape as it stands, for a picture of it.
-
-        Called in the daemon's process, on a driver that is not open, while somebody watches; from
-        any thread, so it must depend on nothing but *joints* and the options.
-
-        Args:
-            joints: axis angles as measured, rad.
-
-        Returns:
-            Lines, each from point to point, in the coordinates of the positions, m; empty where
-            there is nothing to show.
-        """
-        return ()
 
     @abstractmethod
     def open(self) -> None:
@@ -148,40 +109,6 @@ class Driver(ABC):
         """
         self.write(setpoint)
         return setpoint.q, ()
-
-    def foresee(self, coming: Sequence[ComingPose]) -> str:  # noqa: ARG002 - most devices follow any pose
-        """Return why the device's axes cannot follow what comes next, or an empty string.
-
-        Called in the servo process while targets are followed, before each setpoint is sent.  If
-        the axes cannot, the servo comes to rest along the stop that was asked about a cycle ago.
-        Must neither wait nor raise.
-
-        Args:
-            coming: the next setpoint, a period after the last one, and a stop from there at a few
-                instants.
-        """
-        return ""
-
-    def expect_targets(self) -> None:  # noqa: B027 - most devices follow any target
-        """Prepare for :meth:`refusal`; may ask the device.
-
-        Called in the daemon's process, on a driver that is not open, before targets are followed.
-
-        Raises:
-            PlanError: what has to be known of the device is not.
-        """
-
-    def refusal(self, q: Quaternion, position: Vector3, joints: tuple[float, ...]) -> str:  # noqa: ARG002 - most devices follow any target
-        """Return why the device cannot be at a target, or an empty string.
-
-        Called in the daemon's process, after :meth:`expect_targets`, for every target.
-
-        Args:
-            q: orientation of the target.
-            position: position of the target, m; where the device is for a target without one.
-            joints: axis angles measured last, rad; empty where they are not known.
-        """
-        return ""
 
     @abstractmethod
     def disable(self) -> None:

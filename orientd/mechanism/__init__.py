@@ -12,6 +12,7 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.mechanism.arrays import orientations
+    from orientd.mechanism.foresight import Foresight, refusal
     from orientd.mechanism.gimbal import Gimbal
     from orientd.mechanism.joint_path import JointPath, ToolLimits
     from orientd.mechanism.mechanism import Mechanical, Mechanism, Reserve
@@ -23,6 +24,7 @@ __getattr__ = lazily(
     "orientd.mechanism",
     {
         "orientd.mechanism.arrays": ("orientations",),
+        "orientd.mechanism.foresight": ("Foresight", "refusal"),
         "orientd.mechanism.gimbal": ("Gimbal",),
         "orientd.mechanism.joint_path": ("JointPath", "ToolLimits"),
         "orientd.mechanism.mechanism": ("Mechanical", "Mechanism", "Reserve"),

@@ -21,9 +21,6 @@ from orientd.planner.resolve import at_rate, in_device_coordinates, report_frame
 from orientd.rotation import rotate
 from orientd.stream import tuning_text
 
-_EXAMINED_EVERY = 0.008
-"""How far apart in path time the poses are that a driver looks at, s."""
-
 
 class DevicePlanner:
     """Plan motions that a device's driver agrees to.
@@ -92,15 +89,13 @@ class DevicePlanner:
         request = self.placed(request, start)
         mechanism = self._mechanism(may_ask=not is_offline)
         if mechanism is None:
-            motion = plan(
+            return plan(
                 request,
                 start=start,
                 limits=self._limits,
                 period=self._period,
                 motion_id=motion_id,
             )
-            self._examine(motion, tuple(joints), is_offline=is_offline)
-            return motion
         fitting = Fitting(
             mechanism, start, tuple(joints), self._limits, self._period, before, motion_id
         )
@@ -168,7 +163,6 @@ class DevicePlanner:
             motion_id=motion_id,
         )
         if mechanism is None:
-            self._examine(motion)
             return record, motion
         state, joints = first.state_at(record), first.joints_at(record)
         before = first.joints_before(record)
@@ -182,18 +176,6 @@ class DevicePlanner:
             tune(self._examiner, request.device_options)
         except ValueError as error:
             raise RequestError("device_options", str(error)) from error
-
-    def _examine(
-        self, motion: Motion, joints: tuple[float, ...] = (), *, is_offline: bool = False
-    ) -> None:
-        """Have the driver look at a motion that keeps the limits."""
-        if type(self._examiner).examine is Driver.examine:
-            return
-        step = max(1, round(_EXAMINED_EVERY / motion.period))
-        times = motion.period * np.arange(0, motion.record_count, step)
-        samples = motion.sample(times)
-        poses = zip(samples.q.tolist(), samples.position.tolist(), strict=True)
-        self._examiner.examine(times.tolist(), list(poses), joints, is_offline=is_offline)
 
 
 def _with_roll_of_axes(request: MotionRequest, mechanism: Mechanism) -> MotionRequest | None:
