@@ -32,21 +32,14 @@ from orientd.driver import (
 )
 from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
 from orientd.mechanism import Gimbal
-from orientd_dynamixel.axes import (
-    SLACK,
-    TICK,
-    Following,
-    Standing,
-    Turns,
-    complain,
-    complain_of_step,
-    judge,
-)
+from orientd_dynamixel.axes import SLACK, TICK, Following, complain_of_step
 from orientd_dynamixel.bus import READ_WAIT_S, OpenBus, ServoBus, open_bus
 from orientd_dynamixel.group import TAIL_SHARE, Group, listen
 from orientd_dynamixel.options import GimbalOptions, parse
 from orientd_dynamixel.servo import Servo
+from orientd_dynamixel.standing import Standing, complain, judge
 from orientd_dynamixel.start import Prepared, engage_all, park, prepare
+from orientd_dynamixel.turns import Turns
 
 GLANCE_SHARE = 0.2
 """Of the period, how long one look at the port may wait."""
