@@ -40,6 +40,7 @@ for folder in (
     "drivers/dynamixel",
     "drivers/ur",
     "data/standard",
+    "unit/mechanism",
     "bench",
     "docs",
 ):

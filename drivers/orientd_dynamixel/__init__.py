@@ -1,8 +1,4 @@
-"""Gimbals on Dynamixel servos: the driver, and the planning of axis angles along a whole path.
-
-The driver runs in the servo process and uses no NumPy; :mod:`orientd_dynamixel.kinematics` and
-:mod:`orientd_dynamixel.path` do, and are imported by name.
-"""
+"""Gimbals on Dynamixel servos: bus, life cycle and options."""
 
 from __future__ import annotations
 

@@ -15,7 +15,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from types import ModuleType
 from typing import Any, NamedTuple
 
 from orientd.errors import DeviceFaultError, LinkError
@@ -115,7 +114,7 @@ class ServoBus:
         answer = self._transact(servo, _PING, b"", 3)
         if answer is None:
             return None
-        return int.from_bytes(answer.content[:2], "little"), answer.content[2]
+        return int.from_bytes(answer[:2], "little"), answer[2]
 
     def read(self, servo: int, register: Register, *, attempts: int = ATTEMPTS) -> int:
         """Return a register of *servo*.
@@ -131,11 +130,8 @@ class ServoBus:
         """
         address, count, is_signed = register
         request = address.to_bytes(2, "little") + count.to_bytes(2, "little")
-        for _ in range(attempts):
-            answer = self._transact(servo, _READ, request, count)
-            if answer is not None:
-                return int.from_bytes(answer.content, "little", signed=is_signed)
-        raise LinkError(f"servo {servo} does not answer a read of address {address}")
+        content = self._insist(servo, _READ, request, count, attempts)
+        return int.from_bytes(content, "little", signed=is_signed)
 
     def write(self, servo: int, register: Register, value: int) -> None:
         """Write a register of *servo* and wait for its answer.
@@ -146,11 +142,7 @@ class ServoBus:
         """
         address, count, is_signed = register
         content = value.to_bytes(count, "little", signed=is_signed)
-        for _ in range(ATTEMPTS):
-            answer = self._transact(servo, _WRITE, address.to_bytes(2, "little") + content, 0)
-            if answer is not None:
-                return
-        raise LinkError(f"servo {servo} does not answer a write of address {address}")
+        self._insist(servo, _WRITE, address.to_bytes(2, "little") + content, 0, ATTEMPTS)
 
     def reboot(self, servo: int) -> None:
         """Ask *servo* to start again; it is silent for some 0.3 s after that."""
@@ -240,10 +232,21 @@ class ServoBus:
         with self._owned("clearing the port"):
             self._port.clearPort()
 
+    def _insist(
+        self, servo: int, instruction: int, parameters: bytes, count: int, attempts: int
+    ) -> bytes:
+        for _ in range(attempts):
+            answer = self._transact(servo, instruction, parameters, count)
+            if answer is not None:
+                return answer
+        what = "read" if instruction == _READ else "write"
+        address = int.from_bytes(parameters[:2], "little")
+        raise LinkError(f"servo {servo} does not answer a {what} of address {address}")
+
     def _transact(
         self, servo: int, instruction: int, parameters: bytes, count: int
-    ) -> Block | None:
-        """Ask one servo and return its answer, ``None`` if none came or it was damaged."""
+    ) -> bytes | None:
+        """Ask one servo and return the content of its answer, ``None`` if no whole one came."""
         _check_stuffing(parameters)
         length = len(parameters) + 3
         packet = [0] * (length + 7)
@@ -269,7 +272,7 @@ class ServoBus:
                 f"servo {servo} refused instruction {instruction:#04x}: "
                 f"{_ERRORS.get(number, f'error {number}')}"
             )
-        return Block(servo, answer[8], content)
+        return content
 
     def _receive(self) -> tuple[list[int], int]:
         # As a fast packet: any id is let through, and nothing is unstuffed, which the SDK gets
@@ -311,7 +314,13 @@ def open_bus(
     Raises:
         LinkError: the port or the SDK is not there, or somebody else has it.
     """
-    sdk = _sdk()
+    try:
+        import dynamixel_sdk as sdk
+    except ImportError as error:
+        raise LinkError(
+            "the Dynamixel SDK is not installed; try: "
+            f"{sys.executable} -m pip install dynamixel-sdk pyserial"
+        ) from error
     own = {"getCurrentTime": _steady_ms, "writePort": _write_at_once, "clearPort": _clear_input}
     port = type("SteadyPort", (sdk.PortHandler,), own)(port_name)
     port.baudrate = baud
@@ -328,18 +337,6 @@ def open_bus(
         # An FTDI adapter then hands answers on after 1 ms; others know nothing of it.
         port.ser.set_low_latency_mode(True)
     return ServoBus(port, sdk.Protocol2PacketHandler(), wait_ms=wait_ms)
-
-
-def _sdk() -> ModuleType:
-    try:
-        import dynamixel_sdk
-    except ImportError as error:
-        raise LinkError(
-            "the Dynamixel SDK is not installed; try: "
-            f"{sys.executable} -m pip install dynamixel-sdk pyserial"
-        ) from error
-    module: ModuleType = dynamixel_sdk
-    return module
 
 
 def _steady_ms(_port: object) -> float:

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median_high
+from typing import NamedTuple
 
 from orientd.driver import Finding, Verdict
 from orientd.errors import DeviceError, LinkError
 from orientd_dynamixel.bus import ATTEMPTS, READ_WAIT_S, OpenBus, Row, ServoBus, open_bus
+from orientd_dynamixel.group import cycle_bytes
 from orientd_dynamixel.options import GimbalOptions
 from orientd_dynamixel.servo import Servo
 from orientd_dynamixel.tables import (
@@ -31,6 +32,7 @@ _IDS = 21
 """Numbers asked besides those configured: 0 to 20."""
 _GOOD_TIMER_MS = 1.0
 """The adapter's timer if the machine does not tell it: what it should be set to."""
+_GOOD_BAUD = 1_000_000
 _TURNAROUND_MS = 0.05
 _HOST_MS = 0.3
 """What the host itself needs each cycle, on the safe side."""
@@ -39,8 +41,7 @@ _SAFE_SHARE = 0.57
 _KINDS: dict[int, ServoModel] = {model.number: model for model in MODELS.values()}
 
 
-@dataclass(frozen=True, slots=True)
-class FoundServo:
+class FoundServo(NamedTuple):
     """One servo that answered.
 
     Attributes:
@@ -56,8 +57,8 @@ class FoundServo:
     model: int
     firmware: int
     baud: int
-    return_delay_us: int
-    hardware_error: int
+    return_delay_us: int = 0
+    hardware_error: int = 0
 
     @property
     def kind(self) -> ServoModel | None:
@@ -65,9 +66,9 @@ class FoundServo:
         return _KINDS.get(self.model)
 
     @property
-    def name(self) -> str:
-        """What is printed on it."""
-        return self.kind.name if self.kind else f"model {self.model}"
+    def table(self) -> ControlTable:
+        """Its registers; those of most models if its own are not known."""
+        return self.kind.family.table if self.kind else ControlTable()
 
     @property
     def is_fast(self) -> bool:
@@ -135,12 +136,10 @@ def _asked(bus: ServoBus, number: int, baud: int, attempts: int) -> FoundServo |
     for attempt in range(1, attempts + 1):
         try:
             if answer := bus.ping(number):
-                kind = _KINDS.get(answer[0])
-                table = kind.family.table if kind else ControlTable()
-                return FoundServo(
-                    number, *answer, baud, DELAY_US * bus.read(number, table.return_delay),
-                    bus.read(number, table.hardware_error),
-                )  # fmt: skip
+                found = FoundServo(number, *answer, baud)
+                delay = DELAY_US * bus.read(number, found.table.return_delay)
+                error = bus.read(number, found.table.hardware_error)
+                return found._replace(return_delay_us=delay, hardware_error=error)
         except LinkError:
             if attempt == attempts:
                 raise
@@ -153,21 +152,13 @@ def cycle_ms(servos: Sequence[FoundServo], baud: int, *, latency_ms: float = 1.0
     """Return how long a cycle of one write and one read takes, calculated.
 
     Args:
-        servos: all on the bus.
+        servos: all on the bus; the driver sets their return delay to 0 when it starts.
         baud: line speed.
         latency_ms: the adapter's timer; an answer waits half of it on average.
     """
-    count, block = len(servos), len(ControlTable().block)
     is_fast = all(servo.is_fast for servo in servos)
-    answer = 8 + count * (block + 4) if is_fast else count * (block + 11)
-    wire = (14 + 5 * count + 14 + count + answer) * 1e4 / baud
-    turns = sum(_TURNAROUND_MS + servo.return_delay_us * 1e-3 for servo in servos)
-    return wire + turns + latency_ms / 2 + _HOST_MS
-
-
-def safe_rate_hz(servos: Sequence[FoundServo], baud: int, *, latency_ms: float = 1.0) -> float:
-    """Return the cycle rate that the bus holds with room to spare, calculated."""
-    return 1e3 * _SAFE_SHARE / cycle_ms(servos, baud, latency_ms=latency_ms)
+    wire = cycle_bytes(len(servos), is_fast=is_fast) * 1e4 / baud
+    return wire + len(servos) * _TURNAROUND_MS + latency_ms / 2 + _HOST_MS
 
 
 def measure_cycle_ms(
@@ -182,8 +173,7 @@ def measure_cycle_ms(
     Raises:
         LinkError: the port is gone, or not one read came back whole.
     """
-    tables = [servo.kind.family.table if servo.kind else ControlTable() for servo in servos]
-    rows = [Row(s.id, table.current.address, 10) for s, table in zip(servos, tables, strict=True)]
+    rows = [Row(servo.id, servo.table.current.address, 10) for servo in servos]
     is_fast = all(servo.is_fast for servo in servos)
     spans = []
     for _ in range(count):
@@ -197,35 +187,6 @@ def measure_cycle_ms(
     return median_high(spans)
 
 
-def advise(servos: Sequence[FoundServo]) -> list[str]:
-    """Return what to change, most important first, of *servos* as found."""
-    if not servos:
-        return ["no servo answers: look at supply, cable and adapter, and try more ids"]
-    advice = []
-    for servo in servos:
-        if servo.hardware_error:
-            advice.append(
-                f"servo {servo.id} reports {explain_error(servo.hardware_error)}: a reset starts "
-                "it again; find out why it happened"
-            )
-        if servo.kind is None:
-            advice.append(f"servo {servo.id} is {servo.name}, which the driver does not know")
-    speeds = sorted({servo.baud for servo in servos})
-    if len(speeds) > 1:
-        advice.append(f"the servos are set to {speeds} baud: set all to the same")
-    if speeds[0] < 1_000_000:
-        advice.append(f"{speeds[0]} baud is slow: set the servos to 1000000 (register 8 := 3)")
-    if any(servo.return_delay_us for servo in servos):
-        advice.append("return delay is not 0: the driver sets it to 0 when it starts")
-    old = [s.id for s in servos if s.kind and s.kind.family.fast_firmware and not s.is_fast]
-    if old:
-        advice.append(f"servos {old} have firmware that knows no fast reads: update it")
-    twice = {s.id for s in servos if sum(o.id == s.id for o in servos) > 1}
-    if twice:
-        advice.append(f"ids {sorted(twice)} are used at more than one line speed")
-    return advice
-
-
 def diagnose(options: GimbalOptions, period: float, open_bus: OpenBus) -> list[Finding]:
     """Return what there is to say of the bus that *options* name; changes nothing.
 
@@ -237,15 +198,12 @@ def diagnose(options: GimbalOptions, period: float, open_bus: OpenBus) -> list[F
     port = Path(options.port)
     adapters = ", ".join(map(str, find_ports())) or "none"
     if not port.exists():
-        mend = "plug the adapter in, or name one of these as port"
         text = f"{port} is not there; adapters: {adapters}"
+        mend = "plug the adapter in, or name one of these as port"
         return [Finding("port", text, Verdict.PROBLEM, mend)]
     timer = latency_timer_ms(port)
-    found = [
-        Finding("port", f"{port} is there; adapters: {adapters}", Verdict.OK),
-        _timer(timer),
-    ]
-    wanted = [axis.id for axis in options.axes]
+    found = [Finding("port", f"{port} is there; adapters: {adapters}", Verdict.OK), _timer(timer)]
+    wanted = {axis.id: axis for axis in options.axes}
     wait = max(SCAN_WAIT_MS, options.latency_ms, timer or 0.0)
     try:
         # First at the speed that the daemon would use: a port in use is not touched further.
@@ -253,28 +211,21 @@ def diagnose(options: GimbalOptions, period: float, open_bus: OpenBus) -> list[F
             options.port, bauds=[options.baud], ids=sorted({*range(_IDS), *wanted}),
             wanted=wanted, wait_ms=wait, open_bus=open_bus,
         )  # fmt: skip
-        missing = [number for number in wanted if number not in {one.id for one in servos}]
+        missing = sorted(wanted.keys() - {servo.id for servo in servos})
         if missing:
             others = [baud for baud in BAUD_RATES if baud != options.baud]
             servos += scan(options.port, bauds=others, ids=missing, wait_ms=wait, open_bus=open_bus)
         bus = open_bus(options.port, options.baud, wait_ms=wait, glance_s=READ_WAIT_S)
         try:
             found += [_servo(servo, options, bus) for servo in servos]
-            for number in missing:
-                if number not in {servo.id for servo in servos}:
-                    text, mend = (
-                        "does not answer at any line speed",
-                        "look at its cable, its supply and its id",
-                    )
-                    found.append(Finding(f"servo {number}", text, Verdict.PROBLEM, mend))
-            found += [
-                Finding("bus", "can do better", Verdict.IMPROVE, one) for one in advise(servos)
-            ]
             ours = [one for one in servos if one.id in wanted and one.baud == options.baud]
             if len(ours) == len(wanted):
                 found.append(_rate(ours, options, period, timer, bus))
         finally:
             bus.close()
+        for number in sorted(set(missing) - {servo.id for servo in servos}):
+            text, mend = "does not answer at any line speed", "look at cable, supply and id"
+            found.append(Finding(f"servo {number}", text, Verdict.PROBLEM, mend))
     except DeviceError as error:
         is_link = isinstance(error, LinkError)
         mend = "is a daemon using it? end it first" if is_link else "look at cable and supply"
@@ -295,15 +246,20 @@ def _timer(timer_ms: int | None) -> Finding:
 
 
 def _servo(found: FoundServo, options: GimbalOptions, bus: ServoBus) -> Finding:
-    axis = next((axis for axis in options.axes if axis.id == found.id), None)
+    """Return what there is to say of a servo, and what to do first."""
+    name = found.kind.name if found.kind else f"model {found.model}, which is not known"
     text = (
-        f"{found.name}, firmware {found.firmware}, {found.baud} baud, return delay "
+        f"{name}, firmware {found.firmware}, {found.baud} baud, return delay "
         f"{found.return_delay_us} us"
     )
+    axis = next((axis for axis in options.axes if axis.id == found.id), None)
     if axis is None:
         return Finding(f"servo {found.id}", f"{text}; not configured", Verdict.OK)
-    servo, mend = Servo(axis), ""
-    if found.baud != options.baud:
+    servo, verdict, mend = Servo(axis), Verdict.PROBLEM, ""
+    if found.hardware_error:
+        text = f"{text}; reports {explain_error(found.hardware_error)}"
+        mend = "a reset starts it again; find out why it happened"
+    elif found.baud != options.baud:
         mend = f"configured are {options.baud} baud: set the servo or `baud`"
     elif found.model != axis.model.number:
         mend = f"configured is {axis.model.name}"
@@ -311,26 +267,24 @@ def _servo(found: FoundServo, options: GimbalOptions, bus: ServoBus) -> Finding:
         servo.bus = bus
         own = servo.foreign()
         if refused := sorted(own.keys() - options.overwrite):
-            said = ", ".join(f"{setting} {own[setting][0]}" for setting in refused)
-            text = f"{text}; its own {said}"
+            text += "; its own " + ", ".join(f"{setting} {own[setting][0]}" for setting in refused)
             mend = f"put it right with the vendor's wizard, or set overwrite = {refused}"
-    return Finding(str(servo), text, Verdict.PROBLEM if mend else Verdict.OK, mend)
+        elif found.baud < _GOOD_BAUD:
+            verdict, mend = Verdict.IMPROVE, f"a line speed of {_GOOD_BAUD} baud is quicker"
+        elif axis.model.family.fast_firmware and not found.is_fast:
+            verdict, mend = Verdict.IMPROVE, "update its firmware, which knows no fast reads"
+    return Finding(str(servo), text, verdict if mend else Verdict.OK, mend)
 
 
 def _rate(
-    servos: list[FoundServo],
-    options: GimbalOptions,
-    period: float,
-    timer: int | None,
+    servos: list[FoundServo], options: GimbalOptions, period: float, timer: int | None,
     bus: ServoBus,
-) -> Finding:
-    latency = _GOOD_TIMER_MS if timer is None else timer
-    # The driver sets the return delay to 0 when it starts.
-    tuned = [replace(one, return_delay_us=0) for one in servos]
-    safe = safe_rate_hz(tuned, options.baud, latency_ms=latency)
+) -> Finding:  # fmt: skip
+    """Return how quickly the bus can be read, beside the configured rate."""
+    cycle = cycle_ms(servos, options.baud, latency_ms=_GOOD_TIMER_MS if timer is None else timer)
+    safe = 1e3 * _SAFE_SHARE / cycle
     text = (
-        f"{safe:.0f} Hz with room to spare (a cycle of "
-        f"{cycle_ms(tuned, options.baud, latency_ms=latency):.2f} ms, calculated); a read of all "
+        f"{safe:.0f} Hz with room to spare (a cycle of {cycle:.2f} ms, calculated); a read of all "
         f"takes {measure_cycle_ms(bus, servos):.2f} ms now, measured; configured are "
         f"{1 / period:.0f} Hz"
     )

@@ -12,11 +12,10 @@ position are watched instead.
 from __future__ import annotations
 
 import importlib
-import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from orientd.clock import Clock
 from orientd.driver import (
@@ -24,40 +23,28 @@ from orientd.driver import (
     Driver,
     Feedback,
     Finding,
+    Joints,
     PartHealth,
     Quaternion,
     Setpoint,
-    ShapedPath,
-    Vector3,
     check_names,
     switch,
 )
 from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
-from orientd.floats import difference, norm
-from orientd_dynamixel.axes import (
-    SLACK,
-    TICK,
-    Conditions,
-    Following,
-    Standing,
-    Turns,
-    complain,
-    complain_of_step,
-)
+from orientd.mechanism import Gimbal
+from orientd_dynamixel.axes import SLACK, TICK, Following, complain_of_step
 from orientd_dynamixel.bus import READ_WAIT_S, OpenBus, ServoBus, open_bus
 from orientd_dynamixel.group import TAIL_SHARE, Group, listen
 from orientd_dynamixel.options import GimbalOptions, parse
 from orientd_dynamixel.servo import Servo
+from orientd_dynamixel.standing import Standing, complain, judge
 from orientd_dynamixel.start import Prepared, engage_all, park, prepare
-from orientd_dynamixel.tracker import AxisTracker
+from orientd_dynamixel.turns import Turns
 
 GLANCE_SHARE = 0.2
 """Of the period, how long one look at the port may wait."""
 CYCLE_SHARE = TAIL_SHARE + 2 * GLANCE_SHARE
 """Of the period, how long a read and a write together may wait for the port."""
-
-_UNSEEN = 1e-4
-"""By how much the tool may be off beside the pole, rad; a tick of a servo is 15 times as much."""
 
 
 class DynamixelDriver(Driver):
@@ -65,6 +52,7 @@ class DynamixelDriver(Driver):
 
     name: ClassVar[str] = "dynamixel"
     default_rate_hz: ClassVar[float] = 100.0
+    takes: ClassVar[Literal["poses", "joints"]] = "joints"
 
     def __init__(
         self,
@@ -84,83 +72,27 @@ class DynamixelDriver(Driver):
         self._bus: ServoBus | None = None
         self._group: Group | None = None
         self._servos = [Servo(axis) for axis in self.settings.axes]
-        self._tracker = AxisTracker(
-            self.settings.order, self.settings.mount, self.settings.tool,
-            is_pointing=self.settings.pointing,
-        )  # fmt: skip
-        self._is_enabled = self._is_homing = self._is_free = self._is_out_of_reach = False
+        self._gimbal: Gimbal = self.settings.gimbal()
+        self._is_enabled = self._is_free = self._is_out_of_reach = False
         self._is_braking = False
         self._feedback: Feedback | None = None
         self._closed = f"{self.settings.port} is not open"
         self._written_ns = 0
         self._standing = Standing(self._servos)
         self._turns = Turns(self.settings, self._servos)
-        self._following = Following(self.settings, self._tracker, period_ns * 1e-9)
+        self._following = Following(self._gimbal, period_ns * 1e-9)
         self._prepared = Prepared([], [], "")
-        self._conditions = Conditions([])
+        self._health: tuple[PartHealth, ...] = ()
+        self._health_ns = 0
 
-    @property
-    def sent_joints(self) -> tuple[float, ...]:
-        """The axis angles of the last goals; empty before there are any."""
-        return self._tracker.angles if self._is_enabled else ()
-
-    def shape(
-        self,
-        period: float,
-        orientations: Sequence[Quaternion],
-        joints: tuple[float, ...],
-        before: Sequence[tuple[float, ...]] = (),
-        rates: Vector3 = (math.inf, math.inf, math.inf),
-        free: float = 0.0,
-    ) -> ShapedPath:
-        """Choose branch, winding and deviation of every axis over the whole path."""
-        # By name: planning needs NumPy, which a servo process does without.
-        shape = importlib.import_module("orientd_dynamixel.shaping").shape
-        shaped: ShapedPath = shape(self.settings, period, orientations, joints, before, rates, free)
-        return shaped
-
-    def pace(
-        self, period: float, orientations: Sequence[Quaternion], *, grid: float,
-        fixed: tuple[float, float], rates: Vector3, share: float,
-    ) -> Sequence[float]:  # fmt: skip
-        """Return the quickest way along the path for every axis, slow only where one must be."""
-        pace = importlib.import_module("orientd_dynamixel.axes.pacing").pace
-        path_times: list[float] = pace(
-            self.settings, period, orientations, grid=grid, fixed=fixed, rates=rates, share=share
-        )
-        return path_times
+    def mechanism(self, *, may_ask: bool) -> Gimbal:  # noqa: ARG002 - the options say all of it
+        """Return the gimbal that the options describe."""
+        return self._gimbal
 
     def tune(self, options: Mapping[str, Any]) -> None:
-        """Take ``home``: whether motions go home, whatever orientation they name."""
+        """Check ``home``: the planner makes motions that go home, whatever they name."""
         check_names(options, {"home"})
-        self._is_homing = switch("home", options.get("home", False))
-
-    def way(
-        self, joints: tuple[float, ...], q: Quaternion, *, period: float, rates: Vector3,
-        least: float, is_refused: bool,
-    ) -> ShapedPath | None:  # fmt: skip
-        """Return the way of the axes home, or to *q* where the shortest turn is refused."""
-        if not (is_refused or self._is_homing):
-            return None
-        along = importlib.import_module("orientd_dynamixel.shaping").along
-        way: ShapedPath | None = along(
-            self.settings, joints, q, period=period, rates=rates, least=least,
-            is_homing=self._is_homing,
-        )  # fmt: skip
-        return way
-
-    def pointed(self, direction: Vector3, axis: str) -> Quaternion | None:
-        """Return how three axes point there without a roll."""
-        of = importlib.import_module("orientd_dynamixel.planning").pointed
-        found: Quaternion | None = of(self.settings, direction, axis)
-        return found
-
-    def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:
-        """Return nested rings with pins."""
-        outline = importlib.import_module("orientd_dynamixel.outline").outline
-        gimbal_of = importlib.import_module("orientd_dynamixel.planning").gimbal_of
-        lines: list[list[Vector3]] = outline(gimbal_of(self.settings), joints)
-        return lines
+        switch("home", options.get("home", False))
 
     def open(self) -> None:
         """Find every servo, put its settings right, and begin to listen; nothing moves.
@@ -196,12 +128,13 @@ class DynamixelDriver(Driver):
             raise
         group.forget()
         angles = tuple(servo.angle(servo.goal) for servo in self._servos)
-        self._tracker.angles = angles
-        self._following.rest()
+        self._following.rest(angles)
         self._is_enabled, self._is_free, self._is_braking = True, False, False
         self._written_ns = self.clock.now_ns()
         self._standing = Standing(self._servos)
-        self._feedback = Feedback(self.clock.now_ns(), self._tracker.forward(angles), joints=angles)
+        self._feedback = Feedback(
+            self.clock.now_ns(), self._gimbal.orientation(angles), joints=angles
+        )
         return self._feedback
 
     def free(self) -> None:
@@ -234,7 +167,7 @@ class DynamixelDriver(Driver):
         return self._feedback
 
     def write(self, setpoint: Setpoint) -> None:
-        """Send the goals of *setpoint*, and the next request.
+        """Send the angles of *setpoint*, and the next request.
 
         Raises:
             LinkError: the port is gone.
@@ -252,16 +185,9 @@ class DynamixelDriver(Driver):
             if not any(self._following.rates):
                 self._standing.rest(self.clock.now_ns())
             return
-        angles, missed = self._tracker.solve(setpoint.q)
-        if missed > self.settings.roll_tolerance:
-            raise DeviceFaultError(
-                f"the gimbal misses the orientation by {math.degrees(missed):.2f} deg, at most "
-                f"{math.degrees(self.settings.roll_tolerance):.2f} deg are allowed"
-            )
-        now_ns = self.clock.now_ns()
+        now_ns, angles = self.clock.now_ns(), setpoint.joints
         # Judged by the cycle, not by the clock: two writes may come closer together than that.
         cycles = max(1, round((now_ns - self._written_ns) / self.period_ns))
-        angles, wanted = self._eased(setpoint.q, angles, cycles)
         for servo, angle in zip(self._servos, angles, strict=True):
             servo.check_angle(angle)
         problem = self._complain_of(angles, cycles, SLACK, TICK)
@@ -270,38 +196,26 @@ class DynamixelDriver(Driver):
             self._brake(bus, group)
             raise AxisFaultError(problem)
         goals = [servo.ticks(angle) for servo, angle in zip(self._servos, angles, strict=True)]
-        self._following.took(angles, wanted)
-        self._send(bus, group, angles, goals, now_ns)
-
-    def _eased(
-        self, q: Quaternion, angles: tuple[float, ...], cycles: int
-    ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return the angles for *q*, or some within the limits that all but make it; and for *q*.
-
-        Beside the pole an axis turns through any angle for a path that misses it by nothing that
-        can be seen.
-        """
-        if not self._complain_of(angles, cycles, SLACK, TICK):
-            return angles, angles
-        near, wanted = self._following.reach(q)
-        is_seen = norm(difference(self._tracker.forward(near), q)) > _UNSEEN
-        return (angles, angles) if is_seen else (near, wanted)
+        self._following.took(angles)
+        self._send(bus, group, goals, now_ns)
 
     def _complain_of(
         self, angles: tuple[float, ...], cycles: int, slack: float, least: float
     ) -> str:
         """Return why the axes must not turn to *angles* within so many cycles, or nothing."""
         span = cycles * self.period_ns * 1e-9
-        steps = zip(self._servos, angles, self._tracker.angles, self._following.rates, strict=True)
+        steps = zip(
+            self._servos, angles, self._following.angles, self._following.rates, strict=True
+        )
         for servo, angle, last, rate in steps:
             # Where a cycle was missed the axis has stood still meanwhile, or has not.
-            known = rate if cycles == 1 else None
-            problem = complain_of_step(servo.options, angle - last, known, span, slack, least)
+            before = rate if cycles == 1 else None
+            problem = complain_of_step(servo.options, angle - last, before, span, slack, least)
             if problem:
                 return problem
         return ""
 
-    def follow(self, setpoint: Setpoint) -> Quaternion:
+    def follow(self, setpoint: Setpoint) -> tuple[Quaternion, Joints]:
         """Send what the axes can do of *setpoint* within their limits; return what that makes.
 
         Raises:
@@ -310,27 +224,24 @@ class DynamixelDriver(Driver):
         bus, group = self._connected()
         if self._standing.is_at_rest or self._is_braking:
             self.write(setpoint)
-            return self._tracker.forward(self._tracker.angles)
+            return self._gimbal.orientation(self._following.angles), self._following.angles
         angles = self._following.step(setpoint.q)
         goals = [servo.ticks(angle) for servo, angle in zip(self._servos, angles, strict=True)]
-        self._send(bus, group, angles, goals, self.clock.now_ns())
-        return self._tracker.forward(angles)
+        self._send(bus, group, goals, self.clock.now_ns())
+        return self._gimbal.orientation(angles), angles
 
     def _brake(self, bus: ServoBus, group: Group) -> None:
         """Bring every axis nearer to rest, within its limits."""
         angles = self._following.brake()
         goals = [servo.ticks(angle) for servo, angle in zip(self._servos, angles, strict=True)]
-        self._send(bus, group, angles, goals, self.clock.now_ns())
+        self._send(bus, group, goals, self.clock.now_ns())
 
-    def _send(
-        self, bus: ServoBus, group: Group, angles: tuple[float, ...], goals: list[int], now_ns: int
-    ) -> None:
+    def _send(self, bus: ServoBus, group: Group, goals: list[int], now_ns: int) -> None:
         for place, goal in self._standing.goals.items():
             goals[place] = goal
         for servo, goal in zip(self._servos, goals, strict=True):
             servo.goal = goal
         bus.sync_write([(s.options.id, s.table.goal, s.goal) for s in self._servos])
-        self._tracker.angles = angles
         self._written_ns = now_ns
         group.ask(now_ns)
 
@@ -394,7 +305,11 @@ class DynamixelDriver(Driver):
     def health(self) -> Sequence[PartHealth]:
         """Return voltage, temperature and current of every servo, with warnings."""
         group = self._group
-        return () if group is None else self._conditions.judge(group)
+        if group is not None and group.health_ns != self._health_ns:
+            self._health_ns = group.health_ns
+            told = zip(self._servos, group.health, strict=True)
+            self._health = tuple(judge(servo, reading, group.health_ns) for servo, reading in told)
+        return self._health
 
     def park(self) -> None:
         """Park and switch the torque off, or leave it on, as the options say."""
@@ -437,7 +352,6 @@ class DynamixelDriver(Driver):
             self._group, self.advice = listen(
                 self._servos, options, self._prepared.firmware, self.period_ns, self.clock
             )
-            self._conditions = Conditions(self._servos)
         except DeviceError as error:
             self._closed = str(error)
             bus.close()
@@ -475,8 +389,8 @@ class DynamixelDriver(Driver):
             rates.append(servo.rate(reading.velocity))
         return Feedback(
             group.time_ns,
-            self._tracker.forward(angles),
-            self._tracker.omega_body(angles, rates),
+            self._gimbal.orientation(tuple(angles)),
+            self._gimbal.kinematics.omega_body(angles, rates),
             joints=tuple(angles),
         )
 

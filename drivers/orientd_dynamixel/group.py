@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from orientd.clock import Clock
@@ -22,7 +21,7 @@ from orientd.errors import DeviceFaultError, FeedbackError, LinkError
 from orientd_dynamixel.bus import ALERT, PATIENT_ATTEMPTS, Block, Row
 from orientd_dynamixel.options import GimbalOptions
 from orientd_dynamixel.servo import Servo
-from orientd_dynamixel.tables import RETURN_LEVEL, TICK_RANGE, VOLT
+from orientd_dynamixel.tables import RETURN_LEVEL, TICK_RANGE
 
 STALE_MS = 8.0
 """A block measured so much before it was asked for answers an earlier question."""
@@ -40,7 +39,8 @@ _FLOOD = 2
 _SOUNDINGS = 3
 _BUSY_SHARE = 0.8
 _BLOCK = struct.Struct("<BBBBHhii")
-_HEALTH = struct.Struct("<HB")
+_WHOLE = struct.Struct("<BBBBHhiiHB")
+"""With health."""
 
 
 class Reading(NamedTuple):
@@ -55,6 +55,8 @@ class Reading(NamedTuple):
         current: in steps.
         velocity: in steps.
         position: ticks, unwrapped by the servo.
+        voltage: in steps of 0.1 V; 0 if it was not asked for.
+        temperature: degrees Celsius; 0 if it was not asked for.
     """
 
     torque: int
@@ -65,19 +67,23 @@ class Reading(NamedTuple):
     current: int
     velocity: int
     position: int
+    voltage: int = 0
+    temperature: int = 0
 
 
-class Health(NamedTuple):
-    """What one servo reports now and then: when it was asked, its supply in V, degrees Celsius."""
+def answer_bytes(count: int, *, is_fast: bool, size: int = _BLOCK.size) -> int:
+    """Return how long the answers of *count* servos are, with *size* bytes of content each."""
+    return 8 + count * (size + 4) if is_fast else count * (size + 11)
 
-    time_ns: int
-    voltage: float
-    temperature: float
+
+def cycle_bytes(count: int, *, is_fast: bool) -> int:
+    """Return how many bytes a cycle takes: goals out, request out, answers in."""
+    return 14 + 5 * count + 14 + count + answer_bytes(count, is_fast=is_fast)
 
 
 def decode(content: bytes) -> Reading:
-    """Return what the bytes of a block say."""
-    return Reading(*_BLOCK.unpack(content))
+    """Return what the bytes of a block say, with health or without."""
+    return Reading(*(_WHOLE if len(content) == _WHOLE.size else _BLOCK).unpack(content))
 
 
 class ServoClock:
@@ -108,21 +114,6 @@ class ServoClock:
         self._asked_ns = asked_ns
 
 
-@dataclass(slots=True)
-class Losses:
-    """What was not answered.
-
-    Attributes:
-        total: group reads so far that failed.
-        in_a_row: since the last good one.
-        culprits: by servo id, how often it was the first one missing since then.
-    """
-
-    total: int
-    in_a_row: int
-    culprits: dict[int, int]
-
-
 class Group:
     """Read all servos once a cycle.
 
@@ -137,8 +128,10 @@ class Group:
         time_ns: when the newest good reading was asked for.
         restarted: places of the servos that have started again: what they say is not their
             position, and they are no longer asked.
-        losses: what was not answered.
-        health: by axis, as last asked for.
+        lost: group reads so far that failed.
+        lost_in_a_row: since the last good one.
+        health: the newest readings that hold health, by axis.
+        health_ns: when they were asked for.
     """
 
     def __init__(
@@ -152,8 +145,9 @@ class Group:
     ) -> None:
         self.time_ns = 0
         self.restarted: set[int] = set()
-        self.losses = Losses(0, 0, {})
-        self.health: tuple[Health, ...] = ()
+        self.lost = self.lost_in_a_row = self.health_ns = 0
+        self.health: tuple[Reading, ...] = ()
+        self._culprits: dict[int, int] = {}
         self._servos = servos
         self._bus = servos[0].bus
         self._is_fast = is_fast
@@ -166,7 +160,6 @@ class Group:
         self._asked: list[int] = []
         self._rows: list[Row] = []
         self._asked_ns = 0
-        self._health_due_ns = 0
 
     @property
     def readings(self) -> tuple[Reading, ...]:
@@ -180,16 +173,6 @@ class Group:
         """Whether an answer is on its way."""
         return bool(self._asked)
 
-    @property
-    def cycle_bytes(self) -> int:
-        """Bytes on the line each cycle: goals out, request out, answers in."""
-        count = len(self._servos)
-        return 14 + 5 * count + 14 + count + self._answer_bytes(count, _BLOCK.size)
-
-    def _answer_bytes(self, count: int, size: int) -> int:
-        """Return the bytes of the answers of *count* servos with *size* bytes of content each."""
-        return 8 + count * (size + 4) if self._is_fast else count * (size + 11)
-
     def ask(self, now_ns: int) -> None:
         """Ask for the next reading, unless an answer is on its way."""
         present = [place for place in range(len(self._servos)) if place not in self.restarted]
@@ -199,9 +182,9 @@ class Group:
         self._turn += 1
         first = self._turn % len(present)
         asked = present[first:] + present[:first]
-        if self.losses.in_a_row >= self._max_losses and self._turn // len(present) % 2:
+        if self.lost_in_a_row >= self._max_losses and self._turn // len(present) % 2:
             asked = asked[:1]  # one that is silent hides the answers of the others
-        size = _BLOCK.size + (_HEALTH.size if now_ns >= self._health_due_ns else 0)
+        size = (_WHOLE if now_ns - self.health_ns >= HEALTH_NS else _BLOCK).size
         self._rows = [self._servos[place].row(size) for place in asked]
         self._bus.request(self._rows, is_fast=self._is_fast)
         self._asked, self._asked_ns = asked, now_ns
@@ -214,10 +197,8 @@ class Group:
         """
         if not self._asked:
             return False
-        due, available = (
-            self._answer_bytes(len(self._rows), self._rows[0].size),
-            self._bus.available,
-        )
+        size, available = self._rows[0].size, self._bus.available
+        due = answer_bytes(len(self._rows), is_fast=self._is_fast, size=size)
         if available < due and now_ns - self._asked_ns < self._latency_ns:
             return False
         asked, self._asked = self._asked, []
@@ -238,13 +219,10 @@ class Group:
         if len(asked) + len(self.restarted) < len(self._servos):
             return False
         self.time_ns = self._asked_ns
-        self.losses.in_a_row = 0
-        self.losses.culprits.clear()
-        if self._rows[0].size > _BLOCK.size:
-            self._health_due_ns = self._asked_ns + HEALTH_NS
-            if len(blocks) == len(self._servos):
-                told = dict(zip(asked, blocks, strict=True))
-                self.health = tuple(self._health(told[place]) for place in sorted(told))
+        self.lost_in_a_row = 0
+        self._culprits.clear()
+        if size == _WHOLE.size and not self.restarted:
+            self.health, self.health_ns = self.readings, self._asked_ns
         return bool(self.readings)
 
     def _believe(self, place: int, block: Block) -> str:
@@ -252,7 +230,7 @@ class Group:
         servo, clock = self._servos[place], self._clocks[place]
         if number := block.error & ~ALERT:
             return f"error {number} instead of a reading"
-        reading = decode(block.content[: _BLOCK.size])
+        reading = decode(block.content)
         if reading.return_level != RETURN_LEVEL:
             self.restarted.add(place)
             return f"{servo.options.name} has started again"
@@ -267,10 +245,6 @@ class Group:
         self._newest[place] = reading
         return ""
 
-    def _health(self, block: Block) -> Health:
-        steps, temperature = _HEALTH.unpack(block.content[_BLOCK.size :])
-        return Health(self._asked_ns, VOLT * steps, float(temperature))
-
     def settle(self, wait_ms: float) -> None:
         """Get the line free for single questions: await what is on its way, and throw it away."""
         if self._asked:
@@ -281,8 +255,8 @@ class Group:
     def forget(self) -> None:
         """Begin anew: nothing read so far counts."""
         self._newest.clear()
-        self.losses.in_a_row = 0
-        self.losses.culprits.clear()
+        self.lost_in_a_row = 0
+        self._culprits.clear()
 
     def synchronise(self, clock: Clock) -> None:
         """Learn what every servo's clock says, by asking each a few times alone.
@@ -296,27 +270,27 @@ class Group:
                 learned.learn(asked_ns, servo.get(servo.table.tick, PATIENT_ATTEMPTS))
 
     def _lose(self, now_ns: int, servo: int | None, why: str) -> None:
-        losses = self.losses
-        losses.total += 1
-        losses.in_a_row += 1
+        self.lost += 1
+        self.lost_in_a_row += 1
         if servo is not None:
-            losses.culprits[servo] = losses.culprits.get(servo, 0) + 1
-        if losses.in_a_row >= self._max_losses:
+            self._culprits[servo] = self._culprits.get(servo, 0) + 1
+        if self.lost_in_a_row >= self._max_losses:
             age_ms = (now_ns - self.time_ns) * 1e-6 if self.time_ns else float("inf")
-            text = f"{losses.in_a_row} readings lost in a row, the last good is {age_ms:.0f} ms old"
-            raise FeedbackError(f"{text}{self._blame()}: {why}")
+            raise FeedbackError(
+                f"{self.lost_in_a_row} readings lost in a row, the last good is {age_ms:.0f} ms "
+                f"old{self._blame()}: {why}"
+            )
 
     def _blame(self) -> str:
         """Return which servo was missing, or that it was not one alone; nothing if none was."""
-        culprits = self.losses.culprits
-        worst = max(culprits, key=lambda key: culprits[key], default=None)
-        if worst is None:
+        counts = self._culprits
+        worst = max(self._servos, key=lambda servo: counts.get(servo.options.id, 0))
+        if not counts:
             return ""
-        if 2 * culprits[worst] <= sum(culprits.values()):
-            ids = ", ".join(map(str, sorted(culprits)))
+        if 2 * counts[worst.options.id] <= sum(counts.values()):
+            ids = ", ".join(map(str, sorted(counts)))
             return f"; of servos {ids} alike, so look at the line, its supply and the adapter"
-        name = next(servo.options.name for servo in self._servos if servo.options.id == worst)
-        return f"; most often servo {worst} ({name})"
+        return f"; most often {worst}"
 
 
 def listen(
@@ -348,11 +322,12 @@ def listen(
             old.append(f"servo {servo.options.id} has firmware {version}, fast reads need {needed}")
     if old and options.fast_read == "on":
         raise DeviceFaultError("; ".join(old))
+    is_fast = not old and options.fast_read != "off"
     group = Group(
-        servos, is_fast=not old and options.fast_read != "off", max_losses=options.max_losses,
-        latency_ms=options.latency_ms, period_ns=period_ns,
+        servos, is_fast=is_fast, max_losses=options.max_losses, latency_ms=options.latency_ms,
+        period_ns=period_ns,
     )  # fmt: skip
-    need_ms = group.cycle_bytes * servos[0].bus.byte_ms
+    need_ms = cycle_bytes(len(servos), is_fast=is_fast) * servos[0].bus.byte_ms
     if need_ms > _BUSY_SHARE * period_ns * 1e-6:
         raise LinkError(
             f"a cycle takes {need_ms:.2f} ms on the line at {options.baud} baud, the period "

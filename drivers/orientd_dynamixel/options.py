@@ -44,7 +44,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from orientd.driver import check_names, choice, number, numbers, quaternion, switch, whole
+from orientd.driver import (
+    AxisLimits,
+    check_names,
+    choice,
+    number,
+    numbers,
+    quaternion,
+    switch,
+    whole,
+)
+from orientd.mechanism import Gimbal
 from orientd_dynamixel.tables import BAUD_RATES, MODELS, ServoModel
 
 DEFAULT_ACCELERATION = 40.0
@@ -98,6 +108,23 @@ class GimbalOptions:
     turns_file: str | None
     overwrite: frozenset[str]
 
+    def gimbal(self) -> Gimbal:
+        """Return the gimbal that the servos turn."""
+        limits = [
+            AxisLimits(axis.name, axis.low, axis.high, axis.velocity, axis.acceleration)
+            for axis in self.axes
+        ]
+        return Gimbal(
+            limits,
+            order=self.order,
+            mount=self.mount,
+            tool=self.tool,
+            is_pointing=self.pointing,
+            roll_tolerance=self.roll_tolerance,
+            max_deviation=self.max_deviation,
+            allow_slews=self.allow_slews,
+        )
+
 
 _AXIS_KEYS = {
     "id", "name", "model", "gear", "direction", "zero_deg", "limits_deg", "velocity_deg",
@@ -135,31 +162,32 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
     rows = options.get("axes")
     if not isinstance(rows, (list, tuple)) or len(rows) != len(order):
         raise ValueError(f"axes must be {len(order)} tables, one for each of {order}, got {rows!r}")
-    called = [
+    letters = [
         letter.lower() + "2" * (letter in order[:place]) for place, letter in enumerate(order)
     ]
-    axes = tuple(_axis(*one) for one in zip(rows, range(len(rows)), called, strict=True))
-    ids = [axis.id for axis in axes]
-    if len(set(ids)) != len(ids):
-        raise ValueError(f"axes must have different ids, got {ids}")
-    names = [axis.name for axis in axes]
-    if len(set(names)) != len(names):
-        raise ValueError(f"axes must have different names, got {names}")
-    port = options.get("port")
+    axes = tuple(_axis(*one) for one in zip(rows, range(len(rows)), letters, strict=True))
+    for what, found in (("ids", [a.id for a in axes]), ("names", [a.name for a in axes])):
+        if len(set(found)) != len(found):
+            raise ValueError(f"axes must have different {what}, got {found}")
+    port, turns_file, parked = (options.get(one) for one in ("port", "turns_file", "park_deg"))
     if not isinstance(port, str) or not port:
         raise ValueError(f"port must be the path of a serial port, got {port!r}")
-    turns_file = options.get("turns_file")
     if turns_file is not None and not isinstance(turns_file, str):
         raise ValueError(f"turns_file must be a path, or empty for none, got {turns_file!r}")
-    park = options.get("park_deg")
-    if park is not None:
-        parked, park = park, tuple(map(math.radians, numbers("park_deg", park, len(axes))))
+    park = None
+    if parked is not None:
+        park = tuple(map(math.radians, numbers("park_deg", parked, len(axes))))
         for axis, angle in zip(axes, park, strict=True):
             if not axis.low <= angle <= axis.high:
                 raise ValueError(f"park_deg must be inside the limits of {axis.name}, got {parked}")
     numbered = {
         name: number(name, options.get(name, default), lowest, highest)
         for name, (lowest, highest, default) in _NUMBERS.items()
+    }
+    in_rad = {
+        name.removesuffix("_deg"): math.radians(numbered.pop(name))
+        for name in tuple(numbered)
+        if name.endswith("_deg")
     }
     return GimbalOptions(
         port=port,
@@ -169,20 +197,16 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
         mount=quaternion("mount", options.get("mount")),
         tool=quaternion("tool", options.get("tool")),
         fast_read=choice("fast_read", options.get("fast_read", "auto"), ("auto", "on", "off")),
-        watchdog_ms=round(numbered["watchdog_ms"]),
         at_end=choice("at_end", options.get("at_end", "release"), ("release", "hold")),
         park=park,
         pointing=switch("pointing", options.get("pointing", len(axes) == 2)),
-        roll_tolerance=math.radians(numbered["roll_tolerance_deg"]),
-        follow_tolerance=math.radians(numbered["follow_tolerance_deg"]),
-        follow_time=numbered["follow_time"],
-        arrival_tolerance=math.radians(numbered["arrival_tolerance_deg"]),
-        max_losses=round(numbered["max_losses"]),
-        latency_ms=numbered["latency_ms"],
-        max_deviation=math.radians(numbered["max_deviation_deg"]),
         allow_slews=switch("allow_slews", options.get("allow_slews", False)),
         turns_file=turns_file,
         overwrite=_overwrite(options.get("overwrite", False)),
+        watchdog_ms=round(numbered.pop("watchdog_ms")),
+        max_losses=round(numbered.pop("max_losses")),
+        **numbered,
+        **in_rad,
     )
 
 
@@ -209,38 +233,37 @@ def _axis(row: object, place: int, called: str) -> AxisOptions:
     if not isinstance(row, Mapping):
         raise ValueError(f"axes[{place}] must be a table, got {row!r}")
     check_names(row, _AXIS_KEYS, where)
+
+    def value(name: str, default: float, *span: float) -> float:
+        return number(f"{where}{name}", row.get(name, default), *span)
+
     model = MODELS[choice(f"{where}model", row.get("model", "xm430"), tuple(MODELS))]
-    gear = number(f"{where}gear", row.get("gear", 1.0), 1e-3, 1e3)
+    gear = value("gear", 1.0, 1e-3, 1e3)
     fastest = model.no_load_speed / gear
-    velocity = math.radians(
-        number(f"{where}velocity_deg", row.get("velocity_deg", math.degrees(0.8 * fastest)))
-    )
+    velocity = math.radians(value("velocity_deg", math.degrees(0.8 * fastest)))
     if not 0.0 < velocity <= fastest:
         raise ValueError(
             f"{where}velocity_deg must be above 0 and at most {math.degrees(fastest):.1f}, "
             f"what {model.name} does without load, got {math.degrees(velocity):.1f}"
         )
     limits = row.get("limits_deg", [-180, 180])
-    zero = math.radians(number(f"{where}zero_deg", row.get("zero_deg", 0.0)))
-    if limits == "endless":
-        reach = 2 * math.pi * model.most_turns / gear
-        low, high = zero - reach, zero + reach
-    else:
+    zero = math.radians(value("zero_deg", 0.0))
+    reach = 2 * math.pi * model.most_turns / gear
+    low, high = zero - reach, zero + reach
+    if limits != "endless":
         low, high = map(math.radians, numbers(f"{where}limits_deg", limits, 2))
     if not low < high:
         raise ValueError(f"{where}limits_deg must be the lower angle first, got {limits!r}")
-    family = model.family
-    farthest = max(abs(low - zero), abs(high - zero)) * gear / (2 * math.pi) * model.ticks
-    if farthest + model.ticks / 2 > family.goal_limit:
+    if max(zero - low, high - zero) > reach * (1.0 + 1e-9):
         raise ValueError(
             f"{where}limits_deg must be within {model.most_turns} turns of the servo, got "
             f"{limits!r}"
         )
     current = row.get("current_limit")
     if current is not None:
-        if not (model.current_unit and family.limits_current):
+        if not (model.current_unit and model.family.limits_current):
             raise ValueError(f"{where}current_limit: a {model.name} has no limit of its current")
-        current = number(f"{where}current_limit", current, model.current_unit, 4)
+        current = value("current_limit", current, model.current_unit, 4)
     name = row.get("name", called)
     if not isinstance(name, str) or not name:
         raise ValueError(f"{where}name must be a text, got {name!r}")
@@ -255,12 +278,7 @@ def _axis(row: object, place: int, called: str) -> AxisOptions:
         high=high,
         velocity=velocity,
         acceleration=math.radians(
-            number(
-                f"{where}acceleration_deg",
-                row.get("acceleration_deg", math.degrees(DEFAULT_ACCELERATION)),
-                1.0,
-                1e5,
-            )
+            value("acceleration_deg", math.degrees(DEFAULT_ACCELERATION), 1.0, 1e5)
         ),
         current_limit=current,
     )

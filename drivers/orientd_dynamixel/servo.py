@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from typing import NamedTuple
 
 from orientd.errors import DeviceError, DeviceFaultError, LinkError
 from orientd_dynamixel.bus import ATTEMPTS, PATIENT_ATTEMPTS, Row, ServoBus, sendable
@@ -20,6 +21,7 @@ from orientd_dynamixel.tables import (
     CURRENT_POSITION,
     EXTENDED_POSITION,
     RETURN_LEVEL,
+    VOLT,
     WATCHDOG_TRIPPED,
     Register,
     explain_error,
@@ -50,6 +52,22 @@ class DoubtError(DeviceFaultError):
     """A servo reports a position at which it cannot be."""
 
 
+class Ratings(NamedTuple):
+    """What a servo bears, as its own settings say.
+
+    Attributes:
+        temperature: degrees Celsius.
+        lowest: voltage, V.
+        highest: voltage, V.
+        current: A; 0 if it does not measure it.
+    """
+
+    temperature: int
+    lowest: float
+    highest: float
+    current: float
+
+
 class Servo:
     """A servo on a bus.
 
@@ -60,19 +78,22 @@ class Servo:
         position: where it is believed to be, in its ticks; ``None`` before it is known.
         seen_ns: when it was last seen there.
         apart_ns: since when it has been too far from its goal; 0 if it is not.
+        strained: looks in a row at which its current was large.
+        bears: what it bears, asked as the port is opened.
         per_turn: ticks of one turn.
         near: how far it may have moved while nobody watched, ticks: 45 degrees.
         play: how far a reading may be from where it can be, ticks.
     """
 
     bus: ServoBus
+    bears: Ratings
 
     def __init__(self, options: AxisOptions) -> None:
         self.options = options
         self.table = options.model.family.table
         self.turns = 0
         self.position: int | None = None
-        self.seen_ns = self.apart_ns = 0
+        self.seen_ns = self.apart_ns = self.strained = 0
         self.per_turn = options.model.ticks
         self.near = self.per_turn // 8
         per_radian = self.per_turn / (2 * math.pi)
@@ -199,7 +220,7 @@ class Servo:
     # Start
 
     def identify(self) -> int:
-        """Return the servo's firmware.
+        """Return the servo's firmware, and ask what it bears.
 
         Raises:
             LinkError: it does not answer.
@@ -216,6 +237,10 @@ class Servo:
             raise DeviceFaultError(
                 f"{self} is model {number}, configured is {model.name} ({model.number})"
             )
+        table, unit = self.table, model.current_unit
+        lowest, highest = VOLT * self.get(table.min_voltage), VOLT * self.get(table.max_voltage)
+        current = unit * self.get(table.current_limit) if unit else 0.0
+        self.bears = Ratings(self.get(table.temperature_limit), lowest, highest, current)
         return firmware
 
     def clear_error(self, sleep: Sleep) -> None:
@@ -290,13 +315,13 @@ class Servo:
         fastest = self.steps(_PROFILE_MARGIN * options.velocity * options.gear)
         self._set(table.profile_velocity, min(fastest, self.get(table.velocity_limit)))
         if options.current_limit is not None:
-            unit, most = options.model.current_unit, self.get(table.current_limit)
-            if (steps := round(options.current_limit / unit)) > most:
+            most, unit = self.bears.current, options.model.current_unit
+            if options.current_limit > most:
                 raise DeviceFaultError(
-                    f"{self} gives {most * unit:.2f} A at the most, current_limit is "
+                    f"{self} gives {most:.2f} A at the most, current_limit is "
                     f"{options.current_limit:g} A"
                 )
-            self._set(table.goal_current, steps)
+            self._set(table.goal_current, round(options.current_limit / unit))
 
     @property
     def _addresses(self) -> tuple[int, ...]:

@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 from orientd.clock import Clock
 from orientd.errors import DeviceError, DeviceFaultError
-from orientd_dynamixel.axes import Turns
 from orientd_dynamixel.options import GimbalOptions
 from orientd_dynamixel.servo import DoubtError, Servo, Sleep
 from orientd_dynamixel.tables import CURRENT_POSITION, EXTENDED_POSITION
+from orientd_dynamixel.turns import Turns
 
 _PARK_LONGEST_S = 20.0
 _STEP_S = 0.05

@@ -83,6 +83,7 @@ class LoopbackDriver(Driver):
         self._fault_path = _text("fault_file", options.get("fault_file"))
         self._model = _model(options.get("model"), options.get("model_options", {}))
         self._omega = ZERO
+        self._is_enabled = False
         self._recording: BinaryIO | None = None
         self._pending: deque[Feedback] = deque(maxlen=self._delay + 1)
         self._newest: Feedback | None = None
@@ -104,6 +105,7 @@ class LoopbackDriver(Driver):
         if self._model is not None:
             self._model.place(self._q)
         self._pending.clear()
+        self._is_enabled = True
         self._newest = Feedback(self.clock.now_ns(), self._q, ZERO, self._position)
         return self._newest
 
@@ -114,7 +116,9 @@ class LoopbackDriver(Driver):
             raise LinkError("injected fault: link_lost")
         if fault == "device_fault":
             raise DeviceFaultError("injected fault: device_fault")
-        if len(self._pending) > self._delay and fault != "feedback_stale":
+        # What was written last goes on arriving once nothing more is written.
+        kept = self._delay if self._is_enabled else 0
+        if len(self._pending) > kept and fault != "feedback_stale":
             self._newest = self._pending.popleft()
         return self._newest
 
@@ -131,6 +135,7 @@ class LoopbackDriver(Driver):
 
     def disable(self) -> None:
         """Stay."""
+        self._is_enabled = False
 
     def close(self) -> None:
         """End the recording."""

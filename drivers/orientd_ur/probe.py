@@ -14,9 +14,8 @@ from typing import NamedTuple
 from orientd.driver import Joints
 from orientd.errors import LinkError
 from orientd_ur import controller
-from orientd_ur.dashboard import Dashboard
 from orientd_ur.pose import Pose, pose_of
-from orientd_ur.wire import SCRIPT_PORT, Connection, RtdeClient
+from orientd_ur.wire import SCRIPT_PORT, Connection, Dashboard, RtdeClient
 
 _TRIPS = 5
 _STATE = ("timestamp", "robot_mode", "safety_mode", "runtime_state")

@@ -15,9 +15,9 @@ from typing import Any
 from orientd.errors import DeviceFaultError, LinkError
 from orientd_ur import controller
 from orientd_ur.controller import PROTECTIVE_STOP, RUNNING, RuntimeState, interruption, obstacle
-from orientd_ur.dashboard import Dashboard
 from orientd_ur.link import Link
 from orientd_ur.options import UrOptions
+from orientd_ur.wire import Dashboard
 
 _POLL = 0.005
 _POWER_UP = 15.0

@@ -1,4 +1,4 @@
-"""Connections to a controller that give up in time, and the RTDE protocol over one of them.
+"""Connections to a controller that give up in time: to its RTDE server, to its dashboard server.
 
 The client library waits for ever for a controller that accepts and says nothing.  What is asked of
 a controller beside it goes over these.
@@ -245,6 +245,46 @@ class RtdeClient(Connection):
     def _ask(self, kind: int, payload: bytes = b"") -> bytes:
         self.send(_HEADER.pack(_HEADER.size + len(payload), kind) + payload)
         return self.receive(_finder(kind), f"an answer to {chr(kind)!r}")
+
+
+class Dashboard(Connection):
+    """A connection to the dashboard server of one robot; a context manager.
+
+    Args:
+        host: the robot's address.
+        timeout: s that connecting and each whole answer may take.
+
+    Raises:
+        LinkError: nothing answers there.
+    """
+
+    def __init__(self, host: str, *, timeout: float = 0.4) -> None:
+        super().__init__(host, DASHBOARD_PORT, "dashboard server", timeout)
+        try:
+            self.receive(_line, "its greeting")
+        except LinkError:
+            self.sock.close()
+            raise
+
+    def ask(self, command: str) -> str:
+        """Send *command* and return the answer.
+
+        Raises:
+            LinkError: no answer came.
+        """
+        self.send(command.encode() + b"\n")
+        return self.receive(_line, f"an answer to {command!r}")
+
+    @property
+    def is_remote(self) -> bool | None:
+        """Whether the robot is in remote control; ``None`` if it does not know the question."""
+        answer = self.ask("is in remote control").lower()
+        return True if "true" in answer else False if "false" in answer else None
+
+
+def _line(stream: bytes) -> tuple[str, bytes] | None:
+    line, end, rest = stream.partition(b"\n")
+    return (line.decode("utf-8", "replace").strip(), rest) if end else None
 
 
 def _finder(wanted: int) -> Callable[[bytes], tuple[bytes, bytes] | None]:

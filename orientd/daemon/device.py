@@ -6,11 +6,12 @@ import logging
 from collections.abc import Callable, Sequence
 
 from orientd.config import DeviceSettings
+from orientd.daemon.device_axes import DeviceAxes
 from orientd.daemon.devices import DeviceEvent, EventKind, servo_limits_of
 from orientd.daemon.motions import AT_ONCE, Motions, MoveOptions, Prepared
 from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
 from orientd.daemon.supervised_device import SupervisedDevice
-from orientd.driver import Driver, Explaining, Quaternion, Vector3, make_driver
+from orientd.driver import Explaining, Quaternion, Vector3, make_driver
 from orientd.errors import RequestError, StateError
 from orientd.planner import Limits
 from orientd.planner import State as PlannedState
@@ -58,7 +59,7 @@ class Device(SupervisedDevice):
         explaining = self._examiner if isinstance(self._examiner, Explaining) else None
         super().__init__(settings, on_event=on_event, explaining=explaining)
         self.limits, self._planners = settings.limits.to_limits(), planners
-        self._has_no_outline = False
+        self._axes = DeviceAxes(self._examiner, self.name)
         self.is_free = self._was_following = False
 
     # Motions
@@ -159,12 +160,7 @@ class Device(SupervisedDevice):
             PlanError: the device does not say what has to be known of it to judge targets.
         """
         servo_limits = servo_limits_of(self.limits.narrowed(limits), brake_rate=1.0)
-        driver = type(self._examiner)
-        if driver.shape is not Driver.shape and driver.follow is Driver.follow:
-            raise StateError(
-                f"device {self.name} plans whole paths for its axes: it cannot follow targets"
-            )
-        self._examiner.expect_targets()
+        self._axes.expect_targets()
         with self._lock:
             number = self._number + 1
             self._servo.running().ask(Command.TRACK, motion=number, servo_limits=servo_limits)
@@ -191,13 +187,12 @@ class Device(SupervisedDevice):
             StateError: there is no servo.
         """
         servo = self._servo.running()
-        if type(self._examiner).refusal is not Driver.refusal:
-            cycle = servo.newest()
-            if cycle is not None:
-                at = cycle.position if position is None else position
-                problem = self._examiner.refusal(q, at, cycle.joints)
-                if problem:
-                    raise RequestError("target", problem)
+        cycle = servo.newest()
+        if cycle is not None and cycle.joints:
+            at = cycle.position if position is None else position
+            problem = self._axes.refusal(q, at, cycle.joints)
+            if problem:
+                raise RequestError("target", problem)
         servo.memory.targets.publish(
             time_ns, expires_ns, *q, *(omega_body or NOT_GIVEN), *(position or NOT_GIVEN)
         )
@@ -307,14 +302,7 @@ class Device(SupervisedDevice):
         """Return the device's shape as it stands: lines, m; none where it has no axes."""
         link = self._servo.link
         cycle = link.newest() if link is not None else None
-        if cycle is None or not cycle.joints or self._has_no_outline:
-            return ()
-        try:
-            return self._examiner.outline(cycle.joints)
-        except Exception:  # noqa: BLE001 - a picture is worth no trouble
-            _log.exception("%s: the driver cannot draw its device", self.name)
-            self._has_no_outline = True
-            return ()
+        return self._axes.outline(cycle.joints) if cycle is not None and cycle.joints else ()
 
     def statistics(self, motion_number: int) -> Statistics | None:
         """Return what was measured of a motion; ``None`` unless it is one of the newest."""

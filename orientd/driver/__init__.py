@@ -43,7 +43,6 @@ from orientd.driver.values import (
     PartHealth,
     Quaternion,
     Setpoint,
-    ShapedPath,
     Vector3,
 )
 
@@ -72,7 +71,6 @@ __all__ = [
     "RestsInFault",
     "Scaled",
     "Setpoint",
-    "ShapedPath",
     "Tunable",
     "Vector3",
     "Verdict",

@@ -6,7 +6,6 @@ quarter of the time of a frozen dataclass.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import inf
 from typing import NamedTuple
 
@@ -114,28 +113,6 @@ class Figure(NamedTuple):
     unit: str
     limit: float | None = None
     time: float | None = None
-
-
-class ShapedPath(NamedTuple):
-    """A path as a device's axes can follow it, on the same grid as the one it was made of.
-
-    Attributes:
-        orientations: one for each period; the first is that of the path given, and the path goes on
-            from it as that one does.  The last one is at rest.
-        path_times: how far along the path given each of them is, s; never decreasing.
-        joints: axis angles at each of them, rad, unwrapped.
-        figures: what holds for it.
-        notes: what there is to say of it, in words, a line each.
-        joint_limits: largest velocity and acceleration of every axis, rad/s and rad/s^2, which
-            stops, pauses and other speeds are to keep, too; empty where the axes have none.
-    """
-
-    orientations: Sequence[Quaternion]
-    path_times: Sequence[float]
-    joints: Sequence[tuple[float, ...]]
-    figures: tuple[Figure, ...] = ()
-    notes: tuple[str, ...] = ()
-    joint_limits: Sequence[tuple[float, float]] = ()
 
 
 class AxisGap(NamedTuple):

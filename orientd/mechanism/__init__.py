@@ -1,5 +1,35 @@
-"""Mechanisms: how axes pose a tool, and what their limits make of a path."""
+"""Mechanisms: how axes pose a tool, and what their limits make of a path.
 
-from orientd.mechanism.mechanism import Mechanical, Mechanism, Reserve
+What the servo needs is plain floats; what plans whole paths needs NumPy, and loads when it is first
+asked for.
+"""
 
-__all__ = ["Mechanical", "Mechanism", "Reserve"]
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.mechanism.arrays import orientations
+    from orientd.mechanism.foresight import Foresight, refusal
+    from orientd.mechanism.gimbal import Gimbal
+    from orientd.mechanism.joint_path import JointPath, ToolLimits
+    from orientd.mechanism.mechanism import Mechanical, Mechanism, Reserve
+    from orientd.mechanism.pacing import demand, pace
+    from orientd.mechanism.routing import joints_along, route
+    from orientd.mechanism.turning import pointed, together
+
+__getattr__ = lazily(
+    "orientd.mechanism",
+    {
+        "orientd.mechanism.arrays": ("orientations",),
+        "orientd.mechanism.foresight": ("Foresight", "refusal"),
+        "orientd.mechanism.gimbal": ("Gimbal",),
+        "orientd.mechanism.joint_path": ("JointPath", "ToolLimits"),
+        "orientd.mechanism.mechanism": ("Mechanical", "Mechanism", "Reserve"),
+        "orientd.mechanism.pacing": ("demand", "pace"),
+        "orientd.mechanism.routing": ("joints_along", "route"),
+        "orientd.mechanism.turning": ("pointed", "together"),
+    },
+)

@@ -7,48 +7,43 @@ from dataclasses import replace
 
 import numpy as np
 
-from orientd.driver import ShapedPath
+from orientd.driver import AxisLimits
 from orientd.errors import StartError
+from orientd.mechanism import JointPath
 from orientd.planner import refusal
 from orientd.planner.certify import STATE, before, joint_brake, measure, summed_up
 from orientd.planner.motion import Motion
 from orientd.planner.path import SAME_ANGLE, Path, RecordedPath
-from orientd.rotation import Floats, angle, check_unit
-from orientd.stream import NO_SHARES
+from orientd.rotation import Floats, angle
 from orientd.tolerances import GUARD_TOLERANCE
 
 _SAME_TIME = 1e-9
 
 
 def reshaped(
-    motion: Motion, shape: ShapedPath, *, joints_before: Sequence[Sequence[float]] = ()
+    motion: Motion,
+    shape: JointPath,
+    axes: Sequence[AxisLimits],
+    *,
+    joints_before: Sequence[Sequence[float]] = (),
 ) -> Motion:
     """Return *motion* on the path of *shape*, held against its limits again.
 
     Args:
         motion: as it was planned.
-        shape: what the driver made of it, on the same grid.
+        shape: the path that the device's axes follow, on the same grid.
+        axes: their limits.
         joints_before: axis angles of the three records before it, where it begins in motion.
 
     Raises:
         LimitError: the path as shaped breaks a limit.
         StartError: it begins elsewhere than the motion, which begins in motion.
-        ValueError: *shape* is not a path on the grid of the motion, or *motion* is shaped already.
+        ValueError: *motion* is shaped already.
     """
     if not isinstance(motion.path, Path):
         raise ValueError("motion must be as it was planned")
     period, request = motion.period, motion.request
-    path_times = np.asarray(shape.path_times, dtype=np.float64)
-    q = check_unit(shape.orientations)
-    if q.shape != (len(path_times), 4) or len(path_times) < 2 or np.any(np.diff(path_times) < 0.0):
-        raise ValueError(
-            f"path_times must be one for each of the {len(q)} orientations and never decrease"
-        )
-    joints = np.asarray(shape.joints, dtype=np.float64)
-    if joints.ndim != 2 or len(joints) != len(path_times):
-        raise ValueError(
-            f"joints must be a row for each of the {len(q)} orientations, got shape {joints.shape}"
-        )
+    path_times, q, joints = shape.path_times, shape.q, shape.joints
     begun = float(angle(q[0], motion.start_state.q))
     if begun > SAME_ANGLE and not motion.start_state.is_at_rest:
         raise StartError(
@@ -78,12 +73,10 @@ def reshaped(
         before=before(motion.start_state, period),
         tolerance=GUARD_TOLERANCE,
     )
-    shares = NO_SHARES
-    if len(shape.joint_limits):
-        brake = joint_brake(joints, path.earlier, period, shape.joint_limits)
-        shares = brake.shares
-        if brake.rate < peaks.brake_rate:
-            peaks = replace(peaks, brake_rate=brake.rate, brake_time=brake.record * period)
+    limits = [(axis.velocity, axis.acceleration) for axis in axes]
+    brake = joint_brake(joints, path.earlier, period, limits)
+    if brake.rate < peaks.brake_rate:
+        peaks = replace(peaks, brake_rate=brake.rate, brake_time=brake.record * period)
     times = np.array(keyframes)
     place = refusal.Place(request, float(begin), float(end), times)
     refusal.check_limits(peaks, place)
@@ -104,5 +97,5 @@ def reshaped(
         ),
         first_joints=tuple(joints[0].tolist()),
         last_joints=tuple(joints[-1].tolist()),
-        joint_shares=shares,
+        joint_shares=brake.shares,
     )

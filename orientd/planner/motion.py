@@ -19,11 +19,13 @@ from orientd.planner.recorded import (
     STATE_FLOATS,
     MotionFacts,
     RecordedMotion,
+    joints_of,
+    ring_records,
 )
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.saving import write_archive
 from orientd.rotation import Floats, to_scipy
-from orientd.stream import NO_SHARES, PATH_FLOATS, JointShares
+from orientd.stream import NO_SHARES, JointShares
 
 if TYPE_CHECKING:
     from pathlib import Path as FilePath
@@ -128,6 +130,7 @@ class Motion(Drawable):
             "certificate": asdict(self.certificate),
             "first_joints": self.first_joints,
             "last_joints": self.last_joints,
+            "axes": len(self.first_joints),
             "joint_shares": self.joint_shares,
         }
         arrays: dict[str, Floats] = {
@@ -203,8 +206,9 @@ class Motion(Drawable):
         """Return orientations, positions and axis angles of the three records before the first."""
         q, position = before(self.start_state, self.period)
         joints = np.array(self.path.joints_before(0), dtype=np.float64).reshape(HISTORY, -1)
-        rows = np.zeros((HISTORY, STATE_FLOATS + joints.shape[1]))
-        rows[:, :4], rows[:, 10:13], rows[:, STATE_FLOATS:] = q, position, joints
+        rows = np.zeros((HISTORY, STATE_FLOATS + 2 * joints.shape[1]))
+        rows[:, :4], rows[:, 10:13] = q, position
+        joints_of(rows)[:] = joints
         return rows
 
     def sample(self, path_times: ArrayLike) -> PathSamples:
@@ -219,14 +223,14 @@ class Motion(Drawable):
         return self.path.sample(times)
 
     def rows(self, first: int, count: int) -> Floats:
-        """Return state and axis angles of records, in order of their index.
+        """Return state, axis angles and their velocities of records, in order of their index.
 
         Args:
             first: index of the first one; record *k* is at path time ``k * period``.
             count: how many.
 
         Returns:
-            A new C-contiguous array of shape ``(count, STATE_FLOATS + axes)``.
+            A new C-contiguous array of shape ``(count, STATE_FLOATS + 2 axes)``.
 
         Raises:
             ValueError: there are no such records.
@@ -254,7 +258,7 @@ class Motion(Drawable):
         Returns:
             A new C-contiguous array of shape ``(count, PATH_FLOATS)``.
         """
-        return np.ascontiguousarray(self.rows(first, count)[:, :PATH_FLOATS])
+        return ring_records(self.rows(first, count))
 
 
 def _vector(omega: Floats | None) -> Vector3 | None:

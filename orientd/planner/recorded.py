@@ -16,14 +16,15 @@ from orientd.driver import Vector3
 from orientd.planner.limits import Limits
 from orientd.planner.request import State
 from orientd.rotation import Floats
-from orientd.stream import NO_SHARES, PATH_FLOATS, JointShares
+from orientd.stream import JOINTS, NO_SHARES, PATH_FLOATS, JointShares
 
 HISTORY = 3
 """Setpoints that a third difference reaches back to."""
 
-STATE_FLOATS = PATH_FLOATS + 3
-"""A record of the path ring, q (4), omega_body (3), alpha_body (3), position (3) and velocity (3),
-and the acceleration of the position (3)."""
+_POSE_FLOATS = PATH_FLOATS - 2 * JOINTS
+STATE_FLOATS = _POSE_FLOATS + 3
+"""What the path ring has of the pose, q (4), omega_body (3), alpha_body (3), position (3) and
+velocity (3), and the acceleration of the position (3)."""
 
 
 _ON_RECORD = 1e-6
@@ -57,7 +58,7 @@ class MotionFacts:
         device_options: of the device's driver.
         first_joints: axis angles it begins at, rad; empty unless it was made for a device's axes.
         last_joints: axis angles it ends at, rad.
-        earlier: states of the three records before the first, shape ``(3, STATE_FLOATS + axes)``;
+        earlier: states of the three records before the first, shape ``(3, STATE_FLOATS + 2 axes)``;
             orientations, positions and axis angles of them count.
     """
 
@@ -94,7 +95,8 @@ class RecordedMotion:
 
         Args:
             facts: of the motion.
-            rows: state and axis angles of each, shape ``(n, STATE_FLOATS + axes)``.
+            rows: of each state, axis angles and their velocities, shape ``(n, STATE_FLOATS +
+                2 axes)``.
             first: which record the first row is.
         """
         self.facts = facts
@@ -112,7 +114,7 @@ class RecordedMotion:
         return self.facts.record_count - 1
 
     def rows(self, first: int, count: int) -> Floats:
-        """Return state and axis angles of records.
+        """Return state, axis angles and their velocities of records.
 
         Args:
             first: may be down to -3: before the first record the device was where it came from.
@@ -142,10 +144,10 @@ class RecordedMotion:
         Returns:
             Shape ``(n, PATH_FLOATS)``.
         """
-        return self.rows(first, min(count, self.at_hand[1] - first))[:, :PATH_FLOATS]
+        return ring_records(self.rows(first, min(count, self.at_hand[1] - first)))
 
     def rows_at(self, records: np.ndarray[Any, np.dtype[np.intp]]) -> Floats:
-        """Return state and axis angles of some records, all of them at hand."""
+        """Return the rows of some records, all of them at hand."""
         first = int(records.min())
         rows: Floats = self.rows(first, int(records.max()) + 1 - first)[records - first]
         return rows
@@ -163,12 +165,12 @@ class RecordedMotion:
 
     def joints_at(self, record: int) -> Joints:
         """Return the axis angles planned at a record, rad; none where it knows of none."""
-        return tuple(self.rows(record, 1)[0, STATE_FLOATS:].tolist())
+        return tuple(joints_of(self.rows(record, 1))[0].tolist())
 
     def joints_before(self, record: int) -> tuple[Joints, ...]:
         """Return the axis angles of the three records before one, the oldest first."""
-        rows = self.rows(record - HISTORY, HISTORY)[:, STATE_FLOATS:]
-        return tuple(map(tuple, rows.tolist())) if rows.shape[1] else ()
+        joints = joints_of(self.rows(record - HISTORY, HISTORY))
+        return tuple(map(tuple, joints.tolist())) if joints.shape[1] else ()
 
     def orientations(self, times: Floats) -> Floats:
         """Return the orientations at path *times* that are at hand, shape ``(n, 4)``.
@@ -180,6 +182,45 @@ class RecordedMotion:
         first = int(where.min())
         rows = self.rows(first, int(np.ceil(where.max())) + 1 - first)
         return states_at(rows[:, :10], where - first, self.facts.period)[:, :4]
+
+
+def joints_of(rows: Floats) -> Floats:
+    """Return the axis angles of rows, rad, shape ``(n, axes)``."""
+    axes = (rows.shape[1] - STATE_FLOATS) // 2
+    joints: Floats = rows[:, STATE_FLOATS : STATE_FLOATS + axes]
+    return joints
+
+
+def ring_records(rows: Floats) -> Floats:
+    """Return the records of the path ring that rows are; NaN for the axes that there are not."""
+    axes = joints_of(rows).shape[1]
+    records: Floats = np.full((len(rows), PATH_FLOATS), np.nan)
+    records[:, :_POSE_FLOATS] = rows[:, :_POSE_FLOATS]
+    records[:, _POSE_FLOATS : _POSE_FLOATS + axes] = joints_of(rows)
+    rates = PATH_FLOATS - JOINTS
+    records[:, rates : rates + axes] = rows[:, STATE_FLOATS + axes :]
+    return records
+
+
+def joint_rates(joints: Floats, earlier: Floats, period: float) -> Floats:
+    """Return the velocities of axes at records, by central differences of the fourth order.
+
+    Args:
+        joints: angles at the records of a whole motion, rad, shape ``(n, axes)``; held after it.
+        earlier: those of two or more records before, the oldest first; the axes begin at rest if
+            all of them are the same.
+        period: from each record to the next, s.
+
+    Returns:
+        rad/s, shape ``(n, axes)``; zero at the last record.
+    """
+    padded = np.concatenate([earlier[-2:], joints, joints[-1:], joints[-1:]])
+    one, two = padded[3:-1] - padded[1:-3], padded[4:] - padded[:-4]
+    rates: Floats = (8.0 * one - two) / (12.0 * period)
+    rates[-1] = 0.0
+    if not np.ptp(np.concatenate([earlier, joints[:1]]), axis=0).any():
+        rates[0] = 0.0
+    return rates
 
 
 def states_at(rows: Floats, where: Floats, period: float) -> Floats:

@@ -1,9 +1,9 @@
 """A motion in one file, with its certificate: numbers in an ``.npz`` archive, nothing that runs.
 
 The archive holds ``header``, a JSON text that begins with the format and its version, ``rows``,
-the state and axis angles of every record, and the other arrays of a motion.  A motion from a file
-has the records that were saved, to the last bit; what it was planned with is not in it, so that
-between two records it is a cubic.
+the state, axis angles and their velocities of every record, and the other arrays of a motion.  A
+motion from a file has the records that were saved, to the last bit; what it was planned with is not
+in it, so that between two records it is a cubic.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def _motion(header: dict[str, Any], arrays: dict[str, Any]) -> Motion:
         raise ValueError("rows must be finite")
     if "q_before" in arrays:
         before = arrays["q_before"], arrays["position_before"]
-    if rows.shape[1] > STATE_FLOATS and "joint_shares" not in header:
+    if rows.shape[1] != STATE_FLOATS + 2 * header.get("axes", 0):
         raise OrientdError(
             f"the motion {header['id']} was saved by a version whose stops do not count the "
             "device's axes; plan it again"

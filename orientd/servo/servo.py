@@ -33,6 +33,7 @@ from orientd.errors import (
     SpentLinkError,
     StateError,
 )
+from orientd.mechanism import Foresight, Mechanical
 from orientd.servo.device_reports import Arrival, DeviceReports
 from orientd.servo.path import PathPart, PathPoint
 from orientd.servo.setpoint_generator import SetpointGenerator
@@ -115,6 +116,7 @@ class Servo:
         self.work_ns = 0
         self._driver = driver
         self._memory = memory
+        self._period = period_ns * 1e-9
         self._watchdog = ServoWatchdog(watch, period_ns)
         self._clock = clock
         self._parent_is_alive = parent_is_alive
@@ -172,9 +174,10 @@ class Servo:
         if is_written:
             begun_ns = self._clock.now_ns()
             try:
-                setpoint = tuple.__new__(Setpoint, (deadline_ns, *point))
+                setpoint = tuple.__new__(Setpoint, (deadline_ns, *point[:6]))
                 if self.setpoints.pursuit.is_on:
-                    point = self.setpoints.confine(self._driver.follow(setpoint))
+                    q, joints = self._driver.follow(setpoint)
+                    point = self.setpoints.confine(q, joints)
                 else:
                     self._driver.write(setpoint)
             except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
@@ -331,7 +334,7 @@ class Servo:
         elif command is Command.HALT:
             self._stop(is_quickest=True)
         elif command is Command.TRACK:
-            setpoints.track(part)
+            setpoints.track(part, self._feedback.joints)
         elif command is Command.TUNE:
             return self._tune()
         elif command is Command.ENABLE:
@@ -390,10 +393,19 @@ class Servo:
             return
         feedback = self._driver.enable()
         self._feedback = feedback
-        self.setpoints.anchor(feedback.q, feedback.position)
+        self.setpoints.anchor(feedback)
+        self.setpoints.pursuit.foresight = self._foresight()
         self._enabled_ns = self._clock.now_ns()
         self._is_enabled = True
         self.setpoints.state = following
+
+    def _foresight(self) -> Foresight | None:
+        """Return what looks ahead for the axes of a device that takes poses and has a mechanism."""
+        driver = self._driver
+        if driver.takes == "joints" or not isinstance(driver, Mechanical):
+            return None
+        mechanism = driver.mechanism(may_ask=False)
+        return None if mechanism is None else Foresight(mechanism, self._period)
 
     def _look_for_life(self, now_ns: int) -> None:
         if self._cycle_count % PARENT_CHECK == 0 and not self._parent_is_alive():
@@ -462,7 +474,7 @@ class Servo:
             *measured.omega_body,
             *measured.position,
             *(measured.joints + NO_JOINTS)[:JOINTS],
-            *(self._driver.sent_joints + NO_JOINTS)[:JOINTS],
+            *((point.joints if is_written else ()) + NO_JOINTS)[:JOINTS],
         )
         ring.append(record)
         self._cycle_count += 1

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from orientd.driver import IDENTITY, ZERO, Driver, Quaternion, Scaled, Vector3
+from orientd.driver import IDENTITY, ZERO, Driver, Feedback, Joints, Quaternion, Scaled
 from orientd.errors import Fault, NotYetError
 from orientd.floats import combine, difference, norm
 from orientd.servo.guard import Guard
@@ -20,6 +20,7 @@ from orientd.servo.path import (
     QuickStop,
     StarvedError,
     TimeScaling,
+    joint_gap,
 )
 from orientd.servo.state_table import Event, advance
 from orientd.servo.tracking import TargetFollower
@@ -33,6 +34,8 @@ _NO_FAULT = Fault.NONE
 
 _NO_LIMITS = ServoLimits(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
 _START_TOLERANCE = 1e-9
+_JOINT_TOLERANCE = 1e-8
+"""Of an axis' angle, rad: close to a pole rounding is more than elsewhere."""
 
 
 class SetpointGenerator:
@@ -71,7 +74,8 @@ class SetpointGenerator:
         self.follower = PathFollower(memory.path, period, _NO_LIMITS)
         self._guard = Guard(period)
         self._quick_stop = QuickStop(self.time_scaling, self.follower, self._guard)
-        self.pursuit = TargetFollower(memory.targets, self._guard, driver)
+        self.pursuit = TargetFollower(memory.targets, self._guard)
+        self._takes_joints = driver.takes == "joints"
         self._scaled = driver if isinstance(driver, Scaled) else None
         self._on_fault = on_fault
         self._period_ns, self._stall_ns = period_ns, stall_ns
@@ -105,18 +109,20 @@ class SetpointGenerator:
         """Return the last setpoint once more, at rest."""
         self._guard.hold()
         last = self.last
-        return PathPoint(last.q, ZERO, ZERO, last.position, ZERO)
+        return PathPoint(last.q, ZERO, ZERO, last.position, ZERO, last.joints)
 
-    def anchor(self, q: Quaternion, position: Vector3) -> None:
-        """Begin at rest at *q* and *position*."""
-        self.last = PathPoint(q, ZERO, ZERO, position, ZERO)
+    def anchor(self, feedback: Feedback) -> None:
+        """Begin at rest where the device is, as *feedback* says."""
+        q, position = feedback.q, feedback.position
+        joints = feedback.joints if self._takes_joints else ()
+        self.last = PathPoint(q, ZERO, ZERO, position, ZERO, joints)
         self._guard.anchor(q, position)
         self.time_scaling.halt()
 
-    def confine(self, q: Quaternion) -> PathPoint:
-        """Take note that *q* was sent in place of the last setpoint; return what was sent."""
+    def confine(self, q: Quaternion, joints: Joints) -> PathPoint:
+        """Take note of what was sent in place of the last setpoint; return it."""
         self._is_there, self._sent = norm(difference(q, self._sent)) < _START_TOLERANCE, q
-        self.last = self.last._replace(q=q)
+        self.last = self.last._replace(q=q, joints=joints)
         return self.last
 
     # What the daemon asks for
@@ -150,6 +156,10 @@ class SetpointGenerator:
         gap = norm(difference(self.last.q, first.q))
         if not gap <= _START_TOLERANCE:
             return f"the path begins {gap:.3g} rad from the commanded orientation"
+        if self._takes_joints:
+            gap = joint_gap(self.last.joints, first.joints)
+            if not gap <= _JOINT_TOLERANCE:
+                return f"the path begins {gap:.3g} rad from the commanded angles of the axes"
         brake_rate = part.servo_limits.brake_rate
         if not (brake_rate > 0.0 and 0.0 <= speed <= 1.0):
             return f"brake rate and speed must be positive, got {brake_rate!r} and {speed!r}"
@@ -175,21 +185,22 @@ class SetpointGenerator:
             self.state = following
         return problem
 
-    def track(self, part: PathPart) -> None:
-        """Follow targets from here on, whatever moves at present."""
+    def track(self, part: PathPart, joints: Joints) -> None:
+        """Follow targets from here on, whatever moves at present; the axes are near *joints*."""
         following = advance(self.state, Command.TRACK)
         self.time_scaling.halt()
         # Where a narrower limit is broken already, what there is of it is taken away.
         speed = max(part.servo_limits.linear_velocity, norm(self._guard.velocity))
-        self._pursue(replace(part.servo_limits, linear_velocity=speed), is_off_path=False)
+        servo_limits = replace(part.servo_limits, linear_velocity=speed)
+        self._pursue(servo_limits, joints, is_off_path=False)
         self.motion = part.number
         self.state = following
 
-    def _pursue(self, servo_limits: ServoLimits, *, is_off_path: bool) -> None:
+    def _pursue(self, servo_limits: ServoLimits, joints: Joints = (), *, is_off_path: bool) -> None:
         """Go on without the path from what was written: after targets, or to come to rest."""
         self._servo_limits, self._is_off_path = servo_limits, is_off_path
         self._is_there, self._sent = False, self.last.q
-        self.pursuit.begin(servo_limits)
+        self.pursuit.begin(servo_limits, joints)
 
     def stop(self) -> None:
         """Begin to come to rest, on the path or away from the target."""
@@ -272,6 +283,7 @@ class SetpointGenerator:
             combine(path.alpha_body, rate * rate, path.omega_body, change),
             path.position,
             combine(path.velocity, rate, path.velocity, 0.0),
+            path.joints,
         )
 
     def _share_run(self, deadline_ns: int) -> float:
@@ -316,7 +328,7 @@ class SetpointGenerator:
             self._finish()
             # Axes that could not get there hold where they could.
             guard.anchor(self._sent, position)
-            return PathPoint(self._sent, ZERO, ZERO, position, ZERO)
+            return PathPoint(self._sent, ZERO, ZERO, position, ZERO, self.last.joints)
         return PathPoint(point.q, point.omega_body, point.alpha_body, position, guard.velocity)
 
     def _finish(self) -> None:

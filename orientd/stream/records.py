@@ -64,8 +64,12 @@ class Answer(IntEnum):
     """The speed is changing."""
 
 
-# index | q(4) omega(3) alpha(3) position(3) velocity(3)
-PATH_FLOATS = 16
+JOINTS = 8
+"""Axes of a device that a record of the path and a cycle have room for."""
+NO_JOINTS = (math.nan,) * JOINTS
+
+# index | q(4) omega(3) alpha(3) position(3) velocity(3) joints(8) their velocities(8)
+PATH_FLOATS = 16 + 2 * JOINTS
 PATH_RECORD = struct.Struct(f"@Q{PATH_FLOATS}d")
 
 # index, deadline_ns, lateness_ns, work_ns, feedback_time_ns, path_index |
@@ -73,10 +77,6 @@ PATH_RECORD = struct.Struct(f"@Q{PATH_FLOATS}d")
 # path_fraction, speed, q(4) omega(3) alpha(3) position(3), feedback q(4) omega(3) position(3),
 # joints(8) sent joints(8)
 CYCLE_RECORD = struct.Struct("@QqqqqQ6I41d")
-JOINTS = 8
-"""Axes of a device that a cycle has room for."""
-NO_JOINTS = (math.nan,) * JOINTS
-
 
 # index, code, motion, path_index, leave_index, final_index, start_ns | speed, limits
 LIMIT_FLOATS = 18

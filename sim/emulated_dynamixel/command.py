@@ -7,7 +7,6 @@ import random
 import signal
 import time
 from pathlib import Path
-from types import FrameType
 
 from emulated_dynamixel.bus import Bus
 from emulated_dynamixel.console import carry_out
@@ -18,6 +17,7 @@ from emulated_dynamixel.table import BAUD_RATES, MODELS
 
 _GAP_NS = 20_000_000
 _IDLE_S = 0.2
+"""How long it takes at most until a signal is heeded."""
 
 
 def servos(text: str, *, baud: int = 1_000_000, now_ns: int = 0) -> list[EmulatedServo]:
@@ -28,10 +28,11 @@ def servos(text: str, *, baud: int = 1_000_000, now_ns: int = 0) -> list[Emulate
     """
     if baud not in BAUD_RATES:
         raise ValueError(f"baud must be one of {', '.join(map(str, BAUD_RATES))}, got {baud}")
+    models = {**MODELS, **{model.name.lower(): model for model in MODELS.values()}}
     found: dict[int, EmulatedServo] = {}
     for item in text.split(","):
         number, _, name = item.strip().partition(":")
-        model = MODELS.get(name or "xm430")
+        model = models.get(name.lower() or "xm430")
         if not number.isdecimal() or int(number) > 252 or model is None:
             raise ValueError(
                 f"servos must look like 1:xm430,2:xl330 with ids of 0 to 252, got {item!r}"
@@ -63,13 +64,17 @@ def run(
     """
     found = servos(names, baud=baud, now_ns=time.monotonic_ns())
     server = PtyServer(Bus(found, line=line, rng=random.Random(seed), gap_ns=_GAP_NS), link)
-    previous = {number: signal.signal(number, _leave) for number in (signal.SIGINT, signal.SIGTERM)}
+    stopping: list[int] = []
+    previous = {
+        number: signal.signal(number, lambda got, _: stopping.append(got))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
     try:
         server.plug()
         kinds = ", ".join(f"{servo.id} {servo.model.name}" for servo in found)
         print(f"ready: {link} at {baud} baud, servos {kinds}", flush=True)  # noqa: T201
         pending = b""
-        while True:
+        while not stopping:
             is_asked = server.step(_IDLE_S, *([] if console is None else [console]))
             if console is None or not is_asked:
                 continue
@@ -79,17 +84,7 @@ def run(
                 said = carry_out(command.decode(errors="replace"), server, time.monotonic_ns())
                 print(said, flush=True)  # noqa: T201
             console = console if octets else None
-    except _LeftError:
-        pass
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
         server.unplug()
-
-
-class _LeftError(Exception):
-    """Somebody has asked the command to end."""
-
-
-def _leave(_number: int, _frame: FrameType | None) -> None:
-    raise _LeftError

@@ -96,6 +96,7 @@ def _obey(line: str, server: PtyServer, now_ns: int) -> str:
         case "error":
             servo.fail(int(words[1], 0), now_ns)
         case "state":
+            servo.refresh(now_ns)
             registers = ("present position", "goal position", "torque enable", "bus watchdog")
             shown = ("position", "goal", "torque", "watchdog")
             pairs = zip(shown, map(servo.value, registers), strict=True)

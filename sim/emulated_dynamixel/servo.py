@@ -164,7 +164,7 @@ class EmulatedServo:
         if count < 1 or address + count > self.model.end:
             return ErrorNumber.ACCESS, b""
         self.advance(now_ns)
-        self._refresh(now_ns)
+        self.refresh(now_ns)
         targets = [self._target(at) for at in range(address, address + count)]
         if self.lie is not None and _POSITION_REGISTER in targets:
             self._tell_lie(self.lie)
@@ -413,7 +413,8 @@ class EmulatedServo:
     def _store_goal(self, position: float) -> None:
         self._set(116, round(position) + self.value("homing offset"))
 
-    def _refresh(self, now_ns: int) -> None:
+    def refresh(self, now_ns: int) -> None:
+        """Write what the servo measures into its registers."""
         shaft = self.shaft
         speed = round(shaft.speed / (VELOCITY_UNIT * TICKS_PER_RADIAN))
         aim = self._aim()

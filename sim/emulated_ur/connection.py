@@ -8,38 +8,16 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from emulated_ur.controller import Controller, Event
 from emulated_ur.primary import EVERY_TICKS, event_message, state_message, version_message
+from emulated_ur.talk import Talk
 from emulated_ur.urscript import Splitter
 
 _LARGEST_BACKLOG = 1 << 20
 
 
-class Talk(Protocol):
-    """What a client and the controller say to each other on one port."""
-
-    greeting: bytes
-
-    def feed(self, chunk: bytes) -> bytes:
-        """Take what the client says; return the answer."""
-        ...
-
-    def tick(self) -> bytes:
-        """Return what the client is told in this tick."""
-        ...
-
-    def tell(self, event: Event) -> bytes:
-        """Return what the client is told of an event."""
-        ...
-
-    def close(self) -> None:
-        """Take note that the client has gone."""
-        ...
-
-
-class LineTalk:
+class LineTalk(Talk):
     """A line asks and a line answers: the dashboard server, interpreter mode, the control channel.
 
     Args:
@@ -58,19 +36,8 @@ class LineTalk:
         replies = [self._reply(line.decode("utf-8", "replace")) for line in lines]
         return "".join(f"{reply}\n" for reply in replies).encode()
 
-    def tick(self) -> bytes:
-        """Return nothing: only a line is answered."""
-        return b""
 
-    def tell(self, event: Event) -> bytes:  # noqa: ARG002
-        """Return nothing: only a line is answered."""
-        return b""
-
-    def close(self) -> None:
-        """Take note of nothing."""
-
-
-class ScriptTalk:
+class ScriptTalk(Talk):
     """URScript in; on the primary and secondary interfaces the robot's state out, at 10 Hz.
 
     Args:

@@ -39,11 +39,9 @@ class EmulatedRobot:
         self._options = options
         self._timeout = timeout
         self._process: subprocess.Popen[bytes] | None = None
-        self._channel: socket.socket | None = None
 
     def __enter__(self) -> EmulatedRobot:
-        self.start()
-        return self
+        return self.start()
 
     def __exit__(self, *_: object) -> None:
         self.end()
@@ -59,8 +57,8 @@ class EmulatedRobot:
             raise LaunchError("the emulated robot was not started")
         return self._process
 
-    def start(self) -> None:
-        """Start the process and wait for its line.
+    def start(self) -> EmulatedRobot:
+        """Start the process and wait for its line; return the robot.
 
         Raises:
             LaunchError: it ended, or did not become ready in time.
@@ -77,25 +75,20 @@ class EmulatedRobot:
             said = stderr.read().decode(errors="replace") if stderr else ""
             self.end()
             raise LaunchError(f"the emulated robot at {self.host} did not start: {said.strip()}")
+        return self
 
     def end(self) -> None:
         """End the process and wait for it."""
-        if self._channel is not None:
-            self._channel.close()
-            self._channel = None
         if self._process is not None:
             process, self._process = self._process, None
             if process.poll() is None:
                 process.send_signal(signal.SIGCONT)
                 process.terminate()
             try:
-                process.wait(10.0)
+                process.communicate(timeout=10.0)
             except subprocess.TimeoutExpired:
                 process.kill()
-                process.wait()
-            for stream in (process.stdin, process.stdout, process.stderr):
-                if stream is not None:
-                    stream.close()
+                process.communicate()
 
     def ask(self, line: str) -> str:
         """Send one line of :mod:`emulated_ur.faults` and return the answer.
@@ -103,20 +96,11 @@ class EmulatedRobot:
         Raises:
             LaunchError: the answer is an error, or none came.
         """
-        if self._channel is None:
-            self._channel = socket.create_connection((self.host, FAULTS_PORT), timeout=10.0)
-        self._channel.sendall(line.encode() + b"\n")
-        answer = b""
-        while not answer.endswith(b"\n"):
-            chunk = self._channel.recv(65536)
-            if not chunk:
-                self._channel.close()
-                self._channel = None
-                if line == "die":
-                    return "ok"
-                raise LaunchError(f"no answer to {line!r}")
-            answer += chunk
-        text = answer.decode().strip()
+        with socket.create_connection((self.host, FAULTS_PORT), timeout=10.0) as link:
+            link.sendall(line.encode() + b"\n")
+            text = link.makefile().readline().strip()
+        if not text and line != "die":
+            raise LaunchError(f"no answer to {line!r}")
         if text.startswith("error"):
             raise LaunchError(text)
         return text

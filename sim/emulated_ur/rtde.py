@@ -14,6 +14,7 @@ from enum import IntEnum
 
 from emulated_ur.arm import TICK
 from emulated_ur.controller import Controller, Event
+from emulated_ur.talk import Talk
 from emulated_ur.variables import TYPES, VARIABLES, Scalar, Value
 
 HEADER = struct.Struct(">HB")
@@ -124,7 +125,7 @@ class Layout:
         return values
 
 
-class RtdeSession:
+class RtdeSession(Talk):
     """One client: its recipes, start and pause.
 
     Args:
@@ -135,8 +136,6 @@ class RtdeSession:
     Attributes:
         malformed: packages of inputs so far that were dropped.
     """
-
-    greeting = b""
 
     def __init__(
         self, robot: Controller, owners: MutableMapping[str, RtdeSession], write: Writer

@@ -20,11 +20,12 @@ from functools import partial
 
 from emulated_ur import dashboard, faults
 from emulated_ur.arm import Behaviour
-from emulated_ur.connection import ClientConnection, Delays, LineTalk, ScriptTalk, Talk
+from emulated_ur.connection import ClientConnection, Delays, LineTalk, ScriptTalk
 from emulated_ur.controller import Controller
 from emulated_ur.process import FAULTS_PORT
 from emulated_ur.recording import Recording
 from emulated_ur.rtde import RtdeSession, WireError
+from emulated_ur.talk import Talk
 from emulated_ur.variables import Value
 
 PORTS = {
@@ -232,12 +233,12 @@ class Server:
         if what not in known:
             raise ValueError(f"drop must be one of {', '.join(known)}, got {what}")
         holders = list(self._owners.values())
-        roles = {"control": True, "receive": False}
-        if what in roles:
-            return self._forget(
-                lambda one: one.kind == "rtde" and (one.talk in holders) is roles[what]
-            )
-        return self._forget(lambda one: one.kind != "faults" and what in ("all", one.kind))
+
+        def is_meant(one: ClientConnection) -> bool:
+            role = "" if one.kind != "rtde" else "control" if one.talk in holders else "receive"
+            return one.kind != "faults" and what in ("all", one.kind, role)
+
+        return self._forget(is_meant)
 
     def send_garbage(self, count: int, byte: int = 0) -> None:
         """Send bytes that are no package to every RTDE client."""

@@ -47,7 +47,7 @@ for k in range(count):
     work.append(end - start)
     late.append(start - due)
 cpu, span = time.process_time() - cpu, time.monotonic_ns() - begin
-losses = driver._group.losses.total
+losses = driver._group.lost
 driver.close()
 """
 PLAIN = """

@@ -11,9 +11,9 @@ def jacobian(gimbal, angles):
     Its columns are the directions of the axes.
     """
     angles = np.asarray(angles, dtype=np.float64)
-    q = np.broadcast_to(np.array(gimbal.mount), (*angles.shape[:-1], 4))
+    q = np.broadcast_to(np.array(gimbal.kinematics.mount), (*angles.shape[:-1], 4))
     columns = []
-    for number, axis in enumerate(gimbal.axes):
+    for number, axis in enumerate(gimbal.kinematics.axes):
         columns.append(to_matrix(q)[..., :, axis])
         q = multiply(q, from_axis_angle(np.eye(3)[axis], angles[..., number]))
     return np.stack(columns, axis=-1)
@@ -26,7 +26,7 @@ def damped_rates(jacobian, omega, *, epsilon=0.12, damping=0.12):
         \lambda^2 = \lambda_{max}^2 (1 - (\sigma / \epsilon)^2) \text{ for } \sigma < \epsilon
 
     Source: Nakamura and Hanafusa (1986); the variable damping is Chiaverini's (1994).  It looks one
-    step ahead only: :mod:`orientd_dynamixel.path` plans the whole path instead.
+    step ahead only: :mod:`orientd.mechanism.routing` plans the whole path instead.
 
     Args:
         jacobian: shape ``(..., 3, axes)``.

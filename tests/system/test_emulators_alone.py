@@ -73,7 +73,7 @@ def test_fixtures_give_a_robot_and_two_buses(tmp_path):
         "    assert emulated_ur.state()['safety_mode'] == 'PROTECTIVE_STOP'\n"
         "def test_bus(emulated_dynamixel, virtual_dynamixel):\n"
         "    assert open(emulated_dynamixel.port, 'rb', buffering=0).fileno()\n"
-        "    assert 'position' in emulated_dynamixel.ask('state 1')\n"
+        "    assert 'position 2048, goal 0' in emulated_dynamixel.ask('state 1')\n"
         "    assert 'jam ID' in emulated_dynamixel.ask('help')\n"
         "    virtual_dynamixel.openPort()\n"
         "    ping = b'\\xff\\xff\\xfd\\x00\\x01\\x03\\x00\\x01\\x19\\x4e'\n"

@@ -19,7 +19,8 @@ from orientd.stream import ServoState
 
 pytest.importorskip("dynamixel_sdk")
 
-from orientd_dynamixel.tracker import AxisTracker
+from orientd.driver import AxisLimits
+from orientd.mechanism.gimbal import Gimbal
 
 DEVICE = "gimbal"
 AXIS_VELOCITY, AXIS_ACCELERATION = np.deg2rad(220), 40.0
@@ -106,12 +107,11 @@ def over_the_top(miss_deg=2.0, seconds=6.0):
 
 def axes_of(cycles):
     """Return the axis angles that the driver made of what was sent, unwrapped, from 0 on."""
-    tracker = AxisTracker("ZYX", (1.0, 0, 0, 0), (1.0, 0, 0, 0))
-    rows = []
+    gimbal = Gimbal([AxisLimits(name, -7.0, 7.0, 4.0) for name in "abc"])
+    rows = [(0.0, 0.0, 0.0)]
     for cycle in cycles:
-        tracker.angles, _ = tracker.solve(cycle.q)
-        rows.append(tracker.angles)
-    return np.array(rows)
+        rows.append(gimbal.solve(cycle.q, rows[-1])[0])
+    return np.array(rows[1:])
 
 
 def stretches(cycles):

@@ -17,6 +17,7 @@ from orientd import processor
 from orientd.kernels.build import compiler
 
 ROOT = Path(__file__).parents[2]
+EMULATORS = ("emulated_dynamixel", "emulated_ur")
 
 
 @pytest.fixture(scope="module")
@@ -63,9 +64,10 @@ def test_the_wheel_holds_every_package_with_its_types_and_nothing_else(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     tops = {name.split("/")[0] for name in names}
     packages = {top for top in tops if not top.endswith((".dist-info", ".data"))}
-    assert {"orientd", "orientd_loopback", "emulated_dynamixel", "emulated_ur"} <= packages
-    assert all(package.startswith(("orientd", "emulated_")) for package in packages)
+    assert {"orientd", "orientd_loopback"} <= packages
+    assert all(package.startswith("orientd") for package in packages)
     assert {f"{package}/py.typed" for package in packages} <= set(names)
+    assert {f"orientd/emulators/{name}/py.typed" for name in EMULATORS} <= set(names)
     assert "orientd/rpc/control.proto" in names
     assert "orientd/bench/loop.c" in names
     assert {name.rpartition("/share/")[2] for name in names if "/share/" in name} == {
@@ -73,6 +75,29 @@ def test_the_wheel_holds_every_package_with_its_types_and_nothing_else(wheel):
         "fish/vendor_completions.d/orientd.fish",
         "zsh/site-functions/_orientd",
     }
+
+
+def test_an_emulator_runs_from_the_wheel_and_shares_no_file_with_its_own(script, wheel, tmp_path):
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
+    assert run(script.parent / "python", "-c", "import emulated_ur", cwd=tmp_path).returncode
+    with subprocess.Popen(
+        [script, "sim", "ur", "--host", "127.77.2.1"], cwd=tmp_path, env=environment, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    ) as process:  # fmt: skip
+        assert process.stdout.readline().startswith("ready")
+        process.terminate()
+    own = tmp_path / "own"
+    for name in EMULATORS:
+        build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", own]
+        subprocess.run(build, cwd=ROOT / "sim" / name, check=True, capture_output=True)
+    files = {
+        name
+        for file in own.glob("*.whl")
+        for name in zipfile.ZipFile(file).namelist()
+        if ".dist-info/" not in name
+    }
+    assert files
+    assert not files & set(zipfile.ZipFile(wheel).namelist())
 
 
 def test_the_wheel_holds_the_kernels_of_every_level_and_nothing_that_they_are_built_of(wheel):

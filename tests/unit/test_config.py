@@ -92,8 +92,7 @@ def test_what_is_given_is_kept(tmp_path):
         ),
         (
             "[devices.arm]\ndriver = 'x'\nrat_hz = 5",
-            "devices.arm.rat_hz: unknown key; did you mean 'rate_hz'?; known are driver, python, "
-            "rate_hz, ",
+            "devices.arm.rat_hz: unknown key; did you mean 'rate_hz'?; known are driver, python, ",
         ),
         ("[devices.arm]\ndrver = 'x'", "devices.arm.drver: unknown key; did you mean 'driver'?"),
         (

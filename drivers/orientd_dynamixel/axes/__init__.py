@@ -1,8 +1,6 @@
-"""What the axes of a running gimbal are told, and what is made of what they report."""
+"""What the axes of a running gimbal are told."""
 
 from __future__ import annotations
 
 from orientd_dynamixel.axes.following import Following
-from orientd_dynamixel.axes.standing import Conditions, Standing, complain
 from orientd_dynamixel.axes.supervisor import SLACK, TICK, complain_of_step
-from orientd_dynamixel.axes.turns import Turns

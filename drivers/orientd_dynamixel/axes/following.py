@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from orientd.driver import Quaternion
-from orientd_dynamixel.options import GimbalOptions
-from orientd_dynamixel.tracker import AxisTracker
+from orientd.driver import Joints, Quaternion
+from orientd.mechanism import Gimbal
 
 _TURN = 2 * math.pi
 _OUTSIDE = 1e3
@@ -20,17 +19,21 @@ class Following:
     """What the axes do from cycle to cycle.
 
     Args:
-        options: the limits.
-        tracker: knows the angles last commanded, and is not changed.
+        gimbal: whose axes.
         period: of the cycles, s.
+
+    Attributes:
+        angles: axis angles last commanded, rad, unwrapped.
+        rates: at which the axes turned there, rad/s.
     """
 
-    def __init__(self, options: GimbalOptions, tracker: AxisTracker, period: float) -> None:
-        self._options = options.axes
-        self._tracker = tracker
+    def __init__(self, gimbal: Gimbal, period: float) -> None:
+        self._gimbal = gimbal
+        self._axes = gimbal.axes
         self._period = period
-        self._wanted: tuple[float, ...] = ()
-        self.rates: tuple[float, ...] = (0.0,) * len(options.axes)
+        self._wanted: Joints = ()
+        self.angles: Joints = (0.0,) * len(gimbal.axes)
+        self.rates: Joints = self.angles
 
     def step(self, q: Quaternion) -> tuple[float, ...]:
         """Return the axis angles for the next cycle on the way to *q*, rad."""
@@ -40,19 +43,21 @@ class Following:
 
     def reach(self, q: Quaternion) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return the axis angles for the next cycle on the way to *q*, and those that make it."""
-        branches = self._tracker.branches(q)
-        last = self._tracker.angles
+        last = self.angles
+        branches = self._gimbal.branches(q, last)
         branch = min((self._inside(one, last) for one in branches), key=self._cost)
         outer = self._next(0, branch[0])
         # What lags outside is made up for inside, as far as two angles can for three.
-        inner = self._inside((outer, *self._tracker.inner(q, outer)), last)[1:]
+        kinematics = self._gimbal.kinematics
+        others, _ = kinematics.inner(kinematics.matrix(q), outer)
+        inner = self._inside((outer, *others), last)[1:]
         wanted = (branch[0], *inner)
         return (outer, *(self._next(k, angle) for k, angle in enumerate(inner, 1))), wanted
 
     def brake(self) -> tuple[float, ...]:
         """Return the axis angles for the next cycle on the quickest way to rest, rad."""
         angles = []
-        for axis, last, rate in zip(self._options, self._tracker.angles, self.rates, strict=True):
+        for axis, last, rate in zip(self._axes, self.angles, self.rates, strict=True):
             step = _MARGIN * axis.acceleration * self._period
             angles.append(last + self._period * (rate - min(max(rate, -step), step)))
         self.took(angles)
@@ -60,19 +65,19 @@ class Following:
 
     def took(self, angles: Sequence[float], wanted: Sequence[float] = ()) -> None:
         """Note the angles that are about to be commanded, and those wanted, if others."""
-        last = self._tracker.angles
-        self._wanted = tuple(wanted or angles)
-        self.rates = tuple((a - b) / self._period for a, b in zip(angles, last, strict=True))
+        steps = zip(angles, self.angles, strict=True)
+        self.rates = tuple((a - b) / self._period for a, b in steps)
+        self.angles, self._wanted = tuple(angles), tuple(wanted or angles)
 
-    def rest(self) -> None:
-        """Begin anew, from rest."""
-        self._wanted = ()
-        self.rates = (0.0,) * len(self.rates)
+    def rest(self, angles: Joints) -> None:
+        """Begin anew, from rest at *angles*."""
+        self.angles, self._wanted = angles, ()
+        self.rates = (0.0,) * len(angles)
 
     def _inside(self, angles: Sequence[float], last: Sequence[float]) -> tuple[float, ...]:
         """Return *angles* on the turns nearest to *last* that are inside the limits, if any are."""
         found = []
-        for angle, near, axis in zip(angles, last, self._options, strict=True):
+        for angle, near, axis in zip(angles, last, self._axes, strict=True):
             least = math.ceil((axis.low - angle) / _TURN)
             most = math.floor((axis.high - angle) / _TURN)
             turns = round((near - angle) / _TURN)
@@ -83,15 +88,15 @@ class Following:
 
     def _cost(self, angles: Sequence[float]) -> float:
         worst = outside = 0.0
-        for angle, near, axis in zip(angles, self._tracker.angles, self._options, strict=True):
+        for angle, near, axis in zip(angles, self.angles, self._axes, strict=True):
             worst = max(worst, abs(angle - near) / axis.velocity)
             outside += max(axis.low - angle, angle - axis.high, 0.0)
         return worst + _OUTSIDE * outside
 
     def _next(self, place: int, wanted: float) -> float:
         """Return where the axis at *place* gets to in a cycle on its way to *wanted*."""
-        axis, period = self._options[place], self._period
-        last, rate = self._tracker.angles[place], self.rates[place]
+        axis, period = self._axes[place], self._period
+        last, rate = self.angles[place], self.rates[place]
         wanted = min(max(wanted, axis.low), axis.high)
         before = self._wanted[place] if self._wanted else wanted
         before = min(max(before, axis.low), axis.high)

@@ -5,12 +5,25 @@ from __future__ import annotations
 import importlib
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from types import ModuleType
+from typing import Annotated
 
 import typer
 
 from orientd.cli.command import command
 from orientd.errors import DaemonError
+
+_CARRIED = Path(__file__).parents[2] / "emulators"
+"""Where a wheel of orientd carries the emulators, for those who have not installed them."""
+
+
+def _emulator(name: str) -> ModuleType:
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError:
+        sys.path.append(str(_CARRIED))
+        return importlib.import_module(name)
+
 
 sim = typer.Typer(
     name="sim",
@@ -33,7 +46,7 @@ def ur(
     RTDE on 30004, dashboard on 29999, URScript on 30001 to 30003, faults on 29998 (send `help`).
     Prints a line that begins with `ready` when it can be used.  Any address of 127.0.0.0/8 serves.
     """
-    emulator: Any = importlib.import_module("emulated_ur")
+    emulator = _emulator("emulated_ur")
     if model not in emulator.MODELS:
         known = ", ".join(emulator.MODELS)
         raise typer.BadParameter(f"expected one of {known}, got {model!r}", param_hint="--model")
@@ -71,7 +84,7 @@ def dynamixel(
 
     Prints a line that begins with `ready` when it can be used.
     """
-    emulator: Any = importlib.import_module("emulated_dynamixel")
+    emulator = _emulator("emulated_dynamixel")
     line = emulator.SerialLine(
         is_paced=not ideal,
         usb_latency_ns=0 if ideal else round(usb_ms * 1e6),

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.planner.path.path import Path, PathSamples
-from orientd.planner.recorded import HISTORY, STATE_FLOATS, states_at
+from orientd.planner.recorded import HISTORY, STATE_FLOATS, joint_rates, joints_of, states_at
 from orientd.planner.request import State
 from orientd.rotation import Floats, align, angle, conjugate, exp, log, multiply
 
@@ -29,7 +29,8 @@ class RecordedPath:
     Attributes:
         period: s.
         duration: path time from hold to hold, s; up to a period less than to the last row.
-        table: state and axis angles of each record, shape ``(n, STATE_FLOATS + axes)``.
+        table: of each record state, axis angles and their velocities, shape ``(n, STATE_FLOATS +
+            2 axes)``.
         earlier: axis angles of the three records before the first, rad, shape ``(3, axes)``.
     """
 
@@ -84,14 +85,16 @@ class RecordedPath:
         # It takes over from what the device does, and held means held: no velocity where it stands.
         omega[0], alpha[0] = given.omega_body[0], given.alpha_body[0]
         omega[-1], alpha[-1] = 0.0, 0.0
-        table: Floats = np.zeros((count, STATE_FLOATS + joints.shape[1]))
+        if earlier is None:
+            earlier = np.repeat(joints[:1], HISTORY, axis=0)
+        table: Floats = np.zeros((count, STATE_FLOATS + 2 * joints.shape[1]))
         table[:, :4], table[:, 4:7], table[:, 7:10] = q, omega, alpha
-        table[:, 10:13], table[:, STATE_FLOATS:] = given.position, joints
+        table[:, 10:13] = given.position
+        rates = joint_rates(joints, earlier, period)
+        table[:, STATE_FLOATS:] = np.concatenate([joints, rates], axis=1)
         velocity = given.velocity * (np.gradient(path_times) / period)[:, None]
         table[:-1, 13:16] = velocity[:-1]
         table[1:-1, 16:19] = (velocity[2:] - velocity[:-2]) / (2.0 * period)
-        if earlier is None:
-            earlier = np.repeat(joints[:1], HISTORY, axis=0)
         return cls(period, (count - 1) * period, table, earlier)
 
     def rows(self, first: int, count: int) -> Floats:
@@ -101,8 +104,7 @@ class RecordedPath:
     @property
     def joints(self) -> Floats:
         """Axis angles at the records, rad, shape ``(n, axes)``."""
-        joints: Floats = self.table[:, STATE_FLOATS:]
-        return joints
+        return joints_of(self.table)
 
     def joints_at(self, record: int) -> tuple[float, ...]:
         """Return the axis angles at a record, rad, held beyond the first and the last."""

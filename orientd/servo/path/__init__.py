@@ -1,6 +1,6 @@
 """Follow the path and stop on it: time scaling, feasible rates, quick stop."""
 
-from orientd.servo.path.path_follower import PathFollower, PathPart, StarvedError
+from orientd.servo.path.path_follower import PathFollower, PathPart, StarvedError, joint_gap
 from orientd.servo.path.quick_stop import QuickStop
 from orientd.servo.path.segment import PathPoint
 from orientd.servo.path.time_scaling import TimeScaling

@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
-from orientd.driver import IDENTITY, ZERO, Vector3
+from orientd.driver import IDENTITY, ZERO, Joints, Vector3
 from orientd.errors import OrientdError
 from orientd.floats import difference, norm, plus
 from orientd.servo.path.segment import PathPoint, Segment, point_of
@@ -35,6 +35,7 @@ MOST_LEGS = 16
 _SAME_Q = 1e-9  # rad
 _SAME_RATE = 1e-6  # of 1 + the rate itself; rad/s and rad/s^2
 _SAME_POSITION = 1e-9  # m
+_SAME_JOINTS = 1e-8  # rad: close to a pole rounding is more than elsewhere
 
 
 class StarvedError(OrientdError):
@@ -240,10 +241,18 @@ def _differ(old: PathPoint, new: PathPoint) -> str:
         ("angular acceleration", *_gap(old.alpha_body, new.alpha_body), "rad/s^2"),
         ("position", norm(plus(old.position, new.position, -1.0)), _SAME_POSITION, "m"),
         ("velocity", *_gap(old.velocity, new.velocity), "m/s"),
+        ("angle of an axis", joint_gap(old.joints, new.joints), _SAME_JOINTS, "rad"),
     ):
         if not gap <= tolerance:
             return f"the {name} of the two paths differs by {gap:.3g} {unit}"
     return ""
+
+
+def joint_gap(old: Joints, new: Joints) -> float:
+    """Return the largest difference of an axis' angle, rad; infinity for other axes."""
+    if len(old) != len(new):
+        return inf
+    return max([abs(a - b) for a, b in zip(old, new, strict=True)], default=0.0)
 
 
 def _gap(a: Vector3, b: Vector3) -> tuple[float, float]:

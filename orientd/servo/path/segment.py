@@ -23,6 +23,9 @@ rates per period, what the two records say of orientation, velocity and accelera
 from which *d* and *w* follow.
 
 The file ``kernels/c/between.h`` has the same law with the same order of operations.
+
+The joints of the device, where the path has them, are the cubics of Hermite between the records:
+of angle and velocity of both.
 """
 
 from __future__ import annotations
@@ -30,8 +33,9 @@ from __future__ import annotations
 from math import copysign, cos, inf, sin, sqrt
 from typing import Any, NamedTuple
 
-from orientd.driver import ZERO, Quaternion, Vector3
+from orientd.driver import ZERO, Joints, Quaternion, Vector3
 from orientd.floats import combine, difference, multiply, plus
+from orientd.stream import JOINTS
 
 LEAST_STEP = 2e-7
 """Least step of the acceleration that is looked for, rad in a period squared."""
@@ -48,6 +52,8 @@ class PathPoint(NamedTuple):
         alpha_body: angular acceleration, rad/s^2.
         position: m.
         velocity: m/s.
+        joints: angles of the device's axes, rad; empty if the path has none.
+        joint_velocities: their derivatives at a record, rad/s; empty between two.
     """
 
     q: Quaternion
@@ -55,13 +61,19 @@ class PathPoint(NamedTuple):
     alpha_body: Vector3
     position: Vector3
     velocity: Vector3
+    joints: Joints = ()
+    joint_velocities: Joints = ()
 
 
 def point_of(record: tuple[Any, ...]) -> PathPoint:
     """Return the point that a path record (its fields, in order) describes."""
     # Neither slices nor a call of PathPoint(): this happens every cycle.
-    _, w, x, y, z, a, b, c, d, e, f, p, q, r, s, t, u = record
-    parts = (w, x, y, z), (a, b, c), (d, e, f), (p, q, r), (s, t, u)
+    _, w, x, y, z, a, b, c, d, e, f, p, q, r, s, t, u, *axes = record
+    count = JOINTS
+    while count and axes[count - 1] != axes[count - 1]:  # no number: there are fewer axes
+        count -= 1
+    joints, rates = tuple(axes[:count]), tuple(axes[JOINTS : JOINTS + count])
+    parts = (w, x, y, z), (a, b, c), (d, e, f), (p, q, r), (s, t, u), joints, rates
     return tuple.__new__(PathPoint, parts)
 
 
@@ -190,21 +202,63 @@ def _bent(
 STANDING = Law(ZERO, ZERO, ZERO)
 
 
+class JointLaw(NamedTuple):
+    """The angle of an axis between two records as a function of the share *u* of the period.
+
+    The cubic that has the angles and the velocities of both records, as a polynomial.
+
+    Attributes:
+        angle: at 0, rad.
+        first: coefficient of *u*, rad.
+        second: of the square of *u*, rad.
+        third: of its third power, rad.
+    """
+
+    angle: float
+    first: float
+    second: float
+    third: float
+
+    def rate(self, u: float) -> float:
+        """Return the derivative of the angle by *u*, rad."""
+        _, a, b, c = self
+        return a + u * (2.0 * b + 3.0 * u * c)
+
+
+def joint_laws(start: PathPoint, end: PathPoint, period: float) -> list[JointLaw]:
+    """Return the law of every axis from one record to the next."""
+    laws = []
+    for angle, goal, rate, last in zip(
+        start.joints, end.joints, start.joint_velocities, end.joint_velocities, strict=True
+    ):
+        way, leave, arrive = goal - angle, period * rate, period * last
+        second, third = 3.0 * way - 2.0 * leave - arrive, leave + arrive - 2.0 * way
+        laws.append(JointLaw(angle, leave, second, third))
+    return laws
+
+
+def joints_at(laws: list[JointLaw], u: float) -> Joints:
+    """Return the angles of the axes at the share *u* of the period, rad."""
+    return tuple([angle + u * (a + u * (b + u * c)) for angle, a, b, c in laws])
+
+
 class Segment:
     """The path between two neighbouring records, *period* seconds of path time apart.
 
     Attributes:
         turn: rotation vector from the first of them, rad.
         travel: way of the position, m.
+        joints: of every axis, rad; empty if the path has none.
     """
 
-    __slots__ = ("_end", "_period", "_start", "travel", "turn")
+    __slots__ = ("_end", "_period", "_start", "joints", "travel", "turn")
 
     def __init__(self, start: PathPoint, end: PathPoint, period: float) -> None:
         self._start = start
         self._end = end
         self._period = period
         self.turn = law_between(start, end, period)
+        self.joints = joint_laws(start, end, period)
         self.travel = STANDING
         p, q = start.position, end.position
         if p != q or not start.velocity == end.velocity == ZERO:
@@ -245,7 +299,9 @@ class Segment:
             (vz - a * g + b * (x * f - y * e)) / h,
         )
         alpha = combine(start.alpha_body, 1.0 - u, self._end.alpha_body, u)
+        joints = joints_at(self.joints, u)
         if self.travel is STANDING:
-            return PathPoint(q, omega, alpha, start.position, start.velocity)
+            return PathPoint(q, omega, alpha, start.position, start.velocity, joints)
         position = plus(start.position, self.travel.value(u), 1.0)
-        return PathPoint(q, omega, alpha, position, plus(ZERO, self.travel.rate(u), 1.0 / h))
+        velocity = plus(ZERO, self.travel.rate(u), 1.0 / h)
+        return PathPoint(q, omega, alpha, position, velocity, joints)

@@ -36,15 +36,17 @@ class Tool:
         return multiply(flange, from_pose(self.offset if offset is None else offset))
 
     def find_joints(
-        self, pose: Sequence[float], near: Sequence[float] | None = None,
-        offset: Pose | None = None,
-    ) -> Joints | None:  # fmt: skip
+        self,
+        pose: Sequence[float],
+        near: Sequence[float] | None = None,
+        offset: Sequence[float] | None = None,
+    ) -> Joints | None:
         """Return the joint angles for a pose of the tool, or ``None`` out of reach.
 
         Where *near* is not given the angles nearest to the last ones are taken, so that a stream of
         poses is a stream of joint angles without jumps.
         """
-        offset = self.offset if offset is None else offset
+        offset = self.offset if offset is None else tuple(offset)
         key = (tuple(pose), offset)
         if near is None:
             near = self._arm.target_q
@@ -57,16 +59,13 @@ class Tool:
         self._last_solution = None if q is None else (*key, q)
         return q
 
-    def joints_at(
-        self, pose: Sequence[float], near: Sequence[float] | None = None,
-        offset: Pose | None = None,
-    ) -> Joints:  # fmt: skip
-        """Return the joint angles for a pose of the tool.
+    def joints_at(self, pose: Sequence[float], *how: Sequence[float] | None) -> Joints:
+        """Return what :meth:`find_joints` does.
 
         Raises:
             UnreachableError: the arm does not reach it; a program ends for that.
         """
-        q = self.find_joints(pose, near, offset)
+        q = self.find_joints(pose, *how)
         if q is None:
             raise UnreachableError(f"get_inverse_kin: no solution for {tuple(pose)}")
         return q

@@ -36,8 +36,8 @@ class SilentGimbal(DynamixelDriver):
         return self.read()
 
     def read(self):
-        angles = self._tracker.angles
-        return Feedback(self.clock.now_ns(), self._tracker.forward(angles), joints=angles)
+        angles = self._following.angles
+        return Feedback(self.clock.now_ns(), self._gimbal.orientation(angles), joints=angles)
 
     def disable(self):
         pass
@@ -45,9 +45,8 @@ class SilentGimbal(DynamixelDriver):
     def _connected(self):
         return None, None
 
-    def _send(self, bus, group, angles, goals, now_ns):
-        self.sent.append(angles)
-        self._tracker.angles = angles
+    def _send(self, bus, group, goals, now_ns):
+        self.sent.append(self._following.angles)
         self._written_ns = now_ns
 
 
@@ -89,8 +88,9 @@ class AxisRide(LoopRig):
         assert self.ask(Command.ENABLE)[0] is Answer.DONE
         r = self.records
         self.first = self.lay(
-            r[:, :4], r[:, 4:7], r[:, 7:10], position=r[:, 10:13], velocity=r[:, 13:16]
-        )
+            r[:, :4], r[:, 4:7], r[:, 7:10], position=r[:, 10:13], velocity=r[:, 13:16],
+            joints=r[:, 16:],
+        )  # fmt: skip
 
     def run(self, cycles=1):
         """Let *cycles* pass."""
@@ -105,8 +105,7 @@ class AxisRide(LoopRig):
         setpoints.state = ServoState.HOLDING
         setpoints.last = setpoints.follower.peek(self.first)
         setpoints._guard.anchor(setpoints.last.q, setpoints.last.position)
-        self.driver._tracker.angles = tuple(self.joints[0].tolist())
-        self.driver._following.rest()
+        self.driver._following.rest(tuple(self.joints[0].tolist()))
         assert self.command(Command.START, path_index=self.first, start_ns=10**18)
         setpoints.follower.begin(PathPart(1, here, self.servo_limits))
         setpoints.time_scaling.begin(self.servo_limits.brake_rate, 1.0)
@@ -118,9 +117,8 @@ class AxisRide(LoopRig):
         guard.omega = tuple(omega[1].tolist())
         guard.alpha = tuple(((omega[1] - omega[0]) / self.period).tolist())
         driver = self.driver
-        driver._tracker.angles = tuple(self.joints[record - 1].tolist())
+        driver._following.rest(tuple(self.joints[record - 1].tolist()))
         driver._following.took(tuple(self.joints[record].tolist()))
-        driver._tracker.angles = tuple(self.joints[record].tolist())
         driver._written_ns = self.clock.now_ns()
         driver.sent = [tuple(row) for row in self.joints[record - 1 : record + 1].tolist()]
 

@@ -2,16 +2,18 @@
 
 import random
 
+import numpy as np
 import pytest
-from rig import PERIOD_NS
+from rig import PERIOD, PERIOD_NS
 from rig import Rig as LoopRig
 
 from emulated_dynamixel import MODELS, Bus, EmulatedServo, SerialLine, VirtualPort
 from orientd.clock import ManualClock
 from orientd.driver import Setpoint
+from orientd.planner.recorded import joint_rates
 from orientd.servo import Servo as ServoLoop
 from orientd.servo import WatchdogTimeouts
-from orientd.stream import SharedMemory
+from orientd.stream import JOINTS, SharedMemory
 
 MS = 1_000_000
 
@@ -66,7 +68,7 @@ class Rig:
             sleep=lambda seconds: self.clock.advance(round(seconds * 1e9)),
         )  # fmt: skip
         self.next_ns = self.clock.now_ns()
-        self.q = None
+        self.q = self.joints = None
         self.seen = []
 
     def servo(self, number):
@@ -79,9 +81,13 @@ class Rig:
 
     def start(self):
         self.driver.open()
-        feedback = self.driver.enable()
-        self.q = feedback.q
+        feedback = self.enable()
         self.next_ns = self.clock.now_ns()
+        return feedback
+
+    def enable(self):
+        feedback = self.driver.enable()
+        self.q, self.joints = feedback.q, feedback.joints
         return feedback
 
     def cycle(self, angles=None, q=None, *, write=True):
@@ -93,11 +99,11 @@ class Rig:
         feedback = self.driver.read()
         self.seen.append(feedback)
         if angles is not None:
-            self.q = self.driver._tracker.forward(angles)
+            self.q, self.joints = self.driver._gimbal.orientation(angles), tuple(angles)
         if q is not None:
-            self.q = q
+            self.q, self.joints = q, self.driver._gimbal.solve(q, self.joints)[0]
         if write:
-            self.driver.write(Setpoint(self.next_ns, self.q))
+            self.driver.write(Setpoint(self.next_ns, self.q, joints=self.joints))
         return feedback
 
     def run(self, count, path=None, *, write=True):
@@ -125,6 +131,18 @@ class GimbalLoop(LoopRig):
             parent_is_alive=lambda: True,
         )  # fmt: skip
         self.memory.beat(self.clock.now_ns())
+
+    def lay(self, q, *path, **options):
+        """Put a path of orientations into the ring, with the angles of the axes that make them."""
+        joints = [self.driver._following.angles]
+        for orientation in q:
+            joints.append(self.driver._gimbal.solve(tuple(orientation), joints[-1])[0])
+        angles = np.array(joints[1:])
+        axes = angles.shape[1]
+        table = np.full((len(q), 2 * JOINTS), np.nan)
+        table[:, :axes] = angles
+        table[:, JOINTS : JOINTS + axes] = joint_rates(angles, angles[[0, 0]], PERIOD)
+        return super().lay(q, *path, joints=table, **options)
 
 
 @pytest.fixture(autouse=True)

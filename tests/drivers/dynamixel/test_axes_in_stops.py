@@ -24,7 +24,7 @@ def plan_for(request, joints=(0.0, 0.0, 0.0), limits=LIMITS, **options):
     """Return the gimbal's motion for *request*, and the settings of its driver."""
     driver = driver_with(**options)
     planner = DevicePlanner(driver, limits=limits, period=PERIOD)
-    start = State.at_rest(driver._tracker.forward(joints))
+    start = State.at_rest(driver._gimbal.orientation(joints))
     return planner.plan(request, start=start, joints=joints), driver.options
 
 
@@ -61,7 +61,7 @@ def test_no_axis_hurries_for_a_path_that_all_but_meets_the_pole(miss):
             # The driver's own margin: a twentieth, and a tick.
             most = 1.05 + _TICK / PERIOD**2 / np.deg2rad(2290)
             assert max(disturbed(ride, record, what)) <= most
-            made = [ride.driver._tracker.forward(angles) for angles in ride.driver.sent]
+            made = [ride.driver._gimbal.orientation(angles) for angles in ride.driver.sent]
             turned = rotation.log(np.array(made))
             axis = np.array([0.0, -np.cos(np.deg2rad(miss)), np.sin(np.deg2rad(miss))])
             assert np.linalg.norm(turned - np.outer(turned @ axis, axis), axis=1).max() < 2e-4
@@ -125,10 +125,10 @@ def random_pass(random):
     aside = np.deg2rad(random.uniform(-15, 15)) + np.deg2rad(2.0) * random.normal(size=count)
     heading = random.uniform(-2.0, 2.0)
     joints = (heading, float(sweep[0]), 0.0)
-    first = np.array(driver._tracker.forward(joints))
+    first = np.array(driver._gimbal.orientation(joints))
     q = [first]
     for angle, off in zip(sweep[1:], aside[1:], strict=True):
-        turned = np.array(driver._tracker.forward((heading, float(angle), 0.0)))
+        turned = np.array(driver._gimbal.orientation((heading, float(angle), 0.0)))
         q.append(rotation.multiply(turned, rotation.exp(off * random.normal(size=3))))
     is_timed = random.random() < 0.4
     seconds = np.cumsum(random.uniform(0.5, 3.0, count)) if is_timed else [None] * count

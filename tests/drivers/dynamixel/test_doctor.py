@@ -1,5 +1,7 @@
 """What the doctor finds on an emulated bus, and what it says."""
 
+from dataclasses import replace
+
 import pytest
 
 pytest.importorskip("dynamixel_sdk")
@@ -16,6 +18,7 @@ from emulated_dynamixel import (
     VirtualPort,
 )
 from orientd.clock import ManualClock
+from orientd.driver import Verdict
 from orientd_dynamixel import doctor
 from orientd_dynamixel.bus import ServoBus
 from orientd_dynamixel.doctor import diagnose
@@ -46,7 +49,7 @@ def scan(bench):
 
 def test_servos_are_found_at_every_line_speed(bench):
     found = scan(bench)
-    assert [(s.id, s.name, s.baud) for s in found] == [
+    assert [(s.id, s.kind.name, s.baud) for s in found] == [
         (2, "XM430-W350", 57600),
         (1, "XM430-W350", 1_000_000),
         (7, "XL330-M288", 1_000_000),
@@ -84,32 +87,70 @@ def test_servos_are_found_through_an_adapter_as_it_comes():
     assert found["servo 2"].found == "does not answer at any line speed"
 
 
-def test_advice_names_what_to_change(bench):
-    bench.bus.servos[0].fail(1 << 5, 0)
-    advice = "\n".join(doctor.advise(scan(bench)))
-    for part in (
-        "servo 1 reports overload",
-        "set to [57600, 1000000] baud",
-        "57600 baud is slow",
-        "return delay is not 0",
-    ):
-        assert part in advice
+def findings(bench, ids, **options):
+    """Return the findings on a bus of servos named a, b, ... by the name of what was found."""
+    axes = [{"id": k, "name": name} for k, name in zip(ids, "ab", strict=False)]
+    settings = {"port": "/dev/null", "order": "ZY", "overwrite": True, "axes": axes, **options}
+    return {one.name: one for one in diagnose(parse(settings), 0.01, bench.open_bus)}
 
 
-def test_silent_bus_is_said_to_be_silent():
-    assert "no servo answers" in doctor.advise([])[0]
+def test_servo_that_is_as_it_should_be_is_all_right(bench):
+    bench.bus.servos[1:] = [EmulatedServo(2)]
+    found = findings(bench, (1, 2))
+    assert {found[name].verdict for name in found} == {Verdict.OK}
+    assert "configured are 100 Hz" in found["rate"].found
+    assert (
+        found["servo 1 (a)"].found == "XM430-W350, firmware 48, 1000000 baud, return delay 500 us"
+    )
 
 
-def test_nothing_is_said_where_nothing_is_wrong():
-    good = [doctor.FoundServo(k, 1020, 48, 1_000_000, 0, 0) for k in (1, 2, 3)]
-    assert doctor.advise(good) == []
+def set_firmware(servo):
+    servo._memory[6] = 44
 
 
-def test_calculated_rates_are_those_of_the_field():
-    good = [doctor.FoundServo(k, 1020, 44, 1_000_000, 0, 0) for k in (1, 2, 3)]
-    assert 200 <= doctor.safe_rate_hz(good, 1_000_000) <= 350
-    factory = [doctor.FoundServo(k, 1020, 44, 57600, 500, 0) for k in (1, 2, 3)]
-    assert doctor.cycle_ms(factory, 57600) == pytest.approx(25, abs=3)
+@pytest.mark.parametrize(
+    ("change", "name", "verdict", "words"),
+    [
+        (lambda one: one.fail(1 << 5, 0), "servo 1 (a)", "problem", "a reset starts it again"),
+        (set_firmware, "servo 1 (a)", "improve", "knows no fast reads"),
+        (lambda one: one.write(20, b"\1\0\0\0", 0), "servo 1 (a)", "problem", "homing_offset"),
+        (lambda one: one.disconnect(0), "servo 1", "problem", "look at cable"),
+        (lambda one: None, "servo 2 (b)", "problem", "configured are 1000000 baud"),
+    ],
+)
+def test_servo_is_found_with_what_to_do_about_it(bench, change, name, verdict, words):
+    change(bench.bus.servos[0])
+    found = findings(bench, (1, 2), overwrite=["operating_mode"])[name]
+    assert found.verdict is Verdict(verdict)
+    assert words in found.mend
+
+
+def test_other_model_and_unknown_model_are_named(bench):
+    other = findings(bench, (1, 7))["servo 7 (b)"]
+    assert (other.verdict, other.mend) == (Verdict.PROBLEM, "configured is XM430-W350")
+    bench.bus.servos[2]._memory[:2] = (9999).to_bytes(2, "little")
+    bench.bus.servos[2].model = replace(XL330_M288, number=9999)
+    assert "model 9999, which is not known" in findings(bench, (1, 7))["servo 7 (b)"].found
+
+
+def test_slow_line_is_found(bench):
+    bench.bus.servos[:] = [EmulatedServo(k, baud_index=1) for k in (1, 2)]
+    found = findings(bench, (1, 2), baud=57_600)
+    assert "1000000 baud is quicker" in found["servo 1 (a)"].mend
+    assert found["rate"].verdict is Verdict.IMPROVE
+    assert "set rate_hz to 3" in found["rate"].mend
+
+
+def test_servo_that_is_not_configured_is_said_to_be_there(bench):
+    bench.bus.servos[1] = EmulatedServo(2)
+    assert "XL330-M288" in findings(bench, (1, 2))["servo 7"].found
+    assert findings(bench, (1, 2))["servo 7"].found.endswith("not configured")
+
+
+def test_calculated_cycles_are_those_of_the_field():
+    good = [doctor.FoundServo(k, 1020, 44, 1_000_000) for k in (1, 2, 3)]
+    assert 350 >= 570 / doctor.cycle_ms(good, 1_000_000) >= 200
+    assert doctor.cycle_ms(good, 57_600) == pytest.approx(24, abs=3)
 
 
 def test_measured_cycle_is_that_of_the_line(bench):

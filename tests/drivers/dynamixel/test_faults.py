@@ -115,11 +115,11 @@ def test_passing_fault_is_ridden_out(rig, name, moments):
         it, servo, moment = started(rig, seed)
         RIDDEN_OUT[name](it, servo)
         it.run(120, path(moment))
-        assert it.driver._group.losses.total >= 1 or name == "a tenth dropped"
+        assert it.driver._group.lost >= 1 or name == "a tenth dropped"
         it.bus.faults.clear()
         it.run(10)
-        assert it.driver._group.losses.in_a_row == 0
-        assert it.seen[-1].joints == pytest.approx(it.driver._tracker.angles, abs=0.1)
+        assert it.driver._group.lost_in_a_row == 0
+        assert it.seen[-1].joints == pytest.approx(it.driver._following.angles, abs=0.1)
         assert_sane(it)
 
 
@@ -143,11 +143,11 @@ def test_lasting_fault_is_typed_and_reset_recovers(rig, name, moments):
         assert_sane(it)
         heal(it, servo)
         it.driver.reset()
-        it.q = it.driver.enable().q
+        it.enable()
         assert all(abs(goal - 2048) < 1.5 / 6.28 * 4096 for goal in it.goals())
         it.seen.clear()
         it.run(30)
-        assert it.seen[-1].joints == pytest.approx(it.driver._tracker.angles, abs=0.01)
+        assert it.seen[-1].joints == pytest.approx(it.driver._following.angles, abs=0.01)
         assert all(s.is_torque_on for s in it.bus.servos)
 
 
@@ -195,7 +195,7 @@ def test_pause_of_a_busy_machine_is_ridden_out(rig, pause_ms):
     it.run(50)
     it.clock.advance(pause_ms * MS)
     it.run(50)
-    assert it.driver._group.losses.in_a_row == 0
+    assert it.driver._group.lost_in_a_row == 0
     assert [it.value(k, "bus watchdog") for k in (1, 2, 3)] == [25, 25, 25]
 
 

@@ -8,16 +8,20 @@ from pole_passes import AXES, LIMITS, PERIOD, driver_with, over_the_top
 
 from orientd import motion_file, planner
 from orientd.errors import LimitError
-from orientd.planner import State, device_planner
-from orientd.planner.device_planner import Fitting
+from orientd.planner import State, fitting
+from orientd.planner.fitting import Fitting
 from orientd.planner.path import RecordedPath
 from orientd.rotation import angle, conjugate, exp, multiply
 
 
+def fitting_of(driver, start, joints, before=()):
+    return Fitting(driver.mechanism(may_ask=False), start, joints, LIMITS, PERIOD, before)
+
+
 def fit(mapping, *, joints=(0.0, 0.0, 0.0), driver=None, **options):
     driver = driver or driver_with(**options)
-    start = State.at_rest(driver._tracker.forward(joints))
-    return Fitting(driver, start, joints, LIMITS, PERIOD).plan(motion_file.parse(mapping))
+    start = State.at_rest(driver._gimbal.orientation(joints))
+    return fitting_of(driver, start, joints).plan(motion_file.parse(mapping))
 
 
 def figure(motion, name):
@@ -71,15 +75,15 @@ def test_path_without_times_is_nearly_as_fast_as_the_axes_allow(miss):
 def test_planning_for_the_axes_is_bounded_in_attempts(monkeypatch):
     made = []
     plan = planner.plan
-    monkeypatch.setattr(device_planner, "plan", lambda *a, **k: made.append(1) or plan(*a, **k))
-    driver = driver_with()
-    monkeypatch.setattr(driver, "pace", lambda *a, **k: ())
-    fit(over_the_top(4.0), driver=driver)
+    monkeypatch.setattr(fitting, "plan", lambda *a, **k: made.append(1) or plan(*a, **k))
+    with monkeypatch.context() as without_a_pace:
+        without_a_pace.setattr(Fitting, "_path_times", lambda *_: ())
+        fit(over_the_top(4.0))
     assert 3 <= len(made) <= 17
     made.clear()
-    # Tried as quickly as may be, and with a turn at the pole.
-    motion = fit(over_the_top(0.05))
-    assert any("stops and the axes slew" in note for note in motion.certificate.notes)
+    # Tried as quickly as may be, and with a turn by the pole.
+    motion = fit(over_the_top(0.02))
+    assert any("goes on slowly" in note for note in motion.certificate.notes)
     assert len(made) <= 2 * 17
 
 
@@ -98,8 +102,8 @@ def test_slew_keeps_the_limits_of_the_tool(seconds):
     # A turn back at no more than that takes this long, and not much longer.
     axes = motion.path.joints[:, 0]
     first, last = np.argmax(axes), np.argmin(axes)
-    needed = 1.875 * (axes[first] - axes[last]) / LIMITS.velocity
-    assert needed <= PERIOD * (last - first) < 1.1 * needed
+    needed = (axes[first] - axes[last]) / LIMITS.velocity
+    assert needed <= PERIOD * (last - first) < 1.2 * needed
 
 
 def turning(degrees, seconds):
@@ -149,12 +153,14 @@ def test_angle_outside_the_limits_is_refused_with_axis_and_time():
 def test_plan_begins_on_the_branch_and_turn_that_the_gimbal_is_on():
     here = tuple(np.deg2rad([190.0, 10.0, -5.0]))
     driver = driver_with()
-    q = driver._tracker.forward(here)
+    q = driver._gimbal.orientation(here)
     back = multiply(q, exp(np.array([0.2, 0.1, -0.4])))
     keyframes = [{"quaternion": dict(zip("wxyz", one, strict=True))} for one in (q, back.tolist())]
     measured = tuple(angle + 0.002 for angle in here)
     motion = fit({"keyframes": keyframes, "approach": True}, joints=here, driver=driver)
-    again = Fitting(driver, State.at_rest(q), measured, LIMITS, PERIOD).plan(motion.request)
+    again = Fitting(
+        driver.mechanism(may_ask=False), State.at_rest(q), measured, LIMITS, PERIOD
+    ).plan(motion.request)
     for planned in (motion, again):
         assert planned.first_joints == pytest.approx(here, abs=1e-9)
 
@@ -165,7 +171,7 @@ def test_driver_follows_the_planned_branch_to_its_end(rig):
     motion = fit(over_the_top(2.0, seconds=8), joints=feedback.joints, driver=it.driver)
     for q in motion.records(0, motion.record_count)[:, :4].tolist():
         it.cycle(q=tuple(q))
-    assert it.driver._tracker.angles == pytest.approx(motion.last_joints, abs=1e-6)
+    assert it.driver._following.angles == pytest.approx(motion.last_joints, abs=1e-6)
 
 
 def test_two_axes_that_leave_too_much_roll_are_refused_before_they_move():
@@ -196,15 +202,15 @@ def go_on(driver, motion, record, vector, *, seconds=None):
         ]
     joints, before = motion.path.joints_at(record), motion.path.joints_before(record)
     request = motion_file.parse({"keyframes": keyframes})
-    return Fitting(driver, state, joints, LIMITS, PERIOD, before).plan(request)
+    return fitting_of(driver, state, joints, before).plan(request)
 
 
 def turned_once():
     """A motion of yaw from 170 to 250 degrees, so on a turn of its own, and its driver."""
     here = tuple(np.deg2rad([170.0, 10.0, -5.0]))
     driver = driver_with()
-    q = np.array(driver._tracker.forward(here))
-    there = np.array(driver._tracker.forward(tuple(np.deg2rad([250.0, -20.0, 15.0]))))
+    q = np.array(driver._gimbal.orientation(here))
+    there = np.array(driver._gimbal.orientation(tuple(np.deg2rad([250.0, -20.0, 15.0]))))
     keyframes = [{"quaternion": dict(zip("wxyz", one.tolist(), strict=True))} for one in (q, there)]
     # At an even pace what goes on from it in motion does not swing beyond the end of the travel.
     return driver, fit({"keyframes": keyframes, "pace": "even"}, joints=here, driver=driver)
@@ -252,7 +258,9 @@ def test_path_may_begin_in_the_midst_of_a_passage_by_the_pole():
 def test_axes_of_a_motion_are_those_that_make_it():
     driver, motion = turned_once()
     q = motion.records(0, motion.record_count)[:, :4]
-    made = [driver._tracker.forward(motion.path.joints_at(k)) for k in range(motion.record_count)]
+    made = [
+        driver._gimbal.orientation(motion.path.joints_at(k)) for k in range(motion.record_count)
+    ]
     assert np.max(angle(np.array(made), q)) < 1e-7
     assert motion.path.joints_at(-5) == motion.first_joints
     assert motion.path.joints_at(10**6) == motion.last_joints

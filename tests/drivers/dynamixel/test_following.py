@@ -22,13 +22,13 @@ def followed(rig, orientations, order="ZYX"):
     """Return the axis angles, goals and orientations that a driver makes of setpoints."""
     it = rig(order, rate_hz=100, axes=AXES[: len(order)])
     it.start()
-    angles, goals, sent = [it.driver._tracker.angles], [], []
+    angles, goals, sent = [it.driver._following.angles], [], []
     for q in orientations:
         it.next_ns += it.period_ns
         it.clock.advance(max(0, it.next_ns - it.clock.now_ns()))
         it.driver.read()
-        sent.append(it.driver.follow(Setpoint(it.next_ns, tuple(q))))
-        angles.append(it.driver._tracker.angles)
+        sent.append(it.driver.follow(Setpoint(it.next_ns, tuple(q)))[0])
+        angles.append(it.driver._following.angles)
         goals.append(it.goals())
     return np.array(angles), np.array(goals), np.array(sent)
 
@@ -101,7 +101,7 @@ def test_a_stop_amid_following_ends_where_the_axes_are(rig, gimbal_loop):
     loop.memory.targets.publish(now, now + 10**10, *target, *([0.0] * 3), *NOT_GIVEN)
     loop.run(400)
     assert loop.cycle.state is ServoState.TRACKING
-    assert math.degrees(gimbal.driver._tracker.angles[0]) == pytest.approx(57.3, abs=0.1)
+    assert math.degrees(gimbal.driver._following.angles[0]) == pytest.approx(57.3, abs=0.1)
     loop.ask(Command.STOP)
     loop.run_until(lambda servo: servo.state is ServoState.HOLDING)
     loop.run(50)

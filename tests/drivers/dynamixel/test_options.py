@@ -132,7 +132,7 @@ def test_every_model_of_the_p_series_is_driven_by_its_own_registers(rig, name):
     angles = [300 * math.tau / MODELS[name].ticks, -100 * math.tau / MODELS[name].ticks]
     it.run(60, lambda k: [angle * min(1.0, k / 50) for angle in angles])
     it.run(40)
-    assert it.driver._group.losses.total == 0
+    assert it.driver._group.lost == 0
     assert it.goals() == [300, -100]
     assert it.seen[-1].joints == pytest.approx(angles, rel=0.02)
 

@@ -47,11 +47,15 @@
     test_20_whatever_a_pulled_cable_raises_is_a_link_error
 21  slow factory settings
     test_21_return_delay_is_zero_and_the_adapters_timer_is_allowed_for
+22  before version 4.1 the input is not cleared
+    test_22_input_is_cleared_with_every_version_of_the_sdk
 """
 
+import os
 import re
 import termios
 import threading
+import time
 
 import pytest
 
@@ -68,7 +72,7 @@ from emulated_dynamixel import (  # noqa: E402
 from emulated_dynamixel.packet import status  # noqa: E402
 from orientd.clock import ManualClock  # noqa: E402
 from orientd.errors import DeviceFaultError, FeedbackError, LinkError  # noqa: E402
-from orientd_dynamixel.bus import ServoBus, _unstuffed  # noqa: E402
+from orientd_dynamixel.bus import ServoBus, _unstuffed, open_bus  # noqa: E402
 from orientd_dynamixel.group import decode  # noqa: E402
 from orientd_dynamixel.tables import X430, Register  # noqa: E402
 
@@ -174,7 +178,7 @@ def test_06_lost_reply_keeps_the_last_good_reading_and_names_the_servo(gimbal):
     good = gimbal.seen[-1]
     gimbal.bus.faults.add(2, ReplyFault(FaultKind.DROP, remaining=1))
     gimbal.run(3)
-    assert gimbal.driver._group.losses.total == 1
+    assert gimbal.driver._group.lost == 1
     assert gimbal.seen[-1].joints == good.joints
     gimbal.bus.faults.add(2, ReplyFault(FaultKind.DROP))
     with pytest.raises(FeedbackError, match=r"10 readings lost in a row.*servo 2 \(pitch\)"):
@@ -194,7 +198,7 @@ def test_07_failed_read_is_never_a_zero(rig):
     it.start()
     it.bus.faults.add(1, ReplyFault(FaultKind.DROP, probability=0.3))
     it.run(100)
-    assert it.driver._group.losses.total > 5
+    assert it.driver._group.lost > 5
     for feedback in it.seen:
         assert feedback.joints == pytest.approx([952 / 4096 * 6.283185] * 3, abs=0.002)
 
@@ -237,9 +241,9 @@ def test_10b_short_answer_to_a_group_is_a_loss(gimbal, monkeypatch):
     original = gimbal.servo(2).read
     monkeypatch.setattr(gimbal.servo(2), "read", lambda a, n, t: (0, original(a, n, t)[1][:5]))
     gimbal.driver._group._is_fast = False
-    before = gimbal.driver._group.losses.total
+    before = gimbal.driver._group.lost
     gimbal.run(2)
-    assert gimbal.driver._group.losses.total > before
+    assert gimbal.driver._group.lost > before
 
 
 def test_11_late_reply_is_the_answer_to_the_next_read_of_the_sdk():
@@ -328,7 +332,7 @@ def test_13_readings_that_hold_a_header_come_through(rig):
         it.servo(1).shaft.position = -131_073.0
         feedback = it.start()
         it.run(20)
-        assert it.driver._group.losses.total == 0
+        assert it.driver._group.lost == 0
         assert it.seen[-1].joints[0] == pytest.approx(feedback.joints[0], abs=0.002)
 
 
@@ -340,7 +344,7 @@ def test_14_servos_with_telling_ids_are_all_read(rig):
     it.bus.servos[1]._memory[7] = 224
     it.start()
     it.run(20)
-    assert it.driver._group.losses.total == 0
+    assert it.driver._group.lost == 0
 
 
 def test_15_indirect_data_of_each_model_is_where_it_is(rig):
@@ -401,4 +405,25 @@ def test_21_return_delay_is_zero_and_the_adapters_timer_is_allowed_for(rig):
     it.start()
     assert it.servo(1).return_delay_ns == 0
     it.run(200)
-    assert it.driver._group.losses.total == 0
+    assert it.driver._group.lost == 0
+
+
+def test_22_input_is_cleared_with_every_version_of_the_sdk(monkeypatch):
+    monkeypatch.setattr(sdk.PortHandler, "clearPort", lambda port: port.ser.flush())
+    device, port = os.openpty()
+    theirs = sdk.PortHandler(os.ttyname(port))
+    bus = open_bus(os.ttyname(port), 1_000_000)
+    try:
+        theirs.openPort()
+        os.write(device, b"a late answer\n")
+        while bus.available < 14:
+            time.sleep(0)
+        theirs.clearPort()
+        assert bus.available == 14
+        bus.clear()
+        assert bus.available == 0
+    finally:
+        bus.close()
+        theirs.closePort()
+        os.close(device)
+        os.close(port)

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from orientd.errors import LimitError
+from orientd.mechanism.routing import route
 from orientd.rotation import angle, exp, multiply
-from orientd_dynamixel.certificate import DeviationPolicy
 from orientd_dynamixel.options import parse
-from orientd_dynamixel.path import plan_axes
-from orientd_dynamixel.planning import describe, gimbal_of, limits_of
 
 OPTIONS = {
     "port": "virtual",
@@ -24,35 +22,32 @@ OPTIONS = {
 def test_planned_pass_over_the_pole_arrives_at_the_servos(rig):
     """From standing level, up, past the pole by two degrees, and down on the other side."""
     period = 0.005
-    settings = parse(OPTIONS)
-    gimbal = gimbal_of(settings)
+    gimbal = parse({**OPTIONS, "max_deviation_deg": 3.0}).gimbal()
     times = np.arange(0, 6, period)
     way = np.deg2rad(150) * (10 * (times / 6) ** 3 - 15 * (times / 6) ** 4 + 6 * (times / 6) ** 5)
     miss = np.deg2rad(2)
     normal = np.array([0, -np.cos(miss), np.sin(miss)])
-    q = multiply(exp(way[:, None] * normal), gimbal.forward([0.0, 0.0]))
-    policy = DeviationPolicy(max_deviation=np.deg2rad(3))
-    path = plan_axes(gimbal, q, period, limits_of(settings), start=[0.0, 0.0], policy=policy)
-    assert [hole.kind for hole in path.certificate.keyholes] == ["pass"]
-    assert np.rad2deg(path.certificate.error.value) <= 2.05
-    words = describe(path.certificate, settings)
-    assert any("pass near the pole, missing by at most 2.0" in line for line in words)
+    q = multiply(exp(way[:, None] * normal), gimbal.orientation((0.0, 0.0)))
+    path = route(gimbal, period, q, np.zeros((len(q), 3)), joints=(0.0, 0.0))
+    (missed,) = [one for one in path.figures if one.name == "pointing error"]
+    assert np.rad2deg(missed.value) <= 2.05
+    assert any("pass near the pole, missing by at most 2.0" in line for line in path.notes)
 
     it = rig("ZY", axes=OPTIONS["axes"])
     it.start()
     worst = 0.0
-    for wanted, row in zip(path.q.tolist(), path.angles, strict=True):
+    for wanted, row in zip(path.q.tolist(), path.joints, strict=True):
         it.cycle(q=tuple(wanted))
-        worst = max(worst, float(np.max(np.abs(np.subtract(it.driver._tracker.angles, row)))))
+        worst = max(worst, float(np.max(np.abs(np.subtract(it.driver._following.angles, row)))))
     assert worst < 1e-6
     for _ in range(80):
         feedback = it.cycle()
-    assert it.driver._group.losses.total == 0
+    assert it.driver._group.lost == 0
     assert np.rad2deg(float(angle(feedback.q, path.q[-1]))) < 0.07
 
 
 def test_plan_says_what_it_refuses_by_the_axis_name():
-    settings = parse(OPTIONS)
+    gimbal = parse(OPTIONS).gimbal()
     q = exp(np.outer(np.linspace(0, 5.5, 500), [0, 0, 1]))
     with pytest.raises(LimitError, match=r"(angle|velocity) of pan"):
-        plan_axes(gimbal_of(settings), q, 0.005, limits_of(settings), start=[0.0, 0.0])
+        route(gimbal, 0.005, q, np.zeros((len(q), 3)), joints=(0.0, 0.0))

@@ -12,7 +12,17 @@ import pytest
 pytest.importorskip("dynamixel_sdk")
 
 from orientd.clock import MonotonicClock
-from orientd.driver import Setpoint
+from orientd.driver import (
+    Arriving,
+    Diagnosable,
+    Freeable,
+    Healthy,
+    Parkable,
+    Resettable,
+    RestsInFault,
+    Setpoint,
+    Tunable,
+)
 from orientd.errors import DeviceError, LinkError
 from orientd.floats import difference, norm
 from orientd.testing import DriverConformance
@@ -69,6 +79,16 @@ class TestConformance(DriverConformance):
     # Three ticks, and the lag of a servo that a real one has too.
     follow_tolerance = 0.005
     settle_cycles = 60
+    protocols = (
+        Arriving,
+        Diagnosable,
+        Freeable,
+        Healthy,
+        Parkable,
+        Resettable,
+        RestsInFault,
+        Tunable,
+    )
 
     @pytest.fixture(autouse=True)
     def _emulate(self, emulator):
@@ -79,6 +99,10 @@ class TestConformance(DriverConformance):
 
     def break_device(self):
         self.emulator.tell("unplug")
+        return True
+
+    def mend_device(self):
+        self.emulator.tell("plug")
         return True
 
 
@@ -92,19 +116,20 @@ def stream(driver, start, count, *, first=0):
         feedback = driver.read() or feedback
         half = 0.1 * (1 - math.cos(0.02 * k))
         q = (math.cos(half), 0.0, 0.0, math.sin(half))
-        driver.write(Setpoint(due, q))
-    return feedback, q
+        joints = (2.0 * half, *start.joints[1:])
+        driver.write(Setpoint(due, q, joints=joints))
+    return feedback, q, joints
 
 
 def test_gimbal_follows_over_the_real_stack(emulator):
     with contextlib.closing(make(emulator.link)) as driver:
         driver.open()
         start = driver.enable()
-        _, q = stream(driver, start, 200)
+        _, q, joints = stream(driver, start, 200)
         for k in range(30):
             time.sleep(PERIOD_NS * 1e-9)
             feedback = driver.read()
-            driver.write(Setpoint(k, q))
+            driver.write(Setpoint(k, q, joints=joints))
         assert norm(difference(q, feedback.q)) < 0.003
 
 

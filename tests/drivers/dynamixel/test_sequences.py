@@ -12,7 +12,6 @@ from orientd.errors import LimitError, PlanError
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
 from orientd.rotation import angle, rotate
 from orientd_dynamixel import DynamixelDriver
-from orientd_dynamixel.planning import gimbal_of
 
 PERIOD = 0.01
 LIMITS = Limits(1.5, 8.0, 1500.0, 1.0, 10.0)
@@ -40,32 +39,31 @@ class Sequence:
         )  # fmt: skip
         self.axes = self.driver.settings.axes
         self.planner = DevicePlanner(self.driver, limits=LIMITS, period=PERIOD)
-        self.gimbal = gimbal_of(self.driver.settings)
-        self.tracker = self.driver._tracker
-        self.q = np.array(self.tracker.forward(self.tracker.angles))
+        self.gimbal = self.driver.mechanism(may_ask=False)
+        self.angles = (0.0, 0.0, 0.0)[: len(axes)]
+        self.q = np.array(self.gimbal.orientation(self.angles))
 
     def stand(self, *degrees):
-        self.tracker.angles = tuple(np.deg2rad(degrees))
-        self.q = np.array(self.tracker.forward(self.tracker.angles))
+        self.angles = tuple(np.deg2rad(degrees))
+        self.q = np.array(self.gimbal.orientation(self.angles))
         return self
 
     @property
     def degrees(self):
-        return np.rad2deg(self.tracker.angles)
+        return np.rad2deg(self.angles)
 
     def go(self, request):
         """Plan a motion, send it, hold what the axes do against their limits; return it."""
         self.driver.tune(request.device_options)
-        motion = self.planner.plan(request, start=State.at_rest(self.q), joints=self.tracker.angles)
+        motion = self.planner.plan(request, start=State.at_rest(self.q), joints=self.angles)
         sent = motion.records(0, motion.record_count)[:, :4]
         # The servo begins a path nowhere but at what was commanded last.
         assert min(np.abs(sent[0] - self.q).max(), np.abs(sent[0] + self.q).max()) < 1e-9
-        made = [self.tracker.angles] * 2
-        for q in sent.tolist():
-            self.tracker.angles = self.tracker.solve(tuple(q))[0]
-            made.append(self.tracker.angles)
-        made += made[-1:] * 2
-        angles = np.array(made)
+        joints = motion.path.joints
+        made = [self.gimbal.orientation(tuple(row)) for row in joints.tolist()]
+        assert np.max(angle(np.array(made), sent)) < 1e-7
+        angles = np.concatenate([[self.angles] * 2, joints, joints[[-1, -1]]])
+        self.angles = motion.last_joints
         rate, force = np.diff(angles, axis=0) / PERIOD, np.diff(angles, 2, axis=0) / PERIOD**2
         for k, axis in enumerate(self.axes):
             # A tick is 1.5e-3 rad.
@@ -87,7 +85,7 @@ class Sequence:
 
     def point_to(self, direction):
         """Point the innermost axis of three, or the one that two point, in *direction*."""
-        axis = "xyz"[self.gimbal.inner_axis]
+        axis = "xyz"[self.gimbal.kinematics.inner_axis]
         return self.go(
             motion_file.parse(
                 {"keyframes": [{"direction": direction.tolist()}], "approach": True,
@@ -97,7 +95,7 @@ class Sequence:
 
     def points(self, q):
         """Return where *q* points that axis."""
-        return rotate(q, np.eye(3)[self.gimbal.inner_axis])
+        return rotate(q, np.eye(3)[self.gimbal.kinematics.inner_axis])
 
     def home(self):
         anywhere = Keyframe((1.0, 0.0, 0.0, 0.0))
@@ -123,7 +121,7 @@ def aim(it, rng):
     if rng.random() < 0.3:
         angles = np.round(angles / 45) * 45
     if rng.random() < 0.5:
-        first = 0 if it.gimbal.inner_axis == it.gimbal.axes[0] else 90
+        first = 0 if it.gimbal.kinematics.inner_axis == it.gimbal.kinematics.axes[0] else 90
         poles = np.array([first - 180, first, first + 180], dtype=float)
         low, high = np.rad2deg([it.axes[1].low, it.axes[1].high])
         poles = poles[(poles >= low) & (poles <= high)]
@@ -140,7 +138,7 @@ def test_ten_pointings_and_home(case):
     rng = np.random.default_rng([45, case])
     it = drawn(rng)
     for _ in range(10):
-        q = it.gimbal.forward(np.deg2rad(aim(it, rng)))
+        q = np.array(it.gimbal.orientation(np.deg2rad(aim(it, rng))))
         if rng.random() < 0.7:
             it.go(MotionRequest([Keyframe(tuple(q.tolist()))]))
             assert it.misses(q) < 1e-5
@@ -241,7 +239,7 @@ def test_a_duration_too_short_for_the_axes_is_refused_with_the_least():
 
 def test_an_orientation_that_no_axis_angles_make_is_refused_for_that_axis():
     it = three_axes().stand(100, -90, 0)
-    q = it.gimbal.forward(np.deg2rad([0, -20, 150])).tolist()
+    q = it.gimbal.orientation(np.deg2rad([0, -20, 150]))
     with pytest.raises(LimitError, match="angle of axis 2"):
         it.go(MotionRequest([Keyframe(tuple(q))]))
 

@@ -7,9 +7,9 @@ import random
 import pytest
 
 from orientd.errors import DeviceFaultError
-from orientd_dynamixel.axes import Turns
 from orientd_dynamixel.options import parse
 from orientd_dynamixel.servo import Servo
+from orientd_dynamixel.turns import Turns
 
 AXES = [{"id": 1, "limits_deg": [-720, 720]}, {"id": 2, "limits_deg": [-90, 90]}]
 
@@ -21,7 +21,7 @@ def started(rig, file):
 
 
 def turn_to(it, degrees):
-    yaw = it.driver._tracker.angles[0]
+    yaw = it.driver._following.angles[0]
     steps = max(1, math.ceil(abs(math.radians(degrees) - yaw) / 0.035))
     for k in range(1, steps + 1):
         it.cycle([yaw + (math.radians(degrees) - yaw) * k / steps, 0.0])

@@ -5,12 +5,11 @@ import pytest
 
 from orientd.clock import ManualClock
 from orientd.errors import LimitError, StartError
+from orientd.mechanism.turning import windings
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
 from orientd.rotation import exp
 from orientd_dynamixel import DynamixelDriver
 from orientd_dynamixel.options import parse
-from orientd_dynamixel.tracker import AxisTracker
-from orientd_dynamixel.ways import windings
 
 LIMITS = Limits(1.5, 8.0, 1500.0, 1.0, 10.0)
 AXES = [
@@ -28,7 +27,7 @@ def plan(begin_deg, *keyframes, **fields):
     joints = tuple(np.deg2rad(begin_deg))
     motion = DevicePlanner(driver, limits=LIMITS, period=0.01).plan(
         MotionRequest(keyframes, **fields),
-        start=State.at_rest(driver._tracker.forward(joints)), joints=joints,
+        start=State.at_rest(driver._gimbal.orientation(joints)), joints=joints,
     )  # fmt: skip
     return np.rad2deg(motion.path.joints)
 
@@ -70,7 +69,6 @@ def test_home_is_all_axes_at_zero_without_a_turn_too_many(begin):
 def test_endless_axes_have_one_winding_for_each_branch():
     axes = [{"id": 1, "limits_deg": "endless"}, {"id": 2}, {"id": 3, "limits_deg": "endless"}]
     options = parse({"port": "none", "axes": axes})
-    tracker = AxisTracker(options.order, options.mount, options.tool)
-    tracker.angles = (100.0, 0.0, -50.0)
-    yaws = [yaw for yaw, _, _ in windings(options, tracker, (1.0, 0.0, 0.0, 0.0))]
+    last = (100.0, 0.0, -50.0)
+    yaws = [yaw for yaw, _, _ in windings(options.gimbal(), (1.0, 0.0, 0.0, 0.0), last)]
     assert yaws == pytest.approx([32 * np.pi, 31 * np.pi])

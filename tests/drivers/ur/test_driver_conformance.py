@@ -2,6 +2,19 @@
 
 import pytest
 
+from orientd.driver import (
+    Arriving,
+    Diagnosable,
+    Explaining,
+    Freeable,
+    Healthy,
+    Locatable,
+    PhaseLocked,
+    Resettable,
+    RestsInFault,
+    Scaled,
+    Tunable,
+)
 from orientd.testing import DriverConformance
 from orientd_ur import UrDriver
 
@@ -11,6 +24,19 @@ pytest.importorskip("rtde_control")
 class TestUrDriver(DriverConformance):
     follow_tolerance = 1e-6
     settle_cycles = 700
+    protocols = (
+        Arriving,
+        Diagnosable,
+        Explaining,
+        Freeable,
+        Healthy,
+        Locatable,
+        PhaseLocked,
+        Resettable,
+        RestsInFault,
+        Scaled,
+        Tunable,
+    )
 
     @pytest.fixture(autouse=True)
     def _robot(self, ur_robot):

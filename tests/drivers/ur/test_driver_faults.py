@@ -7,8 +7,7 @@ from emulated_ur.process import EmulatedRobot
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
 from orientd.errors import DaemonError, Fault, StateError
-from orientd_ur.dashboard import Dashboard
-from orientd_ur.wire import RtdeClient
+from orientd_ur.wire import Dashboard, RtdeClient
 
 pytest.importorskip("rtde_control")
 

@@ -77,4 +77,4 @@ def test_positions_out_of_reach_are_refused_by_name(ur_robot):
     with device_of(ur_robot.host) as device:
         q = device.snapshot().cycle.q
         refused = followed(device, lambda _: q, 0.5, position=(1000.0, 0.0, 0.0))
-        assert refused == {"the arm does not reach there"}
+        assert refused == {"the device does not reach there"}

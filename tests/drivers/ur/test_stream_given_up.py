@@ -15,7 +15,7 @@ from orientd.driver import Setpoint
 from orientd.errors import DeviceError, DeviceFaultError
 from orientd.floats import exp, multiply
 from orientd_ur import UrDriver
-from orientd_ur.dashboard import Dashboard
+from orientd_ur.wire import Dashboard
 
 pytest.importorskip("rtde_control")
 

@@ -15,9 +15,9 @@ from orientd.driver import Setpoint, Verdict
 from orientd.errors import DeviceFaultError, Fault, LinkError
 from orientd.floats import difference, norm
 from orientd_ur import UrDriver
-from orientd_ur.dashboard import Dashboard
 from orientd_ur.doctor import _link, _remote_control
 from orientd_ur.probe import Probe
+from orientd_ur.wire import Dashboard
 
 pytest.importorskip("rtde_control")
 

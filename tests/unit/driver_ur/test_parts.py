@@ -3,7 +3,7 @@
 import math
 import random
 import re
-from dataclasses import fields
+from dataclasses import asdict, fields
 from itertools import pairwise
 from pathlib import Path
 
@@ -46,6 +46,38 @@ def test_option_that_is_not_allowed_is_named(given, words):
         options.check(given, period=0.002)
 
 
+def test_defaults_are_those_that_are_documented():
+    found = options.check({"host": "r"}, period=0.002)
+    assert asdict(found) == {
+        "host": "r", "model": None, "lookahead": 0.1, "gain": 300.0, "servo_time": 0.002,
+        "start_joints": pytest.approx([0.0, -1.570796, 1.396263, -1.396263, -1.570796, 0.0]),
+        "watchdog_hz": 10.0, "feedback_timeout": 0.1, "link_timeout": 0.5,
+        "stop_deceleration": 10.0, "unlock_timeout": 8.0, "arrival_tolerance_deg": 0.5,
+        "joint_acceleration_deg": pytest.approx(2291.8, abs=0.1), "tcp_offset": None,
+        "payload_mass": None, "payload_cog": (0.0, 0.0, 0.0), "release_brakes": True,
+        "keep_phase": True, "registers": "lower", "check_joints": True,
+        "check_remote_control": True,
+    }  # fmt: skip
+    assert found.joint_acceleration == pytest.approx(40.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "least", "most"),
+    [
+        ("lookahead", 0.03, 0.2), ("gain", 100, 2000), ("servo_time", 0.002, 0.1),
+        ("watchdog_hz", 1, 100), ("feedback_timeout", 0.01, 0.5), ("link_timeout", 0.1, 2),
+        ("stop_deceleration", 0.1, 40), ("unlock_timeout", 0.1, 15), ("payload_mass", 0, 50),
+        ("arrival_tolerance_deg", 0.05, 10), ("joint_acceleration_deg", 10, 4584),
+    ],
+)  # fmt: skip
+def test_option_is_allowed_from_its_least_to_its_largest(name, least, most):
+    for value in (least, most):
+        assert getattr(options.check({"host": "r", name: value}, period=0.002), name) == value
+    for value in (least - 0.001, most + 0.001):
+        with pytest.raises(ValueError, match=name):
+            options.check({"host": "r", name: value}, period=0.002)
+
+
 def test_motion_has_options_of_its_own():
     chosen = options.check({"host": "r", "gain": 500}, period=0.002)
     soft = options.tuned(chosen, {"lookahead": 0.2})
@@ -80,14 +112,17 @@ def test_shortest_rotation_vector_is_the_rotation(angle):
         assert same(exp(found), exp(r))
 
 
-def test_rotation_vector_goes_on_beyond_pi_without_a_jump():
-    last = (0.0, 0.0, 3.0)
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.48, -0.6, 0.64), (-0.8, 0.36, 0.48)])
+def test_rotation_vector_goes_on_beyond_pi_without_a_jump(axis):
+    def turned(angle):
+        return tuple(angle * a for a in axis)
+
+    last = turned(3.0)
     for step in range(1, 160):
-        angle = 3.0 + 0.01 * step
-        r = continued(exp((0.0, 0.0, angle)), last)
+        r = continued(exp(turned(3.0 + 0.01 * step)), last)
         assert norm([a - b for a, b in zip(r, last, strict=True)]) < 0.0101
         last = r
-    assert last[2] == pytest.approx(3.0 + 1.59)
+    assert last == pytest.approx(turned(3.0 + 1.59))
 
 
 def test_orientation_that_trembles_about_pi_never_jumps():
@@ -148,6 +183,16 @@ def test_clock_never_goes_back_and_recovers_from_a_freeze():
 )
 def test_obstacle_is_named_and_reduced_mode_is_none(robot_mode, safety_mode, words):
     found = controller.obstacle(robot_mode, safety_mode)
+    assert words in found if words else not found
+
+
+@pytest.mark.parametrize(
+    ("runtime_state", "words"),
+    [(0, "was stopped"), (1, "was stopped"), (2, ""), (3, "paused"), (4, "paused"),
+     (5, "was stopped")],
+)  # fmt: skip
+def test_program_that_does_not_play_is_said_to_be_paused_or_stopped(runtime_state, words):
+    found = controller.interruption(runtime_state)
     assert words in found if words else not found
 
 

@@ -151,3 +151,14 @@ def test_modelled_cycle_agrees_with_the_wire(port, ph):
     assert spans[0] >= 1.24
     assert spans[100] == pytest.approx(1.9, abs=0.25)
     assert spans[-1] <= 2.35
+
+
+def test_a_read_of_what_has_come_takes_no_time(port, ph):
+    port.ser.timeout = 0.1
+    port.writePort(list(bytes.fromhex("fffffd00010300 01 194e")))
+    assert len(port.readPort(1)) == 1
+    now = port.clock.now_ns()
+    assert len(port.readPort(13)) == 13
+    assert port.clock.now_ns() == now
+    assert port.readPort(1) == b""
+    assert port.clock.now_ns() == now + 100_000_000

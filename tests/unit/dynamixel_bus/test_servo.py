@@ -6,7 +6,7 @@ import pytest
 
 from emulated_dynamixel.motion import TICKS_PER_RADIAN
 from emulated_dynamixel.packet import ALERT, ErrorNumber
-from emulated_dynamixel.servo import EmulatedServo
+from emulated_dynamixel.servo import EmulatedServo, Lie
 from emulated_dynamixel.table import XL330_M288, XM430_W350
 
 TURN_LIMIT = 1_048_575
@@ -299,3 +299,77 @@ def test_factory_reset_keeps_what_it_is_told_to_keep():
         servo = EmulatedServo(7)
         servo.factory_reset(option, 0)
         assert (servo.id, servo.baud_index) == kept
+
+
+def test_time_based_profile_ramps_for_as_long_as_it_is_told(servo):
+    put(servo, 64, 0, 1)
+    put(servo, 10, 4, 1)
+    put(servo, 64, 1, 1)
+    put(servo, 108, 400, 4)
+    put(servo, 112, 1000, 4)
+    put(servo, 116, 2048 + 600, 4)
+    speeds = [servo.shaft.reference_speed for k in range(500) if not servo.advance(k * 2 * MS)]
+    assert max(speeds) == pytest.approx(600 / (1.0 - 0.4), rel=0.01)
+    assert speeds[100] == pytest.approx(max(speeds) / 2, rel=0.02)  # after half the ramp
+
+
+def test_watchdog_in_velocity_mode_sets_the_goal_to_zero():
+    servo = EmulatedServo(1)
+    put(servo, 11, 1, 1)
+    put(servo, 64, 1, 1)
+    put(servo, 98, 5, 1)
+    put(servo, 104, 100, 4)
+    assert number(servo, 128, 4, 90 * MS) > 90
+    assert number(servo, 104, 4, 300 * MS) == 0
+    assert number(servo, 128, 4, 600 * MS) == 0
+
+
+@pytest.mark.parametrize(("speed", "moves"), [(9, 0), (12, 1)])
+def test_moving_is_said_above_the_threshold(speed, moves):
+    servo = EmulatedServo(1)
+    put(servo, 11, 1, 1)
+    put(servo, 64, 1, 1)
+    put(servo, 104, speed, 4)
+    assert number(servo, 122, 1, S) == moves
+
+
+def test_a_stalled_servo_overloads_only_if_it_wants_to_turn(servo):
+    servo.shaft.load = 1.0
+    servo.advance(3 * S)
+    assert servo.is_torque_on
+    put(servo, 116, 4000, 4, 3 * S)
+    servo.advance(5 * S)
+    assert not servo.is_torque_on
+
+
+def test_effort_has_the_sign_of_the_motion_and_the_size_of_the_load(servo):
+    assert number(servo, 126, 2) == number(servo, 124, 2) == 0
+    servo.shaft.load = 0.5
+    for goal, sign in ((100_000, 1), (-100_000, -1)):
+        put(servo, 116, goal, 4)
+        servo.advance(S)
+        assert number(servo, 126, 2, S) == sign * 1193
+        assert number(servo, 124, 2, S) == sign * 885
+    put(servo, 116, number(servo, 132, 4, S), 4, S)
+    assert abs(number(servo, 124, 2, 3 * S)) == pytest.approx(885 * 0.5, abs=1)
+    put(servo, 64, 0, 1, 3 * S)
+    assert number(servo, 126, 2, 3 * S) == 0
+
+
+def test_the_trajectory_of_a_motor_that_is_off_is_where_it_is_turned_by_hand():
+    servo = EmulatedServo(1)
+    servo.shaft.turn(500.0, 0.5)
+    assert number(servo, 140, 4, S) == number(servo, 132, 4, S) == 2548
+
+
+@pytest.mark.parametrize(("remaining", "readings"), [(2, [2148, 2148, 2048]), (None, [2148] * 3)])
+def test_a_lie_is_told_as_often_as_asked(servo, remaining, readings):
+    servo.lie = Lie(100, remaining=remaining)
+    assert [number(servo, 132, 4) for _ in range(3)] == readings
+
+
+def test_a_lie_is_told_at_one_position_alone(servo):
+    servo.lie = Lie(100, at=2048)
+    assert number(servo, 132, 4) == 2148
+    servo.shaft.position = 2050.0
+    assert number(servo, 132, 4) == 2050

@@ -16,10 +16,10 @@ SLACK = 3 * DEGREE
 
 def turning(driver, axis, angle, seconds=1.0):
     """Return the path records of one axis that turns by *angle* from where the gimbal holds."""
-    tracker = driver._tracker
+    gimbal, angles = driver.mechanism(may_ask=False), driver._following.angles
     rates = [float(k == axis) for k in range(3)]
-    body = tracker.omega_body(tracker.angles, rates)
-    q0 = tracker.forward(tracker.angles)
+    body = gimbal.kinematics.omega_body(angles, rates)
+    q0 = gimbal.orientation(angles)
     u = np.linspace(0, 1, round(seconds / PERIOD) + 1)
     at = angle * u**3 * (10 - 15 * u + 6 * u**2)
     rate = angle * 30 * u**2 * (1 - u) ** 2 / seconds

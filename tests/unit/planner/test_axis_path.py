@@ -1,14 +1,15 @@
-"""A motion on a path that a driver has shaped."""
+"""A motion on the path that the axes of its device follow."""
 
 import json
 
 import numpy as np
 import pytest
 
-from orientd import load_motion
-from orientd.driver import Figure, ShapedPath
+from orientd import load_motion, planner
+from orientd.driver import AxisLimits, Figure
 from orientd.errors import LimitError, OrientdError
-from orientd.planner import Keyframe, Limits, MotionRequest, State, plan, reshaped
+from orientd.mechanism.joint_path import JointPath
+from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify import joint_brake
 from orientd.rotation import angle, exp, multiply
 from orientd.stream import NO_SHARES
@@ -30,10 +31,19 @@ def motion():
     return plan(request, start=State.at_rest([1, 0, 0, 0]), limits=LIMITS, period=PERIOD)
 
 
-def shape_of(motion, q=None, course=None, **more):
+def limits_of(velocity=np.inf, acceleration=np.inf):
+    return [AxisLimits("yaw", -np.inf, np.inf, velocity, acceleration)]
+
+
+def shape_of(motion, q=None, course=None, joints=None, **more):
     table = motion.records(0, motion.record_count)[:, :4] if q is None else q
     times = PERIOD * np.arange(len(table)) if course is None else course
-    return ShapedPath(table.tolist(), list(times), np.linspace([0.0], [1.0], len(table)), **more)
+    joints = np.linspace(0.0, 1.0, len(table)) if joints is None else joints
+    return JointPath(PERIOD, joints[:, None], table, times, **more)
+
+
+def reshaped(motion, shape, axes=None):
+    return planner.reshaped(motion, shape, limits_of() if axes is None else axes)
 
 
 def test_same_path_as_a_table_is_the_same_motion(motion):
@@ -99,23 +109,17 @@ def test_shape_that_breaks_a_limit_is_refused(motion):
         reshaped(motion, shape_of(motion, q))
 
 
-def test_shape_off_the_grid_is_refused(motion):
-    q = motion.records(0, motion.record_count)[:, :4]
-    with pytest.raises(ValueError, match="never decrease"):
-        reshaped(motion, shape_of(motion, q, -PERIOD * np.arange(len(q))))
-
-
 def test_brake_rate_counts_the_joints(motion):
     s = np.linspace(0.0, 1.0, motion.record_count)
     joint = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
     speed, bend = (float(np.abs(np.diff(joint, n)).max()) / PERIOD**n for n in (1, 2))
-    turns = shape_of(motion)._replace(joints=joint[:, None])
+    turns = shape_of(motion, joints=joint)
     free = reshaped(motion, turns)
     assert (free.joint_shares, free.certificate.brake_rate) == (
         NO_SHARES,
         motion.certificate.brake_rate,
     )
-    found = reshaped(motion, turns._replace(joint_limits=[(2.0 * speed, 1.25 * bend)]))
+    found = reshaped(motion, turns, limits_of(2.0 * speed, 1.25 * bend))
     assert found.joint_shares == pytest.approx((0.5, speed / bend / 1.25, 0.8), rel=2e-3)
     earlier, limits = np.zeros((3, 1)), [(2.0 * speed, 1.25 * bend)]
     alone = joint_brake(joint[:, None], earlier, PERIOD, limits)
@@ -124,26 +128,25 @@ def test_brake_rate_counts_the_joints(motion):
     most = 0.5 / found.joint_shares.speed
     assert 0.6 * most < alone.rate < 1.02 * most
     # Hardly anything left to brake with: slower than the tool.
-    tight = reshaped(motion, turns._replace(joint_limits=[(9.0, 1.0004 * bend)])).certificate
+    tight = reshaped(motion, turns, limits_of(9.0, 1.0004 * bend)).certificate
     assert tight.brake_rate < 0.6 * free.certificate.brake_rate
     assert tight.stop_time == min(1.0 / tight.brake_rate, tight.duration)
 
 
 def test_joint_without_a_reserve_is_refused(motion):
     joint = 0.5 * PERIOD**2 * np.arange(motion.record_count) ** 2.0
-    turns = shape_of(motion)._replace(joints=joint[:, None], joint_limits=[(99.0, 1.0)])
     with pytest.raises(LimitError, match="the time that a stop on the path takes"):
-        reshaped(motion, turns)
+        reshaped(motion, shape_of(motion, joints=joint), limits_of(99.0, 1.0))
 
 
 def test_a_saved_motion_keeps_what_it_asks_of_the_joints(motion, tmp_path):
-    shaped = reshaped(motion, shape_of(motion, joint_limits=[(9.0, 99.0)]))
+    shaped = reshaped(motion, shape_of(motion), limits_of(9.0, 99.0))
     shaped.save(tmp_path / "new.npz")
     assert load_motion(tmp_path / "new.npz").facts.joint_shares == shaped.facts.joint_shares
     with np.load(tmp_path / "new.npz") as archive:
         arrays = dict(archive)
     header = json.loads(str(arrays["header"]))
-    del header["joint_shares"]
+    del header["axes"]
     np.savez(tmp_path / "old.npz", **{**arrays, "header": np.array(json.dumps(header))})
     with pytest.raises(OrientdError, match="do not count the device's axes; plan it again"):
         load_motion(tmp_path / "old.npz")

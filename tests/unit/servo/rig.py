@@ -12,6 +12,7 @@ from orientd.driver import Setpoint
 from orientd.servo import Servo, WatchdogTimeouts
 from orientd.servo.path.path_follower import FINAL_WORD, TAIL_WORD
 from orientd.stream import (
+    JOINTS,
     UNKNOWN,
     Answer,
     Command,
@@ -52,11 +53,12 @@ class Rig:
     stall_ns: int = 500_000_000
     offers: dict = field(default_factory=dict)
     """Methods that the driver has besides, by name."""
+    kind: type[RecordingLoopback] = RecordingLoopback
 
     def __post_init__(self):
         self.clock = ManualClock(10**9)
         self.memory = SharedMemory.create(self.capacity, 4096)
-        self.driver = RecordingLoopback(self.options, period_ns=PERIOD_NS, clock=self.clock)
+        self.driver = self.kind(self.options, period_ns=PERIOD_NS, clock=self.clock)
         for name, method in self.offers.items():
             setattr(self.driver, name, method)
         self.driver.open()
@@ -133,7 +135,10 @@ class Rig:
         answer = self.notes(NoteKind.ANSWER)[-1]
         return Answer(answer.code), answer.text
 
-    def lay(self, q, omega, alpha, *, most=None, is_whole=True, position=None, velocity=None):
+    def lay(
+        self, q, omega, alpha, *, most=None, is_whole=True, position=None, velocity=None,
+        joints=None,
+    ):  # fmt: skip
         """Put a path into the ring, as a feeder would; return its first index."""
         ring = self.memory.path
         first = ring.head
@@ -142,9 +147,10 @@ class Rig:
         count = len(q) if most is None else most
         position = np.zeros((len(q), 3)) if position is None else position
         velocity = np.zeros((len(q), 3)) if velocity is None else velocity
+        joints = np.full((len(q), 2 * JOINTS), np.nan) if joints is None else joints
         for k in range(count):
             index = first + k
-            fields = (*q[k], *omega[k], *alpha[k], *position[k], *velocity[k])
+            fields = (*q[k], *omega[k], *alpha[k], *position[k], *velocity[k], *joints[k])
             ring.put(ring.layout.pack(index, *fields), index)
         ring.advance(first + count)
         if is_whole and count == len(q):

@@ -9,7 +9,7 @@ from setpoint_checker import reached
 
 from orientd.errors import Fault
 from orientd.stream import ServoState
-from orientd.stream.records import PATH_RECORD
+from orientd.stream.records import PATH_FLOATS, PATH_RECORD
 
 WILD = (0, 1, 2**31, 2**63, 2**64 - 1)
 FLOATS = (float("nan"), float("inf"), -1e308, 1e-310, 0.0, 3.0)
@@ -31,7 +31,7 @@ def scribble(memory, chance):
         case 2:
             # A record that is whole, of numbers that mean nothing, a little ahead.
             for index in range(memory.path.head):
-                fields = [chance.choice(FLOATS) for _ in range(16)]
+                fields = [chance.choice(FLOATS) for _ in range(PATH_FLOATS)]
                 memory.path.put(PATH_RECORD.pack(index, *fields), index)
             memory.targets.publish(0, 2**62, *[chance.choice(FLOATS) for _ in range(10)])
         case _:

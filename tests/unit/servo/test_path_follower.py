@@ -19,7 +19,7 @@ from orientd.servo.path.path_follower import (
     PathPart,
     StarvedError,
 )
-from orientd.stream import SharedMemory
+from orientd.stream import JOINTS, NO_JOINTS, SharedMemory
 
 SPEED = 0.5  # rad/s about z
 STEP = SPEED * PERIOD
@@ -52,7 +52,8 @@ def put(ring, *points):
     first = ring.head
     for p in points:
         parts = (*p.q, *p.omega_body, *p.alpha_body, *p.position, *p.velocity)
-        ring.publish(*parts)
+        joints = (*p.joints, *NO_JOINTS)[:JOINTS], (*p.joint_velocities, *NO_JOINTS)[:JOINTS]
+        ring.publish(*parts, *joints[0], *joints[1])
     return first
 
 

@@ -8,7 +8,7 @@ from rig import PERIOD, TERMS, Rig, peaks, turn
 
 from orientd import rotation
 from orientd.curves import METHODS
-from orientd.stream import Answer, Command, JointShares, ServoState
+from orientd.stream import NO_JOINTS, Answer, Command, JointShares, ServoState
 
 PATH = turn()
 
@@ -34,7 +34,7 @@ def laid(rig, path):
     ring = rig.memory.path
     first = ring.head
     for k, (q, omega, alpha) in enumerate(zip(*path, strict=True)):
-        fields = (*q, *omega, *alpha, *np.zeros(6))
+        fields = (*q, *omega, *alpha, *np.zeros(6), *NO_JOINTS, *NO_JOINTS)
         ring.put(ring.layout.pack(first + k, *fields), first + k)
     ring.advance(first + len(path[0]))
     return first, first + len(path[0]) - 1

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from orientd.stream import NO_JOINTS, RecordRing, ServoState, SharedMemory
-from orientd.stream.records import CYCLE_RECORD, unpack_cycle
+from orientd.stream.records import CYCLE_RECORD, PATH_FLOATS, unpack_cycle
 
 LAYOUT = struct.Struct("@Q16d")
 CAPACITY = 64
@@ -24,16 +24,16 @@ def view():
 
 def test_what_was_published_is_read(view):
     ring = ring_on(view)
-    ring.publish(*range(16))
+    ring.publish(*range(PATH_FLOATS))
     assert ring.head == 1
-    assert ring.read(0) == (0, *map(float, range(16)))
+    assert ring.read(0) == (0, *map(float, range(PATH_FLOATS)))
 
 
 def test_what_is_not_there_reads_as_none(view):
     ring = ring_on(view)
     assert ring.read(0) is None
     for _ in range(CAPACITY + 1):
-        ring.publish(*range(16))
+        ring.publish(*range(PATH_FLOATS))
     assert ring.read(0) is None
     assert ring.read(1) is not None
     assert ring.read(CAPACITY + 1) is None
@@ -42,7 +42,7 @@ def test_what_is_not_there_reads_as_none(view):
 @pytest.mark.parametrize("offset", [0, 8, 71, 135])
 def test_a_torn_record_reads_as_none(view, offset):
     ring = ring_on(view)
-    ring.publish(*range(16))
+    ring.publish(*range(PATH_FLOATS))
     view[64 + offset] ^= 0x40
     assert ring.read(0) is None
 
@@ -53,7 +53,7 @@ def write_for_seconds(descriptor, seconds):
     ring = memory.path
     while time.monotonic() < end:
         k = ring.head
-        ring.publish(*(float(k + j) for j in range(16)))
+        ring.publish(*(float(k + j) for j in range(PATH_FLOATS)))
     memory.commands.words[1] = 1
     memory.close()
 
@@ -78,7 +78,7 @@ def test_racing_processes_never_see_a_record_that_was_not_written():
                     refused += 1
                     continue
                 assert record[0] == index
-                assert record[1:] == tuple(float(index + j) for j in range(16))
+                assert record[1:] == tuple(float(index + j) for j in range(PATH_FLOATS))
                 taken += 1
     finally:
         writer.join()
@@ -95,7 +95,7 @@ def consume_in_order(descriptor, count):
         record = path.read(expected)
         if record is None or expected >= path.head:
             continue
-        if record[1:] != tuple(float(expected * j) for j in range(16)):
+        if record[1:] != tuple(float(expected * j) for j in range(PATH_FLOATS)):
             os._exit(3)
         expected += 1
         path.words[2] = expected
@@ -112,7 +112,7 @@ def test_a_full_ring_between_two_processes_loses_nothing():
     while ring.head < count:
         if ring.head - ring.words[2] < CAPACITY:
             k = ring.head
-            ring.publish(*(float(k * j) for j in range(16)))
+            ring.publish(*(float(k * j) for j in range(PATH_FLOATS)))
         elif not reader.is_alive():
             break
     reader.join()

@@ -1,0 +1,141 @@
+"""What running servos report: faults, what the axes do in one, and how the servos are.
+
+A servo whose torque is on goes to its goal as soon as what holds it lets go.  So an axis that has
+failed gets its own position as its goal at once, while the others are braked on the path; when they
+are at rest, all of them are looked at again.  Only positions that are believed become goals: an
+axis of which nothing is believed keeps the goal that it has.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from orientd.driver import PartHealth
+from orientd_dynamixel.bus import ServoBus, sendable
+from orientd_dynamixel.group import Reading
+from orientd_dynamixel.options import GimbalOptions
+from orientd_dynamixel.servo import PARK_RATE, Servo
+from orientd_dynamixel.tables import VOLT, WATCHDOG_TRIPPED, explain_error
+
+_KEPT = math.radians(0.5)
+"""A goal this close to the position is kept: the load hangs on the difference."""
+_FAR = math.radians(1.0)
+"""Farther away than this, an axis does not merely lag behind its goal."""
+_SETTLING_NS = 100_000_000
+"""After this time at rest an axis no longer lags behind its goal."""
+
+_HEAT_MARGIN = 10
+"""K below the temperature at which a servo gives up."""
+_VOLTAGE_MARGIN = 0.04
+"""Share of the voltages at which a servo reports an error."""
+_CURRENT_SHARE = 0.9
+"""Of the current at which it gives no more; held for long it gives up."""
+_LONG = 3
+"""Looks in a row at which the current is that large."""
+
+
+def complain(servo: Servo, reading: Reading, options: GimbalOptions, now_ns: int) -> str:
+    """Return what is wrong with a servo, as it was read at *now_ns*, or nothing."""
+    if reading.hardware_error:
+        return f"{servo} reports {explain_error(reading.hardware_error)}"
+    if reading.watchdog == WATCHDOG_TRIPPED:
+        return f"{servo} stopped because nothing was sent for too long"
+    if not reading.torque:
+        return f"{servo} has lost its torque"
+    apart = abs(servo.angle(reading.position) - servo.angle(servo.goal))
+    if apart <= options.follow_tolerance:
+        servo.apart_ns = 0
+    elif not servo.apart_ns:
+        servo.apart_ns = now_ns
+    elif now_ns - servo.apart_ns > options.follow_time * 1e9:
+        return (
+            f"{servo} does not follow: it is {math.degrees(apart):.1f} deg behind for more than "
+            f"{options.follow_time:g} s; is it jammed or overloaded?"
+        )
+    return ""
+
+
+class Standing:
+    """The axes that stand, and their goals.
+
+    Attributes:
+        goals: ticks, by the axis' place.
+        is_at_rest: whether no axis follows the path any more.
+    """
+
+    def __init__(self, servos: Sequence[Servo]) -> None:
+        self.goals: dict[int, int] = {}
+        self.is_at_rest = False
+        self._servos = servos
+        self._pending: set[int] = set()
+        self._since_ns = 0
+
+    def fail(self, place: int) -> bool:
+        """Let the axis at *place* stand where it was last seen; return whether that is new."""
+        if place in self.goals:
+            return False
+        servo = self._servos[place]
+        self.goals[place] = servo.goal if servo.position is None else sendable(servo.position)
+        return True
+
+    def rest(self, now_ns: int) -> None:
+        """Let all axes stand, each where it is found to be from now on; again if asked again."""
+        places = range(len(self._servos))
+        self._pending = {n for n in places if self.is_at_rest or n not in self.goals}
+        self.is_at_rest, self._since_ns = True, now_ns
+
+    def stands(self, place: int, now_ns: int) -> bool:
+        """Return whether the axis at *place* stands by now, and does not merely lag behind."""
+        return place in self.goals or (self.is_at_rest and now_ns - self._since_ns > _SETTLING_NS)
+
+    def send(self, bus: ServoBus) -> None:
+        """Send the goals of axes at rest, after slow profiles, should one move all the same.
+
+        Raises:
+            LinkError: the port is gone.
+        """
+        for place in list(self._pending):
+            self._look(place)
+        for place, goal in self.goals.items():
+            self._servos[place].goal = goal
+        slow = [(s.options.id, s.table.profile_velocity, s.steps(PARK_RATE)) for s in self._servos]
+        bus.sync_write(slow)
+        bus.sync_write([(s.options.id, s.table.goal, s.goal) for s in self._servos])
+
+    def _look(self, place: int) -> None:
+        """Take where the servo stands as its goal, if it was seen since and is not there."""
+        servo = self._servos[place]
+        if servo.position is None or servo.seen_ns <= self._since_ns:
+            return
+        apart = abs(servo.angle(servo.position) - servo.angle(servo.goal))
+        is_settled = servo.seen_ns - self._since_ns > _SETTLING_NS
+        if apart > (_KEPT if is_settled else _FAR):
+            self.goals[place] = sendable(servo.position)
+        elif not is_settled:
+            return
+        self._pending.remove(place)
+
+
+def judge(servo: Servo, reading: Reading, time_ns: int) -> PartHealth:
+    """Return how a servo is, as it was read at *time_ns*, with what is soon to go wrong."""
+    options, bears, unit = servo.options, servo.bears, servo.options.model.current_unit
+    hot, volt = reading.temperature, VOLT * reading.voltage
+    current = abs(reading.current) * unit
+    # An axis that speeds up needs all the current there is for a moment.
+    servo.strained = servo.strained + 1 if current >= _CURRENT_SHARE * bears.current > 0.0 else 0
+    found = {
+        f"has {hot} degrees C, at {bears.temperature} it gives up":
+            hot >= bears.temperature - _HEAT_MARGIN,
+        f"has {volt:.1f} V, below {bears.lowest:.1f} V it reports an error":
+            volt <= bears.lowest * (1.0 + _VOLTAGE_MARGIN),
+        f"has {volt:.1f} V, above {bears.highest:.1f} V it reports an error":
+            volt >= bears.highest * (1.0 - _VOLTAGE_MARGIN),
+        f"needs {current:.2f} A for long, {bears.current:.2f} A is its limit":
+            servo.strained >= _LONG,
+    }  # fmt: skip
+    problems = " and ".join(text for text, is_true in found.items() if is_true)
+    return PartHealth(
+        options.name, time_ns, volt, float(hot), reading.current * unit if unit else None,
+        f"{servo} {problems}" if problems else "",
+    )  # fmt: skip

@@ -1,0 +1,227 @@
+"""A path in the joints of a mechanism: what its axes do on it, held against their limits.
+
+Velocity, acceleration and jerk are backward differences, as a device takes them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from math import degrees
+from typing import NamedTuple
+
+import numpy as np
+
+from orientd.driver import AxisLimits, Figure
+from orientd.errors import LimitError, LimitKind
+from orientd.rotation import Floats, conjugate, log, multiply
+
+_SLACK = 1.0 + 1e-3
+"""How far above its limit a difference may be, as a factor: samples are a path only nearly."""
+_PLANNED = 0.95
+"""Share of an axis' acceleration that a plan of its own uses; the rest is to brake on it with."""
+EDGE = 1e-9
+"""How far outside its limits an axis is taken to be at them, rad."""
+_KINDS = (LimitKind.VELOCITY, LimitKind.ACCELERATION, LimitKind.JERK)
+UNITS = {
+    LimitKind.VELOCITY: "rad/s",
+    LimitKind.ACCELERATION: "rad/s^2",
+    LimitKind.JERK: "rad/s^3",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class JointPath:
+    """A path as the axes of a mechanism follow it, on a uniform grid.
+
+    Attributes:
+        period: of the grid, s.
+        joints: angles of the axes, rad, unwrapped, shape ``(n, axes)``.
+        q: orientation of the tool that they make, shape ``(n, 4)``.
+        path_times: how far along the path asked for each is, s, never decreasing, shape ``(n,)``.
+        figures: what holds for it.
+        notes: what there is to say of it, in words, a line each.
+    """
+
+    period: float
+    joints: Floats
+    q: Floats = field(repr=False)
+    path_times: Floats = field(repr=False)
+    figures: tuple[Figure, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+class ToolLimits(NamedTuple):
+    """What the tool may do where the axes leave the path or its times.
+
+    Attributes:
+        velocity: rad/s.
+        acceleration: rad/s^2.
+        jerk: rad/s^3.
+    """
+
+    velocity: float = math.inf
+    acceleration: float = math.inf
+    jerk: float = math.inf
+
+    def excess(self, q: Floats, period: float) -> float:
+        """Return how much longer orientations must take, at least, to keep the limits.
+
+        Args:
+            q: from rest to rest, shape ``(n, 4)``.
+            period: from one to the next, s.
+        """
+        q = np.concatenate([q[:1], q[:1], q[:1], q, q[-1:], q[-1:], q[-1:]])
+        rate = log(multiply(conjugate(q[:-1]), q[1:])) / period
+        most = []
+        for _ in range(3):
+            most.append(float(np.max(np.linalg.norm(rate, axis=1))))
+            rate = np.diff(rate, axis=0) / period
+        return max(
+            most[0] / self.velocity,
+            math.sqrt(most[1] / self.acceleration),
+            math.cbrt(most[2] / self.jerk),
+        )
+
+
+UNLIMITED = ToolLimits()
+"""Nothing limits the tool."""
+
+
+class AxisPeak(NamedTuple):
+    """The largest rate of an axis of one kind.
+
+    Attributes:
+        kind: of the rate.
+        axis: whose.
+        value: the largest size, in rad and s.
+        limit: what is allowed.
+        time: when, s from the beginning.
+    """
+
+    kind: LimitKind
+    axis: AxisLimits
+    value: float
+    limit: float
+    time: float
+
+
+def rates(joints: Floats, period: float, before: Floats, order: int = 2) -> list[Floats]:
+    """Return velocity, acceleration, and so on up to *order*, by backward differences.
+
+    Args:
+        joints: shape ``(n, axes)``.
+        period: s.
+        before: the samples before the first, the oldest first, shape ``(m, axes)``; what would
+            reach back farther is 0, as nothing is known of what was before.
+        order: how many.
+
+    Returns:
+        Arrays of the shape of *joints*.
+    """
+    found, rows = [], np.concatenate([before, joints])
+    for passed in range(1, order + 1):
+        rows = np.diff(rows, axis=0) / period
+        kept = np.zeros_like(joints)
+        known = len(before) - passed
+        kept[max(0, -known) :] = rows[max(0, known) :]
+        found.append(kept)
+    return found
+
+
+def axis_peaks(
+    joints: Floats, period: float, axes: Sequence[AxisLimits], before: Floats
+) -> Iterator[AxisPeak]:
+    """Yield the peaks of velocity and acceleration of every axis, and of the jerk if it is limited.
+
+    Args:
+        joints: rad, shape ``(n, axes)``.
+        period: s.
+        axes: their limits.
+        before: as for :func:`rates`.
+    """
+    sizes = [np.abs(one) for one in rates(joints, period, before, order=3)]
+    for place, axis in enumerate(axes):
+        limits = axis.velocity, axis.acceleration, axis.jerk
+        for kind, size, limit in zip(_KINDS, sizes, limits, strict=True):
+            if kind is LimitKind.JERK and math.isinf(limit):
+                continue
+            at = int(np.argmax(size[:, place]))
+            yield AxisPeak(kind, axis, float(size[at, place]), limit, at * period)
+
+
+def excess_of(peaks: Iterable[AxisPeak]) -> float:
+    """Return how much longer the path of *peaks* must take to keep the limits."""
+    shares = [((one.value / one.limit), 1 + _KINDS.index(one.kind)) for one in peaks]
+    return max(float(share ** (1.0 / order)) for share, order in shares)
+
+
+def planned(axes: Iterable[AxisLimits]) -> list[AxisLimits]:
+    """Return the limits for plans of the mechanism's own: something is left to brake with."""
+    return [axis._replace(acceleration=_PLANNED * axis.acceleration) for axis in axes]
+
+
+def refuse_rates(peaks: Sequence[AxisPeak], advice: str) -> None:
+    """Raise :class:`.LimitError` for the first axis that is beyond a limit of its rates."""
+    for kind, axis, value, limit, time in peaks:
+        if value > limit * _SLACK:
+            quantity = f"{kind.value} of {axis.name}"
+            raise LimitError(quantity, value, limit, time, UNITS[kind], advice, kind=kind)
+
+
+def refuse_range(
+    joints: Sequence[float], axes: Sequence[AxisLimits], time: float, advice: str
+) -> None:
+    """Raise :class:`.LimitError` for the first axis that is outside its range at *time*."""
+    for value, axis in zip(joints, axes, strict=True):
+        if not axis.low - EDGE <= value <= axis.high + EDGE:
+            raise out_of_range(axis, value, time, advice)
+
+
+def out_of_range(axis: AxisLimits, value: float, time: float, advice: str) -> LimitError:
+    """Return the refusal of an angle of *axis*, rad, with the limit that is nearer to it."""
+    bound = axis.high if abs(value - axis.high) < abs(value - axis.low) else axis.low
+    quantity = f"angle of {axis.name}"
+    return LimitError(quantity, value, bound, time, "rad", advice, kind=LimitKind.RANGE)
+
+
+def figures_of(joints: Floats, peaks: Sequence[AxisPeak]) -> list[Figure]:
+    """Return what is certified of every axis.
+
+    Args:
+        joints: rad, shape ``(n, axes)``.
+        peaks: as from :func:`axis_peaks`.
+    """
+    figures: list[Figure] = []
+    low, high = joints.min(axis=0).tolist(), joints.max(axis=0).tolist()
+    axes = list(dict.fromkeys(peak.axis for peak in peaks))
+    for place, axis in enumerate(axes):
+        figures += [
+            Figure(f"{kind.value} of {axis.name}", value, UNITS[kind], limit, time)
+            for kind, owner, value, limit, time in peaks
+            if owner == axis
+        ]
+        figures += [
+            Figure(f"least angle of {axis.name}", low[place], "rad", axis.low),
+            Figure(f"largest angle of {axis.name}", high[place], "rad", axis.high),
+        ]
+    return figures
+
+
+def words_of(joints: Floats, peaks: Sequence[AxisPeak]) -> list[str]:
+    """Return what the axes do in words, a line each; as for :func:`figures_of`."""
+    low, high = joints.min(axis=0).tolist(), joints.max(axis=0).tolist()
+    speeds = [peak for peak in peaks if peak.kind is LimitKind.VELOCITY]
+    forces = [peak for peak in peaks if peak.kind is LimitKind.ACCELERATION]
+    return [
+        f"{speed.axis.name}: {_tenths(low[place])} to {_tenths(high[place])} deg, at most "
+        f"{degrees(speed.value):.1f} deg/s at {speed.time:.3f} s (limit "
+        f"{degrees(speed.limit):.1f}), {degrees(force.value):.0f} deg/s^2 at {force.time:.3f} s"
+        for place, (speed, force) in enumerate(zip(speeds, forces, strict=True))
+    ]
+
+
+def _tenths(angle: float) -> str:
+    """Return an angle in degrees with one decimal, and no sign of a zero."""
+    return f"{round(degrees(angle), 1) + 0.0:.1f}"

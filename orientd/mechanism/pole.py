@@ -1,0 +1,302 @@
+r"""Passages near the pole of a gimbal: the least deviation with which the axes can follow.
+
+Within a tube of error *E* the outer angle may lie within
+:math:`\arcsin(\sin E / \rho)` of an exact one, :math:`\rho` the sine of the distance from the pole
+(:mod:`orientd.mechanism.gimbal`); where :math:`\rho \le \sin E` it is free, and the line may
+come out on another branch.  For each branch to come out on, the taut string through the tube asks
+the least rate that *E* allows, and *E* is bisected down to the rate that the axis has.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orientd.driver import AxisLimits
+from orientd.mechanism.arrays import joints_at, of_arrays
+from orientd.mechanism.gimbal import LOCK, Gimbal
+from orientd.mechanism.joint_path import rates
+from orientd.mechanism.timing import quintic
+from orientd.rotation import Floats
+
+_BRANCHES = (0, 1, -1, 2, -2)
+_BISECTIONS = 20
+_THROUGH = 2
+"""So many samples at the pole belong to a path that goes straight through it."""
+_CLOSE = 0.2
+"""Share of an axis' limit from which a sample counts as near the pole."""
+
+
+@dataclass(frozen=True, slots=True)
+class Passage:
+    """One way past the pole.
+
+    Attributes:
+        first: index of the last exact sample before it.
+        last: index of the first exact sample after it.
+        branch: by how many half turns the outer angle leaves its exact line.
+        joints: axis angles from *first* to *last*, rad, unwrapped, shape ``(n, axes)``.
+        error: largest angle by which the path is missed, rad.
+    """
+
+    first: int
+    last: int
+    branch: int
+    joints: Floats
+    error: float
+
+    @property
+    def kind(self) -> str:
+        """What the outer axis does.
+
+        A ``pass`` goes over the pole with it nearly still, a ``flip`` turns it about half a turn, a
+        ``deviation`` cuts the corner without either.
+        """
+        turn = abs(self.joints[-1, 0] - self.joints[0, 0])
+        if turn > np.pi / 2:
+            return "flip"
+        return "pass" if self.branch % 2 else "deviation"
+
+
+def outer_line(gimbal: Gimbal, matrix: Floats, first: float | None = None) -> tuple[Floats, Floats]:
+    """Return one continuous line of exact outer angles, and the distance from the pole.
+
+    Exact angles lie half a turn apart, so the line goes straight over the pole where the path does.
+    Where the path stays at the pole any angle is exact, and the outer axis alone turns the tool:
+    the line may jump where the path leaves in another direction.
+
+    Args:
+        gimbal: whose.
+        matrix: as from :func:`.matrices`, shape ``(9, n)``.
+        first: the outer angle where the path begins, rad, for one that begins at the pole; by
+            default that with which it leaves the pole.
+
+    Returns:
+        Angles in rad and the sine of the distance from the pole, both of shape ``(n,)``.
+    """
+    outer, sine = of_arrays(gimbal).pointing(matrix)
+    is_known = sine > LOCK
+    known = np.nonzero(is_known)[0]
+    if known.size:
+        line = np.interp(np.arange(len(outer)), known, np.unwrap(outer[known], period=np.pi))
+    else:
+        line = np.zeros_like(outer)
+    edges = np.nonzero(np.diff(np.concatenate([[True], is_known, [True]])))[0]
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        if begin > 0 and end - begin <= _THROUGH:
+            continue
+        turn = _turn_at_pole(gimbal, matrix[:, begin:end])
+        if begin:
+            line[begin:end] = line[begin - 1] + turn
+        elif first is not None:
+            line[:end] = first + turn
+        elif end < len(line):
+            line[:end] = line[end] + turn - turn[-1]
+        else:
+            line += turn
+        if 0 < end < len(line):
+            line[end:] += np.pi * np.round((line[end - 1] - line[end]) / np.pi)
+    return line, sine
+
+
+def _turn_at_pole(gimbal: Gimbal, matrix: Floats) -> Floats:
+    """Return by how much the outer axis turns while the inner ones stand still, from 0 on, rad."""
+    count = matrix.shape[1]
+    if len(gimbal.axes) == 2:
+        return np.zeros(count)
+    turn = np.unwrap(of_arrays(gimbal).outer_at_pole(matrix, np.zeros(count)))
+    return np.asarray(turn - turn[0], dtype=np.float64)
+
+
+def windows(line: Floats, period: float, limit: AxisLimits) -> list[tuple[int, int]]:
+    """Return the index ranges in which the outer axis has to hurry more than it can.
+
+    Args:
+        line: as from :func:`outer_line`.
+        period: s.
+        limit: of the outer axis.
+    """
+    velocity, acceleration = rates(line[:, None], period, np.empty((0, 1)))
+    share = np.maximum(
+        np.abs(velocity[:, 0]) / limit.velocity, np.abs(acceleration[:, 0]) / limit.acceleration
+    )
+    share[:-1] = np.maximum(share[:-1], share[1:])
+    near = np.concatenate([[False], share > _CLOSE, [False]])
+    edges = np.nonzero(near[1:] != near[:-1])[0]
+    room = _room(limit, period)
+    found: list[tuple[int, int]] = []
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        first, last = max(0, int(begin) - room), min(len(line) - 1, int(end) + room)
+        if found and first <= found[-1][1]:
+            found[-1] = (found[-1][0], last)
+        else:
+            found.append((first, last))
+    return [(a, b) for a, b in found if np.max(share[a : b + 1]) > 1.0]
+
+
+def _room(limit: AxisLimits, period: float) -> int:
+    """Return how many exact samples on each side a window has to round the bends in."""
+    return 2 * math.ceil(limit.velocity / (limit.acceleration * period)) + 2
+
+
+def passages(
+    gimbal: Gimbal,
+    matrix: Floats,
+    window: tuple[int, int],
+    axes: Sequence[AxisLimits],
+    period: float,
+) -> list[Passage]:
+    """Return the ways past the pole that the axes can make, with the least error of each.
+
+    Args:
+        gimbal: whose; it says by which angle the path may be missed.
+        matrix: of the whole path, as from :func:`.matrices`, shape ``(9, n)``.
+        window: first and last index, as from :func:`windows`.
+        axes: limits of every axis; their angles are not looked at here.
+        period: s.
+
+    Returns:
+        For both branches to come in on, one passage for each branch to go out on.
+    """
+    first, last = window
+    part = matrix[:, first : last + 1]
+    line, sine = outer_line(gimbal, part)
+    found = []
+    for come_in in (0.0, np.pi):
+        for branch in _BRANCHES:
+            best: Floats | None = None
+            low, high = 0.0, gimbal.max_deviation
+            for step in range(_BISECTIONS):
+                error = high if step == 0 else (low + high) / 2
+                joints = _attempt(gimbal, part, line + come_in, sine, branch, error, axes, period)
+                if joints is None:
+                    if step == 0:
+                        break
+                    low = error
+                else:
+                    high, best = error, joints
+            if best is not None:
+                missed = float(np.max(of_arrays(gimbal).inner(part, best[:, 0])[1]))
+                if missed <= gimbal.max_deviation * (1 + 1e-9):
+                    found.append(Passage(first, last, branch, best, missed))
+    return found
+
+
+def _attempt(
+    gimbal: Gimbal,
+    matrix: Floats,
+    line: Floats,
+    sine: Floats,
+    branch: int,
+    error: float,
+    axes: Sequence[AxisLimits],
+    period: float,
+) -> Floats | None:
+    """Return axis angles within *error* that keep the rates, or ``None``."""
+    free = np.nonzero(sine <= np.sin(error))[0]
+    if branch and free.size == 0:
+        return None
+    half = np.arcsin(np.minimum(1.0, np.sin(error) / np.maximum(sine, 1e-300)))
+    low, high = line - half, line + half
+    if free.size:
+        low[free[0] : free[-1] + 1] = -np.inf
+        high[free[0] : free[-1] + 1] = np.inf
+        low[free[-1] + 1 :] += branch * np.pi
+        high[free[-1] + 1 :] += branch * np.pi
+    limit = axes[0]
+    # Exact on both sides of the string, so that its ends are rounded too; the rounding itself is
+    # faded out where nothing bends.
+    room = min(_room(limit, period), (len(line) - 2) // 3)
+    first, last = room, len(line) - 1 - room
+    exact = line.copy()
+    exact[last:] += branch * np.pi
+    exact[first : last + 1] = taut_string(
+        low[first : last + 1], high[first : last + 1], exact[first], exact[last]
+    )
+    hurry = float(np.max(np.abs(np.diff(exact)))) / period
+    width = min(math.ceil(hurry / (limit.acceleration * period)), room // 2)
+    share = np.minimum(1.0, np.arange(len(line)) / max(1, room // 2))
+    share = quintic(np.minimum(share, share[::-1]))
+    outer = exact + share * (smooth(exact, width) - exact)
+    joints = joints_at(gimbal, matrix, outer)
+    joints[:, 1:] = np.unwrap(joints[:, 1:], axis=0)
+    velocity, acceleration = rates(joints, period, joints[:0])
+    for place, allowed in enumerate(axes):
+        if np.max(np.abs(velocity[:, place])) > allowed.velocity:
+            return None
+        if np.max(np.abs(acceleration[:, place])) > allowed.acceleration * (1 + 1e-6):
+            return None
+    return joints
+
+
+def taut_string(low: ArrayLike, high: ArrayLike, start: float, end: float) -> Floats:
+    """Return the shortest line between two bounds, on a uniform grid.
+
+    Of all lines through the tube it has the least sum of every convex function of the slope, so the
+    least peak slope too (Davies and Kovac 2001, section 2; Grasmair 2007).
+
+    Args:
+        low: lower bounds, shape ``(n,)``; may be ``-inf``.
+        high: upper bounds, shape ``(n,)``; may be ``inf``.
+        start: value at the first sample, where the bounds are not looked at.
+        end: value at the last sample, likewise.
+
+    Returns:
+        The line, shape ``(n,)``.
+
+    Raises:
+        ValueError: the tube is closed somewhere: a lower bound lies above the upper one.
+    """
+    low = np.array(low, dtype=np.float64)
+    high = np.array(high, dtype=np.float64)
+    low[[0, -1]] = high[[0, -1]] = start, end
+    if np.any(low > high):
+        raise ValueError(f"the tube is closed at sample {int(np.argmax(low > high))}")
+    count = len(low)
+    line = np.empty(count)
+    line[0] = start
+    at = 0
+    while at < count - 1:
+        # Slopes from here that stay inside the tube up to each sample; the string bends at the
+        # bound that was the tightest when none is left.
+        run = np.arange(1, count - at)
+        least = np.maximum.accumulate((low[at + 1 :] - line[at]) / run)
+        most = np.minimum.accumulate((high[at + 1 :] - line[at]) / run)
+        closed = np.nonzero(least > most)[0]
+        if closed.size == 0:
+            to, value = count - 1, end
+        else:
+            first = int(closed[0])
+            rises = (low[at + 1 + first] - line[at]) / run[first] > most[first - 1]
+            bound, slopes = (high, most) if rises else (low, least)
+            tightest = slopes[first - 1]
+            inside = (bound[at + 1 : at + 1 + first] - line[at]) / run[:first]
+            to = at + 1 + int(np.nonzero(inside == tightest)[0][-1])
+            value = bound[to]
+        line[at + 1 : to + 1] = line[at] + (value - line[at]) * np.arange(1, to - at + 1) / (
+            to - at
+        )
+        at = to
+    return line
+
+
+def smooth(line: Floats, width: int) -> Floats:
+    """Average over *width* samples to both sides, the ends kept; bends become parabolas.
+
+    A line of slopes within v has second differences within 2 v / (2 *width* + 1) afterwards.
+
+    Args:
+        line: shape ``(n,)``.
+        width: samples to each side.
+    """
+    width = min(width, len(line) - 1)
+    if width < 1:
+        return line.copy()
+    padded = np.pad(line, width, mode="reflect", reflect_type="odd")
+    total = np.concatenate([[0.0], np.cumsum(padded)])
+    averaged: Floats = (total[2 * width + 1 :] - total[: -2 * width - 1]) / (2 * width + 1)
+    return averaged

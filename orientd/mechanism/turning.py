@@ -1,0 +1,160 @@
+"""Motions of all axes of a gimbal together from rest to rest: home, and off the shortest turn.
+
+The limits of the angles are a box, so the straight line between two sets of axis angles never
+leaves them, and a pole on it is an angle like any other.
+"""
+
+from __future__ import annotations
+
+import math
+from math import degrees
+
+import numpy as np
+
+from orientd.driver import Figure, Joints, Quaternion, Vector3
+from orientd.mechanism.arrays import orientations
+from orientd.mechanism.gimbal import Gimbal
+from orientd.mechanism.joint_path import (
+    EDGE,
+    JointPath,
+    ToolLimits,
+    axis_peaks,
+    figures_of,
+    planned,
+    words_of,
+)
+from orientd.mechanism.routing import manipulability, refuse_angle
+from orientd.mechanism.slews import straight
+from orientd.rotation import conjugate, rotate
+
+_TURN = 2 * math.pi
+
+
+def pointed(gimbal: Gimbal, direction: Vector3, axis: str) -> Quaternion | None:
+    """Return the orientation that points there with the innermost of three axes at zero.
+
+    Args:
+        gimbal: whose axes.
+        direction: in the world.
+        axis: of the tool, ``x``, ``y`` or ``z``.
+
+    Returns:
+        ``None`` where there are two axes, or the innermost one is not what points.
+    """
+    k = gimbal.kinematics
+    points = rotate(np.array(k.tool), np.eye(3)["xyz".index(axis)])
+    if len(gimbal.axes) == 2 or points[k.inner_axis] < 1.0 - 1e-9:
+        return None
+    matrix = np.zeros((3, 3))
+    matrix[:, k.inner_axis] = rotate(conjugate(np.array(k.mount)), direction)
+    nine = matrix.ravel().tolist()
+    outer, _ = k.pointing(nine)
+    return gimbal.orientation((outer, k.inner(nine, outer)[0][0], 0.0))
+
+
+def windings(gimbal: Gimbal, q: Quaternion, last: Joints) -> list[Joints]:
+    """Return the axis angles inside the limits that make *q*, nearest ones of each branch, rad.
+
+    At the pole three axes make *q* with any outer angle: the inner one stays where it is, or turns
+    as far as the limits of the outer one demand.
+
+    Args:
+        gimbal: whose axes.
+        q: orientation of the tool.
+        last: axis angles to which they are near, rad.
+
+    Raises:
+        LimitError: there are none; it names the axis.
+    """
+    branches = [gimbal.solve(q, last)[0]] if gimbal.is_fitting else gimbal.branches(q, last)
+    found = []
+    for branch in branches:
+        nearest = _inside(gimbal, last, branch)
+        if nearest is None and len(branch) == 3 and gimbal.is_at_pole(q):
+            nearest = _shared(gimbal, q, last, branch)
+        if nearest is not None:
+            found.append(nearest)
+    if not found:
+        refuse_angle(np.array(branches), gimbal.axes, 0.0)
+    return found
+
+
+def _inside(gimbal: Gimbal, last: Joints, branch: Joints) -> Joints | None:
+    """Return *branch* on the turns inside the limits that are nearest to *last*, if any are."""
+    nearest = []
+    for angle, near, axis in zip(branch, last, gimbal.axes, strict=True):
+        least = math.ceil((axis.low - EDGE - angle) / _TURN)
+        most = math.floor((axis.high + EDGE - angle) / _TURN)
+        if least > most:
+            return None
+        count = min(max(round((near - angle) / _TURN), least), most)
+        nearest.append(min(max(angle + _TURN * count, axis.low), axis.high))
+    return tuple(nearest)
+
+
+def _shared(gimbal: Gimbal, q: Quaternion, last: Joints, branch: Joints) -> Joints | None:
+    """Return axis angles at the pole that share the turn between outer and inner axis."""
+    outer, middle, inner = branch
+    first, matrix = gimbal.axes[0], gimbal.kinematics.matrix(q)
+    # Along a line through both angles nothing changes: one step on it shows its slope.
+    slope = gimbal.kinematics.outer_at_pole(matrix, inner + 0.5) - outer
+    slope = math.copysign(1.0, math.remainder(slope, _TURN))
+    found = []
+    for turns in range(-1, 2):
+        near = outer + _TURN * (turns + round((last[0] - outer) / _TURN))
+        for wanted in (first.low, first.high, min(max(near, first.low), first.high)):
+            angles = _inside(gimbal, last, (wanted, middle, inner + slope * (wanted - near)))
+            if angles is not None:
+                found.append(angles)
+    return min(found, key=lambda one: _travel(last, one), default=None)
+
+
+def _travel(begin: Joints, end: Joints) -> float:
+    return sum(abs(a - b) for a, b in zip(begin, end, strict=True))
+
+
+def together(
+    gimbal: Gimbal,
+    joints: Joints,
+    q: Quaternion | None,
+    *,
+    period: float,
+    tool: ToolLimits,
+    least: float = 0.0,
+) -> JointPath | None:
+    """Return how all axes turn together from rest to rest, as quick as the limits allow.
+
+    Args:
+        gimbal: whose axes.
+        joints: axis angles where it begins, rad.
+        q: orientation where it ends; ``None`` is home.
+        period: of the cycles, s.
+        tool: what it keeps to.
+        least: how long it lasts at least, s.
+
+    Returns:
+        ``None`` where two axes cannot make *q*.
+
+    Raises:
+        LimitError: no axis angles inside the limits make *q*; it names the axis.
+        PlanError: nothing keeps the limits of the tool.
+    """
+    if q is None:
+        end = gimbal.home()
+    elif gimbal.solve(q, joints)[1] > gimbal.roll_tolerance:
+        return None
+    else:
+        end = min(windings(gimbal, q, joints), key=lambda one: _travel(joints, one))
+    begin = np.array(joints)
+    turned = straight(gimbal, begin, np.array(end), period, planned(gimbal.axes), tool, least=least)
+    peaks = list(axis_peaks(turned, period, gimbal.axes, turned[[0, 0, 0]]))
+    figures = [
+        *figures_of(turned, peaks),
+        Figure("pointing error", 0.0, "rad", gimbal.max_deviation, 0.0),
+        manipulability(gimbal, turned),
+    ]
+    goal = ", ".join(f"{degrees(angle):.1f}" for angle in end)
+    notes = [f"all axes turn together to {goal} deg", *words_of(turned, peaks)]
+    times = period * np.arange(len(turned), dtype=np.float64)
+    made = orientations(gimbal, turned)
+    return JointPath(period, turned, made, times, tuple(figures), tuple(notes))

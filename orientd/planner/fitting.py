@@ -1,0 +1,347 @@
+"""Plans on the path that the axes of a device can follow, as quick as they allow.
+
+Where the axes refuse a path whose times are not the user's, the motion runs slower where an axis
+needs it; if that does not fit, it is planned again, slower: first until it fits, then by bisection
+nearly as fast as the axes allow.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from orientd.driver import Joints
+from orientd.errors import LimitError, LimitKind, PlanError
+from orientd.mechanism import (
+    Gimbal,
+    JointPath,
+    Mechanism,
+    ToolLimits,
+    demand,
+    joints_along,
+    orientations,
+    pace,
+    route,
+    together,
+)
+from orientd.planner.axis_path import reshaped
+from orientd.planner.limits import Limits
+from orientd.planner.motion import Motion
+from orientd.planner.planning import plan
+from orientd.planner.refusal import check_total
+from orientd.planner.request import MotionRequest, State
+from orientd.rotation import Floats
+
+_POWERS = {
+    LimitKind.VELOCITY: 1,
+    LimitKind.ACCELERATION: 2,
+    LimitKind.JERK: 3,
+    LimitKind.TIME: 1,
+}
+"""How what a limit is about falls with the speed; a stop takes less long, too."""
+_STEP = 0.8
+_SLOWEST = 0.1
+"""Share of the device's speed below which no motion is slowed down for its axes."""
+_SHARES = (0.8, 0.5)
+"""Of the accelerations, for a pace that changes little; less leaves more to change it with."""
+_BEYOND = 0.1
+"""How far beyond a lead-in its pace is looked for, s."""
+_FINEST, _FINEST_OF_LEAD, _FINEST_OF_ARM, _MOST_SAMPLES = 16, 64, 1, 40_000
+"""Samples in a cycle on which a pace is looked for, and in all: near a pole axes turn quickly.
+
+A lead-in to times of the user may pass the pole however closely, and is short.
+"""
+_LONG = 1.5
+"""How much longer a pace may make a motion before all of it is tried slower, too."""
+_CLOSE = 1.02
+"""How near the slowest speed refused and the one that fits come to each other."""
+_GIVEN = 0.2
+"""For how long after it takes over from a motion its speed is that motion's, s."""
+_ATTEMPTS = 16
+"""Plans made at most: each costs as much as the first."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fitting:
+    """Plan for a device on the path that its axes follow.
+
+    Attributes:
+        mechanism: whose axes follow the path.
+        start: where the device is commanded to be.
+        joints: its axis angles there, rad.
+        limits: the device's.
+        period: the device's cycle, s.
+        before: axis angles planned for the cycles before, where it moves, the oldest first; see
+            :meth:`.RecordedMotion.joints_before`.
+        motion_id: names the motion; by default a new random name.
+        free: up to which path time the path may stand while an axis turns at a pole, s.
+    """
+
+    mechanism: Mechanism
+    start: State
+    joints: Joints
+    limits: Limits
+    period: float
+    before: Sequence[Joints] = ()
+    motion_id: str | None = None
+    free: float = 0.0
+
+    def plan(self, request: MotionRequest) -> Motion:
+        """Return the motion that a request asks for, on the path that the device's axes follow.
+
+        Raises:
+            RequestError: the request is not one that its method or the device allows.
+            PlanError: it cannot be planned, an axis cannot follow, or it would break a limit.
+        """
+        home = self._by_way(request)
+        if home is not None:
+            return home
+        motion = self.planned(request)
+        try:
+            return self.followed(motion)
+        except PlanError as error:
+            refusal = error
+        # As planned it has the roll that was free.
+        way = self._by_way(motion.request, refusal)
+        if way is not None:
+            return way
+        # What has times of the user's may stand before them only.
+        is_gimbal = isinstance(self.mechanism, Gimbal)
+        free = math.inf if request.times is None else motion.start_time
+        is_later = isinstance(refusal, LimitError) and refusal.time > free
+        if is_gimbal and free > 0.0 and not is_later:
+            with suppress(PlanError):
+                return replace(self, free=free).followed(motion)
+        raise refusal
+
+    def planned(self, request: MotionRequest) -> Motion:
+        """Return what a request asks for, whatever the axes."""
+        return plan(
+            request,
+            start=self.start,
+            limits=self.limits,
+            period=self.period,
+            motion_id=self.motion_id,
+        )
+
+    def followed(self, motion: Motion) -> Motion:
+        """Return *motion* as the axes can follow its path, or raise :class:`.PlanError`."""
+        try:
+            return self.fitted(motion)
+        except LimitError as error:
+            if error.kind is LimitKind.RANGE:
+                raise
+            is_fixed = motion.request.times is not None or error.kind not in _POWERS
+            # No pace changes what the motion before leaves; whether one would do later is long to
+            # find.
+            is_given = not self.start.is_at_rest and error.time < _GIVEN and not is_fixed
+            paced = None if is_given else self._paced(motion)
+            if paced is not None and (is_fixed or paced.duration < _LONG * motion.duration):
+                return paced
+            if is_fixed:
+                raise
+            refusal = error
+        # A pace keeps to the path exactly: where the axes may miss it, all of it slower may be
+        # quicker.
+        least = _SLOWEST if paced is None else max(_SLOWEST, motion.duration / paced.duration)
+        try:
+            evenly = self._slowed(motion, refusal, least)
+        except PlanError:
+            if paced is None:
+                raise
+            return paced
+        return evenly if paced is None or evenly.duration < paced.duration else paced
+
+    def _slowed(self, motion: Motion, refusal: LimitError, least: float) -> Motion:
+        """Return *motion* planned with less of the device's speed for its axes, down to *least*."""
+        own, speed, worst = motion.limits, 1.0, refusal
+        fitted: Motion | None = None
+        refused, fits = 1.0, 0.0
+        for _ in range(_ATTEMPTS):
+            if fitted is None:
+                need = (worst.limit / worst.value) ** (1.0 / _POWERS[worst.kind])
+                speed *= max(min(need, _STEP), 0.5)
+                if speed < least:
+                    raise refusal
+            elif refused > _CLOSE * fits:
+                speed = math.sqrt(refused * fits)
+            else:
+                break
+            try:
+                slower = replace(self, limits=own.slowed(speed), motion_id=motion.id)
+                slow = slower.planned(motion.request)
+                # Certified against the limits themselves: only the planning aimed below them.
+                faster = self.fitted(replace(slow, limits=own))
+            except PlanError as error:
+                refused = speed
+                if fitted is None:
+                    if not isinstance(error, LimitError) or error.kind not in _POWERS:
+                        raise refusal from error
+                    worst = error
+                continue
+            fits = speed
+            if fitted is None or faster.duration < fitted.duration:
+                fitted = faster
+        if fitted is None:
+            raise refusal
+        return fitted.noted(f"the axes need {fitted.duration / motion.duration:.3f} times as long")
+
+    def _paced(self, motion: Motion) -> Motion | None:
+        """Return *motion* at the pace that suits the axes, if that fits.
+
+        Where the times are the user's and the axes cannot follow, this raises what is wrong.
+        """
+        period = motion.period
+        refusal: PlanError | None = None
+        is_timed = motion.request.times is not None
+        for share in _SHARES:
+            try:
+                path_times = self._path_times(motion, share)
+                if not len(path_times):
+                    return None
+                path = self._routed(motion, path_times)
+                cycles = period * np.arange(len(path_times), dtype=np.float64)
+                along = np.interp(path.path_times, cycles, path_times)
+                longer = (len(path_times) - 1) * period / motion.duration
+                note = f"the axes need {longer:.3f} times as long"
+                return self._reshaped(
+                    motion, replace(path, path_times=along, notes=(*path.notes, note))
+                )
+            except PlanError as error:
+                if refusal is None and is_timed:
+                    # The pace says by how much too little time there is.
+                    fixed = (motion.start_time, motion.end_time)
+                    self._pace(motion, fixed, fixed, _SHARES[-1])
+                refusal = refusal or error
+                if isinstance(error, LimitError) and error.kind is LimitKind.RANGE:
+                    refusal = error  # which no pace changes
+                    break
+        if refusal is not None and is_timed:
+            raise refusal
+        return None
+
+    def _path_times(self, motion: Motion, share: float) -> Floats:
+        """Return how far along *motion* to be in every cycle; slower where no times are given."""
+        period, end = motion.period, motion.duration
+        if motion.request.times is None:
+            return self._pace(motion, (0.0, end), (math.inf, -math.inf), share)
+        # What the times of the user leave is a lead-in; from the first keyframe on they hold.
+        begin = motion.start_time
+        lead = np.zeros(1)
+        if begin > 0.0:
+            after = min(end, begin + _BEYOND)
+            lead = self._pace(motion, (0.0, after), (begin, after), share, is_lead=True)
+            lead = lead[lead <= begin]
+        if not len(lead):
+            return lead
+        rest = np.arange(lead[-1] + period, end, period)
+        return np.concatenate([lead, rest, [end]])
+
+    def _pace(
+        self,
+        motion: Motion,
+        span: tuple[float, float],
+        fixed: tuple[float, float],
+        share: float,
+        *,
+        is_lead: bool = False,
+    ) -> Floats:
+        """Return the pace that the axes need for the times of *span*, as path times."""
+        mechanism, period, (begin, end) = self.mechanism, motion.period, span
+        cycles = math.ceil((end - begin) / period - 1e-9)
+        is_gimbal = isinstance(mechanism, Gimbal)
+        finest = (_FINEST_OF_LEAD if is_lead else _FINEST) if is_gimbal else _FINEST_OF_ARM
+        finest = min(finest, max(1, _MOST_SAMPLES // (cycles + 1)))
+        grid = period / finest
+        samples = motion.sample(begin + grid * np.arange(cycles * finest + 1))
+        q, position = samples.q, samples.position
+        joints = joints_along(mechanism, grid, q, position, self.joints)
+        if isinstance(mechanism, Gimbal):
+            q = orientations(mechanism, joints)
+        velocity, acceleration, _ = _tool(motion.limits)
+        linear = motion.limits.linear_velocity, motion.limits.linear_acceleration
+        needs = demand(mechanism.axes, joints, q, position, grid, (velocity, acceleration, *linear))
+        fixed = (fixed[0] - begin, fixed[1] - begin)
+        path_times = pace(needs, period, grid=grid, fixed=fixed, share=share, is_by_pole=is_gimbal)
+        return np.minimum(begin + path_times, end)
+
+    def _by_way(self, request: MotionRequest, refusal: PlanError | None = None) -> Motion | None:
+        """Return the motion in which the axes turn together to a single keyframe, if there is one.
+
+        The *refusal* says why the axes cannot follow the shortest turn, where that was tried.
+        """
+        is_homing = bool(request.device_options.get("home"))
+        if not isinstance(self.mechanism, Gimbal) or not (is_homing or refusal is not None):
+            return None
+        is_moving = not self.start.is_at_rest
+        if not (request.is_single and self.joints) or (is_moving and refusal is not None):
+            return None
+        (keyframe,) = request.keyframes
+        if request.omega_end is not None or keyframe.turns:
+            return None
+        turn = partial(
+            together,
+            self.mechanism,
+            self.joints,
+            None if is_homing else keyframe.q,
+            period=self.period,
+            tool=_tool(self.limits.narrowed(request.limits)),
+        )
+        path = turn()
+        if path is None:
+            return None
+        if is_moving:
+            raise PlanError("the axes turn together from rest only; stop first")
+        quickest = float(path.path_times[-1])
+        pace = request.pace if isinstance(request.pace, float | int) else 1.0
+        seconds = request.total or quickest / pace
+        check_total(seconds, quickest)
+        if seconds > quickest:
+            path = turn(least=seconds) or path
+        w, x, y, z = path.q[-1].tolist()
+        goal = replace(keyframe, q=(w, x, y, z), free_roll=False)
+        motion = self.planned(replace(request, keyframes=[goal], duration=None, pace=None))
+        share = motion.duration / path.path_times[-1]
+        motion = reshaped(
+            motion, replace(path, path_times=share * path.path_times), self.mechanism.axes
+        )
+        if refusal is None:
+            return motion
+        return replace(motion, request=request).noted(f"not by the shortest turn: {refusal}")
+
+    def fitted(self, motion: Motion) -> Motion:
+        """Return *motion* on the path of the axes at its own pace.
+
+        Raises:
+            PlanError: the axes cannot follow.
+        """
+        grid = motion.period * np.arange(motion.record_count, dtype=np.float64)
+        return self._reshaped(motion, self._routed(motion, grid))
+
+    def _routed(self, motion: Motion, path_times: Floats) -> JointPath:
+        """Return the path of the axes along *motion*, which is at *path_times* cycle by cycle."""
+        samples = motion.sample(path_times)
+        return route(
+            self.mechanism,
+            motion.period,
+            samples.q,
+            samples.position,
+            joints=self.joints,
+            before=self.before,
+            tool=_tool(motion.limits),
+            free=self.free,
+        )
+
+    def _reshaped(self, motion: Motion, path: JointPath) -> Motion:
+        return reshaped(motion, path, self.mechanism.axes, joints_before=self.before)
+
+
+def _tool(limits: Limits) -> ToolLimits:
+    """Return the angular rates that keep *limits* about whatever axis."""
+    numbers = limits.numbers()
+    return ToolLimits(min(numbers[:4]), min(numbers[4:8]), min(numbers[8:12]))

@@ -1,0 +1,152 @@
+"""The joints of a path: between records by the law of Hermite, and what a driver gets of them."""
+
+import numpy as np
+import pytest
+from rig import PERIOD, TERMS, RecordingLoopback, Rig, turn
+from scipy.interpolate import CubicHermiteSpline
+
+from orientd.driver import IDENTITY, Feedback
+from orientd.servo.path import PathPoint
+from orientd.servo.path.segment import Segment
+from orientd.stream import JOINTS, Answer, Command, ServoState
+from orientd.tolerances import GUARD_TOLERANCE
+
+PATH = turn()
+TIMES = PERIOD * np.arange(len(PATH[0]))
+
+
+class JointLoopback(RecordingLoopback):
+    """A device of two axes, whatever they turn."""
+
+    takes = "joints"
+
+    def enable(self):
+        return super().enable()._replace(joints=(0.0, 0.5))
+
+
+class JointRig(Rig):
+    """A servo on it whose paths have joints."""
+
+    def __init__(self):
+        super().__init__(kind=JointLoopback)
+
+    def lay(self, *path, joints=None, **options):
+        return super().lay(
+            *path, joints=table(len(path[0])) if joints is None else joints, **options
+        )
+
+
+def table(count, axes=2):
+    """Return joints that begin at rest at 0 and 0.5 rad, with their velocities."""
+    found = np.full((count, 2 * JOINTS), np.nan)
+    t = np.minimum(PERIOD * np.arange(count), TIMES[-1]) / TIMES[-1]
+    place, speed = t**3 * (10 - 15 * t + 6 * t**2), 30 * t**2 * (1 - t) ** 2 / TIMES[-1]
+    for axis, (begin, way) in enumerate([(0.0, 2.0), (0.5, -1.0)][:axes]):
+        found[:, axis], found[:, JOINTS + axis] = begin + way * place, way * speed
+    return found
+
+
+def sent(rig):
+    return np.array([setpoint.joints for setpoint in rig.driver.setpoints])
+
+
+def test_between_two_records_the_joints_are_the_cubic_of_their_angles_and_velocities():
+    begin = PathPoint(IDENTITY, *[(0.0, 0.0, 0.0)] * 4, (0.1, -2.0, 7.0), (1.0, 0.0, -3.0))
+    end = begin._replace(joints=(0.13, -2.0, 6.8), joint_velocities=(0.5, 0.1, 2.0))
+    segment = Segment(begin, end, 0.02)
+    law = CubicHermiteSpline(
+        [0.0, 0.02],
+        [begin.joints, end.joints],
+        [begin.joint_velocities, end.joint_velocities],
+    )
+    for u in (0.001, 0.3, 0.5, 0.97):
+        assert segment.at(u).joints == pytest.approx(law(0.02 * u), abs=1e-14)
+        rates = [one.rate(u) / 0.02 for one in segment.joints]
+        assert rates == pytest.approx(law.derivative()(0.02 * u), abs=1e-11)
+    assert segment.at(0.0).joints == begin.joints
+
+
+def test_a_motion_as_planned_sends_the_joints_of_its_records_to_the_last_bit():
+    rig = JointRig()
+    rig.start(PATH)
+    rig.run_until(lambda servo: not servo.is_moving)
+    records = table(len(PATH[0]))[:, :2]
+    moving = sent(rig)[-len(records) :]
+    assert np.array_equal(moving, records)
+    assert rig.cycle.sent_joints == tuple(records[-1])
+
+
+def test_joints_are_held_from_enabling_on_and_after_the_motion():
+    rig = JointRig()
+    assert rig.ask(Command.ENABLE)[0] is Answer.DONE
+    rig.run(5)
+    assert np.array_equal(sent(rig), [(0.0, 0.5)] * 6)
+    first = rig.lay(*PATH)
+    rig.ask(Command.START, path_index=first)
+    rig.run(300)
+    rig.ask(Command.STOP)
+    rig.run_until(lambda servo: not servo.is_moving)
+    rig.run(3)
+    last = sent(rig)[-4:]
+    assert np.array_equal(last, [last[0]] * 4)
+    # What is held is a place on the path.
+    law = CubicHermiteSpline(TIMES, *np.split(table(len(TIMES))[:, [0, 1, 8, 9]], 2, axis=1))
+    place = np.interp(last[0, 0], law(TIMES)[:, 0], TIMES)
+    assert last[0] == pytest.approx(law(place), abs=1e-6)
+
+
+def test_joints_of_a_stop_and_another_speed_are_on_the_path_and_as_smooth():
+    rig = JointRig()
+    rig.start(PATH)
+    rig.run(250)
+    rig.ask(Command.SPEED, speed=0.37)
+    rig.run(150)
+    rig.ask(Command.STOP)
+    rig.run_until(lambda servo: not servo.is_moving)
+    joints = sent(rig)
+    assert 0.5 - joints[:, 1] == pytest.approx(0.5 * joints[:, 0], abs=1e-9)
+    # The first axis turns by 2 rad for 1.5 rad of the tool, whose limits the stop keeps.
+    for order, most in ((2, TERMS.acceleration), (3, TERMS.jerk)):
+        reached = np.abs(np.diff(joints[:, 0], order)).max() / PERIOD**order
+        assert reached <= 2.0 / 1.5 * most * GUARD_TOLERANCE
+
+
+@pytest.mark.parametrize(
+    ("joints", "words"),
+    [
+        (table(len(TIMES), axes=0), "begins inf rad from the commanded angles"),
+        (table(len(TIMES)) + 1e-3, "begins 0.001 rad from the commanded angles"),
+    ],
+)
+def test_a_path_that_begins_at_other_joints_is_refused(joints, words):
+    rig = JointRig()
+    rig.ask(Command.ENABLE)
+    first = rig.lay(*PATH, joints=joints)
+    answer, text = rig.ask(Command.START, path_index=first)
+    assert answer is Answer.REFUSED
+    assert words in text
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-4])
+def test_a_path_of_other_joints_is_not_spliced(off):
+    rig = JointRig()
+    first = rig.start(PATH)
+    rig.run(100)
+    rest = [part[300:] for part in PATH]
+    second = rig.lay(*rest, joints=table(len(TIMES))[300:] + off)
+    answer, text = rig.ask(Command.SPLICE, motion=2, path_index=second, leave=first + 300)
+    if off:
+        assert answer is Answer.REFUSED
+        assert "angle of an axis of the two paths differs by 0.0001 rad" in text
+    else:
+        rig.run_until(lambda servo: not servo.is_moving)
+        assert rig.servo.state is ServoState.HOLDING
+        assert np.array_equal(sent(rig)[-len(TIMES) :], table(len(TIMES))[:, :2])
+
+
+def test_a_driver_of_poses_gets_what_joints_the_path_has():
+    rig = Rig()
+    rig.start(PATH, joints=table(len(TIMES)))
+    rig.run(100)
+    assert rig.cycle.sent_joints == pytest.approx(rig.driver.setpoints[-1].joints, abs=0)
+    assert Feedback(0, IDENTITY).joints == ()

@@ -1,0 +1,643 @@
+"""The conformance suite passes a good driver and fails bad ones, each by the test that says why."""
+
+import inspect
+import math
+from dataclasses import dataclass
+from unittest import SkipTest
+
+import pytest
+
+from orientd import driver as offered
+from orientd.clock import ManualClock
+from orientd.driver import (
+    IDENTITY,
+    AxisGap,
+    AxisLimits,
+    Driver,
+    Feedback,
+    Finding,
+    PartHealth,
+    Resettable,
+    Verdict,
+    check_names,
+)
+from orientd.errors import DeviceFaultError, LinkError
+from orientd.floats import difference, exp, log, multiply, norm
+from orientd.mechanism import Mechanical, Mechanism
+from orientd.testing import DriverConformance
+
+PERIOD_NS = 2_000_000
+PERIOD = PERIOD_NS * 1e-9
+ALL = (*(one for one in vars(offered).values() if getattr(one, "_is_protocol", False)), Mechanical)
+
+
+@dataclass
+class Device:
+    """A body that is where it was last sent, and outlives the drivers of it."""
+
+    q: tuple = exp((0.1, 0.2, 0.3))
+    is_there: bool = True
+    is_at_rest: bool = False
+
+
+class Turning(Mechanism):
+    """Three axes whose angles are the rotation vector."""
+
+    axes = tuple(AxisLimits(name, -3.0, 3.0, 2.0) for name in "xyz")
+
+    def forward(self, joints):
+        return exp(joints), (0.0, 0.0, 0.0)
+
+    def solutions(self, q, position):
+        return [log(q)]
+
+    def outline(self, joints):
+        return [[(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]]
+
+
+class Body(Driver):
+    """The six methods."""
+
+    name = "good"
+
+    def __init__(self, options, *, period_ns, clock):
+        super().__init__(options, period_ns=period_ns, clock=clock)
+        check_names(options, ("device",))
+        self.device = options["device"]
+        self.is_enabled = False
+        self.omega = (0.0, 0.0, 0.0)
+
+    def require(self):
+        if not self.device.is_there:
+            raise LinkError("the device is gone")
+
+    def report(self):
+        q = self.device.q
+        return Feedback(self.clock.now_ns(), q, self.omega, joints=log(q))
+
+    def open(self):
+        self.require()
+
+    def enable(self):
+        self.require()
+        if self.device.is_at_rest and isinstance(self, Resettable):
+            raise DeviceFaultError("reset it first")
+        self.device.is_at_rest = False
+        self.is_enabled = True
+        return self.report()
+
+    def read(self):
+        self.require()
+        return self.report()
+
+    def write(self, setpoint):
+        self.require()
+        assert self.is_enabled
+        if not self.device.is_at_rest:
+            self.device.q, self.omega = setpoint.q, setpoint.omega_body
+
+    def disable(self):
+        self.is_enabled, self.omega = False, (0.0, 0.0, 0.0)
+
+    def close(self):
+        self.is_enabled = False
+
+
+class Offers:
+    """All that is optional."""
+
+    def reset(self):
+        self.require()
+        self.device.is_at_rest = False
+
+    def rest_in_fault(self):
+        self.device.is_at_rest = True
+
+    def free(self):
+        assert not self.is_enabled
+
+    def park(self):
+        assert not self.is_enabled
+
+    def tune(self, options):
+        check_names(options, ("gain",))
+
+    def health(self):
+        return [PartHealth("body", self.clock.now_ns(), 12.0)]
+
+    def notices(self):
+        return ["it is a good device"]
+
+    def gaps(self):
+        return [AxisGap("body", 0.0, 0.01)]
+
+    @property
+    def speed_scaling(self):
+        return 1.0
+
+    def deadline_shift_ns(self, deadline_ns):
+        return PERIOD_NS // 2
+
+    def why_stale(self):
+        return "nobody is late"
+
+    def why_ended(self, signal):
+        return ""
+
+    def diagnose(self):
+        return [Finding("body", "there", Verdict.OK)]
+
+    def offline_start(self, *, from_device):
+        return self.report()
+
+    def mechanism(self, *, may_ask):
+        return Turning()
+
+
+class GoodDriver(Offers, Body):
+    """Offers every protocol, and keeps what it promises."""
+
+
+def lacking(*names):
+    """Return a class of drivers without the optional methods of these names."""
+    kept = {name: one for name, one in vars(Offers).items() if name not in names}
+    return type("Lesser", (type("Some", (), kept), Body), {})
+
+
+class Suite(DriverConformance):
+    protocols = ALL
+
+    def __init__(self, kind=GoodDriver):
+        self.kind = kind
+        self.clock = ManualClock(10**9)
+        self.device = Device()
+
+    def make_driver(self):
+        return self.kind({"device": self.device}, period_ns=PERIOD_NS, clock=self.clock)
+
+    def pass_cycle(self, driver):
+        self.clock.advance(PERIOD_NS)
+
+    def break_device(self):
+        self.device.is_there = False
+        return True
+
+    def mend_device(self):
+        self.device.is_there = True
+        return True
+
+
+LOADS = "test_it_loads_nothing_that_the_servo_process_must_not"
+NAMES = [name for name, _ in inspect.getmembers(DriverConformance) if name.startswith("test_")]
+
+
+def outcome(suite, name):
+    try:
+        getattr(suite, name)()
+    except SkipTest:
+        return "skipped"
+    except Exception as error:  # noqa: BLE001 - whatever a test fails by
+        return f"{type(error).__name__}: {error}"
+    return "passed"
+
+
+@pytest.mark.parametrize("name", sorted(set(NAMES) - {LOADS}))
+def test_a_good_driver_passes(name):
+    assert outcome(Suite(), name) == "passed"
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if "is_a_device_error" in name])
+def test_a_device_that_cannot_be_broken_is_skipped(name):
+    class Unbreakable(Suite):
+        break_device = DriverConformance.break_device
+
+    assert outcome(Unbreakable(), name) == "skipped"
+
+
+@pytest.mark.parametrize("protocol", ALL, ids=lambda one: one.__name__)
+def test_a_protocol_that_is_not_offered_is_skipped(protocol):
+    kind = lacking(*(name for name in vars(protocol) if not name.startswith("_")))
+    results = []
+    for name in set(NAMES) - {LOADS}:
+        suite = Suite(kind)
+        suite.protocols = ()
+        results.append(outcome(suite, name))
+    assert results.count("skipped") == 1
+    assert set(results) == {"passed", "skipped"}
+
+
+# Bad drivers; the name of each says what is wrong with it.
+
+READS = "test_reads_and_writes_do_not_wait"
+HEALTH = "test_it_says_how_its_parts_are"
+OFFERS = "test_it_offers_what_it_is_meant_to"
+PARKS = "test_it_can_be_parked_and_opened_again"
+RESETS = "test_a_reset_leaves_it_ready_to_be_enabled"
+IS_POSE = "test_feedback_is_a_pose"
+STAMPS = "test_feedback_is_stamped_when_it_was_measured"
+ENABLES = "test_enabling_and_holding_does_not_move_it"
+GONE = "test_an_unreachable_device_is_a_device_error"
+NOT_THERE = "test_a_device_that_is_not_there_is_a_device_error"
+DISABLES = "test_disabling_leaves_it_standing"
+SHIFTS = "test_it_shifts_deadlines_by_half_a_period_at_most"
+RESTS = "test_it_rests_in_a_fault_whatever_it_is_sent"
+FOLLOWS = "test_it_follows_a_slow_turn"
+FREES = "test_it_can_be_let_go_and_enabled_again"
+POSES = "test_its_mechanism_poses_the_tool_as_it_reports"
+BAD = []
+
+
+def bad(*names):
+    """Keep a class of drivers that fails by the tests of these names."""
+
+    def keep(kind):
+        BAD.extend(pytest.param(kind, name, id=f"{kind.__name__}-{name}") for name in names)
+        return kind
+
+    return keep
+
+
+def later(driver, q):
+    """Return *q* turned a little."""
+    return multiply(q, exp((0.0, 0.0, 0.001)))
+
+
+class Counting(GoodDriver):
+    count = 0
+
+    def every(self, n):
+        self.count += 1
+        return self.count % n == 0
+
+
+@bad(READS)
+class WaitsInRead(GoodDriver):
+    def read(self):
+        self.clock.advance(10 * PERIOD_NS)
+        return super().read()
+
+
+@bad(READS)
+class WaitsInWrite(GoodDriver):
+    def write(self, setpoint):
+        self.clock.advance(10 * PERIOD_NS)
+        super().write(setpoint)
+
+
+@bad(READS)
+class WaitsNowAndThen(Counting):
+    def read(self):
+        self.clock.advance(10 * PERIOD_NS if self.every(8) else 0)
+        return super().read()
+
+
+@bad(HEALTH)
+class RaisesInHealth(GoodDriver):
+    def health(self):
+        raise LinkError("asked in vain")
+
+
+@bad(HEALTH)
+class WaitsInHealth(GoodDriver):
+    def health(self):
+        self.clock.advance(10 * PERIOD_NS)
+        return super().health()
+
+
+@bad(HEALTH)
+class HealthIsNaN(GoodDriver):
+    def health(self):
+        return [PartHealth("body", self.clock.now_ns(), math.nan)]
+
+
+@bad(HEALTH)
+class HealthFromTheFuture(GoodDriver):
+    def health(self):
+        return [PartHealth("body", self.clock.now_ns() + 1)]
+
+
+@bad(HEALTH)
+class RaisesInNotices(GoodDriver):
+    def notices(self):
+        raise KeyError("notices")
+
+
+@bad(HEALTH)
+class NoticesAreNoWords(GoodDriver):
+    def notices(self):
+        return 5
+
+
+@bad(SHIFTS)
+class ShiftsByAPeriod(GoodDriver):
+    def deadline_shift_ns(self, deadline_ns):
+        return PERIOD_NS
+
+
+@bad(SHIFTS)
+class ShiftsBackTooFar(GoodDriver):
+    def deadline_shift_ns(self, deadline_ns):
+        return -PERIOD_NS // 2 - 1
+
+
+@bad(SHIFTS)
+class ShiftIsNoWholeNumber(GoodDriver):
+    def deadline_shift_ns(self, deadline_ns):
+        return 0.5
+
+
+@bad(OFFERS)
+class ParkIsMisspelt(lacking("park")):
+    def parc(self):
+        pass
+
+
+@bad(PARKS)
+class ParkRaises(GoodDriver):
+    def park(self):
+        raise ZeroDivisionError
+
+
+@bad(PARKS)
+class ParkTakesAMinute(GoodDriver):
+    def park(self):
+        self.clock.advance(60 * 10**9)
+
+
+@bad(PARKS)
+class ParkedForGood(GoodDriver):
+    def park(self):
+        self.device.is_there = False
+
+
+@bad(RESETS)
+class ResetWearsOff(Counting):
+    def reset(self):
+        super().reset()
+        self.device.is_at_rest = self.every(3)
+
+
+@bad(RESETS)
+class ResetMovesIt(GoodDriver):
+    def reset(self):
+        super().reset()
+        self.device.q = later(self, self.device.q)
+
+
+@bad(IS_POSE)
+class FeedbackIsNaN(GoodDriver):
+    def report(self):
+        return super().report()._replace(omega_body=(math.nan, 0.0, 0.0))
+
+
+@bad(IS_POSE)
+class FeedbackIsNoUnit(GoodDriver):
+    def report(self):
+        return super().report()._replace(q=tuple(1.001 * part for part in self.device.q))
+
+
+@bad(IS_POSE)
+class FeedbackHasNineJoints(GoodDriver):
+    def report(self):
+        return super().report()._replace(joints=(0.0,) * 9)
+
+
+@bad(IS_POSE)
+class CannotBeReadBeforeItIsEnabled(GoodDriver):
+    def read(self):
+        if not self.is_enabled:
+            raise AttributeError("newest")
+        return super().read()
+
+
+@bad(STAMPS)
+class FeedbackFromTheFuture(GoodDriver):
+    def report(self):
+        return super().report()._replace(time_ns=self.clock.now_ns() + 1)
+
+
+@bad(STAMPS)
+class FeedbackNeverChanges(GoodDriver):
+    def read(self):
+        return super().read()._replace(time_ns=10**9)
+
+
+@bad(STAMPS)
+class FeedbackGoesBack(Counting):
+    def read(self):
+        back = 3 * PERIOD_NS if self.every(5) else 0
+        return super().read()._replace(time_ns=self.clock.now_ns() - back)
+
+
+@bad(ENABLES)
+class MovesOnEnable(GoodDriver):
+    def enable(self):
+        start = super().enable()
+        self.device.q = later(self, start.q)
+        return start
+
+    def write(self, setpoint):
+        super().write(setpoint._replace(q=later(self, setpoint.q)))
+
+
+@bad(ENABLES)
+class GoesHomeOnEnable(GoodDriver):
+    def enable(self):
+        self.device.q = IDENTITY
+        return super().enable()
+
+
+@bad(GONE, NOT_THERE)
+class RaisesSomethingElse(GoodDriver):
+    def require(self):
+        if not self.device.is_there:
+            raise OSError(5, "Input/output error")
+
+
+@bad(GONE, NOT_THERE)
+class DoesNotNotice(GoodDriver):
+    def require(self):
+        pass
+
+
+@bad(GONE)
+class CannotBeResetOnceGone(GoodDriver):
+    def reset(self):
+        if not self.device.is_there or self.__dict__.get("was_gone"):
+            raise LinkError("gone")
+
+    def disable(self):
+        super().disable()
+        self.was_gone = not self.device.is_there
+
+
+@bad(DISABLES)
+class IgnoresDisable(GoodDriver):
+    def disable(self):
+        pass
+
+    def read(self):
+        self.device.q = multiply(self.device.q, exp(tuple(PERIOD * part for part in self.omega)))
+        return super().read()
+
+
+@bad(DISABLES)
+class CannotBeDisabledTwice(GoodDriver):
+    def disable(self):
+        assert self.is_enabled
+        super().disable()
+
+
+@bad("test_an_unknown_option_is_refused_by_name")
+class TakesAnyOption(GoodDriver):
+    def __init__(self, options, *, period_ns, clock):
+        known = {"device": options["device"]}
+        super().__init__(known, period_ns=period_ns, clock=clock)
+
+
+@bad("test_an_unknown_option_of_a_motion_is_refused")
+class TakesAnyOptionOfAMotion(GoodDriver):
+    def tune(self, options):
+        pass
+
+
+@bad(RESTS)
+class MovesInAFault(GoodDriver):
+    def rest_in_fault(self):
+        pass
+
+
+@bad(RESTS)
+class MovesAfterAFault(GoodDriver):
+    def reset(self):
+        if self.device.is_at_rest:
+            self.device.q = later(self, self.device.q)
+        super().reset()
+
+
+@bad(FOLLOWS)
+class StopsShort(GoodDriver):
+    def write(self, setpoint):
+        if norm(difference(setpoint.q, exp((0.1, 0.2, 0.3)))) < 0.015:
+            super().write(setpoint)
+
+
+@bad(FREES)
+class SaysNothingWhileFree(GoodDriver):
+    is_free = False
+
+    def free(self):
+        self.is_free = True
+
+    def read(self):
+        return None if self.is_free else super().read()
+
+
+@bad("test_its_axes_arrive")
+class NeverArrives(GoodDriver):
+    def gaps(self):
+        return [AxisGap("body", -0.02, 0.01)]
+
+
+@bad("test_its_axes_arrive")
+class WaitsForEver(GoodDriver):
+    def gaps(self):
+        return [AxisGap("body", 0.0, 0.01, patience=math.inf)]
+
+
+@bad("test_its_speed_scaling_is_a_share")
+class IsScaledByPercent(GoodDriver):
+    speed_scaling = 100.0
+
+
+@bad(POSES)
+class HasAnotherMechanism(GoodDriver):
+    def report(self):
+        return super().report()._replace(joints=log(later(self, self.device.q)))
+
+
+@bad(POSES)
+class DrawsAPoint(GoodDriver):
+    def mechanism(self, *, may_ask):
+        mechanism = Turning()
+        mechanism.outline = lambda joints: [[(0.0, 0.0, 0.0)]]
+        return mechanism
+
+
+@bad("test_it_explains_itself_in_words")
+class ExplainsNothing(GoodDriver):
+    def why_stale(self):
+        return None
+
+
+@bad("test_it_explains_itself_in_words")
+class KnowsNoSignal(GoodDriver):
+    def why_ended(self, signal):
+        return {9: "killed"}[signal]
+
+
+@bad("test_it_diagnoses_a_device_that_is_well")
+class LeavesOneAloneWithAProblem(GoodDriver):
+    def diagnose(self):
+        return [Finding("body", "broken", Verdict.PROBLEM)]
+
+
+@bad("test_it_says_where_an_offline_plan_begins")
+class BeginsNowhere(GoodDriver):
+    def offline_start(self, *, from_device):
+        return Feedback(0, (0.0, 0.0, 0.0, 0.0))
+
+
+@bad("test_it_can_be_closed_twice_and_unopened")
+class CannotBeClosedTwice(GoodDriver):
+    is_open = False
+
+    def open(self):
+        super().open()
+        self.is_open = True
+
+    def close(self):
+        assert self.is_open
+        self.is_open = False
+
+
+@bad("test_its_class_has_a_name_and_a_rate")
+class HasNoName(GoodDriver):
+    name = ""
+
+
+@bad("test_its_class_has_a_name_and_a_rate")
+class HasNoRate(GoodDriver):
+    default_rate_hz = 0.0
+
+
+@bad(OFFERS)
+class DeclaresNoTime(GoodDriver):
+    longest_call = 0.0
+
+
+@bad(LOADS)
+class LoadsNumPy(GoodDriver):
+    pass
+
+
+LoadsNumPy.__module__ = "orientd.rotation"
+
+
+@pytest.mark.parametrize(("kind", "name"), BAD)
+def test_a_bad_driver_fails(kind, name):
+    assert outcome(Suite(kind), name) not in ("passed", "skipped")
+
+
+def test_half_of_a_protocol_is_named():
+    suite = Suite(lacking("health"))
+    suite.protocols = ()
+    assert outcome(suite, OFFERS) == "AssertionError: Healthy lacks health"
+
+
+def test_a_module_that_loads_little_passes():
+    class Small(GoodDriver):
+        pass
+
+    Small.__module__ = "orientd_loopback"
+    assert outcome(Suite(Small), LOADS) == "passed"
