@@ -9,7 +9,7 @@ it begins.  What cannot be done is refused with axis, value and time.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees
 
 import numpy as np
@@ -17,40 +17,31 @@ import numpy as np
 from orientd.driver import AxisLimits, Figure, Joints, Quaternion, Vector3
 from orientd.errors import LimitError, LimitKind, PlanError, StartError
 from orientd.mechanism.arrays import joints_at, matrices, of_arrays, orientations, wrapped
-from orientd.mechanism.branches import (
-    Bools,
-    Choice,
-    SlewTime,
-    candidates,
-    choose,
-    continued,
-    near,
-)
-from orientd.mechanism.gimbal import LOCK, Gimbal
+from orientd.mechanism.branches import Bools, Choice, candidates, choose, continued
+from orientd.mechanism.gimbal import Gimbal
 from orientd.mechanism.joint_path import (
-    UNLIMITED,
     AxisPeak,
+    Bounds,
     JointPath,
     ToolLimits,
     axis_peaks,
     figures_of,
     out_of_range,
+    planned,
     refuse_range,
     refuse_rates,
     words_of,
 )
 from orientd.mechanism.mechanism import Mechanism
 from orientd.mechanism.pole import Passage, outer_line, passages, windows
-from orientd.mechanism.slews import TILT, Slew, slew_times, stop_time, with_stops
+from orientd.mechanism.slews import Slew, stop_time, with_stops
 from orientd.rotation import Floats, angle, check_unit, conjugate, exp, log, multiply, rotate
 
 _STILL = 1e-9
-_SAME = 1e-3
-"""How far a path may begin from the angles that are given, rad."""
-PLANNED = 0.95
-"""Share of an axis' acceleration that a plan of its own uses; the rest is to brake on it with."""
 _GLANCE = 4096
 """Samples of a long path that are looked at first: what is too much is often its lead-in."""
+_BY_POLE = np.sin(np.radians(2.0))
+"""Sine of the distance from the pole within which a path passes it."""
 _LONGEST_STEP = 0.5
 """rad; joints that are farther apart in neighbouring samples are on different branches."""
 _ADVICE = "allow a deviation, a slower path or a slew, or choose another path"
@@ -85,7 +76,7 @@ def route(
     *,
     joints: Joints = (),
     before: Sequence[Joints] = (),
-    tool: ToolLimits = UNLIMITED,
+    tool: ToolLimits | None = None,
     free: float = 0.0,
 ) -> JointPath:
     """Return the path that the axes of a mechanism follow.
@@ -99,7 +90,7 @@ def route(
             not known.
         before: axis angles planned for the periods before a path that begins in motion, the oldest
             first; empty where it begins at rest.
-        tool: what it may do where the axes leave the path or its times.
+        tool: what it may do where the axes leave the path or its times; anything by default.
         free: up to which path time the path may stand while a gimbal turns at its pole, s.
 
     Raises:
@@ -112,9 +103,6 @@ def route(
     if isinstance(mechanism, Gimbal):
         start = np.array(mechanism.solve(_row(q[0]), joints)[0]) if joints else None
         found = plan_axes(mechanism, q, period, start=start, past=past, tool=tool, free=free)
-        first = found.path.joints[[0, 0]]
-        origin = first[0] if start is None else start
-        found = as_driven(mechanism, found, origin, past if len(past) else first)
         return _certified(mechanism, found, q)
     return _followed(mechanism, period, q, position, joints, past)
 
@@ -221,7 +209,7 @@ def plan_axes(
     *,
     start: Floats | None = None,
     past: Floats | None = None,
-    tool: ToolLimits = UNLIMITED,
+    tool: ToolLimits | None = None,
     free: float = 0.0,
 ) -> Route:
     """Return axis angles of a gimbal for a path of orientations.
@@ -238,7 +226,7 @@ def plan_axes(
             chooses.
         past: axis angles of the samples before a path that begins in motion, the oldest first, rad,
             shape ``(m, axes)``.
-        tool: what it keeps to on a slew.
+        tool: what it keeps to on a slew; nothing by default.
         free: as for :func:`route`.
 
     Raises:
@@ -247,58 +235,53 @@ def plan_axes(
         StartError: the path does not begin at *start*.
     """
     past = np.empty((0, len(gimbal.axes))) if past is None else past
-    own = [axis._replace(acceleration=PLANNED * axis.acceleration) for axis in gimbal.axes]
-    found = _choose(gimbal, q, period, own, start, tool, free)
-    _refuse(found[0], gimbal, q, period, past)
-    routes = [_routed(gimbal, q, period, own, choice, past, tool) for choice in found]
-    best = min(routes, key=lambda one: len(one.path.joints))
-    refuse_rates(best.peaks, _ADVICE)
-    return best
+    bounds = Bounds(period, planned(gimbal.axes), tool or ToolLimits())
+    ramp = stop_time(q, bounds)
+    choice = _choose(gimbal, q, bounds, start, free, ramp)
+    _refuse(choice, gimbal, q, period, past)
+    is_moving = len(past) > 0 and bool(np.ptp(past, axis=0).max() > _STILL)
+    line = with_stops(gimbal, choice.joints, choice.slews, bounds, ramp=ramp, is_moving=is_moving)
+    peaks = tuple(axis_peaks(line.joints, period, gimbal.axes, past))
+    refuse_rates(peaks, _ADVICE)
+    reached = orientations(gimbal, line.joints)
+    made = orientations(gimbal, choice.joints) if line.slews else reached
+    missed = _missed(gimbal, made, q)
+    at = int(np.argmax(missed))
+    error = float(missed[at]), _when(line.path_times, at * period, period)
+    path = JointPath(period, line.joints, reached, line.path_times)
+    return Route(path, peaks, choice.passages, _honest(gimbal, q, path, line.slews), error)
 
 
 def _choose(
-    gimbal: Gimbal,
-    q: Floats,
-    period: float,
-    own: Sequence[AxisLimits],
-    start: Floats | None,
-    tool: ToolLimits,
-    free: float,
-) -> list[Choice]:
-    """Return the best way, or some of which the quickest is, where only their stops show it."""
+    gimbal: Gimbal, q: Floats, bounds: Bounds, start: Floats | None, free: float, ramp: float
+) -> Choice:
+    """Return the best way, which stops where it may and must."""
     first = float(start[0]) if start is not None and _is_at_pole(gimbal, q[0]) else None
     may_slew = gimbal.allow_slews or free > 0.0
     is_plain = start is not None and gimbal.max_deviation == 0.0 and not may_slew
     if start is not None and is_plain and len(q) > 2 * _GLANCE:
-        begun = continued(_principal(gimbal, q[:_GLANCE], first), own, period, start, _SAME)
+        begun = continued(_principal(gimbal, q[:_GLANCE], first), bounds, start)
         if begun.reached < _GLANCE:
-            return [begun]
+            return begun
     principal = _principal(gimbal, q, first)
     ways: list[Passage] = []
     if gimbal.max_deviation > 0.0:
         matrix = matrices(gimbal, q)
         line, _ = outer_line(gimbal, matrix)
-        for window in windows(line, period, own[0]):
-            ways += passages(gimbal, matrix, window, own, period)
+        for window in windows(line, bounds):
+            ways += passages(gimbal, matrix, window, bounds)
     if start is not None and not ways:
-        on_its_way = continued(principal, own, period, start, _SAME)
+        on_its_way = continued(principal, bounds, start)
         if on_its_way.reached == len(q) or not may_slew:
-            return [on_its_way]
-    every = candidates(principal, near(principal, own, start))
-    choice = choose(every, own, period, start=start, entry=_SAME, passages=ways)
+            return on_its_way
+    every = candidates(principal, bounds.axes, start)
+    choice = choose(every, bounds, start=start, passages=ways)
     if choice.reached == len(q) or not may_slew:
-        return [choice]
+        return choice
     where = np.ones(len(q), dtype=bool)
     if not gimbal.allow_slews:
-        where[1:] = _is_by_pole(gimbal, q, free / period)
-    quick = SlewTime(stop_time(q, period, tool), lambda gaps: slew_times(gaps, own, tool))
-    return [
-        choose(
-            every, own, period, start=start, entry=_SAME, passages=ways, slews=where,
-            slew_time=slew_time,
-        )
-        for slew_time in (quick, None)
-    ]  # fmt: skip
+        where[1:] = _is_by_pole(gimbal, q, free / bounds.period)
+    return choose(every, bounds, start=start, passages=ways, slews=where, stop=ramp)
 
 
 def _principal(gimbal: Gimbal, q: Floats, first: float | None) -> Floats:
@@ -374,68 +357,13 @@ def refuse_angle(principal: Floats, axes: Sequence[AxisLimits], time: float) -> 
 def _is_by_pole(gimbal: Gimbal, q: Floats, count: float) -> Bools:
     """Return which of the first *count* steps begin or end so near the pole that it is passed."""
     _, sine = of_arrays(gimbal).pointing(matrices(gimbal, q))
-    is_near = sine < np.sin(TILT)
+    is_near = sine < _BY_POLE
     found: Bools = (is_near[:-1] | is_near[1:]) & (np.arange(len(q) - 1) < count)
     return found
 
 
 def _is_at_pole(gimbal: Gimbal, q: Floats) -> bool:
     return gimbal.is_at_pole(_row(q))
-
-
-def _routed(
-    gimbal: Gimbal,
-    q: Floats,
-    period: float,
-    own: Sequence[AxisLimits],
-    choice: Choice,
-    past: Floats,
-    tool: ToolLimits,
-) -> Route:
-    """Return the route of *choice*, with the limits that its own stops and slews keep."""
-    line = with_stops(
-        gimbal, choice.joints, period, choice.slews, own, tool=tool,
-        ramp=stop_time(q, period, tool),
-        is_moving=len(past) > 0 and bool(np.ptp(past, axis=0).max() > _STILL),
-    )  # fmt: skip
-    reached = orientations(gimbal, line.joints)
-    made = orientations(gimbal, choice.joints) if line.slews else reached
-    missed = _missed(gimbal, made, q)
-    at = int(np.argmax(missed))
-    error = float(missed[at]), _when(line.path_times, at * period, period)
-    path = JointPath(period, line.joints, reached, line.path_times)
-    peaks = tuple(axis_peaks(line.joints, period, gimbal.axes, past))
-    return Route(path, peaks, choice.passages, _honest(gimbal, q, path, line.slews), error)
-
-
-def as_driven(gimbal: Gimbal, route: Route, start: Floats, past: Floats) -> Route:
-    """Return *route* with the angles that the driver makes of its orientations.
-
-    Within reach of rounding at the pole they say of three axes the sum of two angles only: there
-    the driver leaves the innermost one as it is.
-
-    Args:
-        gimbal: whose.
-        route: as planned.
-        start: axis angles commanded before it, rad.
-        past: the samples before the first, as for :func:`.rates`.
-
-    Raises:
-        LimitError: an axis cannot follow that.
-    """
-    path = route.path
-    _, sine = of_arrays(gimbal).pointing(matrices(gimbal, path.q))
-    if len(gimbal.axes) < 3 or np.min(sine) > 2.0 * LOCK:
-        return route
-    made, last = [], tuple(start.tolist())
-    for q in path.q:
-        last, _ = gimbal.solve(_row(q), last)
-        made.append(last)
-    joints = np.array(made)
-    peaks = tuple(axis_peaks(joints, path.period, gimbal.axes, past))
-    refuse_rates(peaks, _ADVICE)
-    driven = JointPath(path.period, joints, path.q, path.path_times)
-    return Route(driven, peaks, route.passages, route.slews, route.error)
 
 
 def _honest(gimbal: Gimbal, q: Floats, path: JointPath, slews: Sequence[Slew]) -> tuple[Slew, ...]:
@@ -447,7 +375,8 @@ def _honest(gimbal: Gimbal, q: Floats, path: JointPath, slews: Sequence[Slew]) -
         first = np.minimum(at.astype(np.int64), len(q) - 2)
         turn = log(multiply(conjugate(q[first]), q[first + 1]))
         asked = multiply(q[first], exp((at - first)[:, None] * turn))
-        told.append(slew.off_by(float(np.max(_missed(gimbal, path.q[part], asked)))))
+        error = float(np.max(_missed(gimbal, path.q[part], asked)))
+        told.append(replace(slew, error=error))
     return tuple(told)
 
 
