@@ -85,8 +85,24 @@ class ToolLimits(NamedTuple):
         )
 
 
-UNLIMITED = ToolLimits()
-"""Nothing limits the tool."""
+class Bounds(NamedTuple):
+    """What a plan keeps to.
+
+    Attributes:
+        period: of its samples, s.
+        axes: limits of every axis, as far as the plan may use them.
+        tool: what it may do where the axes leave the path or its times.
+    """
+
+    period: float
+    axes: Sequence[AxisLimits]
+    tool: ToolLimits = ToolLimits()
+
+    @property
+    def longest_step(self) -> Floats:
+        """How far each axis can turn in a sample, with room for rounding, rad."""
+        velocity = np.array([axis.velocity for axis in self.axes])
+        return velocity * self.period * (1 + 1e-9) + 1e-12
 
 
 class AxisPeak(NamedTuple):

@@ -17,19 +17,11 @@ import numpy as np
 from orientd.driver import AxisLimits, Figure, Joints, Quaternion, Vector3
 from orientd.errors import LimitError, LimitKind, PlanError, StartError
 from orientd.mechanism.arrays import joints_at, matrices, of_arrays, orientations, wrapped
-from orientd.mechanism.branches import (
-    Bools,
-    Choice,
-    SlewTime,
-    candidates,
-    choose,
-    continued,
-    near,
-)
+from orientd.mechanism.branches import Bools, Choice, candidates, choose, continued
 from orientd.mechanism.gimbal import Gimbal
 from orientd.mechanism.joint_path import (
-    UNLIMITED,
     AxisPeak,
+    Bounds,
     JointPath,
     ToolLimits,
     axis_peaks,
@@ -42,12 +34,10 @@ from orientd.mechanism.joint_path import (
 )
 from orientd.mechanism.mechanism import Mechanism
 from orientd.mechanism.pole import Passage, outer_line, passages, windows
-from orientd.mechanism.slews import Slew, slew_times, stop_time, with_stops
+from orientd.mechanism.slews import Slew, stop_time, with_stops
 from orientd.rotation import Floats, angle, check_unit, conjugate, exp, log, multiply, rotate
 
 _STILL = 1e-9
-_SAME = 1e-3
-"""How far a path may begin from the angles that are given, rad."""
 _GLANCE = 4096
 """Samples of a long path that are looked at first: what is too much is often its lead-in."""
 _BY_POLE = np.sin(np.radians(2.0))
@@ -86,7 +76,7 @@ def route(
     *,
     joints: Joints = (),
     before: Sequence[Joints] = (),
-    tool: ToolLimits = UNLIMITED,
+    tool: ToolLimits | None = None,
     free: float = 0.0,
 ) -> JointPath:
     """Return the path that the axes of a mechanism follow.
@@ -100,7 +90,7 @@ def route(
             not known.
         before: axis angles planned for the periods before a path that begins in motion, the oldest
             first; empty where it begins at rest.
-        tool: what it may do where the axes leave the path or its times.
+        tool: what it may do where the axes leave the path or its times; anything by default.
         free: up to which path time the path may stand while a gimbal turns at its pole, s.
 
     Raises:
@@ -219,7 +209,7 @@ def plan_axes(
     *,
     start: Floats | None = None,
     past: Floats | None = None,
-    tool: ToolLimits = UNLIMITED,
+    tool: ToolLimits | None = None,
     free: float = 0.0,
 ) -> Route:
     """Return axis angles of a gimbal for a path of orientations.
@@ -236,7 +226,7 @@ def plan_axes(
             chooses.
         past: axis angles of the samples before a path that begins in motion, the oldest first, rad,
             shape ``(m, axes)``.
-        tool: what it keeps to on a slew.
+        tool: what it keeps to on a slew; nothing by default.
         free: as for :func:`route`.
 
     Raises:
@@ -245,58 +235,53 @@ def plan_axes(
         StartError: the path does not begin at *start*.
     """
     past = np.empty((0, len(gimbal.axes))) if past is None else past
-    own = planned(gimbal.axes)
-    found = _choose(gimbal, q, period, own, start, tool, free)
-    _refuse(found[0], gimbal, q, period, past)
-    routes = [_routed(gimbal, q, period, own, choice, past, tool) for choice in found]
-    best = min(routes, key=lambda one: len(one.path.joints))
-    refuse_rates(best.peaks, _ADVICE)
-    return best
+    bounds = Bounds(period, planned(gimbal.axes), tool or ToolLimits())
+    ramp = stop_time(q, bounds)
+    choice = _choose(gimbal, q, bounds, start, free, ramp)
+    _refuse(choice, gimbal, q, period, past)
+    is_moving = len(past) > 0 and bool(np.ptp(past, axis=0).max() > _STILL)
+    line = with_stops(gimbal, choice.joints, choice.slews, bounds, ramp=ramp, is_moving=is_moving)
+    peaks = tuple(axis_peaks(line.joints, period, gimbal.axes, past))
+    refuse_rates(peaks, _ADVICE)
+    reached = orientations(gimbal, line.joints)
+    made = orientations(gimbal, choice.joints) if line.slews else reached
+    missed = _missed(gimbal, made, q)
+    at = int(np.argmax(missed))
+    error = float(missed[at]), _when(line.path_times, at * period, period)
+    path = JointPath(period, line.joints, reached, line.path_times)
+    return Route(path, peaks, choice.passages, _honest(gimbal, q, path, line.slews), error)
 
 
 def _choose(
-    gimbal: Gimbal,
-    q: Floats,
-    period: float,
-    own: Sequence[AxisLimits],
-    start: Floats | None,
-    tool: ToolLimits,
-    free: float,
-) -> list[Choice]:
-    """Return the best way, or some of which the quickest is, where only their stops show it."""
+    gimbal: Gimbal, q: Floats, bounds: Bounds, start: Floats | None, free: float, ramp: float
+) -> Choice:
+    """Return the best way, which stops where it may and must."""
     first = float(start[0]) if start is not None and _is_at_pole(gimbal, q[0]) else None
     may_slew = gimbal.allow_slews or free > 0.0
     is_plain = start is not None and gimbal.max_deviation == 0.0 and not may_slew
     if start is not None and is_plain and len(q) > 2 * _GLANCE:
-        begun = continued(_principal(gimbal, q[:_GLANCE], first), own, period, start, _SAME)
+        begun = continued(_principal(gimbal, q[:_GLANCE], first), bounds, start)
         if begun.reached < _GLANCE:
-            return [begun]
+            return begun
     principal = _principal(gimbal, q, first)
     ways: list[Passage] = []
     if gimbal.max_deviation > 0.0:
         matrix = matrices(gimbal, q)
         line, _ = outer_line(gimbal, matrix)
-        for window in windows(line, period, own[0]):
-            ways += passages(gimbal, matrix, window, own, period)
+        for window in windows(line, bounds):
+            ways += passages(gimbal, matrix, window, bounds)
     if start is not None and not ways:
-        on_its_way = continued(principal, own, period, start, _SAME)
+        on_its_way = continued(principal, bounds, start)
         if on_its_way.reached == len(q) or not may_slew:
-            return [on_its_way]
-    every = candidates(principal, near(principal, own, start))
-    choice = choose(every, own, period, start=start, entry=_SAME, passages=ways)
+            return on_its_way
+    every = candidates(principal, bounds.axes, start)
+    choice = choose(every, bounds, start=start, passages=ways)
     if choice.reached == len(q) or not may_slew:
-        return [choice]
+        return choice
     where = np.ones(len(q), dtype=bool)
     if not gimbal.allow_slews:
-        where[1:] = _is_by_pole(gimbal, q, free / period)
-    quick = SlewTime(stop_time(q, period, tool), lambda gaps: slew_times(gaps, own, tool))
-    return [
-        choose(
-            every, own, period, start=start, entry=_SAME, passages=ways, slews=where,
-            slew_time=slew_time,
-        )
-        for slew_time in (quick, None)
-    ]  # fmt: skip
+        where[1:] = _is_by_pole(gimbal, q, free / bounds.period)
+    return choose(every, bounds, start=start, passages=ways, slews=where, stop=ramp)
 
 
 def _principal(gimbal: Gimbal, q: Floats, first: float | None) -> Floats:
@@ -379,31 +364,6 @@ def _is_by_pole(gimbal: Gimbal, q: Floats, count: float) -> Bools:
 
 def _is_at_pole(gimbal: Gimbal, q: Floats) -> bool:
     return gimbal.is_at_pole(_row(q))
-
-
-def _routed(
-    gimbal: Gimbal,
-    q: Floats,
-    period: float,
-    own: Sequence[AxisLimits],
-    choice: Choice,
-    past: Floats,
-    tool: ToolLimits,
-) -> Route:
-    """Return the route of *choice*, with the limits that its own stops and slews keep."""
-    line = with_stops(
-        gimbal, choice.joints, period, choice.slews, own, tool=tool,
-        ramp=stop_time(q, period, tool),
-        is_moving=len(past) > 0 and bool(np.ptp(past, axis=0).max() > _STILL),
-    )  # fmt: skip
-    reached = orientations(gimbal, line.joints)
-    made = orientations(gimbal, choice.joints) if line.slews else reached
-    missed = _missed(gimbal, made, q)
-    at = int(np.argmax(missed))
-    error = float(missed[at]), _when(line.path_times, at * period, period)
-    path = JointPath(period, line.joints, reached, line.path_times)
-    peaks = tuple(axis_peaks(line.joints, period, gimbal.axes, past))
-    return Route(path, peaks, choice.passages, _honest(gimbal, q, path, line.slews), error)
 
 
 def _honest(gimbal: Gimbal, q: Floats, path: JointPath, slews: Sequence[Slew]) -> tuple[Slew, ...]:

@@ -16,6 +16,7 @@ from orientd.mechanism.arrays import orientations
 from orientd.mechanism.gimbal import Gimbal
 from orientd.mechanism.joint_path import (
     EDGE,
+    Bounds,
     JointPath,
     ToolLimits,
     axis_peaks,
@@ -146,7 +147,8 @@ def together(
     else:
         end = min(windings(gimbal, q, joints), key=lambda one: _travel(joints, one))
     begin = np.array(joints)
-    turned = straight(gimbal, begin, np.array(end), period, planned(gimbal.axes), tool, least=least)
+    bounds = Bounds(period, planned(gimbal.axes), tool)
+    turned = straight(gimbal, begin, np.array(end), bounds, least=least)
     peaks = list(axis_peaks(turned, period, gimbal.axes, turned[[0, 0, 0]]))
     figures = [
         *figures_of(turned, peaks),
