@@ -552,6 +552,16 @@ def test_polyscope_x_is_asked_nothing_at_a_dashboard(robot, monkeypatch):
         robot.driver().enable()
 
 
+def test_frozen_controller_is_not_waited_for_in_a_fault(robot):
+    driver, _ = enabled(robot, feedback_timeout=0.1, link_timeout=2.0)
+    cycle(driver)
+    driver.rest_in_fault()
+    robot.is_frozen = True
+    for _ in range(2):
+        cycle(driver, ms=80)
+    assert len(robot.called("stopScript")) == 1
+
+
 # Taking control
 
 
