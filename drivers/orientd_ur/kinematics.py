@@ -116,20 +116,6 @@ class Kinematics:
         own = (self._calibrated(pose, one) for one in every)
         return [one for one in own if one is not None]
 
-    def reserve(self, joints: Sequence[float]) -> dict[str, float]:
-        """Return how far *joints* are from each kind of singularity; 0 is singular.
-
-        ``wrist`` and ``elbow`` are sines of the bend there; ``shoulder`` is how far the fifth frame
-        is from the cylinder about the base axis that it cannot enter, in m.
-        """
-        _, q2, q3, q4, q5, _ = joints
-        along = (
-            -self.links.upper_arm * cos(q2)
-            - self.links.forearm * cos(q2 + q3)
-            + self.links.d5 * sin(q2 + q3 + q4)
-        )
-        return {"wrist": abs(sin(q5)), "elbow": abs(sin(q3)), "shoulder": abs(along)}
-
     def _calibrated(self, pose: Pose, found: Six) -> Six | None:
         """Return the joints of this very arm, from those of the published one."""
         if not self.is_calibrated:
