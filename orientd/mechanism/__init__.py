@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from orientd.mechanism.gimbal import Gimbal
     from orientd.mechanism.joint_path import JointPath, ToolLimits
     from orientd.mechanism.mechanism import Mechanical, Mechanism, Reserve
-    from orientd.mechanism.pacing import demand, pace
+    from orientd.mechanism.pacing import pace
     from orientd.mechanism.routing import joints_along, route
     from orientd.mechanism.turning import pointed, together
 
@@ -28,7 +28,7 @@ __getattr__ = lazily(
         "orientd.mechanism.gimbal": ("Gimbal",),
         "orientd.mechanism.joint_path": ("JointPath", "ToolLimits"),
         "orientd.mechanism.mechanism": ("Mechanical", "Mechanism", "Reserve"),
-        "orientd.mechanism.pacing": ("demand", "pace"),
+        "orientd.mechanism.pacing": ("pace",),
         "orientd.mechanism.routing": ("joints_along", "route"),
         "orientd.mechanism.turning": ("pointed", "together"),
     },

@@ -24,6 +24,8 @@ from orientd.rotation import Floats
 
 _BRANCHES = (0, 1, -1, 2, -2)
 _BISECTIONS = 20
+_SPEED_SHARE = 0.99
+"""Of an axis' velocity; where the line bends, an axis is faster between two records."""
 _THROUGH = 2
 """So many samples at the pole belong to a path that goes straight through it."""
 _CLOSE = 0.2
@@ -219,7 +221,7 @@ def _attempt(
     joints[:, 1:] = np.unwrap(joints[:, 1:], axis=0)
     velocity, acceleration = rates(joints, period, joints[:0])
     for place, allowed in enumerate(bounds.axes):
-        if np.max(np.abs(velocity[:, place])) > allowed.velocity:
+        if np.max(np.abs(velocity[:, place])) > _SPEED_SHARE * allowed.velocity:
             return None
         if np.max(np.abs(acceleration[:, place])) > allowed.acceleration * (1 + 1e-6):
             return None
