@@ -380,3 +380,13 @@ def test_driven_servo_is_between_where_it_was_seen_and_where_it_was_sent(rig):
     servo.believe(1950, MS)
     assert servo.doubt(2300, is_driven=True)
     assert "from its goal" in servo.doubt(1900 + 4096, is_driven=True)
+
+
+@pytest.mark.parametrize("drift", [-0.005, 0.005])
+def test_servo_whose_clock_drifts_is_believed_for_ever(rig, drift):
+    it = rig(rate_hz=50, is_paced=False)
+    it.start()
+    for _ in range(2000):
+        it.servo(2)._boot_ns += round(drift * it.period_ns)
+        it.cycle()
+    assert it.driver._group.lost == 0
