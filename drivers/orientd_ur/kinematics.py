@@ -35,7 +35,7 @@ _SAME_BRANCH = 0.1
 # A calibration of tenths of a millimetre needs three rounds, away from singularities; what moved by
 # this much last is a thousand times closer now.
 _ROUNDS = 25
-_SETTLED = 1e-9
+_SETTLED = 1e-10
 _NONE: Six = (0.0,) * 6
 
 
