@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from emulated_dynamixel import FaultKind, ReplyFault
-from orientd.errors import DeviceError, DeviceFaultError, LinkError
+from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
 from orientd_dynamixel.servo import Servo
 
 MS = 1_000_000
@@ -176,6 +176,28 @@ def test_profile_is_no_faster_than_the_servo_may_be(rig):
     it.servo(1).write(44, (100).to_bytes(4, "little"), it.clock.now_ns())
     it.driver.open()
     assert [it.value(k, "profile velocity") for k in (1, 2)] == [100, 193]
+
+
+def test_profiles_of_another_program_are_put_right(rig):
+    it = rig()
+    for address in (108, 112):
+        it.servo(1).write(address, (7).to_bytes(4, "little"), it.clock.now_ns())
+    it.driver.open()
+    assert [it.value(1, f"profile {what}") for what in ("acceleration", "velocity")] == [0, 193]
+
+
+def test_others_are_read_on_when_one_has_started_again(rig):
+    it = rig()
+    it.start()
+    it.run(5)
+    it.servo(2).reboot(it.clock.now_ns(), boot_ns=0)
+    with pytest.raises(AxisFaultError, match=r"servo 2 \(pitch\) has started again"):
+        it.run(3)
+    it.run(10)
+    assert it.clock.now_ns() - it.seen[-1].time_ns <= it.period_ns
+    it.servo(3).fail(1 << 0, it.clock.now_ns())
+    with pytest.raises(AxisFaultError, match=r"servo 3 \(roll\) reports input voltage"):
+        it.run(3)
 
 
 def test_setting_that_is_not_taken_is_named(rig):
@@ -358,3 +380,13 @@ def test_driven_servo_is_between_where_it_was_seen_and_where_it_was_sent(rig):
     servo.believe(1950, MS)
     assert servo.doubt(2300, is_driven=True)
     assert "from its goal" in servo.doubt(1900 + 4096, is_driven=True)
+
+
+@pytest.mark.parametrize("drift", [-0.005, 0.005])
+def test_servo_whose_clock_drifts_is_believed_for_ever(rig, drift):
+    it = rig(rate_hz=50, is_paced=False)
+    it.start()
+    for _ in range(2000):
+        it.servo(2)._boot_ns += round(drift * it.period_ns)
+        it.cycle()
+    assert it.driver._group.lost == 0

@@ -1,6 +1,7 @@
 """The driver's cycle, cycle by cycle, against a stand-in for the client library."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -11,6 +12,7 @@ from orientd.errors import DeviceFaultError, FeedbackError, LinkError, SpentLink
 from orientd.floats import exp, log, multiply
 from orientd_ur.arm import MODELS
 from orientd_ur.controller import RuntimeState
+from orientd_ur.kinematics import Kinematics
 from orientd_ur.link import VARIABLES
 
 MS = 1_000_000
@@ -676,3 +678,16 @@ def test_missing_feedback_is_said_to_be_late_by_whose_fault(robot, silence_ms, w
         driver.read()
     with pytest.raises(FeedbackError, match=words):
         cycle(driver, ms=90)
+
+
+def test_servo_looks_ahead_with_the_published_lengths_and_the_tool_as_it_is_seen(
+    robot, monkeypatch
+):
+    links = MODELS["ur5e"].links
+    own = links.table._replace(theta=(1e-3,) * 6)
+    calibrated = replace(MODELS["ur5e"].arm(), kinematics=Kinematics(links, own))
+    monkeypatch.setattr("orientd_ur.robot.ask", lambda *_: calibrated)
+    driver, start = enabled(robot)
+    arm = driver.mechanism(may_ask=False)
+    assert not arm.kinematics.is_calibrated
+    assert arm.forward(JOINTS)[1] == pytest.approx(start.position)

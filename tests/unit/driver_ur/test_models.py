@@ -96,5 +96,9 @@ def test_calibrated_arm_is_solved_as_exactly():
             assert off(kinematics.forward(q), expected) < 1e-12
             if shoulder_reserve("ur10e", q) < 0.2:
                 continue
-            found = kinematics.inverse(kinematics.forward(q), q)
-            assert off(kinematics.forward(found), expected) < 1e-12
+            for near in (q, [angle + 0.02 for angle in q]):
+                found = kinematics.inverse(kinematics.forward(q), near)
+                assert off(kinematics.forward(found), expected) < 1e-12
+            every = kinematics.solutions(kinematics.forward(q))
+            assert all(off(kinematics.forward(one), expected) < 1e-11 for one in every)
+            assert len(every) >= 2
