@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orientd.driver import AxisLimits, Figure
+from orientd.driver import AxisLimits
 from orientd.errors import LimitError, LimitKind
+from orientd.mechanism.figure import Figure
 from orientd.rotation import Floats, conjugate, log, multiply
 
 _SLACK = 1.0 + 1e-3

@@ -14,10 +14,11 @@ from math import degrees
 
 import numpy as np
 
-from orientd.driver import AxisLimits, Figure, Joints, Quaternion, Vector3
+from orientd.driver import AxisLimits, Joints, Quaternion, Vector3
 from orientd.errors import LimitError, LimitKind, PlanError, StartError
 from orientd.mechanism.arrays import joints_at, matrices, of_arrays, orientations, wrapped
 from orientd.mechanism.branches import Bools, Choice, candidates, choose, continued
+from orientd.mechanism.figure import Figure
 from orientd.mechanism.gimbal import Gimbal
 from orientd.mechanism.joint_path import (
     AxisPeak,

@@ -11,8 +11,9 @@ from math import degrees
 
 import numpy as np
 
-from orientd.driver import Figure, Joints, Quaternion, Vector3
+from orientd.driver import Joints, Quaternion, Vector3
 from orientd.mechanism.arrays import orientations
+from orientd.mechanism.figure import Figure
 from orientd.mechanism.gimbal import Gimbal
 from orientd.mechanism.joint_path import (
     EDGE,
