@@ -253,13 +253,16 @@ def test_servo_is_asked_four_times_outside_of_the_cycle(rig, kind):
     servo = it.driver._servos[1]
     table, bus = servo.table, it.driver._group.bus
     for lost, is_told in ((3, True), (4, False)):
-        for ask in (lambda: servo.get(table.goal), lambda: servo.put(table.profile_velocity, 9)):
+        for what, ask in (
+            ("read of address 116", lambda: servo.get(table.goal)),
+            ("write of address 112", lambda: servo.put(table.profile_velocity, 9)),
+        ):
             it.bus.faults.clear()
             it.bus.faults.add(2, ReplyFault(kind, remaining=lost))
             if is_told:
                 assert ask() in {2048, None}
             else:
-                with pytest.raises(LinkError, match="servo 2 does not answer a"):
+                with pytest.raises(LinkError, match=f"servo 2 does not answer a {what}"):
                     ask()
     it.bus.faults.clear()
     it.bus.faults.add(2, ReplyFault(kind, remaining=11))
