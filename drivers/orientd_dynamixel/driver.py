@@ -33,7 +33,7 @@ from orientd.driver import (
 from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
 from orientd.mechanism import Gimbal
 from orientd_dynamixel.axes import SLACK, TICK, Following, complain_of_step
-from orientd_dynamixel.bus import READ_WAIT_S, OpenBus, ServoBus, open_bus
+from orientd_dynamixel.bus import READ_WAIT_S, OpenBus, open_bus
 from orientd_dynamixel.group import TAIL_SHARE, Group, listen
 from orientd_dynamixel.options import GimbalOptions, parse
 from orientd_dynamixel.servo import Servo
@@ -69,7 +69,6 @@ class DynamixelDriver(Driver):
         self.advice: list[str] = []
         self._open_bus = open_bus
         self._sleep = sleep
-        self._bus: ServoBus | None = None
         self._group: Group | None = None
         self._servos = [Servo(axis) for axis in self.settings.axes]
         self._gimbal: Gimbal = self.settings.gimbal()
@@ -112,7 +111,7 @@ class DynamixelDriver(Driver):
             DeviceFaultError: a servo refuses, the gimbal is outside its limits, or it is not known
                 on which turn it is.
         """
-        _, group = self._connected()
+        group = self._connected()
         if self._unknown:
             raise DeviceFaultError(self._unknown)
         self._settle(group)
@@ -140,7 +139,7 @@ class DynamixelDriver(Driver):
 
     def free(self) -> None:
         """Switch the torque off, so that the gimbal can be turned by hand; it may sink."""
-        _, group = self._connected()
+        group = self._connected()
         self._settle(group)
         for servo in self._servos:
             servo.let_go()
@@ -155,7 +154,7 @@ class DynamixelDriver(Driver):
             AxisFaultError: a servo reports an error, has no torque, or does not follow; its axis
                 stands from now on.
         """
-        _, group = self._connected()
+        group = self._connected()
         now_ns = self.clock.now_ns()
         try:
             is_new = group.take(now_ns)
@@ -176,13 +175,13 @@ class DynamixelDriver(Driver):
                 within their limits from now on, whatever the setpoints.
             DeviceFaultError: an axis would leave its limits.
         """
-        bus, group = self._connected()
+        group = self._connected()
         if self._standing.is_at_rest:
-            self._standing.send(bus)
+            self._standing.send(group.bus)
             group.ask(self.clock.now_ns())
             return
         if self._is_braking:
-            self._brake(bus, group)
+            self._send(group, self._following.brake())
             if not any(self._following.rates):
                 self._standing.rest(self.clock.now_ns())
             return
@@ -194,11 +193,10 @@ class DynamixelDriver(Driver):
         problem = self._complain_of(angles, cycles, SLACK, TICK)
         if problem:
             self._is_braking = True
-            self._brake(bus, group)
+            self._send(group, self._following.brake())
             raise AxisFaultError(problem)
-        goals = [servo.ticks(angle) for servo, angle in zip(self._servos, angles, strict=True)]
         self._following.took(angles)
-        self._send(bus, group, goals, now_ns)
+        self._send(group, angles)
 
     def _complain_of(
         self, angles: tuple[float, ...], cycles: int, slack: float, least: float
@@ -222,29 +220,21 @@ class DynamixelDriver(Driver):
         Raises:
             LinkError: the port is gone.
         """
-        bus, group = self._connected()
+        group = self._connected()
         if self._standing.is_at_rest or self._is_braking:
             self.write(setpoint)
             return self._gimbal.orientation(self._following.angles), self._following.angles
         angles = self._following.step(setpoint.q)
-        goals = [servo.ticks(angle) for servo, angle in zip(self._servos, angles, strict=True)]
-        self._send(bus, group, goals, self.clock.now_ns())
+        self._send(group, angles)
         return self._gimbal.orientation(angles), angles
 
-    def _brake(self, bus: ServoBus, group: Group) -> None:
-        """Bring every axis nearer to rest, within its limits."""
-        angles = self._following.brake()
-        goals = [servo.ticks(angle) for servo, angle in zip(self._servos, angles, strict=True)]
-        self._send(bus, group, goals, self.clock.now_ns())
-
-    def _send(self, bus: ServoBus, group: Group, goals: list[int], now_ns: int) -> None:
-        for place, goal in self._standing.goals.items():
-            goals[place] = goal
-        for servo, goal in zip(self._servos, goals, strict=True):
-            servo.goal = goal
-        bus.sync_write([(s.options.id, s.table.goal, s.goal) for s in self._servos])
-        self._written_ns = now_ns
-        group.ask(now_ns)
+    def _send(self, group: Group, angles: Joints) -> None:
+        """Send goals, those of axes that stand their own, and the next request."""
+        for place, (servo, angle) in enumerate(zip(self._servos, angles, strict=True)):
+            servo.goal = self._standing.goals.get(place, servo.ticks(angle))
+        group.bus.sync_write([(s.options.id, s.table.goal, s.goal) for s in self._servos])
+        self._written_ns = self.clock.now_ns()
+        group.ask(self._written_ns)
 
     def rest_in_fault(self) -> None:
         """Let every axis stand where it is from now on, or where it has braked to.
@@ -289,8 +279,8 @@ class DynamixelDriver(Driver):
             DeviceFaultError: a servo still reports an error.
         """
         self._is_enabled = False
-        if self._bus is not None:
-            self._bus.close()
+        if self._group is not None:
+            self._group.bus.close()
         self._connect()
 
     def diagnose(self) -> Sequence[Finding]:
@@ -328,20 +318,19 @@ class DynamixelDriver(Driver):
     def close(self) -> None:
         """Leave the servos with their goals, watchdogs off, and let go of the port."""
         self._is_enabled = False
-        bus, group = self._bus, self._group
-        self._bus = self._group = None
+        group, self._group = self._group, None
         self._turns.close()
-        if bus is None:
+        if group is None:
             return
         # The watchdogs stop what cannot be reached.
         with suppress(DeviceError):
-            if group is not None and not self._is_out_of_reach:
+            if not self._is_out_of_reach:
                 self._hold(group)
-        bus.close()
+        group.bus.close()
 
     def _connect(self) -> None:
         options = self.settings
-        self._bus = self._group = None
+        self._group = None
         glance_s = min(READ_WAIT_S, GLANCE_SHARE * 1e-9 * self.period_ns)
         bus = self._open_bus(
             options.port, options.baud, wait_ms=options.latency_ms, glance_s=glance_s
@@ -357,13 +346,12 @@ class DynamixelDriver(Driver):
             self._closed = str(error)
             bus.close()
             raise
-        self._bus = bus
         self._is_out_of_reach = False
 
-    def _connected(self) -> tuple[ServoBus, Group]:
-        if self._bus is None or self._group is None:
+    def _connected(self) -> Group:
+        if self._group is None:
             raise LinkError(self._closed)
-        return self._bus, self._group
+        return self._group
 
     def _settle(self, group: Group) -> None:
         group.settle(self.settings.latency_ms)

@@ -12,7 +12,8 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.mechanism.arrays import orientations
-    from orientd.mechanism.foresight import Foresight, refusal
+    from orientd.mechanism.figure import Figure
+    from orientd.mechanism.foresight import ComingPose, Foresight, refusal
     from orientd.mechanism.gimbal import Gimbal
     from orientd.mechanism.joint_path import JointPath, ToolLimits
     from orientd.mechanism.mechanism import Mechanical, Mechanism, Reserve
@@ -24,7 +25,8 @@ __getattr__ = lazily(
     "orientd.mechanism",
     {
         "orientd.mechanism.arrays": ("orientations",),
-        "orientd.mechanism.foresight": ("Foresight", "refusal"),
+        "orientd.mechanism.figure": ("Figure",),
+        "orientd.mechanism.foresight": ("ComingPose", "Foresight", "refusal"),
         "orientd.mechanism.gimbal": ("Gimbal",),
         "orientd.mechanism.joint_path": ("JointPath", "ToolLimits"),
         "orientd.mechanism.mechanism": ("Mechanical", "Mechanism", "Reserve"),

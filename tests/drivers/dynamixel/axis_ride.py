@@ -43,11 +43,11 @@ class SilentGimbal(DynamixelDriver):
         pass
 
     def _connected(self):
-        return None, None
+        return None
 
-    def _send(self, bus, group, goals, now_ns):
-        self.sent.append(self._following.angles)
-        self._written_ns = now_ns
+    def _send(self, group, angles):
+        self.sent.append(tuple(angles))
+        self._written_ns = self.clock.now_ns()
 
 
 def servo_limits_of(motion):

@@ -251,7 +251,7 @@ def test_servo_is_asked_four_times_outside_of_the_cycle(rig, kind):
     it = rig()
     it.driver.open()
     servo = it.driver._servos[1]
-    table, bus = servo.table, it.driver._bus
+    table, bus = servo.table, it.driver._group.bus
     for lost, is_told in ((3, True), (4, False)):
         for ask in (lambda: servo.get(table.goal), lambda: servo.put(table.profile_velocity, 9)):
             it.bus.faults.clear()
@@ -332,7 +332,7 @@ def test_bus_of_two_families_gets_the_goals_of_each_at_their_own_address(rig):
     sent, write = [], it.port.writePort
     it.port.writePort = lambda packet: (sent.append(bytes(packet)), write(packet))[1]
     goal = it.driver._servos[0].table.goal
-    it.driver._bus.sync_write([(1, goal, 2050), (2, goal._replace(address=564), 7)])
+    it.driver._group.bus.sync_write([(1, goal, 2050), (2, goal._replace(address=564), 7)])
     assert [packet[8] | packet[9] << 8 for packet in sent] == [116, 564]
     assert [packet[12] for packet in sent] == [1, 2]
 
