@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import degrees
 from typing import NamedTuple
 
@@ -203,40 +203,39 @@ def out_of_range(axis: AxisLimits, value: float, time: float, advice: str) -> Li
     return LimitError(quantity, value, bound, time, "rad", advice, kind=LimitKind.RANGE)
 
 
-def figures_of(joints: Floats, peaks: Sequence[AxisPeak]) -> list[Figure]:
-    """Return what is certified of every axis.
+def certified(
+    path: JointPath,
+    peaks: Sequence[AxisPeak],
+    figures: Sequence[Figure] = (),
+    notes: Sequence[str] = (),
+) -> JointPath:
+    """Return *path* with what holds for its axes, in figures and in words.
 
     Args:
-        joints: rad, shape ``(n, axes)``.
+        path: of the axes.
         peaks: as from :func:`axis_peaks`.
+        figures: what else holds for it.
+        notes: what else there is to say of it.
     """
-    figures: list[Figure] = []
-    low, high = joints.min(axis=0).tolist(), joints.max(axis=0).tolist()
-    axes = list(dict.fromkeys(peak.axis for peak in peaks))
-    for place, axis in enumerate(axes):
-        figures += [
+    every, words = list[Figure](), list[str]()
+    low, high = path.joints.min(axis=0).tolist(), path.joints.max(axis=0).tolist()
+    for place, axis in enumerate(dict.fromkeys(peak.axis for peak in peaks)):
+        own = [peak for peak in peaks if peak.axis == axis]
+        every += [
             Figure(f"{kind.value} of {axis.name}", value, UNITS[kind], limit, time)
-            for kind, owner, value, limit, time in peaks
-            if owner == axis
+            for kind, _, value, limit, time in own
         ]
-        figures += [
+        every += [
             Figure(f"least angle of {axis.name}", low[place], "rad", axis.low),
             Figure(f"largest angle of {axis.name}", high[place], "rad", axis.high),
         ]
-    return figures
-
-
-def words_of(joints: Floats, peaks: Sequence[AxisPeak]) -> list[str]:
-    """Return what the axes do in words, a line each; as for :func:`figures_of`."""
-    low, high = joints.min(axis=0).tolist(), joints.max(axis=0).tolist()
-    speeds = [peak for peak in peaks if peak.kind is LimitKind.VELOCITY]
-    forces = [peak for peak in peaks if peak.kind is LimitKind.ACCELERATION]
-    return [
-        f"{speed.axis.name}: {_tenths(low[place])} to {_tenths(high[place])} deg, at most "
-        f"{degrees(speed.value):.1f} deg/s at {speed.time:.3f} s (limit "
-        f"{degrees(speed.limit):.1f}), {degrees(force.value):.0f} deg/s^2 at {force.time:.3f} s"
-        for place, (speed, force) in enumerate(zip(speeds, forces, strict=True))
-    ]
+        speed, force, *_ = own
+        words.append(
+            f"{axis.name}: {_tenths(low[place])} to {_tenths(high[place])} deg, at most "
+            f"{degrees(speed.value):.1f} deg/s at {speed.time:.3f} s (limit "
+            f"{degrees(speed.limit):.1f}), {degrees(force.value):.0f} deg/s^2 at {force.time:.3f} s"
+        )
+    return replace(path, figures=(*every, *figures), notes=(*words, *notes))
 
 
 def _tenths(angle: float) -> str:

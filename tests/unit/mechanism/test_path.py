@@ -9,9 +9,9 @@ from reference.gimbal import damped_rates, jacobian
 
 from orientd.driver import AxisLimits
 from orientd.errors import LimitError, PlanError, StartError
+from orientd.mechanism.gimbal_route import manipulability, plan_axes
 from orientd.mechanism.joint_path import ToolLimits
 from orientd.mechanism.joint_path import rates as rates_after
-from orientd.mechanism.routing import manipulability, plan_axes
 from orientd.rotation import angle, exp, from_axis_angle, from_matrix, log, multiply
 
 PERIOD = 0.005
