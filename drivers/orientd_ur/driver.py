@@ -89,6 +89,7 @@ class UrDriver(Driver):
         self._program = ControlProgram(self._link, self._options)
         self._silence = WriteSilence(self._options.watchdog_hz)
         self._clock = ControllerClock()
+        self._notices: tuple[str, ...] = ()
         self._arm: Arm | None = None
         self._is_enabled = self._is_in_fault = False
         self._timestamp = -1.0

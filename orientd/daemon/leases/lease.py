@@ -1,8 +1,8 @@
 """Leases: who may command which device, and for how long.
 
-A lease is of one device or of several, and a device is in the leases of one commander alone.  A
-commander may share: then each program of theirs has a lease of its own, with a token of its own,
-and what one of them gives back, or loses, leaves the others, and their motions, alone.
+A lease is of one device or of several, and a device is in the leases of one identity alone.  Two
+programs of one identity share a device only if the second one asks for that.  Then each has a lease
+of its own: if one of them gives its lease back, or loses it, the other one and its motions go on.
 """
 
 from __future__ import annotations
@@ -33,8 +33,6 @@ class Lease:
         devices: which may be commanded with it, in the order of the table.
         owner: whose it is, as the daemon knows them; empty where it knows nobody.
         name: of the owner, for people.
-        is_offered: whether it was handed over to the owner, who has not taken it yet.
-        commander: the same for leases that are shared; the token of the first of them.
     """
 
     token: str
@@ -43,8 +41,6 @@ class Lease:
     devices: tuple[str, ...] = ()
     owner: str = ""
     name: str = ""
-    is_offered: bool = False
-    commander: str = ""
 
     @property
     def who(self) -> str:
@@ -53,7 +49,7 @@ class Lease:
 
 
 class LeaseTable:
-    """Hand out leases, each device to one commander at a time.  Safe to call from any thread."""
+    """Hand out leases, each device to one identity at a time.  Safe to call from any thread."""
 
     def __init__(self, devices: Sequence[str], *, seconds: float, clock: Clock) -> None:
         """Open with nobody holding a lease.
@@ -101,7 +97,7 @@ class LeaseTable:
         *,
         name: str = "",
         devices: Collection[str] = (),
-        share: str = "",
+        beside: bool = False,
     ) -> Lease:
         """Give a lease of *devices* to *holder*, of all of them or of none.
 
@@ -109,59 +105,24 @@ class LeaseTable:
             holder: what it calls itself.
             owner: whose it will be.
             name: of the owner, for people.
-            devices: which; all there are if empty, or those of *share*.
-            share: the token of a lease to command beside; it is left as it is.
+            devices: which; all there are if empty.
+            beside: whether to command beside other leases of the same owner, which stay as they
+                are.
 
         Raises:
-            LeaseError: another commander has one of them; the message names them and the time that
-                is left; or *share* is not the token of a lease.
+            LeaseError: one of the devices is taken; the message names the holder and the time that
+                is left.
         """
         with self._lock:
-            shared = self._check(share) if share else None
-            wanted = self._in_order(devices or (shared.devices if shared else ()))
-            commander = shared.commander if shared else ""
-            others = [
-                lease
-                for lease in self._valid()
-                if lease.commander != commander and set(wanted) & set(lease.devices)
-            ]
-            offered = [lease for lease in others if lease.is_offered and lease.owner == owner]
-            refusing = [lease for lease in others if lease not in offered]
-            if refusing:
-                raise LeaseError(self._taken(refusing[0]))
-            if len(offered) == 1 and not shared:
-                # The motions that run under it know it by its token.
-                known = offered[0]
-                lease = replace(
-                    known,
-                    holder=holder,
-                    devices=self._in_order({*wanted, *known.devices}),
-                    is_offered=False,
-                    expires_ns=self._deadline(),
-                )
-            elif offered:
-                raise LeaseError("several leases were handed over: take each by itself")
-            else:
-                lease = self._new(holder, owner, name, wanted, commander)
+            wanted = self._in_order(devices)
+            for lease in self._valid():
+                is_own = lease.owner == owner
+                if set(wanted) & set(lease.devices) and not (beside and is_own):
+                    advice = "; with --lease, this commands beside it" if is_own else ""
+                    raise LeaseError(self._taken(lease) + advice)
+            lease = self._new(holder, owner, name, wanted)
             self._leases[lease.token] = lease
             return lease
-
-    def transfer(self, token: str, owner: str, name: str) -> tuple[list[Lease], Lease]:
-        """Hand the lease over to *owner*, called *name*, who has its full time to acquire it.
-
-        Returns:
-            The leases that are over, or are of fewer devices now: it, and what it shared them with;
-            and the one in their place.
-
-        Raises:
-            LeaseError: *token* is not that of a lease.
-        """
-        with self._lock:
-            devices = self._check(token).devices
-            before = self._take_away(devices)
-            after = replace(self._new(name, owner, name, devices), is_offered=True)
-            self._leases[after.token] = after
-            return before, after
 
     def seize(
         self, holder: str, owner: str, *, name: str = "", devices: Collection[str] = ()
@@ -241,13 +202,8 @@ class LeaseTable:
 
     # With the lock held
 
-    def _new(
-        self, holder: str, owner: str, name: str, devices: tuple[str, ...], commander: str = ""
-    ) -> Lease:
-        token = secrets.token_hex(16)
-        return Lease(
-            token, holder, self._deadline(), devices, owner, name, commander=commander or token
-        )
+    def _new(self, holder: str, owner: str, name: str, devices: tuple[str, ...]) -> Lease:
+        return Lease(secrets.token_hex(16), holder, self._deadline(), devices, owner, name)
 
     def _end(self, lease: Lease) -> None:
         self._leases.pop(lease.token, None)

@@ -1,7 +1,7 @@
 """The lease manager: who may command, and what becomes of their motions when that changes.
 
-What was started under a lease stops when the lease is lost, and goes on when it is handed over;
-what was let go to be moved by hand holds again when the lease runs out.
+What was started under a lease stops when the lease is lost.  What was let go to be moved by hand
+holds again when the lease runs out.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class LeaseManager:
         *,
         name: str = "",
         devices: Collection[str] = (),
-        share: str = "",
+        beside: bool = False,
     ) -> Lease:
         """Give a lease of *devices* to *holder*; see :meth:`LeaseTable.acquire`.
 
@@ -49,20 +49,8 @@ class LeaseManager:
         """
         holder = _holder(holder)
         self.expire()
-        lease = self._leases.acquire(holder, owner, name=name, devices=devices, share=share)
-        _log.info("lease: %s by %s", "shared" if share else "acquired", lease.who)
-        return lease
-
-    def transfer(self, token: str, owner: str, name: str) -> Lease:
-        """Hand the lease, and the motions under it, over to *owner*, called *name*.
-
-        Raises:
-            LeaseError: it is not held with *token*.
-        """
-        before, lease = self._leases.transfer(token, owner, name)
-        for one in before:
-            self._runs.reassign(one.token, lease.token, lease.devices)
-        _log.info("lease: %s hands it over to %s", before[0].who, lease.who)
+        lease = self._leases.acquire(holder, owner, name=name, devices=devices, beside=beside)
+        _log.info("lease: acquired by %s%s", lease.who, ", beside others" if beside else "")
         return lease
 
     def seize(

@@ -92,29 +92,6 @@ def test_a_lease_is_somebodys(leases):
     assert leases.owner("no such") is None
 
 
-def test_a_lease_that_is_handed_over_waits_for_its_new_owner_alone(leases, clock):
-    lease = leases.acquire("ana", "user:1")
-    clock.advance(4 * SECOND)
-    before, after = leases.transfer(lease.token, "user:2", "ben")
-    assert before == [lease]
-    assert leases.remaining(after) == 5.0
-    with pytest.raises(LeaseError, match="held by 'ben'"):
-        leases.check(lease.token)
-    with pytest.raises(LeaseError, match="held by 'ben'"):
-        leases.acquire("ana", "user:1")
-    taken = leases.acquire("ben's pendant", "user:2")
-    assert (taken.token, taken.holder) == (after.token, "ben's pendant")
-    with pytest.raises(LeaseError, match='held by "ben\'s pendant"'):
-        leases.acquire("ben again", "user:2")
-
-
-def test_a_lease_that_is_handed_over_and_not_taken_runs_out(leases, clock):
-    _, after = leases.transfer(leases.acquire("ana", "user:1").token, "user:2", "ben")
-    clock.advance(5 * SECOND)
-    assert leases.collect_expired() == [after]
-    assert leases.acquire("ana", "user:1").owner == "user:1"
-
-
 def test_a_lease_is_seized_whoever_holds_it(leases):
     before, first = leases.seize("chief", "user:0")
     assert before == []
@@ -137,13 +114,9 @@ def test_a_lease_that_ran_out_waits_to_be_collected(leases, clock):
     assert not leases.has_expired
 
 
-@pytest.mark.parametrize("how", ["handed over", "seized"])
-def test_whose_lease_was_taken_is_told_so_once_nobody_holds_it(leases, clock, how):
+def test_whose_lease_was_taken_is_told_so_once_nobody_holds_it(leases, clock):
     lease = leases.acquire("ana", "user:1")
-    if how == "seized":
-        leases.seize("chief", "user:0")
-    else:
-        leases.transfer(lease.token, "user:2", "ben")
+    leases.seize("chief", "user:0")
     clock.advance(5 * SECOND)
     with pytest.raises(LeaseError, match="lease of 'ana' has expired or was released"):
         leases.check(lease.token)
@@ -229,34 +202,34 @@ def test_who_holds_something_else_is_not_named(clock):
         leases.check(ana.token, "leg")
 
 
-def test_a_lease_that_is_shared_is_given_back_by_each_alone(pair, clock):
+def test_programs_of_one_identity_share_a_device_on_purpose_alone(pair):
     first = pair.acquire("ana", "user:1", devices=["arm"])
-    second = pair.acquire("ana too", "user:1", share=first.token)
+    with pytest.raises(LeaseError, match="with --lease, this commands beside it"):
+        pair.acquire("ana too", "user:1", devices=["arm"])
+    second = pair.acquire("ana too", "user:1", devices=["arm"], beside=True)
     assert (second.devices, second.token != first.token) == (("arm",), True)
     pair.release(second.token)
     assert pair.check(first.token, "arm") == first
-    third = pair.acquire("ana again", "user:1", share=first.token)
+    third = pair.acquire("ana again", "user:1", devices=["arm"], beside=True)
     pair.release(first.token)
     assert pair.check(third.token, "arm") == third
-    with pytest.raises(LeaseError, match="held by 'ana again'"):
-        pair.acquire("ben", devices=["arm"])
 
 
-def test_nobody_shares_what_is_not_held(pair):
-    first = pair.acquire("ana", devices=["arm"])
-    pair.release(first.token)
-    for token in (first.token, "nonsense"):
-        with pytest.raises(LeaseError):
-            pair.acquire("ben", share=token)
-    assert pair.held() == []
+def test_nobody_commands_beside_somebody_else(pair):
+    pair.acquire("ana", "user:1", devices=["arm"])
+    with pytest.raises(
+        LeaseError, match=r"held by 'ana' \(user:1\), for another 5\.0 s if not renewed$"
+    ):
+        pair.acquire("ben", "user:2", beside=True)
+    # What is free needs nobody to be beside.
+    assert pair.acquire("ben", "user:2", devices=["leg"], beside=True).devices == ("leg",)
 
 
-def test_a_shared_lease_is_handed_over_and_seized_as_one(pair):
+def test_leases_beside_one_another_are_seized_as_one(pair):
     first = pair.acquire("ana", "user:1", devices=["arm"])
-    second = pair.acquire("ana too", "user:1", share=first.token)
-    before, after = pair.transfer(second.token, "user:2", "ben")
+    second = pair.acquire("ana too", "user:1", devices=["arm"], beside=True)
+    before, after = pair.seize("chief", "user:0")
     assert (before, pair.held()) == ([first, second], [after])
-    assert pair.seize("chief", "user:0")[0] == [after]
 
 
 def test_of_several_devices_one_is_seized_and_the_others_are_left(pair):
@@ -268,10 +241,10 @@ def test_of_several_devices_one_is_seized_and_the_others_are_left(pair):
         pair.check(both.token, "leg")
 
 
-def test_who_has_none_of_what_is_seized_or_handed_over_loses_nothing(pair):
+def test_who_has_none_of_what_is_seized_loses_nothing(pair):
     ana, ben = pair.acquire("ana", devices=["arm"]), pair.acquire("ben", devices=["leg"])
     assert pair.seize("chief", "user:0", devices=["leg"])[0] == [ben]
-    assert pair.transfer(ana.token, "user:2", "eve")[0] == [ana]
+    assert pair.check(ana.token, "arm") == ana
 
 
 def test_a_command_that_was_overtaken_is_refused(pair):

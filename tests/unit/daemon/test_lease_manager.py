@@ -120,14 +120,6 @@ def test_a_release_stops_what_was_under_the_lease(lease_manager, runs, lease, ca
     assert caplog.messages[-1] == "lease: released by 'ana'"
 
 
-def test_what_is_handed_over_goes_on_under_the_new_lease(lease_manager, runs, lease, caplog):
-    after = lease_manager.transfer(lease.token, "user:2", "ben")
-    assert (after.owner, after.holder, after.is_offered) == ("user:2", "ben", True)
-    assert runs.tokens == {"arm": after.token, "leg": "another"}
-    assert runs.halted == []
-    assert caplog.messages[-1] == "lease: 'ana' hands it over to ben (user:2)"
-
-
 def test_what_was_under_a_seized_lease_stops_with_the_reason(lease_manager, runs, lease, caplog):
     after = lease_manager.seize(" chief ", "user:0", " arm \n in the way ")
     assert (after.holder, after.owner) == ("chief", "user:0")
@@ -168,10 +160,10 @@ def test_what_was_checked_of_a_holder_is_what_others_are_told(lease_manager, run
     assert caplog.messages[-1] == "lease: released by eve (user:7)"
 
 
-def test_a_share_that_is_given_back_stops_what_was_started_with_it_alone(
+def test_a_lease_beside_another_that_is_given_back_stops_what_was_started_with_it_alone(
     lease_manager, runs, lease
 ):
-    share = lease_manager.acquire("ana too", "user:1", share=lease.token)
-    runs.tokens["leg"] = share.token
-    lease_manager.release(share.token)
+    second = lease_manager.acquire("ana too", lease.owner, beside=True)
+    runs.tokens["leg"] = second.token
+    lease_manager.release(second.token)
     assert runs.halted == [(["leg"], "the lease of 'ana too' was released")]
