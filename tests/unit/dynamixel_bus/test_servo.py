@@ -373,3 +373,37 @@ def test_a_lie_is_told_at_one_position_alone(servo):
     assert number(servo, 132, 4) == 2148
     servo.shaft.position = 2050.0
     assert number(servo, 132, 4) == 2050
+
+
+def test_a_new_mode_has_the_present_position_as_its_goal():
+    servo = EmulatedServo(1)
+    servo.shaft.position = 3000.0
+    put(servo, 11, 4, 1)
+    assert number(servo, 116, 4) == 3000
+
+
+def test_in_current_mode_half_the_current_is_half_the_speed():
+    servo = EmulatedServo(1)
+    put(servo, 11, 0, 1)
+    put(servo, 64, 1, 1)
+    put(servo, 102, 597, 2)
+    half = number(servo, 128, 4, S)
+    put(servo, 102, 1193, 2, S)
+    assert number(servo, 128, 4, 2 * S) == pytest.approx(2 * half, abs=2)
+
+
+def test_a_servo_without_its_cable_stops_where_it_is(servo):
+    put(servo, 116, 100_000, 4)
+    servo.disconnect(S)
+    assert not servo.is_torque_on
+    assert servo.shaft.position == pytest.approx(2048 + 4.817 * TICKS_PER_RADIAN, rel=0.03)
+    assert number(servo, 128, 4, S) == 0
+    stopped = servo.shaft.position
+    servo.advance(3 * S)
+    assert servo.shaft.position == stopped
+
+
+def test_a_servo_that_has_arrived_has_no_speed(servo):
+    put(servo, 116, 2100, 4)
+    servo.advance(3 * S)
+    assert (servo.shaft.position, servo.shaft.speed) == (2100.0, 0.0)
