@@ -27,8 +27,6 @@ from orientd.driver import (
     PartHealth,
     Quaternion,
     Setpoint,
-    check_names,
-    switch,
 )
 from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
 from orientd.mechanism import Gimbal
@@ -88,11 +86,6 @@ class DynamixelDriver(Driver):
     def mechanism(self, *, may_ask: bool) -> Gimbal:  # noqa: ARG002 - the options say all of it
         """Return the gimbal that the options describe."""
         return self._gimbal
-
-    def tune(self, options: Mapping[str, Any]) -> None:
-        """Check ``home``: the planner makes motions that go home, whatever they name."""
-        check_names(options, {"home"})
-        switch("home", options.get("home", False))
 
     def open(self) -> None:
         """Find every servo, put its settings right, and begin to listen; nothing moves.
