@@ -477,13 +477,19 @@ def test_health_is_judged_once_a_look(rig):
     assert it.driver.health()[0].time_ns - first[0].time_ns == pytest.approx(500 * MS, rel=0.02)
 
 
-def test_options_of_one_motion_are_checked(rig):
+def test_health_of_before_a_reset_is_told_until_there_is_new(rig):
     it = rig()
-    it.driver.tune({"home": True})
-    with pytest.raises(ValueError, match="home must be true or false"):
-        it.driver.tune({"home": 3})
-    with pytest.raises(ValueError, match="unknown option 'hme'"):
-        it.driver.tune({"hme": True})
+    assert it.driver.health() == ()
+    it.start()
+    assert it.driver.health() == ()
+    it.run(3)
+    before = it.driver.health()
+    it.driver.disable()
+    it.driver.reset()
+    assert it.driver.health() is before
+    it.driver.enable()
+    it.run(3)
+    assert it.driver.health()[0].time_ns > before[0].time_ns
 
 
 def test_a_second_port_is_not_opened_while_the_first_is(rig):
