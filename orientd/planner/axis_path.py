@@ -97,5 +97,4 @@ def reshaped(
         ),
         first_joints=tuple(joints[0].tolist()),
         last_joints=tuple(joints[-1].tolist()),
-        joint_shares=brake.shares,
     )

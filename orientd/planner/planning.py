@@ -564,8 +564,9 @@ def timed(
             is_costly = last <= LONGEST_STOP and motion.duration > _COSTLY * before.duration
             if is_costly or stop_time > _NO_LONGER * last:
                 return before
-            power = math.log(last / stop_time) / math.log((1.0 - share) / (1.0 - used))
-            power = min(max(power, 0.3), 0.5)
+            if share < used:
+                power = math.log(last / stop_time) / math.log((1.0 - share) / (1.0 - used))
+                power = min(max(power, 0.3), 0.5)
         if share <= LEAST_SHARE:
             raise refusal.of_slow_stop(stop_time, longest, share)
         more = 1.05 * (stop_time / longest) ** (1.0 / power)

@@ -348,8 +348,6 @@ class SetpointGenerator:
     def _brake_as_promised(self) -> None:
         """Stop as what is on the path permits, and never slower than a change under way."""
         follower, scaling = self.follower, self.time_scaling
-        slowest, shares = follower.slowest_brake_rate, follower.joint_shares
-        if shares != self._servo_limits.joint_shares:
-            self._servo_limits = replace(follower.part.servo_limits, joint_shares=shares)
+        slowest = follower.slowest_brake_rate
         if not scaling.plan and (scaling.is_steady or slowest > scaling.brake_rate):
             scaling.brake_rate = slowest

@@ -18,7 +18,6 @@ import numpy as np
 
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, brake_rate
 from orientd.rotation import Floats
-from orientd.stream import JointShares
 from orientd.tolerances import GUARD_TOLERANCE
 
 _HALFWAY = np.array([1.0, -9.0, 56.0, 56.0, -9.0, 1.0]) / 96.0
@@ -34,12 +33,10 @@ class JointBrake(NamedTuple):
     """How fast a path may be slowed down for the joints' sake.
 
     Attributes:
-        shares: the most that it asks of them.
         rate: largest safe brake rate, 1/s.
         record: that sets it.
     """
 
-    shares: JointShares
     rate: float
     record: int
 
@@ -71,9 +68,7 @@ def joint_brake(
     bend = np.abs(bends)
     reach = slice(2, 2 + len(between))
     bend[reach] = np.maximum(bend[reach], np.abs(between))
-    fastest, hardest = GUARD_TOLERANCE * np.array(limits, dtype=np.float64).T
-    worst = (np.max(part) for part in (speed / fastest, speed / hardest, bend / hardest))
-    shares = JointShares(*map(float, worst))
+    _, hardest = GUARD_TOLERANCE * np.array(limits, dtype=np.float64).T
     # At the records themselves, by central differences of the fourth order: at full speed they do
     # not count, so that a share of the limit is left.
     local = np.abs(14.0 * bends[1:-1] - bends[:-2] - bends[2:]) / 12.0
@@ -85,4 +80,4 @@ def joint_brake(
         one = brake_rate(speed[:, place], bend[:, place], still, most, np.inf)
         if one[0] < rate:
             rate, record = one
-    return JointBrake(shares, rate, record)
+    return JointBrake(rate, record)

@@ -19,7 +19,7 @@ from orientd.driver import IDENTITY, ZERO, Joints, Vector3
 from orientd.errors import OrientdError
 from orientd.floats import difference, norm, plus
 from orientd.servo.path.segment import PathPoint, Segment, point_of
-from orientd.stream import HEAD, UNKNOWN, JointShares, RecordRing, ServoLimits
+from orientd.stream import HEAD, UNKNOWN, RecordRing, ServoLimits
 from orientd.tolerances import NORM_TOLERANCE
 
 FINAL_WORD = 1
@@ -133,12 +133,6 @@ class PathFollower:
     def slowest_brake_rate(self) -> float:
         """The least rate by which any part from here on may be slowed down, 1/s."""
         return min(part.servo_limits.brake_rate for part in (self.part, *self._ahead))
-
-    @property
-    def joint_shares(self) -> JointShares:
-        """The most that any part from here on asks of the device's joints."""
-        parts = (self.part, *self._ahead)
-        return JointShares(*map(max, *(part.servo_limits.joint_shares for part in parts), ZERO))
 
     @property
     def _final(self) -> int:
