@@ -13,8 +13,8 @@ Sources:
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from math import inf, radians, tau
 
 from orientd.driver import IDENTITY, ZERO, AxisLimits, Joints, Quaternion, Vector3
@@ -41,31 +41,23 @@ _ADVICE = {
 }
 
 
+@dataclass(frozen=True, eq=False)
 class Arm(Mechanism):
     """One arm with its tool; world coordinates are those of its base.
 
-    Args:
+    Attributes:
         name: of its model.
         kinematics: of this very arm if its calibration is known, else of the model.
         axes: limits of its joints.
         tool: pose of the tool in the flange.
+        start: joints where plans begin that are made without the robot, rad.
     """
 
-    def __init__(
-        self,
-        name: str,
-        kinematics: Kinematics,
-        axes: Iterable[AxisLimits],
-        tool: Pose = (IDENTITY, ZERO),
-    ) -> None:
-        self.name = name
-        self.kinematics = kinematics
-        self.axes = tuple(axes)
-        self.tool = tool
-
-    def with_tool(self, tool: Pose) -> Arm:
-        """Return this arm with another tool."""
-        return Arm(self.name, self.kinematics, self.axes, tool)
+    name: str
+    kinematics: Kinematics
+    axes: tuple[AxisLimits, ...]
+    tool: Pose = (IDENTITY, ZERO)
+    start: Joints = ()
 
     def seen(self, joints: Joints, pose: Pose) -> Arm:
         """Return this arm with the tool that is at *pose* with *joints*, rad.
@@ -74,14 +66,18 @@ class Arm(Mechanism):
         """
         q, position = self.kinematics.forward(joints)
         offset = rotate_back(q, plus(pose[1], position, -1.0))
-        return self.with_tool((multiply(conjugate(q), pose[0]), offset))
+        return replace(self, tool=(multiply(conjugate(q), pose[0]), offset))
 
     def slower(self, acceleration: float) -> Arm:
         """Return this arm with no joint that accelerates more, rad/s^2."""
         axes = (
             axis._replace(acceleration=min(axis.acceleration, acceleration)) for axis in self.axes
         )
-        return Arm(self.name, self.kinematics, axes, self.tool)
+        return replace(self, axes=tuple(axes))
+
+    def home(self) -> Joints:
+        """Return where plans begin that are made without the robot, rad."""
+        return self.start
 
     def forward(self, joints: Joints) -> tuple[Quaternion, Vector3]:
         """Return the pose of the tool in the base for *joints*, rad."""
@@ -139,7 +135,7 @@ class ArmModel:
         """Return the arm as it is published."""
         limits = zip(JOINT_NAMES, self.ranges, self.speeds, strict=True)
         axes = (AxisLimits(name, -most, most, v, FASTEST_CHANGE) for name, most, v in limits)
-        return Arm(self.name, Kinematics(self.links), axes)
+        return Arm(self.name, Kinematics(self.links), tuple(axes))
 
 
 _WHOLE_TURNS: Six = (tau, tau, tau, tau, tau, tau)

@@ -17,11 +17,9 @@ from orientd.driver import (
     IDENTITY,
     ZERO,
     AxisGap,
-    ComingPose,
     Driver,
     Feedback,
     Finding,
-    Joints,
     PartHealth,
     Quaternion,
     Setpoint,
@@ -31,7 +29,6 @@ from orientd.errors import (
     DeviceFaultError,
     FeedbackError,
     LinkError,
-    PlanError,
     SpentLinkError,
 )
 from orientd.floats import difference, norm, rotate_back
@@ -47,8 +44,6 @@ from orientd_ur.controller import (
     version_problem,
 )
 from orientd_ur.doctor import inspect
-from orientd_ur.following import Following
-from orientd_ur.joint_path import examine
 from orientd_ur.link import Link, alarm_after, require_library
 from orientd_ur.pose import continued, pose_of
 from orientd_ur.probe import look
@@ -95,7 +90,6 @@ class UrDriver(Driver):
         self._silence = WriteSilence(self._options.watchdog_hz)
         self._clock = ControllerClock()
         self._arm: Arm | None = None
-        self._following: Following | None = None
         self._is_enabled = self._is_in_fault = False
         self._timestamp = -1.0
         self._changed_ns = 0
@@ -136,31 +130,6 @@ class UrDriver(Driver):
             return self._arm
         return self._robot.look()[0] if may_ask else self._robot.named()
 
-    def examine(
-        self,
-        times: Sequence[float],
-        poses: Sequence[tuple[Quaternion, Vector3]],
-        joints: tuple[float, ...] = (),
-        *,
-        is_offline: bool = False,
-    ) -> None:
-        """Refuse a path on which a joint would be too fast, or a singularity too near.
-
-        Raises:
-            PlanError: the time and the joint; or the robot does not say where it is.
-        """
-        if not self._options.check_joints:
-            return
-        if is_offline:
-            arm, joints = self._robot.named(), joints or self._options.start_joints
-        else:
-            try:
-                arm, place = self._robot.look()
-            except LinkError as error:
-                raise PlanError(f"cannot predict the joints: {error}") from error
-            joints = joints or place.joints
-        examine(arm, times, poses, joints)
-
     def offline_start(self, *, from_device: bool) -> Feedback:
         """Return where the arm stands: by the options, or as the robot says.
 
@@ -174,11 +143,6 @@ class UrDriver(Driver):
         joints = self._options.start_joints
         q, position = self._robot.named().forward(joints)
         return Feedback(0, q, position=position, joints=joints)
-
-    def outline(self, joints: tuple[float, ...]) -> Sequence[Sequence[Vector3]]:
-        """Return the arm's links up to the flange; nothing until the controller said which arm."""
-        arm = self._robot.drawn()
-        return arm.outline(joints) if arm is not None else ()
 
     def why_stale(self) -> str:
         """Return whether the controller's packages came late, or were not taken in here."""
@@ -224,7 +188,6 @@ class UrDriver(Driver):
             LinkError: the link is lost, or another client holds the robot.
         """
         self._arm = self._arm or self._identified()
-        self._following = None
         self._forget_age()
         self._program.play()
         self._clock.reset()
@@ -273,48 +236,6 @@ class UrDriver(Driver):
             LinkError: the connection is closed.
             DeviceFaultError: the control program does not take it.
         """
-        self._send(setpoint)
-        measured = self._feedback
-        if self._arm is None or measured is None:
-            return
-        if self._following is None:
-            pose = measured.q, measured.position
-            self._following = Following(self._arm, measured.joints, pose, self.period_ns * 1e-9)
-        self._following.stream(setpoint.q, setpoint.position, measured.joints)
-
-    def foresee(self, coming: Sequence[ComingPose]) -> str:
-        """Return why the joints cannot follow what comes next, or an empty string."""
-        if self._following is not None:
-            return self._following.look(coming)
-        return "which arm it is is not known" if self._options.check_joints else ""
-
-    def follow(self, setpoint: Setpoint) -> tuple[Quaternion, Joints]:
-        """Send the pose of a *setpoint* on the way to a target; errors are those of a write."""
-        self._send(setpoint)
-        if self._following is not None:
-            self._following.took(setpoint.q, setpoint.position)
-        return setpoint.q, ()
-
-    def expect_targets(self) -> None:
-        """Ask the robot for its arm and where it is; see :meth:`refusal`.
-
-        Raises:
-            PlanError: it does not say.
-        """
-        if self._options.check_joints:
-            try:
-                arm, place = self._robot.look()
-            except LinkError as error:
-                raise PlanError(f"cannot predict the joints: {error}") from error
-            self._following = Following(arm, place.joints, place.pose, self.period_ns * 1e-9)
-
-    def refusal(self, q: Quaternion, position: Vector3, joints: tuple[float, ...]) -> str:
-        """Return why the arm cannot be at a target, or an empty string."""
-        if self._following is None:
-            return ""
-        return self._following.refusal(q, position, joints)
-
-    def _send(self, setpoint: Setpoint) -> None:
         with alarm_after(_LONGEST_CYCLE):
             self._write(setpoint)
 

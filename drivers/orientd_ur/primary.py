@@ -118,7 +118,7 @@ def _described(numbers: tuple[float, ...], own: Table | None) -> Arm:
         _farthest(mine, theirs) > _CALIBRATED for mine, theirs in zip(own, links.table, strict=True)
     )
     name = f"arm of type {kind}" if model is None else model.name
-    return Arm(name, Kinematics(links, own if is_own else None), axes)
+    return Arm(name, Kinematics(links, own if is_own else None), tuple(axes))
 
 
 def _published(lengths: Links) -> ArmModel | None:

@@ -6,8 +6,8 @@ and again when the two do not agree.
 
 from __future__ import annotations
 
-import threading
 import time
+from dataclasses import replace
 from functools import cached_property
 
 from orientd.errors import LinkError, PlanError
@@ -25,7 +25,6 @@ _TIMEOUT = 0.8
 # If an arm's own calibration is not known, its pose is off by some millimetres.
 _FARTHEST = 0.01
 _FURTHEST_TURN = 0.02
-_ASK_AGAIN = 5.0
 
 
 class Robot:
@@ -38,7 +37,6 @@ class Robot:
     def __init__(self, options: UrOptions) -> None:
         self._options = options
         self._arm: Arm | None = None
-        self._asked = -_ASK_AGAIN
 
     @cached_property
     def address(self) -> str:
@@ -104,23 +102,8 @@ class Robot:
                 "options, or ask the robot"
             )
         arm = model.arm().slower(self._options.joint_acceleration)
-        return arm if tool is None else arm.with_tool(pose_of(tool))
-
-    def drawn(self) -> Arm | None:
-        """Return the arm for a picture; ``None`` so far, and the controller is asked aside."""
-        now = time.monotonic()
-        if self._arm is None and self._options.model is not None:
-            return self.named()
-        if self._arm is None and now - self._asked >= _ASK_AGAIN:
-            self._asked = now
-            threading.Thread(target=self._identify_aside, daemon=True).start()
-        return self._arm
-
-    def _identify_aside(self) -> None:
-        try:
-            self._arm = self.identify()
-        except LinkError:
-            return  # asked again after a while, as long as somebody looks
+        arm = replace(arm, start=self._options.start_joints)
+        return arm if tool is None else replace(arm, tool=pose_of(tool))
 
 
 def _fits(arm: Arm, place: Place) -> bool:

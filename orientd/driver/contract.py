@@ -29,12 +29,11 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
 from orientd.clock import Clock
 from orientd.driver.values import (
-    ComingPose,
     Feedback,
     Joints,
     Quaternion,
@@ -110,19 +109,6 @@ class Driver(ABC):
         """
         self.write(setpoint)
         return setpoint.q, ()
-
-    def foresee(self, coming: Sequence[ComingPose]) -> str:  # noqa: ARG002 - most devices follow any pose
-        """Return why the device's axes cannot follow what comes next, or an empty string.
-
-        Called in the servo process while targets are followed, before each setpoint is sent.  If
-        the axes cannot, the servo comes to rest along the stop that was asked about a cycle ago.
-        Must neither wait nor raise.
-
-        Args:
-            coming: the next setpoint, a period after the last one, and a stop from there at a few
-                instants.
-        """
-        return ""
 
     @abstractmethod
     def disable(self) -> None:

@@ -33,6 +33,7 @@ from orientd.errors import (
     SpentLinkError,
     StateError,
 )
+from orientd.mechanism import Foresight, Mechanical
 from orientd.servo.device_reports import Arrival, DeviceReports
 from orientd.servo.path import PathPart, PathPoint
 from orientd.servo.setpoint_generator import SetpointGenerator
@@ -115,6 +116,7 @@ class Servo:
         self.work_ns = 0
         self._driver = driver
         self._memory = memory
+        self._period = period_ns * 1e-9
         self._watchdog = ServoWatchdog(watch, period_ns)
         self._clock = clock
         self._parent_is_alive = parent_is_alive
@@ -332,7 +334,7 @@ class Servo:
         elif command is Command.HALT:
             self._stop(is_quickest=True)
         elif command is Command.TRACK:
-            setpoints.track(part)
+            setpoints.track(part, self._feedback.joints)
         elif command is Command.TUNE:
             return self._tune()
         elif command is Command.ENABLE:
@@ -392,9 +394,18 @@ class Servo:
         feedback = self._driver.enable()
         self._feedback = feedback
         self.setpoints.anchor(feedback)
+        self.setpoints.pursuit.foresight = self._foresight()
         self._enabled_ns = self._clock.now_ns()
         self._is_enabled = True
         self.setpoints.state = following
+
+    def _foresight(self) -> Foresight | None:
+        """Return what looks ahead for the axes of a device that takes poses and has a mechanism."""
+        driver = self._driver
+        if driver.takes == "joints" or not isinstance(driver, Mechanical):
+            return None
+        mechanism = driver.mechanism(may_ask=False)
+        return None if mechanism is None else Foresight(mechanism, self._period)
 
     def _look_for_life(self, now_ns: int) -> None:
         if self._cycle_count % PARENT_CHECK == 0 and not self._parent_is_alive():

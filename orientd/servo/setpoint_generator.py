@@ -74,7 +74,7 @@ class SetpointGenerator:
         self.follower = PathFollower(memory.path, period, _NO_LIMITS)
         self._guard = Guard(period)
         self._quick_stop = QuickStop(self.time_scaling, self.follower, self._guard)
-        self.pursuit = TargetFollower(memory.targets, self._guard, driver)
+        self.pursuit = TargetFollower(memory.targets, self._guard)
         self._takes_joints = driver.takes == "joints"
         self._scaled = driver if isinstance(driver, Scaled) else None
         self._on_fault = on_fault
@@ -185,21 +185,22 @@ class SetpointGenerator:
             self.state = following
         return problem
 
-    def track(self, part: PathPart) -> None:
-        """Follow targets from here on, whatever moves at present."""
+    def track(self, part: PathPart, joints: Joints) -> None:
+        """Follow targets from here on, whatever moves at present; the axes are near *joints*."""
         following = advance(self.state, Command.TRACK)
         self.time_scaling.halt()
         # Where a narrower limit is broken already, what there is of it is taken away.
         speed = max(part.servo_limits.linear_velocity, norm(self._guard.velocity))
-        self._pursue(replace(part.servo_limits, linear_velocity=speed), is_off_path=False)
+        servo_limits = replace(part.servo_limits, linear_velocity=speed)
+        self._pursue(servo_limits, joints, is_off_path=False)
         self.motion = part.number
         self.state = following
 
-    def _pursue(self, servo_limits: ServoLimits, *, is_off_path: bool) -> None:
+    def _pursue(self, servo_limits: ServoLimits, joints: Joints = (), *, is_off_path: bool) -> None:
         """Go on without the path from what was written: after targets, or to come to rest."""
         self._servo_limits, self._is_off_path = servo_limits, is_off_path
         self._is_there, self._sent = False, self.last.q
-        self.pursuit.begin(servo_limits)
+        self.pursuit.begin(servo_limits, joints)
 
     def stop(self) -> None:
         """Begin to come to rest, on the path or away from the target."""

@@ -4,8 +4,8 @@ A position follows its target by a law of its own.  The velocity of the next ste
 and as much more as still leaves the way to come to rest relative to it.  No limit is ever exceeded,
 as no other velocity is ever chosen: a change that is larger than the acceleration allows is cut.
 
-A driver may look ahead (:meth:`~orientd.driver.Driver.foresee`): if the device's axes cannot follow
-a step and a stop from it, a part of the step is tried, and braking in the end.
+For a device with a mechanism the axes are foreseen (:class:`~orientd.mechanism.Foresight`): if they
+cannot follow a step and a stop from it, a part of the step is tried, and braking in the end.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import ceil, dist, sqrt
 
-from orientd.driver import ZERO, ComingPose, Driver, Quaternion, Vector3
+from orientd.driver import ZERO, ComingPose, Joints, Quaternion, Vector3
 from orientd.floats import combine, exp, multiply, norm, plus
+from orientd.mechanism import Foresight
 from orientd.servo.guard import Guard
 from orientd.servo.tracking.targets import Target
 from orientd.servo.tracking.tracker import AxisStop, Tracker, TrackPoint
@@ -51,25 +52,32 @@ class TargetFollower:
         is_on: whether targets are followed, or their following is coming to rest.
         hindrance: why the device's axes cannot follow the targets any nearer; empty while they can.
         tracker: on the way to the target of the moment.
+        foresight: of the axes; ``None`` if the device follows any pose.
     """
 
-    def __init__(self, ring: RecordRing, guard: Guard, driver: Driver) -> None:
-        """Follow nothing yet: targets come by *ring*; *driver* may look at what is coming."""
+    def __init__(self, ring: RecordRing, guard: Guard) -> None:
+        """Follow nothing yet: targets come by *ring*."""
         self.is_on = False
         self.hindrance = ""
         self.tracker = Tracker(guard.period)
         self._ring = ring
         self._guard = guard
-        self._driver = driver
-        self._foresees = type(driver).foresee is not Driver.foresee
+        self.foresight: Foresight | None = None
         self._next = ring.head
         self._left_out = 0
         self._landing: Target | None = None
 
-    def begin(self, servo_limits: ServoLimits) -> None:
-        """Begin from what was last written; targets of before do not count."""
-        guard = self._guard
+    def begin(self, servo_limits: ServoLimits, joints: Joints = ()) -> None:
+        """Begin from what was last written; targets of before do not count.
+
+        The *joints*, in rad, are near there.
+        """
+        guard, h = self._guard, self._guard.period
         self.tracker.begin(guard.q, guard.omega, guard.alpha, servo_limits)
+        if self.foresight is not None:
+            q = multiply(guard.q, exp(plus(ZERO, guard.omega, -h)))
+            before = q, plus(guard.position, guard.velocity, -h)
+            self.foresight.begin(before, (guard.q, guard.position), joints)
         self._next = self._ring.head
         self.is_on, self.hindrance = True, ""
 
@@ -94,7 +102,7 @@ class TargetFollower:
             self._take_targets(now_ns)
         point = self.tracker.step(now_ns)
         position = self._position(servo_limits) or guard.braked_position(servo_limits)
-        if is_stopping or not self._foresees:
+        if is_stopping or self.foresight is None:
             return point, position
         self.hindrance = self._look_ahead(point.q, position, servo_limits)
         if not self.hindrance:
@@ -111,10 +119,13 @@ class TargetFollower:
 
     def _look_ahead(self, q: Quaternion, position: Vector3, servo_limits: ServoLimits) -> str:
         """Return why the axes cannot follow a setpoint and a stop from it, or nothing."""
-        _, velocity = self._guard.rates(q, position)
-        stop = self.tracker.stop_ahead()
-        acceleration, h = servo_limits.linear_acceleration, self._guard.period
-        return self._driver.foresee(_coming(q, position, velocity, stop, acceleration, h))
+        if self.foresight is None:
+            return ""
+        guard, stop = self._guard, self.tracker.stop_ahead()
+        _, velocity = guard.rates(q, position)
+        acceleration = servo_limits.linear_acceleration
+        coming = _coming(q, position, velocity, stop, acceleration, guard.period)
+        return self.foresight.look((guard.q, guard.position), coming)
 
     def _position(self, servo_limits: ServoLimits) -> Vector3 | None:
         """Return the next position, m; ``None`` if it is to come to rest, wherever that is."""

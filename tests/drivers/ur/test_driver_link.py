@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 
+import numpy as np
 import pytest
 from ur_rig import device_of, is_holding, streaming, swing, swing_motion, until
 
@@ -18,9 +19,10 @@ from orientd.daemon.motions.options import MoveOptions, Prepared
 from orientd.daemon.planners import PlanCall
 from orientd.driver import Setpoint
 from orientd.errors import LimitError, LinkError, PlanError, RequestError, StateError
+from orientd.mechanism import route
+from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
 from orientd.rpc import control_pb2 as pb
 from orientd_ur import UrDriver
-from orientd_ur.arm import MODELS
 from orientd_ur.controller import RuntimeState, version_problem
 from orientd_ur.link import are_open, send_at_once
 from orientd_ur.options import check
@@ -172,24 +174,32 @@ def test_program_ends_with_the_driver(ur_robot):
     assert ur_robot.state()["runtime_state"] == "STOPPED"
 
 
-def test_path_is_examined_from_where_the_arm_is(ur_robot):
-    driver = driver_of(ur_robot)
+def test_path_begins_where_the_arm_is(ur_robot):
+    arm = driver_of(ur_robot).mechanism(may_ask=True)
     joints = whereabouts(ur_robot.host).joints
-    forward = MODELS["ur5e"].arm().forward
 
     def turn_of_wrist_3(rate):
-        times = [0.008 * k for k in range(100)]
-        return times, [forward((*joints[:5], joints[5] + rate * t)) for t in times]
+        return along(arm, [(*joints[:5], joints[5] + rate * 0.008 * k) for k in range(100)])
 
-    driver.examine(*turn_of_wrist_3(1.0))
-    with pytest.raises(LimitError, match="wrist 3"):
-        driver.examine(*turn_of_wrist_3(3.3))
+    assert turn_of_wrist_3(1.0).joints[-1] == pytest.approx((*joints[:5], joints[5] + 0.792))
+    with pytest.raises(LimitError, match=r"velocity of wrist 3 reaches 3\.3 rad/s"):
+        turn_of_wrist_3(3.3)
 
 
-def test_path_of_a_robot_that_does_not_answer_is_refused(ur_host):
+def along(arm, rows):
+    """Return the path of an arm whose tool goes where *rows* of joints bring it."""
+    poses = [arm.forward(row) for row in rows]
+    q, position = np.array([q for q, _ in poses]), np.array([p for _, p in poses])
+    return route(arm, 0.008, q, position, joints=rows[0])
+
+
+def test_plan_for_a_robot_that_does_not_answer_is_refused(ur_host):
     driver = UrDriver({"host": ur_host}, period_ns=2_000_000, clock=MonotonicClock())
-    with pytest.raises(PlanError, match="cannot predict the joints"):
-        driver.examine([0.0], [((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))])
+    planner = DevicePlanner(driver, limits=Limits(1.0, 5.0, 100.0, 0.5, 5.0), period=0.002)
+    start = State.at_rest((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    request = MotionRequest([Keyframe((0.0, 1.0, 0.0, 0.0))], approach=True)
+    with pytest.raises(PlanError, match=r"cannot predict the axes: no RTDE server"):
+        planner.plan(request, start=start, joints=())
 
 
 def test_setpoint_far_away_is_stopped_by_the_controller(ur_robot):

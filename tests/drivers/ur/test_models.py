@@ -4,8 +4,9 @@ import math
 import random
 import time
 
+import numpy as np
 import pytest
-from ur_rig import until
+from ur_rig import device_of, until
 
 from emulated_ur.arm.kinematics import Kinematics
 from emulated_ur.arm.models import MODELS
@@ -16,7 +17,9 @@ from orientd.clock import MonotonicClock
 from orientd.driver import Setpoint
 from orientd.errors import DeviceFaultError, LinkError, PlanError
 from orientd.floats import exp, log, multiply
+from orientd.mechanism import route
 from orientd_ur import UrDriver
+from orientd_ur.arm import MODELS as ARMS
 from orientd_ur.primary import ask
 from orientd_ur.probe import whereabouts
 
@@ -46,17 +49,17 @@ def random_turn(generator, pose):
 def follows(model, joints, tcp_offset, times_s, path):
     """How hard it is by the emulator's own kinematics: beyond 1 the arm cannot."""
     kinematics, back, near = Kinematics(model), inverse(from_pose(tcp_offset)), joints
-    worst, before = 0.0, None
-    for at, (q, position) in zip(times_s, path, strict=True):
-        found = kinematics.inverse(times(from_pose((*position, *log(q))), back), near)
-        if found is None or any(abs(a - b) > 0.5 for a, b in zip(found, near, strict=True)):
+    worst, found = 0.0, []
+    for q, position in path:
+        near = kinematics.inverse(times(from_pose((*position, *log(q))), back), near)
+        if near is None or (found and np.max(np.abs(np.subtract(near, found[-1]))) > 0.5):
             return math.inf
-        if before is not None:
-            for a, b, most in zip(found, near, model.speeds, strict=True):
-                worst = max(worst, abs(a - b) / (at - before) / most)
-        worst = max(worst, *(abs(a) / most for a, most in zip(found, model.ranges, strict=True)))
-        near, before = found, at
-    return worst
+        found.append(near)
+        worst = max(worst, *(abs(a) / most for a, most in zip(near, model.ranges, strict=True)))
+    period = times_s[1]
+    speeds = np.diff(found, axis=0) / period
+    changes = np.diff(speeds, axis=0) / period / 40.0
+    return max(worst, np.max(np.abs(speeds) / model.speeds), np.max(np.abs(changes)))
 
 
 def decisions(robot, model, count):
@@ -66,8 +69,10 @@ def decisions(robot, model, count):
         times_s, path = random_turn(random.Random(number), place.pose)
         turn, offset = place.tool
         worst = follows(model, place.joints, (*offset, *log(turn)), times_s, path)
+        q, position = np.array([q for q, _ in path]), np.array([p for _, p in path])
         try:
-            driver.examine(times_s, path)
+            arm = driver.mechanism(may_ask=True)
+            route(arm, times_s[1], q, position, joints=place.joints)
             refusal = ""
         except PlanError as error:
             refusal = str(error)
@@ -108,10 +113,10 @@ def test_controller_is_asked_for_its_arm_and_its_limits(ur_host):
 
 def test_another_arm_than_the_named_one_is_refused_in_words(ur_host):
     with EmulatedRobot(ur_host, "--model", "ur10e"):
-        path = [((0.0, 1.0, 0.0, 0.0), (0.4, 0.1, 0.3))]
-        with pytest.raises(PlanError, match=r"has a ur10e, `model` says ur3"):
-            driver_of(ur_host, model="ur3").examine([0.0], path)
-        driver_of(ur_host, model="ur3", check_joints=False).examine([0.0], path)
+        with pytest.raises(LinkError, match=r"has a ur10e, `model` says ur3"):
+            driver_of(ur_host, model="ur3").mechanism(may_ask=True)
+        blind = driver_of(ur_host, model="ur3", check_joints=False)
+        assert blind.mechanism(may_ask=True) is None
 
 
 def test_model_is_looked_at_before_anything_is_connected(ur_host):
@@ -161,8 +166,8 @@ def test_polyscope_x_moves_without_a_dashboard_and_says_what_it_lacks(ur_host):
 
 
 def test_arm_is_drawn_as_the_model_that_the_controller_has(ur_host):
-    with EmulatedRobot(ur_host, "--model", "ur20"):
-        driver, stretched = driver_of(ur_host), (0.0,) * 6
-        assert driver.outline(stretched) == ()  # asked for aside: whoever draws does not wait
-        (line,) = until(lambda: driver.outline(stretched), "the outline")
-    assert line[-1] == pytest.approx((-0.862 - 0.7287, -0.201 - 0.1543, 0.2363 - 0.1593))
+    with EmulatedRobot(ur_host, "--model", "ur20"), device_of(ur_host) as device:
+        assert device.outline() == ()  # asked for aside: whoever draws does not wait
+        (line,) = until(device.outline, "the outline")
+        joints = device.snapshot().cycle.joints
+    assert line[-1] == pytest.approx(ARMS["ur20"].arm().forward(joints)[1], abs=1e-3)

@@ -10,6 +10,7 @@ from emulated_ur.process import EmulatedRobot
 from orientd.cli.main import app
 from orientd.clock import MonotonicClock
 from orientd.errors import PlanError
+from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
 from orientd_ur import UrDriver
 
 pytest.importorskip("rtde_control")
@@ -43,12 +44,21 @@ def test_single_keyframe_is_planned_from_where_the_arm_is_said_to_stand(tmp_path
 
 
 def test_path_whose_joints_are_not_known_begins_where_the_options_say(ur_host):
-    options = {"host": ur_host, "model": "ur5e"}
+    begin = [0.3, -1.2, 1.3, -1.5, -1.4, 0.2]
+    options = {"host": ur_host, "model": "ur5e", "start_joints": begin}
     driver = UrDriver(options, period_ns=2_000_000, clock=MonotonicClock())
     start = driver.offline_start(from_device=False)
-    driver.examine([0.0], [(start.q, start.position)], is_offline=True)
-    with pytest.raises(PlanError, match="does not reach the pose"):
-        driver.examine([0.0], [(start.q, (0.0, 0.0, 0.0))], is_offline=True)
+    planner = DevicePlanner(driver, limits=Limits(1.0, 5.0, 100.0, 0.5, 5.0), period=0.002)
+
+    def plan(position):
+        request = MotionRequest([Keyframe(start.q, position=position)], approach=True)
+        at = State.at_rest(start.q, start.position)
+        return planner.plan(request, start=at, joints=(), is_offline=True)
+
+    motion = plan(tuple(x + 0.02 for x in start.position))
+    assert motion.facts.first_joints == pytest.approx(begin)
+    with pytest.raises(PlanError, match="do not reach the pose"):
+        plan((0.0, 0.0, 0.0))
 
 
 def test_unknown_arm_is_refused_offline_in_words(tmp_path, ur_host):

@@ -204,6 +204,7 @@ def reading(host, file, pose, joints):
     finally:
         process.stdin.close()
         process.wait(10.0)
+        process.stdout.close()
 
 
 def read_poses(file):

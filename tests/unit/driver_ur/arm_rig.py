@@ -1,5 +1,7 @@
 """The real servo in virtual time, with a loopback device that has an arm's joints."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from orientd.clock import ManualClock
@@ -15,8 +17,6 @@ from orientd.stream import (
 )
 from orientd_loopback import LoopbackDriver
 from orientd_ur.arm import MODELS
-from orientd_ur.following import NEAREST, Following
-from orientd_ur.joint_path import follow
 from orientd_ur.pose import pose_of
 
 PERIOD_NS = 2_000_000
@@ -24,36 +24,45 @@ PERIOD = PERIOD_NS * 1e-9
 TOOL = (0.02, -0.01, 0.12, 0.1, -0.2, 0.3)
 
 
-class ArmLoopback(LoopbackDriver):
-    """A loopback device that is where it was sent, and foresees the joints of an arm."""
+def joints_of(arm, poses, near):
+    """Return the joints that make poses of the tool, continuously from *near*, rad."""
+    found = []
+    for q, position in poses:
+        near = arm.nearest(q, position, near)
+        assert near is not None, "the arm does not reach what was sent"
+        found.append(near)
+    return np.array(found)
 
-    def begin(self, arm, joints, pose):
+
+class ArmLoopback(LoopbackDriver):
+    """A loopback device that is where it was sent, and has the joints of an arm."""
+
+    def begin(self, arm, joints):
+        self.arm = arm
         self.joints = joints
         self.setpoints = []
-        self.following = Following(arm, joints, pose, PERIOD)
 
     def enable(self):
         return super().enable()._replace(joints=self.joints)
 
-    def foresee(self, coming):
-        return self.following.look(coming)
+    def read(self):
+        found = super().read()
+        return found and found._replace(joints=self.joints)
+
+    def mechanism(self, *, may_ask):
+        return self.arm
 
     def write(self, setpoint):
         super().write(setpoint)
         self.setpoints.append(setpoint)
-        self.following.stream(setpoint.q, setpoint.position, self.joints)
-
-    def follow(self, setpoint):
-        super().write(setpoint)
-        self.setpoints.append(setpoint)
-        self.following.took(setpoint.q, setpoint.position)
-        return setpoint.q, ()
+        self.joints = self.arm.nearest(setpoint.q, setpoint.position, self.joints) or self.joints
 
 
 class CarelessArm(ArmLoopback):
     """The same without a look at its joints."""
 
-    foresee = LoopbackDriver.foresee
+    def mechanism(self, *, may_ask):
+        return None
 
 
 class ArmRig:
@@ -71,7 +80,7 @@ class ArmRig:
         linear_velocity=0.5,
         linear_acceleration=2.0,
     ):
-        self.arm, self.start = MODELS[model].arm().with_tool(pose_of(TOOL)), joints
+        self.arm, self.start = replace(MODELS[model].arm(), tool=pose_of(TOOL)), joints
         self.q, self.position = self.arm.forward(joints)
         self.limits = ServoLimits(
             velocity, acceleration, jerk, linear_velocity, linear_acceleration, 4.0
@@ -84,7 +93,7 @@ class ArmRig:
         }
         kind = ArmLoopback if foresees else CarelessArm
         self.driver = kind(options, period_ns=PERIOD_NS, clock=self.clock)
-        self.driver.begin(self.arm, joints, (self.q, self.position))
+        self.driver.begin(self.arm, joints)
         self.setpoints = self.driver.setpoints
         self.driver.open()
         self.servo = Servo(
@@ -136,9 +145,7 @@ class ArmRig:
                 break
         assert self.servo.state is ServoState.HOLDING, self.servo.setpoints.fault_text
         poses = [(s.q, s.position) for s in self.setpoints]
-        joints = list(follow(self.arm, poses, self.start))
-        assert joints[-1] is not None, "the arm does not reach what was sent"
-        joints = np.array(joints)
+        joints = joints_of(self.arm, poses, self.start)
         rates = np.diff(joints, axis=0, prepend=joints[:1]) / PERIOD
         changes = np.diff(rates, axis=0, prepend=rates[:1] * 0.0) / PERIOD
         assert (np.abs(rates) / [axis.velocity for axis in self.arm.axes]).max() <= 1.0
@@ -146,8 +153,8 @@ class ArmRig:
         low, high = np.array([(axis.low, axis.high) for axis in self.arm.axes]).T
         assert (low <= joints).all()
         assert (joints <= high).all()
-        reserves = [self.arm.kinematics.reserve(row) for row in joints.tolist()]
-        for kind, least in NEAREST.items():
-            nearest = min(reserve[kind] for reserve in reserves)
-            assert nearest >= min(0.98 * least, reserves[0][kind])
+        reserves = [self.arm.reserve(row) for row in joints.tolist()]
+        for every in zip(*reserves, strict=True):
+            nearest = min(one.value for one in every)
+            assert nearest >= min(0.98 * every[0].least_followed, every[0].value)
         return joints

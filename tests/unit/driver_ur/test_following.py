@@ -9,9 +9,9 @@ import pytest
 from arm_rig import ArmRig
 
 from orientd.floats import difference, exp, multiply, norm
+from orientd.mechanism import refusal
 from orientd.stream import ServoState
 from orientd_ur.arm import MODELS
-from orientd_ur.following import NEAREST, Following
 
 CASES = int(os.environ.get("ORIENTD_CASES", "2"))
 HOME = (0.0, -pi / 2, pi / 2, -pi / 2, -pi / 2, 0.0)
@@ -104,17 +104,15 @@ def test_targets_that_the_joints_can_follow_are_followed_as_if_there_were_none()
 
 def test_what_the_arm_cannot_do_is_said_by_name():
     arm = MODELS["ur5e"].arm()
-    pose = arm.forward(HOME)
-    following = Following(arm, HOME, pose, 0.002)
-    q, (x, y, z) = pose
-    assert following.refusal(q, (x, y, z), HOME) == ""
-    assert following.refusal(q, (3 * x, 3 * y, 3 * z), HOME) == "the arm does not reach there"
-    assert following.refusal(q, (1000.0, 0.0, 0.0), ()) == "the arm does not reach there"
+    q, (x, y, z) = arm.forward(HOME)
+    assert refusal(arm, q, (x, y, z), HOME) == ""
+    assert refusal(arm, q, (3 * x, 3 * y, 3 * z), HOME) == "the device does not reach there"
+    assert refusal(arm, q, (1000.0, 0.0, 0.0), HOME) == "the device does not reach there"
     wound = (*HOME[:5], 6.2)
     beyond = multiply(multiply(q, exp((0.0, 0.0, 6.2))), exp((0.0, 0.0, 0.3)))
-    assert "wrist 3 would have to turn to 6.5" in following.refusal(beyond, (x, y, z), wound)
+    assert "wrist 3 would have to turn to 6.5" in refusal(arm, beyond, (x, y, z), wound)
     straight = arm.forward((*HOME[:4], 0.0, 0.0))
-    assert "the wrist is" in following.refusal(*straight, (*HOME[:4], 0.1, 0.0))
+    assert "the wrist is" in refusal(arm, *straight, (*HOME[:4], 0.1, 0.0))
 
 
 def random_arm(rng):
@@ -125,8 +123,7 @@ def random_arm(rng):
         joints = tuple(rng.uniform(-pi, pi) for _ in range(6))
         if rng.random() < 0.2:
             joints = (*joints[:5], rng.choice([-1.0, 1.0]) * rng.uniform(5.0, 6.2))
-        reserve = arm.kinematics.reserve(joints)
-        if all(reserve[kind] > 1.2 * least for kind, least in NEAREST.items()):
+        if all(one.value > 1.2 * one.least_followed for one in arm.reserve(joints)):
             return model, joints
 
 

@@ -1,16 +1,20 @@
-"""The driver's own kinematics, and what it predicts of the joints over a path."""
+"""The arm as a mechanism: its kinematics, and what the planner makes of a path with it."""
 
 import math
 import random
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from orientd.clock import ManualClock
 from orientd.errors import LimitError, PlanError
 from orientd.floats import exp, log, multiply
+from orientd.mechanism import route
+from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
 from orientd.rotation import rotate
+from orientd_ur import UrDriver
 from orientd_ur.arm import MODELS
-from orientd_ur.joint_path import examine, follow
 from orientd_ur.kinematics import nearest_turns
 
 UR5E = MODELS["ur5e"].arm()
@@ -64,13 +68,12 @@ def test_out_of_reach_is_none():
 
 def test_path_is_followed_without_a_jump_through_a_turn_beyond_pi():
     path = [(*HOME[:5], 0.02 * k) for k in range(250)]
-    found = list(follow(UR5E, [pose_at(q) for q in path], HOME))
-    assert furthest(found[-1], path[-1]) < 1e-9
+    assert furthest(along(path).joints[-1], path[-1]) < 1e-9
 
 
 def test_tool_is_carried_by_the_flange():
     turn, offset = exp((0.3, -0.2, 0.1)), (0.01, -0.02, 0.1)
-    arm = UR5E.with_tool((turn, offset))
+    arm = replace(UR5E, tool=(turn, offset))
     q, p = pose_at(HOME)
     found, position = arm.forward(HOME)
     assert position == pytest.approx(np.add(p, rotate(q, offset)), abs=1e-15)
@@ -97,58 +100,73 @@ def test_every_branch_is_a_solution_and_the_nearest_is_among_them():
     assert most == 8
 
 
-def wrist_turn(rate, seconds=1.0):
-    times = [0.008 * k for k in range(round(seconds / 0.008))]
-    return times, [pose_at((*HOME[:5], rate * t)) for t in times]
+def along(rows):
+    """Return the path of the arm whose flange goes where *rows* of joints, 8 ms apart, bring it."""
+    poses = [forward(row) for row in rows]
+    q, position = np.array([q for q, _ in poses]), np.array([p for _, p in poses])
+    return route(UR5E, 0.008, q, position, joints=tuple(rows[0]))
+
+
+def wrist_turn(rate, begin=0.0):
+    return [(*HOME[:5], begin + rate * 0.008 * k) for k in range(125)]
 
 
 def test_slow_turn_is_accepted_with_its_joint_speed():
-    report = examine(UR5E, *wrist_turn(2.0), HOME)
-    assert report.speeds["wrist 3"].value == pytest.approx(2.0)
-    assert report.speeds["base"].value < 1e-9
-    assert report.reserves["wrist"].value == pytest.approx(1.0)
+    figures = {figure.name: figure.value for figure in along(wrist_turn(2.0)).figures}
+    assert figures["velocity of wrist 3"] == pytest.approx(2.0)
+    assert figures["velocity of base"] < 1e-9
 
 
 def test_fast_joint_is_refused_by_name_and_time():
-    with pytest.raises(LimitError, match=r"speed of joint wrist 3 reaches 3\.2 rad/s") as caught:
-        examine(UR5E, *wrist_turn(3.2), HOME)
-    assert caught.value.limit == pytest.approx(0.98 * math.pi)
+    with pytest.raises(LimitError, match=r"velocity of wrist 3 reaches 3\.2 rad/s") as caught:
+        along(wrist_turn(3.2))
+    assert caught.value.limit == pytest.approx(math.pi)
 
 
 @pytest.mark.parametrize(("begin", "rate"), [(5.8, 1.0), (-5.8, -1.0)])
 def test_joint_that_winds_up_is_refused_by_name_and_time(begin, rate):
-    times = [0.008 * k for k in range(120)]
-    poses = [pose_at((*HOME[:5], begin + rate * t)) for t in times]
-    examine(UR5E, times[:60], poses[:60], (*HOME[:5], begin))
-    with pytest.raises(LimitError, match=r"angle of joint wrist 3 .* at 0\.488") as caught:
-        examine(UR5E, times, poses, (*HOME[:5], begin))
+    along(wrist_turn(rate, begin)[:60])
+    with pytest.raises(LimitError, match=r"angle of wrist 3 .* at 0\.488") as caught:
+        along(wrist_turn(rate, begin))
     assert "turn less far (a turn by a shorter `--duration`), or unwind it first" in str(
         caught.value
     )
 
 
-def test_joint_that_is_too_fast_before_another_leaves_its_range_is_told_first():
-    times = [0.008 * k for k in range(200)]
-    angles, angle = [], 5.0
-    for time in times:
-        angles.append(angle)
-        angle += 0.008 * (3.3 if time < 0.1 else 1.0)
-    poses = [pose_at((*HOME[:5], angle)) for angle in angles]
-    assert angles[-1] > math.tau
-    with pytest.raises(LimitError, match=r"speed of joint wrist 3 reaches 3\.3 rad/s"):
-        examine(UR5E, times, poses, (*HOME[:5], 5.0))
-
-
 def test_path_near_a_straight_wrist_is_refused_with_the_time():
-    times = [0.008 * k for k in range(250)]
-    poses = [pose_at((*HOME[:4], -0.5 + 0.5 * t, 0.0)) for t in times]
-    with pytest.raises((PlanError), match=r"wrist comes within .* at (0\.9|1\.0)"):
-        examine(UR5E, times, poses, (*HOME[:4], -0.5, 0.0))
+    with pytest.raises(PlanError, match=r"wrist comes within .* at (0\.9|1\.0)"):
+        along([(*HOME[:4], -0.5 + 0.004 * k, 0.0) for k in range(250)])
 
 
 def test_path_out_of_reach_is_refused_with_the_time():
     q, (x, y, z) = pose_at(HOME)
-    times = [0.008 * k for k in range(250)]
-    poses = [(q, (x - 0.5 * t, y, z)) for t in times]
+    position = np.array([(x - 0.004 * k, y, z) for k in range(250)])
     with pytest.raises(PlanError, match=r"at \d\.\d+ s|elbow"):
-        examine(UR5E, times, poses, HOME)
+        route(UR5E, 0.008, np.array([q] * 250), position, joints=HOME)
+
+
+def test_motion_runs_slower_where_a_joint_needs_it():
+    limits = Limits(2.5, 17.0, 8500.0, 1.0, 10.0)
+    begin = (0.3, -1.3, 1.5, -1.7, -0.12, 0.4)
+
+    def plan(**options):
+        settings = {"host": "127.0.0.9", "model": "ur5e", **options}
+        driver = UrDriver(settings, period_ns=2_000_000, clock=ManualClock(1))
+        q, position = driver.mechanism(may_ask=False).forward(begin)
+        goal = multiply(q, exp((0.1, 0.5, 0.1)))
+        request = MotionRequest([Keyframe(goal, position=position)], approach=True)
+        planner = DevicePlanner(driver, limits=limits, period=0.002)
+        start = State.at_rest(q, position)
+        return planner.plan(request, start=start, joints=begin, is_offline=True)
+
+    free, bound = plan(), plan(joint_acceleration_deg=300.0)
+    assert bound.duration > 1.2 * free.duration
+    assert any("the axes need" in note for note in bound.certificate.notes)
+    figures = {figure.name: figure for figure in bound.certificate.figures}
+    assert figures["acceleration of wrist 3"].limit == pytest.approx(math.radians(300.0))
+    for figure in bound.certificate.figures:
+        assert (
+            figure.limit is None or "angle" in figure.name or figure.value <= 1.001 * figure.limit
+        )
+    moved = np.abs(np.diff(bound.path.joints, 2, axis=0)) / 0.002**2
+    assert 0.5 * math.radians(300.0) < np.max(moved) <= 1.001 * math.radians(300.0)
