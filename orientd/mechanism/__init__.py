@@ -12,6 +12,7 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.mechanism.arrays import orientations
+    from orientd.mechanism.following import Following
     from orientd.mechanism.foresight import Foresight, refusal
     from orientd.mechanism.gimbal import Gimbal
     from orientd.mechanism.joint_path import JointPath, ToolLimits
@@ -24,6 +25,7 @@ __getattr__ = lazily(
     "orientd.mechanism",
     {
         "orientd.mechanism.arrays": ("orientations",),
+        "orientd.mechanism.following": ("Following",),
         "orientd.mechanism.foresight": ("Foresight", "refusal"),
         "orientd.mechanism.gimbal": ("Gimbal",),
         "orientd.mechanism.joint_path": ("JointPath", "ToolLimits"),

@@ -2,7 +2,5 @@
 
 from __future__ import annotations
 
-from orientd_dynamixel.axes.following import Following
 from orientd_dynamixel.axes.standing import Standing, complain, judge
-from orientd_dynamixel.axes.supervisor import SLACK, TICK, complain_of_step
 from orientd_dynamixel.axes.turns import Turns
