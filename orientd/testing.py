@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 import subprocess
 import sys
 import time
@@ -34,6 +35,7 @@ from orientd.driver import (
     Finding,
     Freeable,
     Healthy,
+    Joints,
     Locatable,
     Parkable,
     PhaseLocked,
@@ -109,16 +111,20 @@ class DriverConformance(ABC):
             raise SkipTest(f"{type(driver).__name__} is not {protocol.__name__}")
         return driver
 
-    def setpoint(self, start: Feedback, angle: float, rate: float = 0.0) -> Setpoint:
-        """Return the setpoint that is turned by *angle* from *start*, at a rate.
-
-        A driver that takes joints finds its last axis turned.
-        """
+    def setpoint(
+        self, driver: Driver, start: Feedback, angle: float, rate: float = 0.0
+    ) -> Setpoint:
+        """Return the setpoint that is turned by *angle* from *start*, at a rate."""
         q = multiply(start.q, exp((0.0, 0.0, angle)))
-        joints = (*start.joints[:-1], start.joints[-1] + angle) if start.joints else ()
-        return Setpoint(
-            self.clock.now_ns(), q, (0.0, 0.0, rate), position=start.position, joints=joints
-        )
+        joints: Joints = ()
+        if driver.takes == "joints":
+            assert isinstance(driver, Mechanical), "it takes joints and has no mechanism"
+            mechanism = driver.mechanism(may_ask=True)
+            assert mechanism is not None, "it takes joints and has no mechanism"
+            joints = mechanism.nearest(q, start.position, start.joints) or ()
+            assert joints, "its mechanism has no joints for a pose close by"
+        now_ns, omega = self.clock.now_ns(), (0.0, 0.0, rate)
+        return Setpoint(now_ns, q, omega, position=start.position, joints=joints)
 
     def cycle(self, driver: Driver, setpoint: Setpoint | None) -> Feedback | None:
         """Do what the servo does in a cycle; without a setpoint the driver is not enabled."""
@@ -141,8 +147,8 @@ class DriverConformance(ABC):
         cycles = max(2, round(0.1 / (driver.period_ns * 1e-9)))
         rate = _TURN / (cycles * driver.period_ns * 1e-9)
         for k in range(1, cycles + 1):
-            self.cycle(driver, self.setpoint(start, _TURN * k / cycles, rate))
-        return self.setpoint(start, _TURN)
+            self.cycle(driver, self.setpoint(driver, start, _TURN * k / cycles, rate))
+        return self.setpoint(driver, start, _TURN)
 
     def assert_near(self, q: Quaternion, other: Quaternion, what: str) -> None:
         """Compare two orientations within the tolerance of following."""
@@ -194,8 +200,9 @@ class DriverConformance(ABC):
         """A servo process is small; NumPy alone is as large again."""
         module = type(self.make_driver()).__module__
         code = f"import sys, {module}; print(*[m for m in {_FORBIDDEN!r} if m in sys.modules])"
+        found_by = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
         loaded = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=found_by
         ).stdout.split()
         assert not loaded, f"importing {module} loads {loaded}"
 
@@ -205,10 +212,10 @@ class DriverConformance(ABC):
         """Nothing may move before a motion is started, whatever was done before."""
         with self.opened() as driver:
             start = driver.enable()
-            feedback = self.hold(driver, self.setpoint(start, 0.0), self.settle_cycles)
+            feedback = self.hold(driver, self.setpoint(driver, start, 0.0), self.settle_cycles)
             self.assert_near(start.q, feedback.q, "it moved")
             self.turn(driver, start)
-            before = self.hold(driver, self.setpoint(start, _TURN), self.settle_cycles)
+            before = self.hold(driver, self.setpoint(driver, start, _TURN), self.settle_cycles)
             driver.disable()
             self.assert_near(driver.enable().q, before.q, "enabling it again moved it")
 
@@ -217,7 +224,7 @@ class DriverConformance(ABC):
         with self.opened() as driver:
             reports = [self.cycle(driver, None) for _ in range(10)]
             start = driver.enable()
-            reports += [start, self.cycle(driver, self.setpoint(start, 0.0))]
+            reports += [start, self.cycle(driver, self.setpoint(driver, start, 0.0))]
             resting = self.turn(driver, start)
             reports += [self.cycle(driver, resting) for _ in range(self.settle_cycles)]
         for one in filter(None, reports):
@@ -237,7 +244,7 @@ class DriverConformance(ABC):
                     assert feedback.time_ns <= self.clock.now_ns(), "feedback from the future"
                     assert feedback.time_ns >= last, "feedback went back in time"
                     last = feedback.time_ns
-                driver.write(self.setpoint(start, 0.0))
+                driver.write(self.setpoint(driver, start, 0.0))
                 self.pass_cycle(driver)
             assert last > start.time_ns, "feedback never changed"
 
@@ -246,12 +253,7 @@ class DriverConformance(ABC):
         with self.opened() as driver:
             resting = self.turn(driver, driver.enable())
             feedback = self.hold(driver, resting, self.settle_cycles)
-            if driver.takes == "joints":
-                pairs = zip(resting.joints, feedback.joints, strict=True)
-                gap = max(abs(asked - measured) for asked, measured in pairs)
-                assert gap <= self.follow_tolerance, f"an axis stands {gap:.3g} rad beside it"
-            else:
-                self.assert_near(resting.q, feedback.q, "it stands beside the setpoint")
+            self.assert_near(resting.q, feedback.q, "it stands beside the setpoint")
 
     def test_reads_and_writes_do_not_wait(self) -> None:
         """A driver that waits makes the servo miss deadlines, and stops come late."""
@@ -261,7 +263,7 @@ class DriverConformance(ABC):
                 taken = []
                 for _ in range(30):
                     taken.append(self.seconds(driver.read))
-                    taken.append(self.seconds(driver.write, self.setpoint(start, 0.0)))
+                    taken.append(self.seconds(driver.write, self.setpoint(driver, start, 0.0)))
                     self.pass_cycle(driver)
                 if sum(one >= allowed for one in taken) <= 2:
                     return
@@ -279,7 +281,7 @@ class DriverConformance(ABC):
             self.assert_near(before.q, after.q, "it goes on moving")
             again = driver.enable()
             self.assert_near(again.q, after.q, "enabling it again moved it")
-            self.hold(driver, self.setpoint(again, 0.0), 3)
+            self.hold(driver, self.setpoint(driver, again, 0.0), 3)
 
     def test_it_can_be_closed_twice_and_unopened(self) -> None:
         """Every way out of the servo process ends in close."""
@@ -300,7 +302,7 @@ class DriverConformance(ABC):
             if self.mend_device() and isinstance(driver, Resettable):
                 driver.reset()
                 again = driver.enable()
-                self.hold(driver, self.setpoint(again, 0.0), self.settle_cycles)
+                self.hold(driver, self.setpoint(driver, again, 0.0), self.settle_cycles)
 
     def test_a_device_that_is_not_there_is_a_device_error(self) -> None:
         """Opened, enabled or used, the driver says so by the right kind of error."""
@@ -318,7 +320,7 @@ class DriverConformance(ABC):
     def assert_device_error(self, driver: Driver, start: Feedback, cycles: int) -> None:
         """Assert that reading or writing raises one within some cycles."""
         try:
-            self.hold(driver, self.setpoint(start, 0.0), cycles)
+            self.hold(driver, self.setpoint(driver, start, 0.0), cycles)
         except DeviceError:
             return
         raise AssertionError("nothing was raised after the device had gone")
@@ -335,16 +337,16 @@ class DriverConformance(ABC):
                 device.reset()
                 again = driver.enable()
                 self.assert_near(start.q, again.q, "a reset moved it")
-                self.hold(driver, self.setpoint(again, 0.0), 10)
+                self.hold(driver, self.setpoint(driver, again, 0.0), 10)
 
     def test_it_rests_in_a_fault_whatever_it_is_sent(self) -> None:
         """A device that a fault has stopped must not move when it comes free."""
         with self.opened() as driver:
             device = self.offering(driver, RestsInFault)
             start = driver.enable()
-            self.hold(driver, self.setpoint(start, 0.0), 10)
+            self.hold(driver, self.setpoint(driver, start, 0.0), 10)
             self.assert_quick(driver, device.rest_in_fault)
-            feedback = self.hold(driver, self.setpoint(start, _TURN), self.settle_cycles)
+            feedback = self.hold(driver, self.setpoint(driver, start, _TURN), self.settle_cycles)
             self.assert_near(start.q, feedback.q, "it moved in a fault")
             driver.disable()
             if isinstance(driver, Resettable):
@@ -361,20 +363,20 @@ class DriverConformance(ABC):
             device.free()
             self.hold(driver, None, self.settle_cycles)
             again = driver.enable()
-            self.hold(driver, self.setpoint(again, 0.0), 3)
+            self.hold(driver, self.setpoint(driver, again, 0.0), 3)
 
     def test_it_can_be_parked_and_opened_again(self) -> None:
         """Parking is the last that is done to a device before its process ends."""
         with self.opened() as driver:
             device = self.offering(driver, Parkable)
             start = driver.enable()
-            self.hold(driver, self.setpoint(start, 0.0), 10)
+            self.hold(driver, self.setpoint(driver, start, 0.0), 10)
             driver.disable()
             taken = self.seconds(device.park)
             assert taken <= _LONGEST_PARK, f"it took {taken:.3g} s"
         with self.opened() as driver:
             again = driver.enable()
-            self.hold(driver, self.setpoint(again, 0.0), 10)
+            self.hold(driver, self.setpoint(driver, again, 0.0), 10)
 
     def test_an_unknown_option_of_a_motion_is_refused(self) -> None:
         """Options are looked at on a driver that is not open; a refusal changes nothing."""
@@ -391,7 +393,7 @@ class DriverConformance(ABC):
         """Health and notices are asked for once a second, in a cycle, enabled or not."""
         with self.opened() as driver:
             device = self.offering(driver, Healthy)
-            for setpoint in (None, self.setpoint(driver.enable(), 0.0)):
+            for setpoint in (None, self.setpoint(driver, driver.enable(), 0.0)):
                 for _ in range(10):
                     self.cycle(driver, setpoint)
                 self.assert_quick(driver, device.health)
@@ -416,7 +418,7 @@ class DriverConformance(ABC):
         """The time scaling is multiplied with it."""
         with self.opened() as driver:
             device = self.offering(driver, Scaled)
-            self.hold(driver, self.setpoint(driver.enable(), 0.0), 10)
+            self.hold(driver, self.setpoint(driver, driver.enable(), 0.0), 10)
             assert 0.0 <= device.speed_scaling <= 1.0, f"it is {device.speed_scaling}"
 
     def test_it_shifts_deadlines_by_half_a_period_at_most(self) -> None:
@@ -426,7 +428,7 @@ class DriverConformance(ABC):
             most, start = driver.period_ns // 2, None
             for k in range(self.settle_cycles):
                 start = driver.enable() if k == 10 else start
-                self.cycle(driver, start and self.setpoint(start, 0.0))
+                self.cycle(driver, start and self.setpoint(driver, start, 0.0))
                 shift = device.deadline_shift_ns(self.clock.now_ns())
                 assert isinstance(shift, int), f"a shift is whole nanoseconds, got {shift!r}"
                 assert -most <= shift <= most, f"it shifts by {shift} ns of {driver.period_ns}"
@@ -439,7 +441,7 @@ class DriverConformance(ABC):
         assert all(isinstance(unopened.why_ended(number), str) for number in range(1, 32))
         with self.opened() as driver:
             device = self.offering(driver, Explaining)
-            self.hold(driver, self.setpoint(driver.enable(), 0.0), 10)
+            self.hold(driver, self.setpoint(driver, driver.enable(), 0.0), 10)
             self.assert_quick(driver, device.why_stale)
             assert isinstance(device.why_stale(), str)
 

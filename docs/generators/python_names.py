@@ -20,6 +20,7 @@ FRONTS = {
     "orientd.curves": "Every family of curves, behind one contract, and what they are made of.",
     "orientd.planner": "From a request to an immutable motion with its certificate.",
     "orientd.driver": "What a device must do for the servo, and how it is found.",
+    "orientd.mechanism": "Axes with limits that pose a tool: what a driver hands to the planner.",
     "orientd.testing": "A conformance suite for drivers.",
     "orientd.errors": "Every error that orientd raises, and the kinds of fault of a device.",
 }
@@ -48,6 +49,7 @@ CHOSEN = {
         "TrackReport",
         "Observer",
     ],
+    "orientd.mechanism": ["Gimbal", "Mechanical", "Mechanism", "Reserve"],
     "orientd.testing": ["DriverConformance"],
 }
 HOMES = {

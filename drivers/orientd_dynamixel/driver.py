@@ -30,17 +30,13 @@ from orientd.driver import (
 )
 from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
 from orientd.mechanism import Gimbal
-from orientd_dynamixel.axes import (
-    Standing,
-    Turns,
-    complain,
-    judge,
-)
 from orientd_dynamixel.bus import READ_WAIT_S, OpenBus, ServoBus, open_bus
 from orientd_dynamixel.group import TAIL_SHARE, Group, listen
 from orientd_dynamixel.options import GimbalOptions, parse
 from orientd_dynamixel.servo import Servo
-from orientd_dynamixel.start import Prepared, engage_all, park, prepare
+from orientd_dynamixel.standing import Standing, complain, judge
+from orientd_dynamixel.start import engage_all, park, prepare
+from orientd_dynamixel.turns import Turns
 
 GLANCE_SHARE = 0.2
 """Of the period, how long one look at the port may wait."""
@@ -79,7 +75,8 @@ class DynamixelDriver(Driver):
         self._closed = f"{self.settings.port} is not open"
         self._standing = Standing(self._servos)
         self._turns = Turns(self.settings, self._servos)
-        self._prepared = Prepared([], [], "")
+        self._overwritten: list[str] = []
+        self._unknown = ""
         self._health: tuple[PartHealth, ...] = ()
         self._health_ns = 0
 
@@ -110,8 +107,8 @@ class DynamixelDriver(Driver):
                 on which turn it is.
         """
         _, group = self._connected()
-        if self._prepared.unknown:
-            raise DeviceFaultError(self._prepared.unknown)
+        if self._unknown:
+            raise DeviceFaultError(self._unknown)
         self._settle(group)
         for servo in self._servos:
             servo.check()
@@ -238,7 +235,7 @@ class DynamixelDriver(Driver):
 
     def notices(self) -> Sequence[str]:
         """Return which of the servos' own settings were overwritten, and what costs speed."""
-        return (*self._prepared.overwritten, *self.advice)
+        return (*self._overwritten, *self.advice)
 
     def health(self) -> Sequence[PartHealth]:
         """Return voltage, temperature and current of every servo, with warnings."""
@@ -286,10 +283,10 @@ class DynamixelDriver(Driver):
         for servo in self._servos:
             servo.bus = bus
         try:
-            self._prepared = prepare(self._servos, options, self._turns, self._sleep, self.clock)
-            self._group, self.advice = listen(
-                self._servos, options, self._prepared.firmware, self.period_ns, self.clock
+            self._overwritten, self._unknown = prepare(
+                self._servos, options, self._turns, self._sleep, self.clock
             )
+            self._group, self.advice = listen(self._servos, options, self.period_ns, self.clock)
         except DeviceError as error:
             self._closed = str(error)
             bus.close()
@@ -321,7 +318,7 @@ class DynamixelDriver(Driver):
     def _report(self, group: Group) -> Feedback:
         angles, rates = [], []
         for place, (servo, reading) in enumerate(zip(self._servos, group.readings, strict=True)):
-            if not self._prepared.unknown and place not in group.restarted:
+            if not self._unknown and place not in group.restarted:
                 self._turns.note(place, reading.position)
             angles.append(servo.angle(reading.position))
             rates.append(servo.rate(reading.velocity))

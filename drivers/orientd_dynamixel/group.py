@@ -294,18 +294,13 @@ class Group:
 
 
 def listen(
-    servos: Sequence[Servo],
-    options: GimbalOptions,
-    firmware: Sequence[int],
-    period_ns: int,
-    clock: Clock,
+    servos: Sequence[Servo], options: GimbalOptions, period_ns: int, clock: Clock
 ) -> tuple[Group, list[str]]:
     """Return the group of all servos, read as quickly as they can, and what keeps it from more.
 
     Args:
-        servos: of the gimbal.
+        servos: of the gimbal, identified.
         options: of the deployment.
-        firmware: of each servo.
         period_ns: of the cycle.
         clock: of the readings.
 
@@ -313,16 +308,10 @@ def listen(
         DeviceFaultError: fast reads are asked for that a servo does not know.
         LinkError: the line is too slow for the rate, or a servo does not answer.
     """
-    old = []
-    for servo, version in zip(servos, firmware, strict=True):
-        needed = servo.options.model.family.fast_firmware
-        if needed is None:
-            old.append(f"servo {servo.options.id} is not known to answer fast reads")
-        elif version < needed:
-            old.append(f"servo {servo.options.id} has firmware {version}, fast reads need {needed}")
-    if old and options.fast_read == "on":
-        raise DeviceFaultError("; ".join(old))
-    is_fast = not old and options.fast_read != "off"
+    slow = list(filter(None, (servo.why_not_fast() for servo in servos)))
+    if slow and options.fast_read == "on":
+        raise DeviceFaultError("; ".join(slow))
+    is_fast = not slow and options.fast_read != "off"
     group = Group(
         servos, is_fast=is_fast, max_losses=options.max_losses, latency_ms=options.latency_ms,
         period_ns=period_ns,
@@ -335,4 +324,4 @@ def listen(
             "line speed"
         )
     group.synchronise(clock)
-    return group, old if options.fast_read == "auto" else []
+    return group, slow if options.fast_read == "auto" else []

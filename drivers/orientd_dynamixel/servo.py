@@ -79,13 +79,15 @@ class Servo:
         seen_ns: when it was last seen there.
         apart_ns: since when it has been too far from its goal; 0 if it is not.
         strained: looks in a row at which its current was large.
-        bears: what it bears, asked as the port is opened.
+        firmware: its version, asked as the port is opened.
+        bears: what it bears, asked then, too.
         per_turn: ticks of one turn.
         near: how far it may have moved while nobody watched, ticks: 45 degrees.
         play: how far a reading may be from where it can be, ticks.
     """
 
     bus: ServoBus
+    firmware: int
     bears: Ratings
 
     def __init__(self, options: AxisOptions) -> None:
@@ -106,8 +108,6 @@ class Servo:
 
     def __str__(self) -> str:
         return f"servo {self.options.id} ({self.options.name})"
-
-    # Units
 
     def angle(self, position: float) -> float:
         """Return the angle of the axis, rad, at a position in the servo's ticks."""
@@ -134,8 +134,6 @@ class Servo:
     def steps(self, velocity: float) -> int:
         """Return a velocity of the servo, rad/s, in its steps."""
         return math.ceil(velocity / self.options.model.family.velocity_unit)
-
-    # What is believed
 
     @property
     def goal(self) -> int:
@@ -180,8 +178,6 @@ class Servo:
         turns = round(jump / self.per_turn)
         return turns != 0 and abs(jump - turns * self.per_turn) <= self.play
 
-    # Registers
-
     def get(self, register: Register, attempts: int = ATTEMPTS) -> int:
         """Return a register; raise :class:`LinkError` if the servo does not answer."""
         return self.bus.read(self.options.id, register, attempts=attempts)
@@ -217,10 +213,8 @@ class Servo:
             "supply off, then reset"
         )
 
-    # Start
-
-    def identify(self) -> int:
-        """Return the servo's firmware, and ask what it bears.
+    def identify(self) -> None:
+        """Find the servo, and ask what it bears.
 
         Raises:
             LinkError: it does not answer.
@@ -231,7 +225,7 @@ class Servo:
             raise LinkError(
                 f"{self} does not answer; look at its cable, its supply, its id and its line speed"
             )
-        number, firmware = found
+        number, self.firmware = found
         model = self.options.model
         if number != model.number:
             raise DeviceFaultError(
@@ -241,7 +235,15 @@ class Servo:
         lowest, highest = VOLT * self.get(table.min_voltage), VOLT * self.get(table.max_voltage)
         current = unit * self.get(table.current_limit) if unit else 0.0
         self.bears = Ratings(self.get(table.temperature_limit), lowest, highest, current)
-        return firmware
+
+    def why_not_fast(self) -> str:
+        """Return why the servo answers no fast reads; nothing if it does."""
+        needed = self.options.model.family.fast_firmware
+        if needed is None:
+            return f"servo {self.options.id} is not known to answer fast reads"
+        if self.firmware >= needed:
+            return ""
+        return f"servo {self.options.id} has firmware {self.firmware}, fast reads need {needed}"
 
     def clear_error(self, sleep: Sleep) -> None:
         """Start the servo again if it reports a hardware error.
@@ -408,8 +410,6 @@ class Servo:
         self.goal = goal
         self.believe(position, self.seen_ns)
         return not was_on
-
-    # End
 
     def hold(self, *, stands: bool) -> None:
         """Leave the servo where it is told to be, its watchdog off.

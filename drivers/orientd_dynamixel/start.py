@@ -9,31 +9,16 @@ stops it.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import NamedTuple
 
 from orientd.clock import Clock
 from orientd.errors import DeviceError, DeviceFaultError
-from orientd_dynamixel.axes import Turns
 from orientd_dynamixel.options import GimbalOptions
 from orientd_dynamixel.servo import DoubtError, Servo, Sleep
 from orientd_dynamixel.tables import CURRENT_POSITION, EXTENDED_POSITION
+from orientd_dynamixel.turns import Turns
 
 _PARK_LONGEST_S = 20.0
 _STEP_S = 0.05
-
-
-class Prepared(NamedTuple):
-    """What was found and done when servos were prepared.
-
-    Attributes:
-        firmware: of each servo.
-        overwritten: which settings of their own were, in words.
-        unknown: which are on an unknown turn, in words; empty if none is.
-    """
-
-    firmware: list[int]
-    overwritten: list[str]
-    unknown: str
 
 
 def overwritten(servos: Sequence[Servo], may_overwrite: Collection[str]) -> list[str]:
@@ -72,14 +57,19 @@ def overwritten(servos: Sequence[Servo], may_overwrite: Collection[str]) -> list
 
 def prepare(
     servos: Sequence[Servo], options: GimbalOptions, turns: Turns, sleep: Sleep, clock: Clock
-) -> Prepared:
+) -> tuple[list[str], str]:
     """Put every servo right and find out on which turn it is; nothing moves.
+
+    Returns:
+        Which of the servos' own settings were overwritten, in words, and which servos are on an
+        unknown turn; nothing if none is.
 
     Raises:
         LinkError: a servo is not there.
         DeviceFaultError: one is another model, may not be put right, or cannot be.
     """
-    firmware = [servo.identify() for servo in servos]
+    for servo in servos:
+        servo.identify()
     turns.close()  # whoever deletes the file begins anew
     turns.open()
     changed = overwritten(servos, options.overwrite)
@@ -96,7 +86,7 @@ def prepare(
             continue
         unknown.append(turns.resolve(place, position, has_kept_power=has_counted))
         servo.believe(position, clock.now_ns())
-    return Prepared(firmware, changed, "; ".join(filter(None, unknown)))
+    return changed, "; ".join(filter(None, unknown))
 
 
 def engage_all(servos: Sequence[Servo]) -> list[Servo]:

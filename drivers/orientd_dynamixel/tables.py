@@ -178,6 +178,7 @@ class ServoModel:
 
 MODELS: Mapping[str, ServoModel] = {
     "xm430": ServoModel("XM430-W350", 1020, X430, 46, 0.00269),
+    "xm430-w210": ServoModel("XM430-W210", 1030, X430, 77, 0.00269),
     "xl330": ServoModel("XL330-M288", 1200, X330, 103, 0.001),
     "xm540-w270": ServoModel("XM540-W270", 1120, X430, 30, 0.00269),
     "xm540-w150": ServoModel("XM540-W150", 1130, X430, 53, 0.00269),
@@ -185,6 +186,8 @@ MODELS: Mapping[str, ServoModel] = {
     "xw540-t140": ServoModel("XW540-T140", 1180, X430, 72, 0.00269),
     "xl430-w250": ServoModel("XL430-W250", 1060, X430, 61, 0.0),
     "xc430-w240": ServoModel("XC430-W240", 1080, X430, 70, 0.0),
+    "xc430-w150": ServoModel("XC430-W150", 1070, X430, 106, 0.0),
+    "xl330-m077": ServoModel("XL330-M077", 1190, X330, 383, 0.001),
     "xc330-m181": ServoModel("XC330-M181", 1230, X330, 129, 0.001),
     "xc330-m288": ServoModel("XC330-M288", 1240, X330, 81, 0.001),
     "mx-28": ServoModel("MX-28(2.0)", 30, MX2, 55, 0.0),

@@ -178,7 +178,7 @@ class UrDriver(Driver):
             self._listener = TickListener(address)
             self._phase = TickPhase(tick_ns(probe.version), self.period_ns)
         self._link.connect(address)
-        self._await_package(SpentLinkError(f"{host} sends no data packages"))
+        self._awaited(SpentLinkError(f"{host} sends no data packages"))
 
     def enable(self) -> Feedback:
         """Have the control program play and the tool, payload and watchdog be set.
@@ -188,22 +188,21 @@ class UrDriver(Driver):
             LinkError: the link is lost, or another client holds the robot.
         """
         self._arm = self._arm or self._identified()
-        self._forget_age()
         self._program.play()
         self._clock.reset()
-        self._await_package(FeedbackError(f"{self._options.host} sends no data packages"))
+        measured = self._awaited(FeedbackError(f"{self._options.host} sends no data packages"))
+        now_ns = self.clock.now_ns()
         # Where the controller commands the arm to be: what it measures differs by the arm's load.
-        numbers, joints = self._link.target_pose(), tuple(self._link.joints()[0])
-        q, position = pose_of(numbers)
+        joints, numbers = self._link.commanded()
+        q, position = self._sent = pose_of(numbers)
         self._rotation = (numbers[3], numbers[4], numbers[5])
-        measured = tuple(self._link.joints()[1])
-        self._feedback = Feedback(self.clock.now_ns(), q, position=position, joints=measured)
-        self._sent = q, position
+        start = Feedback(now_ns, q, position=position, joints=measured.joints)
+        self._feedback = start
         if self._arm is not None:
             self._arm = self._arm.seen(joints, (q, position))
         self._is_enabled, self._is_muted, self._is_in_fault = True, False, False
-        self._silence.begin(self.clock.now_ns())
-        return self._feedback
+        self._silence.begin(now_ns)
+        return start
 
     def free(self) -> None:
         """Switch the controller's freedrive on; the payload must be right, or the arm sinks.
@@ -212,10 +211,9 @@ class UrDriver(Driver):
             DeviceFaultError: as for :meth:`enable`.
             LinkError: as for :meth:`enable`.
         """
-        self._forget_age()
         self._program.free()
         self._clock.reset()
-        self._await_package(FeedbackError(f"{self._options.host} sends no data packages"))
+        self._awaited(FeedbackError(f"{self._options.host} sends no data packages"))
 
     def read(self) -> Feedback | None:
         """Return what the controller measured last.
@@ -226,8 +224,33 @@ class UrDriver(Driver):
             FeedbackError: the controller's clock has stood still for the feedback's timeout.
             DeviceFaultError: a stop, a fault, or the end of the control program.
         """
+        link, now_ns = self._link, self.clock.now_ns()
         with alarm_after(_LONGEST_CYCLE):
-            return self._read()
+            link.require()
+            timestamp = link.timestamp()
+            if timestamp == self._timestamp:
+                self._look_for_age(now_ns)
+            else:
+                self._timestamp, self._changed_ns, self._looks = timestamp, now_ns, 0
+                self._feedback = self._measure(timestamp, now_ns)
+            if now_ns - self._compared_ns > _COMPARE_EVERY_NS:
+                self._compared_ns = now_ns
+                link.require_same()
+            if self._is_in_fault:
+                # Nothing may feed the watchdog now, nor be left for a program that is played on.
+                if link.has_control and not self._is_stale():
+                    self._program.end(now_ns)
+            elif self._is_enabled:
+                if reason := self._reason(now_ns):
+                    # The library stops the program itself when it connects anew.
+                    link.require_same()
+                    raise DeviceFaultError(reason)
+            elif link.has_control and now_ns - self._kicked_ns > 0.2e9 / self._options.watchdog_hz:
+                # No setpoint keeps the watchdog quiet now, and the program is to go on.
+                self._kicked_ns = now_ns
+                if link.modes()[2] == RuntimeState.PLAYING:
+                    link.tell("kickWatchdog")
+        return self._feedback
 
     def write(self, setpoint: Setpoint) -> None:
         """Send the pose of *setpoint* with ``servoL``; nothing more once feedback was missing.
@@ -236,67 +259,37 @@ class UrDriver(Driver):
             LinkError: the connection is closed.
             DeviceFaultError: the control program does not take it.
         """
+        link, chosen, begun_ns = self._link, self._tuned, self.clock.now_ns()
         with alarm_after(_LONGEST_CYCLE):
-            self._write(setpoint)
-
-    def _read(self) -> Feedback | None:
-        link, now_ns = self._link, self.clock.now_ns()
-        link.require()
-        timestamp = link.timestamp()
-        if timestamp == self._timestamp:
-            self._look_for_age(now_ns)
-        else:
-            self._timestamp, self._changed_ns, self._looks = timestamp, now_ns, 0
-            self._feedback = self._measure(timestamp, now_ns)
-        if now_ns - self._compared_ns > _COMPARE_EVERY_NS:
-            self._compared_ns = now_ns
-            link.require_same()
-        if self._is_in_fault:
-            # Nothing may feed the watchdog now, nor be left for a program that is played on.
-            if link.has_control and not self._is_stale():
-                self._program.end(now_ns)
-        elif self._is_enabled:
-            reason = self._reason(now_ns)
-            if reason:
-                # The library stops the program itself when it connects anew.
+            link.require()
+            if self._is_muted or self._is_in_fault:
+                return
+            self._rotation = continued(setpoint.q, self._rotation)
+            self._sent = setpoint.q, setpoint.position
+            pose = [*setpoint.position, *self._rotation]
+            rest = 0.0, 0.0, chosen.servo_time, chosen.lookahead, chosen.gain
+            is_taken = link.tell("servoL", pose, *rest)
+            self._silence.note(begun_ns)
+            if self.clock.now_ns() - begun_ns > _SLOW_CALL_NS:
                 link.require_same()
-                raise DeviceFaultError(reason)
-        elif link.has_control and now_ns - self._kicked_ns > 0.2e9 / self._options.watchdog_hz:
-            # No setpoint keeps the watchdog quiet now, and the program is to go on.
-            self._kicked_ns = now_ns
-            if link.modes()[2] == RuntimeState.PLAYING:
-                link.kick()
-        return self._feedback
-
-    def _write(self, setpoint: Setpoint) -> None:
-        self._link.require()
-        if self._is_muted or self._is_in_fault:
-            return
-        self._rotation = continued(setpoint.q, self._rotation)
-        self._sent = setpoint.q, setpoint.position
-        pose = [*setpoint.position, *self._rotation]
-        chosen, begun_ns = self._tuned, self.clock.now_ns()
-        is_taken = self._link.servo(pose, chosen.servo_time, chosen.lookahead, chosen.gain)
-        self._silence.note(begun_ns)
-        if self.clock.now_ns() - begun_ns > _SLOW_CALL_NS:
-            self._link.require_same()
-        if is_taken:
-            return
-        # The program's end is known here before the state that explains it has arrived.
-        ends = time.monotonic() + _REASON_TIMEOUT
-        while not (reason := self._reason(begun_ns)) and time.monotonic() < ends:
-            self._link.require()
-            time.sleep(0.001)
-        self._link.require_same()
-        raise DeviceFaultError(reason or "the control program takes no setpoints")
+            if is_taken:
+                return
+            # The program's end is known here before the state that explains it has arrived.
+            ends = time.monotonic() + _REASON_TIMEOUT
+            while not (reason := self._reason(begun_ns)) and time.monotonic() < ends:
+                link.require()
+                time.sleep(0.001)
+            link.require_same()
+            raise DeviceFaultError(reason or "the control program takes no setpoints")
 
     def gaps(self) -> Sequence[AxisGap]:
         """Return how far the commanded tool is from the last setpoint, and each joint behind it."""
         allowed = radians(self._options.arrival_tolerance_deg)
-        commanded, at = pose_of(self._link.target_pose())
+        wanted, numbers = self._link.commanded()
+        commanded, at = pose_of(numbers)
         q, position = self._sent
         off, turned = dist(position, at) / _REACH, norm(difference(q, commanded))
-        wanted, measured = self._link.joints()
+        measured = self._feedback.joints if self._feedback is not None else wanted
         # As long as the controller smooths, and longer while it runs slowly.
         patience = max(0.5, 5.0 * self._tuned.lookahead) / max(self._speed_scaling, 1e-3)
         tool = "the tool that the controller commands"
@@ -356,10 +349,9 @@ class UrDriver(Driver):
         self._link.require()
         self._link.require_same()
         self._clock.reset()
-        self._await_package(SpentLinkError(f"{self._options.host} sends no data packages"))
+        self._awaited(SpentLinkError(f"{self._options.host} sends no data packages"))
         self._program.clear()
         self._is_in_fault = False
-        self._forget_age()
 
     def close(self) -> None:
         """End the control program and disconnect; after a loss, do nothing at all."""
@@ -413,11 +405,9 @@ class UrDriver(Driver):
         if age > chosen.feedback_timeout:
             # What is sent from now on would pile up, and reach the arm as one jump.
             self._is_muted = True
-            raise FeedbackError(f"no feedback from {host} for {age:.3f} s{self._late_words()}")
-
-    def _late_words(self) -> str:
-        reason = self.why_stale()
-        return f"; {reason}" if reason else ""
+            reason = self.why_stale()
+            late = f"; {reason}" if reason else ""
+            raise FeedbackError(f"no feedback from {host} for {age:.3f} s{late}")
 
     def _is_stale(self) -> bool:
         """Whether the controller may be frozen, so that waiting for it could last for ever."""
@@ -427,8 +417,8 @@ class UrDriver(Driver):
             return False
         return (self.clock.now_ns() - self._changed_ns) * 1e-9 > self._options.feedback_timeout
 
-    def _await_package(self, error: LinkError | FeedbackError) -> None:
-        """Wait until the controller's clock has moved twice, then take that as the newest."""
+    def _awaited(self, error: LinkError | FeedbackError) -> Feedback:
+        """Wait until the controller's clock has moved twice; return what it measured then."""
         ends = time.monotonic() + _FIRST_PACKAGES
         before = self._link.timestamp()
         for _ in range(2):
@@ -442,7 +432,4 @@ class UrDriver(Driver):
         now_ns = self.clock.now_ns()
         self._timestamp, self._changed_ns, self._looks = before, now_ns, 0
         self._feedback = self._measure(before, now_ns)
-
-    def _forget_age(self) -> None:
-        """Count the age of feedback from now: nobody has looked for as long as a call took."""
-        self._timestamp, self._changed_ns, self._looks = -1.0, self.clock.now_ns(), 0
+        return self._feedback

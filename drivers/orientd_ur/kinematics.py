@@ -101,12 +101,7 @@ class Kinematics:
             arm does not reach.
         """
         best, least = None, inf
-        here = self._branch(pose, near)
-        for flips in product((1.0, -1.0), repeat=3):
-            shoulder, wrist, elbow = (s * f for s, f in zip(here, flips, strict=True))
-            found = self._solve(pose, (shoulder, wrist, elbow), near[5])
-            if found is None:
-                continue
+        for found in self._branches(pose, self._branch(pose, near), near[5]):
             found = nearest_turns(found, near)
             distance = max(abs(a - b) for a, b in zip(found, near, strict=True))
             if distance < least:
@@ -117,12 +112,9 @@ class Kinematics:
 
     def solutions(self, pose: Pose) -> list[Six]:
         """Return the joints of every branch that bring the flange to *pose*, rad."""
-        found = []
-        for shoulder, wrist, elbow in product((1.0, -1.0), repeat=3):
-            one = self._solve(pose, (shoulder, wrist, elbow), 0.0)
-            if one is not None and (own := self._calibrated(pose, one)) is not None:
-                found.append(own)
-        return found
+        every = self._branches(pose, (1.0, 1.0, 1.0), 0.0)
+        own = (self._calibrated(pose, one) for one in every)
+        return [one for one in own if one is not None]
 
     def reserve(self, joints: Sequence[float]) -> dict[str, float]:
         """Return how far *joints* are from each kind of singularity; 0 is singular.
@@ -168,6 +160,14 @@ class Kinematics:
             1.0 if sin(near[4]) >= 0.0 else -1.0,
             1.0 if sin(near[2]) >= 0.0 else -1.0,
         )
+
+    def _branches(self, pose: Pose, first: Vector3, last_q6: float) -> Iterator[Six]:
+        """Yield the joints of the published arm on every branch, that of *first* signs first."""
+        for flips in product((1.0, -1.0), repeat=3):
+            shoulder, wrist, elbow = (s * flip for s, flip in zip(first, flips, strict=True))
+            found = self._solve(pose, (shoulder, wrist, elbow), last_q6)
+            if found is not None:
+                yield found
 
     def _solve(self, pose: Pose, signs: Vector3, last_q6: float) -> Six | None:
         """Return the joints of the published arm on one branch, rad; ``None`` if out of reach."""

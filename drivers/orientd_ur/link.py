@@ -273,32 +273,27 @@ class Link:
             receive.getSpeedScaling() * receive.getTargetSpeedFraction(),
         )
 
-    def joints(self) -> tuple[list[float], list[float]]:
-        """Return the joint angles that the controller commands, and those that it measures."""
-        return self._receive.getTargetQ(), self._receive.getActualQ()
-
-    def target_pose(self) -> list[float]:
-        """Return the pose the controller commands."""
-        pose: list[float] = self._receive.getTargetTCPPose()
-        return pose
+    def commanded(self) -> tuple[tuple[float, ...], list[float]]:
+        """Return the joint angles and the pose that the controller commands."""
+        return tuple(self._receive.getTargetQ()), self._receive.getTargetTCPPose()
 
     # Orders; each asks whether the link lives, and each is bounded.
 
-    def servo(self, pose: list[float], servo_time: float, lookahead: float, gain: float) -> bool:
-        """Send one setpoint; return whether the program took it.  Does not wait for the robot.
+    def tell(self, name: str, *arguments: Any) -> bool:  # noqa: ANN401 - the library's own
+        """Call a method of the controlling connection that does not wait for the robot.
+
+        Args:
+            name: of the method.
+            arguments: its arguments.
+
+        Returns:
+            Whether the program took it.
 
         Raises:
             LinkError: the connection is closed.
         """
         try:
-            return bool(self._control.servoL(pose, 0.0, 0.0, servo_time, lookahead, gain))
-        except RuntimeError as error:
-            raise self._loss(error) from error
-
-    def kick(self) -> None:
-        """Keep the watchdog quiet while no setpoint does."""
-        try:
-            self._control.kickWatchdog()
+            return bool(getattr(self._control, name)(*arguments))
         except RuntimeError as error:
             raise self._loss(error) from error
 

@@ -58,7 +58,7 @@ A motion may have a ``lookahead``, ``gain`` and ``servo_time`` of its own, its `
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from math import degrees, pi, radians
 from typing import Any
 
@@ -131,10 +131,7 @@ def check(given: Mapping[str, Any], *, period: float) -> UrOptions:
     Raises:
         ValueError: an option is unknown, missing or not allowed; the message names it.
     """
-    known = {"host", "model", "start_joints", "payload_mass", "tcp_offset", "payload_cog"}
-    known.add("registers")
-    known |= {*_NUMBERS, *_SWITCHES}
-    check_names(given, known)
+    check_names(given, {field.name for field in fields(UrOptions)})
     host = given.get("host")
     if not isinstance(host, str) or not host.strip() or host != host.strip():
         raise ValueError(f"host must be the robot's address, got {host!r}")

@@ -6,7 +6,7 @@ Velocity, acceleration and jerk are backward differences, as a device takes them
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import degrees
 from typing import NamedTuple
@@ -19,6 +19,8 @@ from orientd.rotation import Floats, conjugate, log, multiply
 
 _SLACK = 1.0 + 1e-3
 """How far above its limit a difference may be, as a factor: samples are a path only nearly."""
+_PLANNED = 0.95
+"""Share of an axis' acceleration that a plan of its own uses; the rest is to brake on it with."""
 EDGE = 1e-9
 """How far outside its limits an axis is taken to be at them, rad."""
 _KINDS = (LimitKind.VELOCITY, LimitKind.ACCELERATION, LimitKind.JERK)
@@ -147,6 +149,17 @@ def axis_peaks(
                 continue
             at = int(np.argmax(size[:, place]))
             yield AxisPeak(kind, axis, float(size[at, place]), limit, at * period)
+
+
+def excess_of(peaks: Iterable[AxisPeak]) -> float:
+    """Return how much longer the path of *peaks* must take to keep the limits."""
+    shares = [((one.value / one.limit), 1 + _KINDS.index(one.kind)) for one in peaks]
+    return max(float(share ** (1.0 / order)) for share, order in shares)
+
+
+def planned(axes: Iterable[AxisLimits]) -> list[AxisLimits]:
+    """Return the limits for plans of the mechanism's own: something is left to brake with."""
+    return [axis._replace(acceleration=_PLANNED * axis.acceleration) for axis in axes]
 
 
 def refuse_rates(peaks: Sequence[AxisPeak], advice: str) -> None:

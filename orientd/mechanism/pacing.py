@@ -10,7 +10,7 @@ import numpy as np
 from orientd.driver import AxisLimits
 from orientd.errors import LimitError, LimitKind
 from orientd.mechanism.joint_path import UNITS
-from orientd.mechanism.timing import run_through
+from orientd.mechanism.timing import calmed, run_through
 from orientd.rotation import Floats, conjugate, log, multiply
 
 _SMOOTHED_S = 0.04
@@ -181,12 +181,7 @@ def _course(most: Floats, change: Floats, grid: float, period: float) -> Floats:
         rise = np.cumsum(2.0 * grid * change[way])
         square[way] = rise + np.minimum.accumulate(square[way] - rise)
     fastest = np.sqrt(np.maximum(square, 0.0))
-    # The least around each sample, averaged: never above it, and smooth.
-    width = max(1, round(_SMOOTHED_S / grid))
-    padded = np.pad(fastest, 2 * width, mode="edge")
-    least = np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1).min(axis=1)
-    kernel = np.hanning(2 * width + 3)[1:-1]
-    slow = grid / np.convolve(least, kernel / kernel.sum(), mode="valid")
+    slow = grid / calmed(fastest, max(1, round(_SMOOTHED_S / grid)))
     lasts = float(np.sum(slow[1:] + slow[:-1])) / 2.0
     cycles = np.arange(int(np.ceil(lasts / period - 1e-9)) + 1, dtype=np.float64)
     return grid * run_through(slow, np.minimum(period * cycles, lasts))

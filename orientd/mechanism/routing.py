@@ -9,7 +9,7 @@ it begins.  What cannot be done is refused with axis, value and time.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees
 
 import numpy as np
@@ -26,7 +26,7 @@ from orientd.mechanism.branches import (
     continued,
     near,
 )
-from orientd.mechanism.gimbal import LOCK, Gimbal
+from orientd.mechanism.gimbal import Gimbal
 from orientd.mechanism.joint_path import (
     UNLIMITED,
     AxisPeak,
@@ -35,22 +35,23 @@ from orientd.mechanism.joint_path import (
     axis_peaks,
     figures_of,
     out_of_range,
+    planned,
     refuse_range,
     refuse_rates,
     words_of,
 )
 from orientd.mechanism.mechanism import Mechanism
 from orientd.mechanism.pole import Passage, outer_line, passages, windows
-from orientd.mechanism.slews import TILT, Slew, slew_times, stop_time, with_stops
+from orientd.mechanism.slews import Slew, slew_times, stop_time, with_stops
 from orientd.rotation import Floats, angle, check_unit, conjugate, exp, log, multiply, rotate
 
 _STILL = 1e-9
 _SAME = 1e-3
 """How far a path may begin from the angles that are given, rad."""
-PLANNED = 0.95
-"""Share of an axis' acceleration that a plan of its own uses; the rest is to brake on it with."""
 _GLANCE = 4096
 """Samples of a long path that are looked at first: what is too much is often its lead-in."""
+_BY_POLE = np.sin(np.radians(2.0))
+"""Sine of the distance from the pole within which a path passes it."""
 _LONGEST_STEP = 0.5
 """rad; joints that are farther apart in neighbouring samples are on different branches."""
 _ADVICE = "allow a deviation, a slower path or a slew, or choose another path"
@@ -112,9 +113,6 @@ def route(
     if isinstance(mechanism, Gimbal):
         start = np.array(mechanism.solve(_row(q[0]), joints)[0]) if joints else None
         found = plan_axes(mechanism, q, period, start=start, past=past, tool=tool, free=free)
-        first = found.path.joints[[0, 0]]
-        origin = first[0] if start is None else start
-        found = as_driven(mechanism, found, origin, past if len(past) else first)
         return _certified(mechanism, found, q)
     return _followed(mechanism, period, q, position, joints, past)
 
@@ -247,7 +245,7 @@ def plan_axes(
         StartError: the path does not begin at *start*.
     """
     past = np.empty((0, len(gimbal.axes))) if past is None else past
-    own = [axis._replace(acceleration=PLANNED * axis.acceleration) for axis in gimbal.axes]
+    own = planned(gimbal.axes)
     found = _choose(gimbal, q, period, own, start, tool, free)
     _refuse(found[0], gimbal, q, period, past)
     routes = [_routed(gimbal, q, period, own, choice, past, tool) for choice in found]
@@ -374,7 +372,7 @@ def refuse_angle(principal: Floats, axes: Sequence[AxisLimits], time: float) -> 
 def _is_by_pole(gimbal: Gimbal, q: Floats, count: float) -> Bools:
     """Return which of the first *count* steps begin or end so near the pole that it is passed."""
     _, sine = of_arrays(gimbal).pointing(matrices(gimbal, q))
-    is_near = sine < np.sin(TILT)
+    is_near = sine < _BY_POLE
     found: Bools = (is_near[:-1] | is_near[1:]) & (np.arange(len(q) - 1) < count)
     return found
 
@@ -408,36 +406,6 @@ def _routed(
     return Route(path, peaks, choice.passages, _honest(gimbal, q, path, line.slews), error)
 
 
-def as_driven(gimbal: Gimbal, route: Route, start: Floats, past: Floats) -> Route:
-    """Return *route* with the angles that the driver makes of its orientations.
-
-    Within reach of rounding at the pole they say of three axes the sum of two angles only: there
-    the driver leaves the innermost one as it is.
-
-    Args:
-        gimbal: whose.
-        route: as planned.
-        start: axis angles commanded before it, rad.
-        past: the samples before the first, as for :func:`.rates`.
-
-    Raises:
-        LimitError: an axis cannot follow that.
-    """
-    path = route.path
-    _, sine = of_arrays(gimbal).pointing(matrices(gimbal, path.q))
-    if len(gimbal.axes) < 3 or np.min(sine) > 2.0 * LOCK:
-        return route
-    made, last = [], tuple(start.tolist())
-    for q in path.q:
-        last, _ = gimbal.solve(_row(q), last)
-        made.append(last)
-    joints = np.array(made)
-    peaks = tuple(axis_peaks(joints, path.period, gimbal.axes, past))
-    refuse_rates(peaks, _ADVICE)
-    driven = JointPath(path.period, joints, path.q, path.path_times)
-    return Route(driven, peaks, route.passages, route.slews, route.error)
-
-
 def _honest(gimbal: Gimbal, q: Floats, path: JointPath, slews: Sequence[Slew]) -> tuple[Slew, ...]:
     """Return the slews with how far each is off the path, which stands still or goes on slowly."""
     told = []
@@ -447,7 +415,8 @@ def _honest(gimbal: Gimbal, q: Floats, path: JointPath, slews: Sequence[Slew]) -
         first = np.minimum(at.astype(np.int64), len(q) - 2)
         turn = log(multiply(conjugate(q[first]), q[first + 1]))
         asked = multiply(q[first], exp((at - first)[:, None] * turn))
-        told.append(slew.off_by(float(np.max(_missed(gimbal, path.q[part], asked)))))
+        error = float(np.max(_missed(gimbal, path.q[part], asked)))
+        told.append(replace(slew, error=error))
     return tuple(told)
 
 

@@ -1,13 +1,13 @@
 """Stops on a gimbal's path: the path slows down, the axes slew at rest, the path goes on.
 
-Everything here has continuous acceleration: quintic ramps of the path's time, quintic slews.
+Everything here has continuous acceleration.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,27 +15,28 @@ import numpy as np
 
 from orientd.driver import AxisLimits
 from orientd.errors import PlanError
+from orientd.kernels import solve_banded
 from orientd.mechanism.arrays import orientations
 from orientd.mechanism.gimbal import Gimbal
-from orientd.mechanism.joint_path import UNLIMITED, ToolLimits
-from orientd.mechanism.timing import quintic, ramp_times, run_through
-from orientd.rotation import Floats, angle
+from orientd.mechanism.joint_path import UNLIMITED, ToolLimits, axis_peaks, excess_of
+from orientd.mechanism.timing import calmed, quintic, ramp_times, run_through
+from orientd.rotation import Floats, angle, conjugate, log, multiply
 
 _RAMP = 0.5
 """How long the path takes to stop at least, s."""
 _RAMP_SHARE = 0.5
 """Share of the tool's acceleration that a stop may take beside what the path itself needs."""
-_PEAK_SPEED = 1.875
-"""Of the quintic from rest to rest, in lengths a duration."""
-_PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
-"""Of the same, in lengths a squared duration."""
+_FASTEST, _HARDEST = 1.875, 5.7735
+"""Largest slope and curvature of the quintic from 0 to 1."""
 _CRAWL_STEPS = 8.0
 """Up to so many times what an axis can turn in a sample, a step is a path that is too fast."""
+_FINER = 8
+"""Steps between two samples of a stretch that is gone along slowly, so that its pace is smooth."""
 _ATTEMPTS = 40
 _RESERVE = 0.97
 """Share of the fastest slew that keeps the tool's limits; the rest is for stops on it."""
-TILT = math.radians(2.0)
-"""How far off the pole the tool is tilted to turn the outer axis there."""
+_POINTS, _STEP = 129, 0.05
+"""At which the turn of the tool is looked at, and one more for each step of an axis, rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,10 +67,6 @@ class Slew:
         """How long it lasts, s."""
         return self.end - self.start
 
-    def off_by(self, error: float) -> Slew:
-        """Return the same slew with another *error*."""
-        return replace(self, error=error)
-
 
 class Stopped(NamedTuple):
     """A path with stops, on a uniform grid.
@@ -85,22 +82,20 @@ class Stopped(NamedTuple):
     slews: tuple[Slew, ...]
 
 
-def slew_duration(before: Floats, after: Floats, limits: Sequence[AxisLimits]) -> float:
-    """Return how long the quintic slew between two sets of axis angles takes at least, s."""
-    return float(slew_times(np.abs(after - before)[None], limits)[0])
-
-
-def slew_times(gaps: Floats, limits: Sequence[AxisLimits], tool: ToolLimits = UNLIMITED) -> Floats:
-    """Return how long quintic slews over *gaps* take at least, s.
+def slew_times(gaps: Floats, axes: Sequence[AxisLimits], tool: ToolLimits = UNLIMITED) -> Floats:
+    """Return how long slews over *gaps* take about, s.
 
     Args:
         gaps: of the axis angles, rad, shape ``(n, axes)``.
-        limits: of every axis.
+        axes: their limits.
         tool: what it keeps to; every axis turns it as quickly as itself.
     """
-    speed = np.array([min(limit.velocity, tool.velocity) for limit in limits])
-    force = np.array([min(limit.acceleration, tool.acceleration) for limit in limits])
-    by_axis = np.maximum(_PEAK_SPEED * gaps / speed, np.sqrt(_PEAK_ACCELERATION * gaps / force))
+    speed = np.array([min(axis.velocity, tool.velocity) for axis in axes])
+    force = np.array([min(axis.acceleration, tool.acceleration) for axis in axes])
+    ramp = _FASTEST * speed / force
+    # Too short a way to reach full speed is two ramps.
+    is_long = gaps > ramp * speed
+    by_axis = np.where(is_long, gaps / speed + ramp, 2.0 * np.sqrt(_FASTEST * gaps / force))
     return np.asarray(np.max(by_axis, axis=-1), dtype=np.float64)
 
 
@@ -109,153 +104,92 @@ def stop_time(q: Floats, period: float, tool: ToolLimits) -> float:
     if len(q) < 2:
         return _RAMP
     fastest = float(np.max(angle(q[:-1], q[1:]))) / period
-    return max(_RAMP, _PEAK_SPEED * fastest / (_RAMP_SHARE * tool.acceleration))
+    return max(_RAMP, _FASTEST * fastest / (_RAMP_SHARE * tool.acceleration))
 
 
-def _slew(
+def straight(
     gimbal: Gimbal,
     here: Floats,
     there: Floats,
     period: float,
-    limits: Sequence[AxisLimits],
+    axes: Sequence[AxisLimits],
     tool: ToolLimits,
+    *,
+    least: float = 0.0,
 ) -> Floats:
-    """Return axis angles between *here* and *there*, as quick as the axes and the tool allow.
-
-    At the pole itself an orientation says nothing of the outer angle, so the tool is tilted off it
-    meanwhile: the driver would not see the axes turn.
-    """
-    tilt = np.zeros_like(here)
-    if _is_at_pole(gimbal, here):
-        middle = limits[1]
-        tilt[1] = math.copysign(TILT, (middle.low + middle.high) / 2 - here[1])
-    seconds = slew_duration(here, there, limits) + slew_duration(np.zeros_like(tilt), tilt, limits)
-    speed = np.array([limit.velocity for limit in limits]) * period
-    bend = np.array([limit.acceleration for limit in limits]) * period**2
-    for _ in range(_ATTEMPTS):
-        count = max(1, math.ceil(seconds / period))
-        share = np.arange(count + 1) / count
-        angles: Floats = here + quintic(share)[:, None] * (there - here)
-        angles += (64.0 * (share * (1.0 - share)) ** 3)[:, None] * tilt
-        held = np.concatenate([angles[:1], angles, angles[-1:]])
-        more = max(
-            _excess(gimbal, angles, period, tool),
-            float(np.max(np.abs(np.diff(angles, axis=0)) / speed)),
-            math.sqrt(float(np.max(np.abs(np.diff(held, 2, axis=0)) / bend))),
-        )
-        if more <= 1.0:
-            break
-        seconds = count * period * max(more, 1.01)
-    return angles[1:-1]
-
-
-def _clock(length: float, ramp: float, *, is_left: bool, is_right: bool, period: float) -> Floats:
-    """Return path times, from 0 to *length*, of a stretch between stops, sampled every period."""
-    if not (is_left or is_right):
-        return period * np.arange(round(length / period) + 1, dtype=np.float64)
-    ends = is_left + is_right
-    if length < ramp / 2 * ends:
-        # Too short to reach full speed: once from rest to rest, no faster than the path itself.
-        need = max(_PEAK_SPEED * length, np.sqrt(_PEAK_ACCELERATION * length * ramp / _PEAK_SPEED))
-        count = max(1, int(np.ceil(need / period)))
-        return length * quintic(np.arange(count + 1) / count)
-    total = length + ramp / 2 * ends
-    count = int(np.ceil(total / period))
-    elapsed = np.minimum(np.arange(count + 1) * period, total)
-    if is_left and is_right:
-        forward = ramp_times(elapsed, ramp)
-        backward = length - ramp_times(total - elapsed, ramp)
-        return np.where(elapsed < total / 2, forward, backward)
-    if is_left:
-        return np.minimum(length, ramp_times(elapsed, ramp))
-    way: Floats = length - ramp_times(total - elapsed, ramp)
-    return way
-
-
-def _between(grid_values: Floats, at: Floats) -> Floats:
-    """Return values between samples by cubic Hermite segments with central differences.
+    """Return the motion of all axes together from rest to rest, as quick as the limits allow.
 
     Args:
-        grid_values: shape ``(n, axes)``, one sample apart.
-        at: where, in samples, shape ``(m,)``.
+        gimbal: whose.
+        here: axis angles at the first sample, rad, shape ``(axes,)``.
+        there: those at the last.
+        period: s.
+        axes: limits of every axis.
+        tool: what it keeps to.
+        least: how long it lasts at least, s.
+
+    Returns:
+        Axis angles, shape ``(n, axes)``.
+
+    Raises:
+        PlanError: nothing is slow enough.
     """
-    count = len(grid_values)
-    if count == 1:
-        return np.repeat(grid_values, len(at), axis=0)
-    slopes = np.gradient(grid_values, axis=0)
-    left = np.clip(np.floor(at).astype(int), 0, count - 2)
-    u = (at - left)[:, None]
-    p, q = grid_values[left], grid_values[left + 1]
-    m, n = slopes[left], slopes[left + 1]
-    way = u * u * (3 - 2 * u)
-    values: Floats = p + way * (q - p) + u * (1 - u) * ((1 - u) * m - u * n)
-    return values
-
-
-def _crawl(
-    gimbal: Gimbal, part: Floats, period: float, limits: Sequence[AxisLimits], tool: ToolLimits
-) -> tuple[Floats, Floats]:
-    """Return axis angles, and where in *part* they are, of going along it from rest to rest."""
-    speed = np.array([limit.velocity for limit in limits]) * period
-    # Each sample takes as long as the slowest axis needs on either side, no less than on the path.
-    spans = np.maximum(1.0, np.max(np.abs(np.diff(part, axis=0)) / speed, axis=1))
-    slow = np.maximum(np.concatenate([spans[:1], spans]), np.concatenate([spans, spans[-1:]]))
-    lasts = float(np.sum(slow[1:] + slow[:-1])) / 2.0
-    count = max(2, math.ceil(_PEAK_SPEED * lasts))
-    most = np.array([limit.acceleration for limit in limits]) * period * period
+    points = _POINTS + round(float(np.max(np.abs(there - here))) / _STEP)
+    shares = np.linspace(0.0, 1.0, points)
+    speed, ramp = _quickest(gimbal, here + shares[:, None] * (there - here), axes, tool)
+    seconds = max(1.0 / speed + ramp, least, 2.0 * period)
     for _ in range(_ATTEMPTS):
-        at = run_through(slow, lasts * quintic(np.arange(count + 1) / count))
-        angles = _between(part, at)
-        change = np.abs(np.diff(angles, axis=0))
-        bend = np.abs(np.diff(angles, n=2, axis=0))
-        is_slow = np.all(change <= speed) and np.all(bend <= most)
-        if is_slow and _excess(gimbal, angles, period, tool) <= 1.0:
-            break
-        count = math.ceil(count * 1.2)
-    return angles, at
+        count = math.ceil(seconds / period - 1e-9)
+        stretch = count * period / (1.0 / speed + ramp)
+        gone = _progress(count, period, speed / stretch, ramp * stretch)
+        joints: Floats = here + gone[:, None] * (there - here)
+        joints[0], joints[-1] = here, there
+        more = _excess(gimbal, joints, period, axes, tool)
+        if more <= 1.0:
+            return joints
+        seconds = count * period * max(more, 1.01)
+    raise PlanError("no way of the axes keeps the limits of the tool")
 
 
-def _excess(gimbal: Gimbal, joints: Floats, period: float, tool: ToolLimits) -> float:
-    """Return how much longer axis angles must take for the tool to keep its limits."""
-    return tool.excess(orientations(gimbal, joints), period) / _RESERVE
+def _quickest(
+    gimbal: Gimbal, joints: Floats, axes: Sequence[AxisLimits], tool: ToolLimits
+) -> tuple[float, float]:
+    """Return speed and ramp, of which the whole way is 1, that keep all limits or nearly so."""
+    step = 1.0 / (len(joints) - 1)
+    slope = np.max(np.abs(np.diff(joints, axis=0)), axis=0) / step
+    q = orientations(gimbal, joints)
+    turn = float(np.max(np.linalg.norm(log(multiply(conjugate(q[:-1]), q[1:])), axis=1))) / step
+    slopes = np.maximum([*slope, turn], 1e-12)
+    velocity = float(np.min([*(one.velocity for one in axes), tool.velocity] / slopes))
+    force = float(np.min([*(one.acceleration for one in axes), tool.acceleration] / slopes))
+    jerk = float(np.min([*(one.jerk for one in axes), tool.jerk] / slopes))
+    # Two ramps take no more than the whole way: their speed times their duration is 1 at most.
+    speed = min(velocity, math.sqrt(force / _FASTEST), math.cbrt(jerk / _HARDEST))
+    return speed, max(_FASTEST * speed / force, math.sqrt(_HARDEST * speed / jerk), 1e-9)
 
 
-def _is_at_pole(gimbal: Gimbal, joints: Floats) -> bool:
-    return gimbal.is_at_pole(gimbal.orientation(tuple(joints.tolist())))
+def _progress(count: int, period: float, speed: float, ramp: float) -> Floats:
+    """Return how far the way is gone in every period, from 0 to 1."""
+    elapsed = period * np.arange(count + 1, dtype=np.float64)
+    gone: Floats = speed * ramp_times(np.minimum(elapsed, elapsed[-1] - elapsed), ramp)
+    return np.where(elapsed < elapsed[-1] / 2.0, gone, 1.0 - gone)
 
 
-def _events(
-    gimbal: Gimbal,
-    angles: Floats,
-    period: float,
-    slews: Sequence[int],
-    limits: Sequence[AxisLimits],
-    ramp: float,
-) -> list[tuple[int, int, bool]]:
-    """Return ``(last before, first after, whether it is a crawl)`` of each stop.
-
-    A step that is a little too far belongs to a path that is too fast there, and neighbours of it
-    are one stretch to be gone along slowly; a large one is a change of branch or turn.  At the pole
-    it is a turn of the outer axis.
-    """
-    speed = np.array([limit.velocity for limit in limits]) * period
-    found: list[tuple[int, int, bool]] = []
-    for k in slews:
-        is_small = bool(np.max(np.abs(angles[k] - angles[k - 1]) / speed) <= _CRAWL_STEPS)
-        is_crawl = is_small and not _is_at_pole(gimbal, angles[k - 1])
-        if is_crawl and found and found[-1][2] and (k - 1 - found[-1][1]) * period < 2 * ramp:
-            found[-1] = (found[-1][0], k, True)
-        else:
-            found.append((k - 1, k, is_crawl))
-    return found
+def _excess(
+    gimbal: Gimbal, joints: Floats, period: float, axes: Sequence[AxisLimits], tool: ToolLimits
+) -> float:
+    """Return how much longer a motion from rest to rest must take to keep all limits."""
+    held = np.concatenate([joints, joints[-1:], joints[-1:]])
+    by_axes = excess_of(axis_peaks(held, period, axes, np.repeat(joints[:1], 3, axis=0)))
+    return max(by_axes, tool.excess(orientations(gimbal, joints), period) / _RESERVE)
 
 
 def with_stops(
     gimbal: Gimbal,
-    angles: Floats,
+    joints: Floats,
     period: float,
     slews: Sequence[int],
-    limits: Sequence[AxisLimits],
+    axes: Sequence[AxisLimits],
     *,
     tool: ToolLimits = UNLIMITED,
     ramp: float = _RAMP,
@@ -265,10 +199,10 @@ def with_stops(
 
     Args:
         gimbal: whose.
-        angles: rad, shape ``(n, axes)``, with a jump before each of *slews*.
+        joints: rad, shape ``(n, axes)``, with a jump before each of *slews*.
         period: s.
         slews: indices.
-        limits: of every axis.
+        axes: limits of every axis.
         tool: what it keeps to on a slew.
         ramp: how long the path takes to stop, s.
         is_moving: whether the path begins in motion.
@@ -276,45 +210,127 @@ def with_stops(
     Raises:
         PlanError: it does, and would have to stop sooner than it can.
     """
-    pieces: list[Floats] = []
-    path_pieces: list[Floats] = []
-    found: list[Slew] = []
-    events = _events(gimbal, angles, period, slews, limits, ramp)
-    room = (events[0][0] if events else len(angles)) * period
-    if events and is_moving and room < ramp / 2:
+    events = _events(gimbal, joints, period, slews, axes, ramp)
+    if not events:
+        return Stopped(joints, period * np.arange(len(joints), dtype=np.float64), ())
+    room = events[0][0] * period
+    if is_moving and room < ramp / 2:
         raise PlanError(
             f"the axes would have to stop for a change of branch {room:.3f} s on, and the path "
             f"needs {ramp / 2:g} s to stop; stop first"
         )
-    bounds = [(-1, 0, False), *events, (len(angles) - 1, len(angles), False)]
-    elapsed = 0
+    pieces: list[Floats] = []
+    path_pieces: list[Floats] = []
+    found: list[Slew] = []
+    bounds = [(-1, 0, False), *events, (len(joints) - 1, len(joints), False)]
     for number, ((_, first, _), (last, after, is_crawl)) in enumerate(pairwise(bounds)):
-        part = angles[first : last + 1]
-        clock = _clock(
-            (len(part) - 1) * period, ramp, is_left=number > 0,
-            is_right=number < len(events), period=period,
-        )  # fmt: skip
-        is_plain = len(clock) == len(part) and not events
-        pieces.append(part if is_plain else _between(part, clock / period))
+        ends = number > 0, number < len(events)
+        clock = _clock((last - first) * period, ramp, period, *ends)
+        pieces.append(_between(joints[first : last + 1], clock / period))
         path_pieces.append(first * period + clock)
-        elapsed += len(clock)
         if number == len(events):
             break
         if is_crawl:
-            inside, at = _crawl(gimbal, angles[last : after + 1], period, limits, tool)
-            inside, path_times = inside[1:-1], (last + at[1:-1]) * period
+            inside, at = _crawl(gimbal, joints[last : after + 1], period, axes, tool)
+            path_times = (last + at[1:-1]) * period
         else:
-            here, there = angles[last], angles[after]
-            inside = _slew(gimbal, here, there, period, limits, tool)
-            path_times = np.full(len(inside), last * period)
-        pieces.append(inside)
+            inside = straight(gimbal, joints[last], joints[after], period, axes, tool)
+            path_times = np.full(len(inside) - 2, last * period)
+        start = (sum(map(len, pieces)) - 1) * period
+        before, then = tuple(joints[last].tolist()), tuple(joints[after].tolist())
+        found.append(Slew(start, start + (len(inside) - 1) * period, before, then, is_crawl))
+        pieces.append(inside[1:-1])
         path_pieces.append(path_times)
-        start = (elapsed - 1) * period
-        found.append(
-            Slew(start, start + (len(inside) + 1) * period, tuple(map(float, angles[last])),
-                 tuple(map(float, angles[after])), is_crawl)
-        )  # fmt: skip
-        elapsed += len(inside)
     # Where two pieces meet, the same time is calculated in two ways.
     path_times = np.maximum.accumulate(np.concatenate(path_pieces))
     return Stopped(np.concatenate(pieces), path_times, tuple(found))
+
+
+def _events(
+    gimbal: Gimbal,
+    joints: Floats,
+    period: float,
+    slews: Sequence[int],
+    axes: Sequence[AxisLimits],
+    ramp: float,
+) -> list[tuple[int, int, bool]]:
+    """Return ``(last before, first after, whether it is a crawl)`` of each stop.
+
+    A step that is a little too far belongs to a path that is too fast there, and neighbours of it
+    are one stretch to be gone along slowly; a large one is a change of branch or turn.  At the pole
+    it is a turn of the outer axis.
+    """
+    speed = np.array([axis.velocity for axis in axes]) * period
+    found: list[tuple[int, int, bool]] = []
+    for k in slews:
+        is_small = bool(np.max(np.abs(joints[k] - joints[k - 1]) / speed) <= _CRAWL_STEPS)
+        q = gimbal.orientation(tuple(joints[k - 1].tolist()))
+        is_crawl = is_small and not gimbal.is_at_pole(q)
+        if is_crawl and found and found[-1][2] and (k - 1 - found[-1][1]) * period < 2 * ramp:
+            found[-1] = (found[-1][0], k, True)
+        else:
+            found.append((k - 1, k, is_crawl))
+    return found
+
+
+def _clock(length: float, ramp: float, period: float, is_left: bool, is_right: bool) -> Floats:
+    """Return path times, from 0 to *length*, of a stretch between stops, sampled every period."""
+    ends = is_left + is_right
+    if length < ramp / 2 * ends:
+        # Too short to reach full speed: once from rest to rest, no faster than the path itself.
+        need = max(_FASTEST * length, math.sqrt(_HARDEST / _FASTEST * length * ramp))
+        count = max(1, math.ceil(need / period))
+        return length * quintic(np.arange(count + 1) / count)
+    total = length + ramp / 2 * ends
+    elapsed = np.minimum(np.arange(math.ceil(total / period) + 1) * period, total)
+    forward = np.minimum(length, ramp_times(elapsed, ramp))
+    backward: Floats = length - ramp_times(total - elapsed, ramp)
+    if is_left and is_right:
+        return np.where(elapsed < total / 2, forward, backward)
+    return forward if is_left else backward
+
+
+def _between(samples: Floats, at: Floats) -> Floats:
+    """Return values between samples of the cubic spline through them, whose ends do not bend.
+
+    Args:
+        samples: shape ``(n, axes)``.
+        at: where, in samples, shape ``(m,)``.
+    """
+    count = len(samples)
+    if count == 1:
+        return np.repeat(samples, len(at), axis=0)
+    # A slope and its two neighbours make the second derivatives equal on both sides.
+    slopes = np.diff(samples[[0, *range(count), -1]], axis=0)
+    slopes = 3.0 * (slopes[1:] + slopes[:-1])
+    band = np.repeat([[1.0], [4.0], [1.0]], count, axis=1)
+    band[1, [0, -1]] = 2.0
+    solve_banded(band, 1, 1, slopes)
+    left = np.clip(np.floor(at).astype(int), 0, count - 2)
+    u = (at - left)[:, None]
+    p, q = samples[left], samples[left + 1]
+    m, n = slopes[left], slopes[left + 1]
+    values: Floats = p + u * u * (3 - 2 * u) * (q - p) + u * (1 - u) * ((1 - u) * m - u * n)
+    return values
+
+
+def _crawl(
+    gimbal: Gimbal, part: Floats, period: float, axes: Sequence[AxisLimits], tool: ToolLimits
+) -> tuple[Floats, Floats]:
+    """Return axis angles, and where in *part* they are, of going along it from rest to rest."""
+    speed = np.array([axis.velocity for axis in axes]) * period
+    # Each step takes as long as its slowest axis needs, and no less than on the path.
+    steps = _FINER * (len(part) - 1)
+    fine = np.abs(np.diff(_between(part, np.arange(steps + 1) / _FINER), axis=0))
+    pace = _FINER * np.minimum(1.0, 1.0 / np.max(_FINER * fine / speed, axis=1).clip(1e-12))
+    pace = np.minimum(np.concatenate([pace[:1], pace]), np.concatenate([pace, pace[-1:]]))
+    slow = 1.0 / calmed(pace, 2 * _FINER)
+    lasts = float(np.sum(slow[1:] + slow[:-1])) / 2.0
+    count = max(2, math.ceil(_FASTEST * lasts))
+    for _ in range(_ATTEMPTS):
+        at = run_through(slow, lasts * quintic(np.arange(count + 1) / count)) / _FINER
+        joints = _between(part, at)
+        if _excess(gimbal, joints, period, axes, tool) <= 1.0:
+            break
+        count = math.ceil(count * 1.2)
+    return joints, at

@@ -42,3 +42,17 @@ def run_through(slow: Floats, times: Floats) -> Floats:
     root = np.sqrt(np.maximum(begin * begin + 2.0 * rise * since, 0.0))
     places: Floats = first + 2.0 * since / (begin + root)
     return places
+
+
+def calmed(pace: Floats, width: int) -> Floats:
+    """Return a smooth pace that is nowhere above *pace*, shape ``(n,)``.
+
+    Args:
+        pace: of each sample, shape ``(n,)``.
+        width: samples to each side over which it is averaged.
+    """
+    padded = np.pad(pace, 2 * width, mode="edge")
+    # The least around each sample, averaged.
+    least = np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1).min(axis=1)
+    kernel = np.hanning(2 * width + 3)[1:-1]
+    return np.convolve(least, kernel / kernel.sum(), mode="valid")

@@ -20,7 +20,9 @@ PATIENCE = 300.0
 _INSTALLED = """\
 #!/bin/sh
 case "$1 $2" in
-"install .") exec {python} -m pip install --quiet --no-deps --no-build-isolation --target site . ;;
+"install .")
+    exec {python} -m pip install --quiet --no-deps --no-build-isolation --target {site} .
+    ;;
 esac
 """
 _PYTHON = """\
@@ -49,6 +51,7 @@ class Follower:
         self._own = {
             "127.0.0.2": f"127.{os.getpid() % 200 + 20}.{os.getpid() // 200 % 250}.9",
             "/tmp/gimbal": str(folder / "line"),
+            "/tmp/feetech": str(folder / "feetech"),
             "/tmp/setpoints.txt": str(folder / "setpoints.txt"),
             "9464": str(_free_port()),
             "8089": str(_free_port()),
@@ -76,7 +79,7 @@ class Follower:
             "python3": _PYTHON,
         }.items():
             path = programs / name
-            path.write_text(text.format(python=sys.executable))
+            path.write_text(text.format(python=sys.executable, site=folder / "site"))
             path.chmod(0o755)
         activate = folder / "robot" / "bin" / "activate"
         activate.parent.mkdir(parents=True)
@@ -106,7 +109,9 @@ class Follower:
         elif block.caption == OWN_TERMINAL:
             self._begin(block.place, text)
         elif block.caption:
-            (self.folder / block.caption).write_text(text)
+            path = self.folder / block.caption
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
         elif block.language == "sh":
             self._printed = self._run(block.place, text)
         elif block.language == "python":

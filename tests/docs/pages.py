@@ -1,9 +1,9 @@
 """The code blocks of the pages in docs/, as a reader meets them.
 
-A block whose caption is the name of a file is that file; one that is captioned "In a terminal of
-its own" goes on until the page ends; ``text`` after a shell is what it prints, with ``...`` for
-what differs from time to time.  A block after a comment ``% checked: WHY`` needs what a test has
-not, and its commands are held against the command line only.
+A block whose caption is the name of a file is that file, also if it includes a file of the sources.
+One that is captioned "In a terminal of its own" goes on until the page ends; ``text`` after a shell
+is what it prints, with ``...`` for what differs from time to time.  A block after a comment
+``% checked: WHY`` needs what a test has not; its commands are held against the command line only.
 """
 
 from __future__ import annotations
@@ -25,6 +25,11 @@ REASONS = {
     "a cluster",
 }
 
+_INCLUDED = re.compile(
+    r"^```\{literalinclude\} (?P<source>[^\n]*)\n"
+    r":caption: (?P<caption>[^\n]*)\n:language: (?P<language>\w+)\n```$",
+    re.MULTILINE,
+)
 _BLOCK = re.compile(
     r"(?:^% checked: (?P<why>[^\n]*)\n)?"
     r"^(?P<indent> *)```(?:\{code-block\} )?(?P<language>\w+)\n"
@@ -61,7 +66,13 @@ def pages() -> list[Path]:
 
 def blocks(page: Path) -> list[Block]:
     """Return the code blocks of a page in their order."""
-    text = page.read_text(encoding="utf-8")
+    text = _INCLUDED.sub(
+        lambda match: (
+            f"```{{code-block}} {match['language']}\n:caption: {match['caption']}\n\n"
+            f"{(page.parent / match['source']).read_text(encoding='utf-8')}```"
+        ),
+        page.read_text(encoding="utf-8"),
+    )
     found = [
         Block(
             language=match["language"],

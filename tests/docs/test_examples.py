@@ -67,6 +67,15 @@ def test_the_driver_of_ones_own_passes_its_test(tmp_path):
     assert done.returncode == 0, done.stdout
 
 
+def test_the_package_of_a_driver_is_short_and_passes_its_tests():
+    package = EXAMPLES / "feetech_gimbal"
+    files = (package / "feetech_gimbal").glob("*.py")
+    assert sum(len(file.read_text().splitlines()) for file in files) <= 250
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(package)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+
+
 @pytest.mark.parametrize("name", NOTEBOOKS)
 def test_a_notebook_runs_from_top_to_bottom(tmp_path, name):
     cells = json.loads((EXAMPLES / name).read_text())["cells"]

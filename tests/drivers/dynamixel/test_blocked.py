@@ -7,11 +7,8 @@ import pytest
 from rig import PERIOD, TERMS
 from watched_gimbal import DEGREE, Watched, turning
 
-from emulated_dynamixel import FaultKind, ReplyFault
-from orientd.driver import Setpoint
-from orientd.errors import DeviceError, Fault
+from orientd.errors import Fault
 from orientd.stream import Answer, Command, CycleFlag, ServoState
-from orientd_dynamixel.driver import CYCLE_SHARE
 
 AXES = [{"id": k, "limits_deg": [-179, 179]} for k in (1, 2, 3)]
 
@@ -96,40 +93,3 @@ def test_others_brake_on_the_path_when_one_servo_starts_again(rig, gimbal_loop, 
     assert braking(goals) < TERMS.acceleration + 8.0
     assert braking(goals[250:]) > 3.0
     assert abs(it.positions()[0] - goals[-1]) < 2
-
-
-CAUSES = {
-    "nothing": lambda it: None,
-    "one silent": lambda it: it.bus.faults.add(2, ReplyFault(FaultKind.DROP)),
-    "all silent": lambda it: [it.bus.faults.add(k, ReplyFault(FaultKind.DROP)) for k in (1, 2, 3)],
-    "all late": lambda it: [
-        it.bus.faults.add(k, ReplyFault(FaultKind.DELAY, delay_ns=9_000_000)) for k in (1, 2, 3)
-    ],
-    "cut": lambda it: it.bus.faults.add(1, ReplyFault(FaultKind.TRUNCATE)),
-    "some damaged": lambda it: it.bus.faults.add(3, ReplyFault(FaultKind.CORRUPT, 0.5)),
-    "restarted": lambda it: it.servo(1).reboot(it.clock.now_ns(), boot_ns=0),
-    "jammed": lambda it: setattr(it.servo(1).shaft, "jammed", True),
-}
-
-
-@pytest.mark.parametrize("cause", CAUSES)
-@pytest.mark.parametrize("fast_read", ["on", "off"])
-@pytest.mark.parametrize("rate_hz", [100, 250])
-def test_no_cycle_waits_for_a_servo(rig, cause, fast_read, rate_hz):
-    it = rig(rate_hz=rate_hz, latency_ms=16.0, fast_read=fast_read)
-    it.start()
-    longest, is_resting = 0, False
-    for k in range(3 * rate_hz):
-        if k == 50:
-            CAUSES[cause](it)
-        it.clock.advance(it.period_ns)
-        begun = it.clock.now_ns()
-        try:
-            it.driver.read()
-        except DeviceError:
-            if k > 50 + rate_hz and not is_resting:
-                it.driver.rest_in_fault()
-                is_resting = True
-        it.driver.write(Setpoint(begun, it.q, joints=it.joints))
-        longest = max(longest, it.clock.now_ns() - begun)
-    assert longest <= CYCLE_SHARE * it.period_ns

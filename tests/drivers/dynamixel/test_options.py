@@ -82,7 +82,7 @@ def test_what_is_wrong_is_named(change, message):
         parse({**GOOD, **change})
 
 
-@pytest.mark.parametrize("name", sorted(EMULATED.keys() & MODELS))
+@pytest.mark.parametrize("name", EMULATED)
 def test_every_model_is_driven_on_a_bus_of_its_own(rig, name):
     it = rig("ZY", models=[name, name])
     it.start()
@@ -140,8 +140,7 @@ def test_every_model_of_the_p_series_is_driven_by_its_own_registers(rig, name):
 def test_models_have_numbers_of_their_own():
     numbers = [model.number for model in MODELS.values()]
     assert len(set(numbers)) == len(numbers)
-    for name in EMULATED.keys() & MODELS:
-        emulated = EMULATED[name]
+    for name, emulated in EMULATED.items():
         assert (MODELS[name].name, MODELS[name].number) == (emulated.name, emulated.number)
 
 

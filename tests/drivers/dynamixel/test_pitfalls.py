@@ -47,11 +47,15 @@
     test_20_whatever_a_pulled_cable_raises_is_a_link_error
 21  slow factory settings
     test_21_return_delay_is_zero_and_the_adapters_timer_is_allowed_for
+22  before version 4.1 the input is not cleared
+    test_22_input_is_cleared_with_every_version_of_the_sdk
 """
 
+import os
 import re
 import termios
 import threading
+import time
 
 import pytest
 
@@ -68,7 +72,7 @@ from emulated_dynamixel import (  # noqa: E402
 from emulated_dynamixel.packet import status  # noqa: E402
 from orientd.clock import ManualClock  # noqa: E402
 from orientd.errors import DeviceFaultError, FeedbackError, LinkError  # noqa: E402
-from orientd_dynamixel.bus import ServoBus, _unstuffed  # noqa: E402
+from orientd_dynamixel.bus import ServoBus, _unstuffed, open_bus  # noqa: E402
 from orientd_dynamixel.group import decode  # noqa: E402
 from orientd_dynamixel.tables import X430, Register  # noqa: E402
 
@@ -402,3 +406,24 @@ def test_21_return_delay_is_zero_and_the_adapters_timer_is_allowed_for(rig):
     assert it.servo(1).return_delay_ns == 0
     it.run(200)
     assert it.driver._group.lost == 0
+
+
+def test_22_input_is_cleared_with_every_version_of_the_sdk(monkeypatch):
+    monkeypatch.setattr(sdk.PortHandler, "clearPort", lambda port: port.ser.flush())
+    device, port = os.openpty()
+    theirs = sdk.PortHandler(os.ttyname(port))
+    bus = open_bus(os.ttyname(port), 1_000_000)
+    try:
+        theirs.openPort()
+        os.write(device, b"a late answer\n")
+        while bus.available < 14:
+            time.sleep(0)
+        theirs.clearPort()
+        assert bus.available == 14
+        bus.clear()
+        assert bus.available == 0
+    finally:
+        bus.close()
+        theirs.closePort()
+        os.close(device)
+        os.close(port)

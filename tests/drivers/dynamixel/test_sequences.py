@@ -59,12 +59,11 @@ class Sequence:
         sent = motion.records(0, motion.record_count)[:, :4]
         # The servo begins a path nowhere but at what was commanded last.
         assert min(np.abs(sent[0] - self.q).max(), np.abs(sent[0] + self.q).max()) < 1e-9
-        made = [self.angles] * 2
-        for q in sent.tolist():
-            self.angles = self.gimbal.solve(tuple(q), self.angles)[0]
-            made.append(self.angles)
-        made += made[-1:] * 2
-        angles = np.array(made)
+        joints = motion.path.joints
+        made = [self.gimbal.orientation(tuple(row)) for row in joints.tolist()]
+        assert np.max(angle(np.array(made), sent)) < 1e-7
+        angles = np.concatenate([[self.angles] * 2, joints, joints[[-1, -1]]])
+        self.angles = motion.last_joints
         rate, force = np.diff(angles, axis=0) / PERIOD, np.diff(angles, 2, axis=0) / PERIOD**2
         for k, axis in enumerate(self.axes):
             # A tick is 1.5e-3 rad.

@@ -7,9 +7,9 @@ import random
 import pytest
 
 from orientd.errors import DeviceFaultError
-from orientd_dynamixel.axes import Turns
 from orientd_dynamixel.options import parse
 from orientd_dynamixel.servo import Servo
+from orientd_dynamixel.turns import Turns
 
 AXES = [{"id": 1, "limits_deg": [-720, 720]}, {"id": 2, "limits_deg": [-90, 90]}]
 

@@ -17,7 +17,9 @@ class FakeRobot:
     """What the robot is, and how the library behaves."""
 
     def __init__(self):
-        self.timestamp, self.is_frozen, self.is_connected = 100.0, False, True
+        self.timestamp, self.is_frozen = 100.0, False
+        self.is_connected = self.is_control_connected = True
+        self.late = {}
         self.modes = [7, 1, int(RuntimeState.STOPPED)]
         self.pose = self.target_pose = [0.1, 0.2, 0.3, 0.4, -0.2, 0.1]
         self.speed = [0.0] * 6
@@ -31,9 +33,21 @@ class FakeRobot:
 
     def tick(self):
         """Return the controller's clock, which has gone on unless the robot is frozen."""
-        if not self.is_frozen:
+        if not self.is_frozen and not self.is_late("timestamp"):
             self.timestamp += 0.002
         return self.timestamp
+
+    def is_late(self, what):
+        """Return whether something that is awaited has not come yet, as *late* says of it."""
+        self.late[what] = self.late.get(what, 0) - 1
+        return self.late[what] >= 0
+
+    def mode(self):
+        """Return the robot mode; the arm may need a while until it runs."""
+        return 4 if self.modes[0] == 7 and self.is_late("mode") else self.modes[0]
+
+    def is_playing(self):
+        return self.modes[2] == RuntimeState.PLAYING and not self.is_late("program")
 
     def called(self, name):
         return [arguments for called, arguments in self.calls if called == name]
@@ -68,7 +82,7 @@ class FakeRobot:
 READINGS = {
     "isConnected": lambda robot: robot.is_connected,
     "getTimestamp": lambda robot: robot.tick(),
-    "getRobotMode": lambda robot: robot.modes[0],
+    "getRobotMode": lambda robot: robot.mode(),
     "getSafetyMode": lambda robot: robot.modes[1],
     "getRuntimeState": lambda robot: robot.modes[2],
     "getActualTCPPose": lambda robot: robot.pose,
@@ -78,7 +92,7 @@ READINGS = {
     "getTargetQ": lambda robot: robot.target_joints,
     "getSpeedScaling": lambda robot: robot.scaling,
     "getTargetSpeedFraction": lambda robot: robot.fraction,
-    "isProgramRunning": lambda robot: robot.modes[2] == RuntimeState.PLAYING,
+    "isProgramRunning": lambda robot: robot.is_playing(),
 }
 """What the library says of the robot, by its names of it."""
 
@@ -104,6 +118,8 @@ class FakeControl:
 
     def __getattr__(self, name):
         robot = self.robot
+        if name == "isConnected":
+            return lambda: robot.is_control_connected
         if name in READINGS:
             return lambda: READINGS[name](robot)
 

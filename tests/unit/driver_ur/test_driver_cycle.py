@@ -8,6 +8,7 @@ from fake_library import HOST, JOINTS, FakeRobot
 from orientd.driver import Setpoint
 from orientd.errors import DeviceFaultError, FeedbackError, LinkError, SpentLinkError
 from orientd.floats import exp, log, multiply
+from orientd_ur.arm import MODELS
 from orientd_ur.controller import RuntimeState
 from orientd_ur.link import VARIABLES
 
@@ -68,6 +69,43 @@ def test_order_that_the_program_does_not_carry_out_is_a_fault_in_words(robot):
     robot.answers["setWatchdog"] = lambda: robot.modes.__setitem__(1, 3)
     with pytest.raises(DeviceFaultError, match="protective stop: look for its cause"):
         robot.driver().enable()
+
+
+def test_packages_and_programs_that_come_late_are_waited_for(robot):
+    robot.late["timestamp"] = 5
+    driver = robot.driver()
+    robot.late["timestamp"] = 5
+    driver.enable()
+    driver.disable()
+    robot.modes[2] = int(RuntimeState.STOPPED)
+
+    def play():
+        robot.modes[2], robot.late["program"] = int(RuntimeState.PLAYING), 3
+        return True
+
+    robot.answers["reuploadScript"] = play
+    robot.calls.clear()
+    driver.enable()
+    assert robot.called("reuploadScript") == [()]
+    driver.disable()
+    driver.enable()
+    assert robot.called("reuploadScript") == [()]
+
+
+def test_arm_is_none_if_nobody_says_which_it_is_and_refused_if_it_is_another(robot, monkeypatch):
+    def silent(*_):
+        raise LinkError("it does not say")
+
+    monkeypatch.setattr("orientd_ur.robot.ask", silent)
+    driver, _ = enabled(robot)
+    assert driver.mechanism(may_ask=True) is None
+    driver, _ = enabled(robot, model="ur10e")
+    assert driver.mechanism(may_ask=True).name == "ur10e"
+    monkeypatch.setattr("orientd_ur.robot.ask", lambda *_: MODELS["ur3"].arm())
+    with pytest.raises(LinkError, match="has a ur3, `model` says ur10e"):
+        robot.driver(model="ur10e")
+    driver, _ = enabled(robot, check_joints=False, model="ur10e")
+    assert driver.mechanism(may_ask=True) is None
 
 
 def test_feedback_is_what_was_measured_in_the_frame_of_the_tool(robot):
@@ -196,6 +234,21 @@ def test_closed_connection_is_a_lost_link_and_nothing_is_called_again(robot):
     assert not robot.calls
 
 
+def test_either_connection_that_is_closed_is_a_lost_link(robot):
+    driver, _ = enabled(robot)
+    robot.is_control_connected = False
+    with pytest.raises(SpentLinkError, match="closed the connection"):
+        cycle(driver)
+
+
+def test_link_that_goes_while_it_is_closed_is_not_touched_again(robot):
+    driver, _ = enabled(robot)
+    robot.answers["stopScript"] = RuntimeError("gone")
+    driver.close()
+    driver.close()
+    assert [name for name, _ in robot.calls] == ["stopScript"]
+
+
 def test_library_that_cannot_connect_anew_says_so_once(robot):
     driver, start = enabled(robot)
     robot.answers["servoL"] = RuntimeError("Timeout connecting\nto UR dashboard server.")
@@ -301,8 +354,11 @@ def test_watchdog_is_kept_quiet_while_nothing_is_sent(robot):
 
 def test_arm_is_stopped_when_it_is_disabled_and_only_then(robot):
     driver, _ = enabled(robot, stop_deceleration=7)
+    driver.clock.advance(1000 * MS)
     driver.disable()
     driver.disable()
+    # The order has fed the watchdog, too.
+    cycle(driver)
     assert robot.calls == [("servoStop", (7.0,))]
 
 
@@ -394,6 +450,27 @@ def test_paused_program_is_ended_at_the_dashboard_twice_a_second_until_it_is(rob
     assert robot.dashboard == ["stop"] * 4
     driver.rest_in_fault()
     assert robot.dashboard == ["stop"] * 4
+    robot.modes[2] = int(RuntimeState.PLAYING)
+    cycle(driver)
+    assert driver.notices() == ("another program was played on the robot during the fault",)
+    assert not robot.calls
+
+
+def test_every_fault_ends_the_program_anew(robot):
+    driver, _ = enabled(robot)
+    robot.answers["stopScript"] = lambda: robot.modes.__setitem__(2, 1) or True
+    robot.answers["reuploadScript"] = lambda: robot.modes.__setitem__(2, 2) or True
+    robot.dashboard_answers["stop"] = lambda: robot.modes.__setitem__(2, 1) or "Stopped"
+    for count in (1, 2):
+        driver.rest_in_fault()
+        for _ in range(3):
+            cycle(driver)
+        assert len(robot.called("stopScript")) == count
+        assert not driver.notices()
+        driver.reset()
+        cycle(driver)
+        assert len(robot.called("stopScript")) == count
+        driver.enable()
 
 
 def test_reset_unlocks_powers_up_and_plays_anew(robot):
@@ -407,7 +484,7 @@ def test_reset_unlocks_powers_up_and_plays_anew(robot):
 
     robot.dashboard_answers.update({
         "unlock protective stop": unlock,
-        "brake release": lambda: robot.modes.__setitem__(0, 7),
+        "brake release": lambda: robot.modes.__setitem__(0, 7) or robot.late.update(mode=3),
         "stop": lambda: robot.modes.__setitem__(2, 1) or "Stopped",
     })  # fmt: skip
     robot.answers["reuploadScript"] = lambda: robot.modes.__setitem__(2, 2) or True
@@ -526,6 +603,7 @@ def test_gaps_are_of_the_tool_and_of_each_joint_behind_its_command(robot):
     driver, start = enabled(robot, arrival_tolerance_deg=1.0)
     driver.write(Setpoint(0, start.q, position=(0.1, 0.2, 0.35)))
     robot.joints = [q + 0.01 * k for k, q in enumerate(JOINTS)]
+    cycle(driver)
     tool, *joints = driver.gaps()
     assert (tool.gap, tool.patience) == (pytest.approx(0.05), 0.5)
     assert tool.tolerance == pytest.approx(math.radians(1.0))
@@ -547,6 +625,8 @@ def test_end_of_the_process_is_explained_by_its_signal(robot):
     driver = robot.driver()
     assert f"see what the controller at {HOST} sends" in driver.why_ended(6)
     assert "took more than 0.9 s" in driver.why_ended(14)
+    assert f"when the controller at {HOST} closes a connection" in driver.why_ended(11)
+    assert (driver.default_rate_hz, driver.longest_call) == (500.0, 0.9)
     assert driver.why_ended(9) == ""
     assert driver.why_stale() == ""
     assert driver.deadline_shift_ns(0) == 0

@@ -1,0 +1,360 @@
+"""A gimbal from its start to its end: what is asked, retried, switched on and left."""
+
+import math
+
+import numpy as np
+import pytest
+
+from emulated_dynamixel import FaultKind, ReplyFault
+from orientd.errors import DeviceError, DeviceFaultError, LinkError
+from orientd_dynamixel.servo import Servo
+
+MS = 1_000_000
+
+
+def torques(it):
+    return [servo.is_torque_on for servo in it.bus.servos]
+
+
+def test_gimbal_that_is_not_enabled_is_read_every_cycle(rig):
+    it = rig()
+    it.driver.open()
+    for k in range(20):
+        it.servo(1).shaft.position = 2048.0 + k
+        it.cycle(write=False)
+    times = [feedback.time_ns for feedback in it.seen[2:]]
+    assert set(np.diff(times)) == {it.period_ns}
+    assert it.seen[-1].joints[0] == pytest.approx(18 * math.tau / 4096, abs=1e-3)
+
+
+def test_reading_of_before_the_first_cycle_is_not_believed(rig):
+    """The servos' clocks are known from the start."""
+    it = rig(is_paced=False)
+    it.driver.open()
+    servo, read = it.servo(1), it.servo(1).read
+    old = read(224, 16, it.clock.now_ns())
+    it.clock.advance(50 * MS)
+    servo.read = lambda *asked: old
+    it.run(2, write=False)
+    assert (it.driver._group.lost, it.seen[-1]) == (1, None)
+    servo.read = read
+    it.run(3, write=False)
+    assert (it.driver._group.lost, it.driver._group.lost_in_a_row) == (2, 0)
+    assert it.seen[-1] is not None
+
+
+@pytest.mark.parametrize("what", ["enable", "disable", "free", "park", "close"])
+def test_nothing_is_asked_while_an_answer_is_on_the_line(rig, what):
+    it = rig()
+    it.start() if what == "disable" else it.driver.open()
+    it.run(3, write=what == "disable")
+    assert it.driver._group.is_waiting
+    collisions, collides = [], it.bus.wire.collides
+    it.bus.wire.collides = lambda now_ns: (collisions.append(collides(now_ns)), collisions[-1])[1]
+    getattr(it.driver, what)()
+    assert collisions
+    assert not any(collisions)
+
+
+def test_park_is_slow(rig):
+    it = rig("ZY", park_deg=[60, -20])
+    it.start()
+    it.driver.disable()
+    times, places = [], []
+
+    def sleep(seconds):
+        it.clock.advance(round(seconds * 1e9))
+        it.bus.advance(it.clock.now_ns())
+        times.append(it.clock.now_ns() * 1e-9)
+        places.append([servo.shaft.position for servo in it.bus.servos])
+
+    it.driver._sleep = sleep
+    it.driver.park()
+    rates = np.diff(places, axis=0) / 4096 * 360 / np.diff(times)[:, None]
+    assert 27 <= np.abs(rates).max() <= 32
+    assert [it.value(k, "profile acceleration") for k in (1, 2)] == [3, 3]
+    assert places[-1] == pytest.approx([2048 + 683, 2048 - 228], abs=42)
+    assert torques(it) == [False, False]
+
+
+def test_park_is_given_up_if_an_axis_is_held(rig):
+    it = rig("ZY", park_deg=[60, -20])
+    it.start()
+    it.driver.disable()
+    it.servo(1).shaft.jammed = True
+    begun_ns = it.clock.now_ns()
+    it.driver.park()
+    assert it.clock.now_ns() - begun_ns == pytest.approx(20e9, rel=0.2)
+    assert torques(it) == [False, False]
+
+
+def test_park_that_is_not_held_does_not_set_off(rig):
+    it = rig("ZY", park_deg=[60, -20])
+    it.start()
+    it.driver.disable()
+    it.servo(1).write(64, b"\0", it.clock.now_ns())
+    it.driver.park()
+    it.clock.advance(1000 * MS)
+    it.bus.advance(it.clock.now_ns())
+    assert it.servo(2).shaft.position == 2048
+    assert torques(it) == [False, False]
+
+
+def test_silent_servo_keeps_no_other_from_losing_its_torque_at_the_end(rig):
+    it = rig()
+    it.start()
+    it.driver.disable()
+    it.bus.faults.add(2, ReplyFault(FaultKind.DROP))
+    with pytest.raises(LinkError):
+        it.driver.park()
+    assert torques(it) == [False, False, False]
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_torque_comes_on_for_all_or_for_none(rig, held):
+    it = rig()
+    it.driver.open()
+    if held:
+        it.servo(1).write(64, b"\1", it.clock.now_ns())
+    write = it.servo(3).write
+    it.servo(3).write = lambda at, content, now: 0 if at == 64 else write(at, content, now)
+    with pytest.raises(DeviceFaultError, match=r"servo 3 \(roll\) does not switch its torque on"):
+        it.driver.enable()
+    assert torques(it) == [held, False, False]
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_torque_goes_off_again_if_a_watchdog_is_refused(rig, held):
+    it = rig()
+    it.driver.open()
+    if held:
+        it.servo(1).write(64, b"\1", it.clock.now_ns())
+    write = it.servo(2).write
+    it.servo(2).write = lambda at, content, now: 6 if at == 98 else write(at, content, now)
+    with pytest.raises(DeviceFaultError, match="beyond its limit"):
+        it.driver.enable()
+    assert torques(it) == [held, False, False]
+
+
+def test_goal_that_a_servo_does_not_take_keeps_its_torque_off(rig):
+    it = rig()
+    it.driver.open()
+    write = it.servo(2).write
+
+    def wrong(at, content, now):
+        found = write(at, content, now)
+        if at == 64 and content[0]:
+            write(116, (3000).to_bytes(4, "little"), now)
+        return found
+
+    it.servo(2).write = wrong
+    with pytest.raises(DeviceFaultError, match=r"its goal 952 ticks away from where it is"):
+        it.driver.enable()
+    assert torques(it) == [False, False, False]
+
+
+def test_load_that_hangs_on_a_goal_is_not_let_down(rig):
+    """The torque is on already, and the goal is a little above the position."""
+    it = rig()
+    it.driver.open()
+    it.servo(1).write(64, b"\1", it.clock.now_ns())
+    it.servo(1).write(116, (2048 + 35).to_bytes(4, "little"), it.clock.now_ns())
+    it.servo(1).shaft.jammed = True
+    it.driver.enable()
+    assert it.goals() == [2083, 2048, 2048]
+
+
+@pytest.mark.parametrize(("asked", "kept"), [(0, 0), (20, 1), (481, 25), (500, 25)])
+def test_watchdog_waits_at_least_as_long_as_asked(rig, asked, kept):
+    it = rig(watchdog_ms=asked)
+    it.start()
+    assert it.value(1, "bus watchdog") == kept
+
+
+def test_profile_is_no_faster_than_the_servo_may_be(rig):
+    it = rig()
+    it.servo(1).write(44, (100).to_bytes(4, "little"), it.clock.now_ns())
+    it.driver.open()
+    assert [it.value(k, "profile velocity") for k in (1, 2)] == [100, 193]
+
+
+def test_setting_that_is_not_taken_is_named(rig):
+    it = rig()
+    write = it.servo(2).write
+    it.servo(2).write = lambda at, content, now: 0 if at == 9 else write(at, content, now)
+    with pytest.raises(DeviceFaultError, match=r"servo 2 \(pitch\) keeps 250 at address 9, asked"):
+        it.driver.open()
+
+
+def test_settings_are_written_without_torque(rig):
+    it = rig()
+    it.servo(1).write(9, b"\7", it.clock.now_ns())
+    it.servo(1).write(64, b"\1", it.clock.now_ns())
+    it.driver.open()
+    assert torques(it) == [False, False, False]
+    assert it.value(1, "return delay time") == 0
+
+
+def test_return_level_is_set_first(rig):
+    it = rig()
+    it.servo(1).write(68, b"\1", it.clock.now_ns())
+    it.start()
+    it.run(5)
+    assert it.value(1, "status return level") == 2
+    assert it.driver._group.lost == 0
+
+
+def test_error_that_outlives_a_reboot_is_named(rig):
+    it = rig()
+    servo, reboot = it.servo(2), it.servo(2).reboot
+    servo.fail(1 << 2, it.clock.now_ns())
+    servo.reboot = lambda now_ns: (reboot(now_ns), servo.fail(1 << 2, now_ns))
+    with pytest.raises(DeviceFaultError, match="still reports overheating after a reboot"):
+        it.driver.open()
+
+
+def test_servo_that_does_not_come_back_is_named(rig):
+    it = rig()
+    servo = it.servo(2)
+    servo.fail(1 << 2, it.clock.now_ns())
+    servo.reboot = lambda now_ns: servo.disconnect(now_ns)
+    begun_ns = it.clock.now_ns()
+    with pytest.raises(LinkError, match=r"servo 2 \(pitch\) did not come back after a reboot"):
+        it.driver.open()
+    assert 1e9 < it.clock.now_ns() - begun_ns < 2e9
+
+
+@pytest.mark.parametrize("kind", [FaultKind.DROP, FaultKind.CORRUPT, FaultKind.TRUNCATE])
+def test_servo_is_asked_four_times_outside_of_the_cycle(rig, kind):
+    it = rig()
+    it.driver.open()
+    servo = it.driver._servos[1]
+    table, bus = servo.table, it.driver._bus
+    for lost, is_told in ((3, True), (4, False)):
+        for ask in (lambda: servo.get(table.goal), lambda: servo.put(table.profile_velocity, 9)):
+            it.bus.faults.clear()
+            it.bus.faults.add(2, ReplyFault(kind, remaining=lost))
+            if is_told:
+                assert ask() in {2048, None}
+            else:
+                with pytest.raises(LinkError, match="servo 2 does not answer a"):
+                    ask()
+    it.bus.faults.clear()
+    it.bus.faults.add(2, ReplyFault(kind, remaining=11))
+    assert servo.get(table.position, 12) == 2048
+    assert bus.ping(2) == (1020, 48)
+
+
+def test_silent_servos_keep_their_goals_when_the_others_stand(rig):
+    """What was seen before the fault is not where an axis is in it."""
+    it = rig()
+    it.start()
+    it.run(60, lambda k: [0.018 * min(k, 60), 0.0, 0.0])
+    goals = it.goals()
+    assert goals[0] - it.servo(1).shaft.position > 20
+    for k in (1, 2, 3):
+        it.bus.faults.add(k, ReplyFault(FaultKind.DROP))
+    it.driver.rest_in_fault()
+    for _ in range(60):
+        try:
+            it.cycle()
+        except DeviceError:
+            assert it.goals() == goals
+    assert it.goals() == goals
+
+
+@pytest.mark.parametrize("fast_read", ["on", "off"])
+def test_one_silent_servo_does_not_keep_the_others_from_being_seen_in_a_fault(rig, fast_read):
+    it = rig(fast_read=fast_read)
+    it.start()
+    it.run(5)
+    it.bus.faults.add(2, ReplyFault(FaultKind.DROP))
+    for servo in (it.servo(1), it.servo(3)):
+        servo.shaft.jammed = True
+        servo.shaft.position += 50.0
+    for k in range(400):
+        try:
+            it.cycle()
+        except DeviceError:
+            if k > 100 and not it.driver._standing.is_at_rest:
+                it.driver.rest_in_fault()
+    assert it.goals() == [2098, 2048, 2098]
+
+
+def test_axes_that_stand_are_slow(rig):
+    it = rig()
+    it.start()
+    it.driver.rest_in_fault()
+    it.run(3)
+    assert [it.value(k, "profile velocity") for k in (1, 2, 3)] == [22, 22, 22]
+
+
+def test_gimbal_that_is_free_is_held_again_where_it_was_turned_to(rig):
+    it = rig()
+    it.start()
+    it.driver.disable()
+    it.driver.free()
+    assert torques(it) == [False, False, False]
+    assert [it.value(k, "bus watchdog") for k in (1, 2, 3)] == [0, 0, 0]
+    it.run(5, write=False)
+    it.servo(1).shaft.position += 100.0
+    it.run(50, write=False)
+    it.driver.disable()
+    assert torques(it) == [True, True, True]
+    assert it.goals() == [2148, 2048, 2048]
+
+
+def test_bus_of_two_families_gets_the_goals_of_each_at_their_own_address(rig):
+    it = rig("ZY")
+    it.start()
+    sent, write = [], it.port.writePort
+    it.port.writePort = lambda packet: (sent.append(bytes(packet)), write(packet))[1]
+    goal = it.driver._servos[0].table.goal
+    it.driver._bus.sync_write([(1, goal, 2050), (2, goal._replace(address=564), 7)])
+    assert [packet[8] | packet[9] << 8 for packet in sent] == [116, 564]
+    assert [packet[12] for packet in sent] == [1, 2]
+
+
+def test_goal_beyond_what_the_servo_counts_is_refused(rig):
+    it = rig("ZY", axes=[{"id": 1, "limits_deg": "endless"}, {"id": 2}])
+    servo = it.driver._servos[0]
+    assert servo.ticks(servo.angle(1_048_575)) == 1_048_575
+    with pytest.raises(ValueError, match="z cannot go to 1048576 ticks"):
+        servo.ticks(servo.angle(1_048_576))
+
+
+def options_of(rig, **axis):
+    return rig("ZY", axes=[{"id": 1, **axis}, {"id": 2}]).driver.settings.axes[0]
+
+
+def test_torqueless_servo_may_have_been_turned_by_hand_but_not_by_whole_turns(rig):
+    servo = Servo(options_of(rig))
+    servo.believe(2048, 0)
+    for position, is_possible in ((2048 + 1500, True), (2048 + 4096, False), (2048 - 4110, False)):
+        assert (not servo.doubt(position, is_driven=False)) is is_possible, position
+
+
+def test_torqueless_servo_turns_no_faster_than_by_hand_while_it_is_watched(rig):
+    servo = Servo(options_of(rig))
+    servo.believe(2048, 0)
+    # 221 deg/s and half as much again in 20 ms, and the play of 4.7 degrees.
+    for degrees, is_possible in ((10.0, True), (12.5, False), (44.0, False)):
+        position = round(2048 + degrees / 360 * 4096)
+        told = servo.doubt(position, is_driven=False, now_ns=20 * MS)
+        assert (not told) is is_possible, degrees
+    for degrees, is_possible in ((44.0, True), (46.0, False)):
+        position = round(2048 + degrees / 360 * 4096)
+        told = servo.doubt(position, is_driven=False, now_ns=1000 * MS)
+        assert (not told) is is_possible, degrees
+
+
+def test_driven_servo_is_between_where_it_was_seen_and_where_it_was_sent(rig):
+    servo = Servo(options_of(rig))
+    servo.believe(2048, 0)
+    servo.goal = 2500
+    servo.goal = 1900
+    for position, is_possible in ((1880, True), (2520, True), (1800, False), (2600, False)):
+        assert (not servo.doubt(position, is_driven=True)) is is_possible, position
+    servo.believe(1950, MS)
+    assert servo.doubt(2300, is_driven=True)
+    assert "from its goal" in servo.doubt(1900 + 4096, is_driven=True)

@@ -1,0 +1,70 @@
+"""A driver of another package, with servos that share no code with it, moves by a daemon."""
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from command_line import begin, environment, orientd
+
+from orientd import connect
+from orientd.driver import AxisLimits
+from orientd.floats import difference, norm
+from orientd.mechanism import Gimbal
+from orientd.rpc import Outcome
+from orientd.stream import ServoState
+
+PACKAGE = Path(__file__).parents[2] / "examples" / "feetech_gimbal"
+
+
+@pytest.fixture
+def gimbal(tmp_path):
+    """A daemon with the example gimbal, installed as a user would, on emulated servos."""
+    site = tmp_path / "site"
+    install = ["-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
+    subprocess.run([sys.executable, *install, "--target", site, PACKAGE], check=True)
+    servos = subprocess.Popen(
+        [sys.executable, PACKAGE / "tests" / "emulated_servos.py", tmp_path / "bus"],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert servos.stdout.readline() == "ready\n"
+    config = tmp_path / "feetech.toml"
+    text = (PACKAGE / "feetech.toml").read_text().replace("/tmp/feetech", str(tmp_path / "bus"))
+    text = text.replace("feedback_timeout = 0.5 ", "feedback_timeout = 5.0 ")
+    config.write_text(f'[daemon]\nsocket = "{tmp_path}/control.sock"\n{text}')
+    env = environment(PYTHONPATH=str(site), XDG_STATE_HOME=str(tmp_path / "state"))
+    daemon = begin("run", "--config", config, env=env)
+    try:
+        assert daemon.stdout.readline().startswith("ready at")
+        yield config, env
+    finally:
+        daemon.terminate()
+        daemon.communicate(timeout=30)
+        servos.terminate()
+        servos.communicate(timeout=30)
+
+
+def test_it_moves_and_says_how_it_is(gimbal):
+    config, env = gimbal
+    with connect(config.parent / "control.sock") as robot:
+        target = {"euler": {"axes": "ZYX", "degrees": [40, 20, -10]}}
+        assert robot.move([target]).wait().outcome is Outcome.DONE
+        device = robot.state().devices["gimbal"]
+        assert device.state is ServoState.HOLDING
+        joints = tuple(map(math.radians, (40, 20, -10)))
+        q, _ = Gimbal([AxisLimits(name, -3.0, 3.0, 1.0) for name in "abc"]).forward(joints)
+        assert norm(difference(q, device.cycle.feedback_q)) < math.radians(0.3)
+        assert [part.name for part in device.health] == ["yaw", "pitch", "roll"]
+    assert "12.1 V" in orientd("status", "--socket", config.parent / "control.sock", env=env).stdout
+
+
+def test_a_stop_in_motion_comes_to_rest(gimbal):
+    config, _ = gimbal
+    with connect(config.parent / "control.sock") as robot:
+        handle = robot.move([{"euler": {"axes": "ZYX", "degrees": [120, 0, 0]}}])
+        next(iter(handle))
+        robot.stop()
+        assert handle.wait().outcome is Outcome.STOPPED
+        assert robot.state().devices["gimbal"].state is ServoState.HOLDING
