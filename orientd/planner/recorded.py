@@ -165,6 +165,11 @@ class RecordedMotion:
         """Return the axis angles planned at a record, rad; none where it knows of none."""
         return tuple(joints_of(self.rows(record, 1))[0].tolist())
 
+    def joint_rates_at(self, record: int) -> Joints:
+        """Return the velocities of the axes planned at a record, rad/s; none if it has none."""
+        row = self.rows(record, 1)
+        return tuple(row[0, STATE_FLOATS + joints_of(row).shape[1] :].tolist())
+
     def joints_before(self, record: int) -> tuple[Joints, ...]:
         """Return the axis angles of the three records before one, the oldest first."""
         joints = joints_of(self.rows(record - HISTORY, HISTORY))

@@ -236,6 +236,7 @@ def _differ(old: PathPoint, new: PathPoint) -> str:
         ("position", norm(plus(old.position, new.position, -1.0)), _SAME_POSITION, "m"),
         ("velocity", *_gap(old.velocity, new.velocity), "m/s"),
         ("angle of an axis", joint_gap(old.joints, new.joints), _SAME_JOINTS, "rad"),
+        ("velocity of an axis", *_joint_rate_gap(old, new), "rad/s"),
     ):
         if not gap <= tolerance:
             return f"the {name} of the two paths differs by {gap:.3g} {unit}"
@@ -247,6 +248,11 @@ def joint_gap(old: Joints, new: Joints) -> float:
     if len(old) != len(new):
         return inf
     return max([abs(a - b) for a, b in zip(old, new, strict=True)], default=0.0)
+
+
+def _joint_rate_gap(old: PathPoint, new: PathPoint) -> tuple[float, float]:
+    gap = joint_gap(old.joint_velocities, new.joint_velocities)
+    return gap, _SAME_RATE * (1.0 + max(map(abs, old.joint_velocities), default=0.0))
 
 
 def _gap(a: Vector3, b: Vector3) -> tuple[float, float]:

@@ -11,6 +11,7 @@ from orientd.errors import LimitError, OrientdError
 from orientd.mechanism.joint_path import JointPath
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify import joint_brake
+from orientd.planner.recorded import joint_rates
 from orientd.rotation import angle, exp, multiply
 
 PERIOD = 0.01
@@ -115,8 +116,9 @@ def test_brake_rate_counts_the_joints(motion):
     turns = shape_of(motion, joints=joint)
     free = reshaped(motion, turns)
     assert free.certificate.brake_rate == motion.certificate.brake_rate
-    earlier, limits = np.zeros((3, 1)), [(2.0 * speed, 1.25 * bend)]
-    alone = joint_brake(joint[:, None], earlier, PERIOD, limits)
+    earlier, limits = np.zeros((3, 1)), limits_of(2.0 * speed, 1.25 * bend)
+    rates = joint_rates(joint[:, None], earlier, PERIOD)
+    alone = joint_brake(joint[:, None], rates, earlier, PERIOD, limits)
     # With none of the acceleration used it would be 1 / (2 speed); where 0.8 is used, less.
     most = 0.5 * 1.25 * bend / speed
     assert 0.6 * most < alone.rate < 1.02 * most
@@ -127,9 +129,16 @@ def test_brake_rate_counts_the_joints(motion):
 
 
 def test_joint_without_a_reserve_is_refused(motion):
-    joint = 0.5 * PERIOD**2 * np.arange(motion.record_count) ** 2.0
+    s = np.linspace(0.0, 1.0, motion.record_count)
+    joint = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    bend = float(np.abs(np.diff(joint, 2)).max()) / PERIOD**2
     with pytest.raises(LimitError, match="the time that a stop on the path takes"):
-        reshaped(motion, shape_of(motion, joints=joint), limits_of(99.0, 1.0))
+        reshaped(motion, shape_of(motion, joints=joint), limits_of(99.0, 0.99905 * bend))
+    with pytest.raises(LimitError, match=r"acceleration of yaw reaches .* between two records"):
+        reshaped(motion, shape_of(motion, joints=joint), limits_of(99.0, 0.995 * bend))
+    speed = float(np.abs(np.diff(joint)).max()) / PERIOD
+    with pytest.raises(LimitError, match="velocity of yaw reaches"):
+        reshaped(motion, shape_of(motion, joints=joint), limits_of(0.995 * speed, 999.0))
 
 
 def test_a_saved_motion_keeps_its_joints_and_their_velocities(motion, tmp_path):
