@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +38,13 @@ _PARTS = 8
 
 _BETWEEN = 2.0 / (8.0 * _PARTS**2)
 """Of the cubics' acceleration: how much larger a difference is between two rates than at them."""
+
+_SHARES = 8.0 * np.geomspace(1e-5, 0.125, 24)
+"""Of the way from the full rate to the next one, at which a change of it is looked at."""
+_CHANGES = np.sqrt(_SHARES)
+"""How fast the rate may change there, by the brake rate."""
+_MARGIN = 0.99
+"""For what lies between these."""
 
 _UNITS = {
     LimitKind.VELOCITY: "rad/s",
@@ -156,34 +164,33 @@ class _Ride:
 
     def brake_rate(self, axis: AxisLimits, period: float) -> tuple[float, int]:
         """Return the largest safe brake rate, 1/s, and the period that sets it."""
-        most = GUARD_TOLERANCE * axis.acceleration
-        speed = _widest(self.differences(1, 1) * _PARTS, 2) / period
-        unit = period * period
-        margin = _BETWEEN * self.bend / unit
-        # Of means over two cycles at the full rate and just below it.
-        full, less = (self.differences(2, reach) / unit for reach in (_PARTS, _PARTS - 1))
-        mean = np.maximum(full, less * (_PARTS / (_PARTS - 1.0)) ** 2)
-        twist = np.zeros(len(speed))
+        unit, most = period * period, GUARD_TOLERANCE * axis.acceleration
+        speed = np.maximum(_widest(self.differences(1, 1) * _PARTS, 2) / period, 1e-12)
+        at_rates = [
+            _widest(self.differences(2, reach), 1) / unit
+            for reach in range(_PARTS, _PARTS // 2 - 1, -1)
+        ]
+        bend = self.bend / unit
+        # Just below the full rate, where a change has to be slow to end there.
+        full, less = (size[:, None] for size in at_rates[:2])
+        sizes = (
+            full
+            + _SHARES * (less - full)
+            + 4.0 * _SHARES * (1.0 - _SHARES) * _BETWEEN * bend[:, None]
+        )
+        allowed = _MARGIN * np.min(np.maximum(most - sizes, 0.0) / _CHANGES, axis=1)
+        # From rate to rate below that, and from half of the full one all the way down.
+        for place, (one, other) in enumerate(pairwise(at_rates[1:]), 1):
+            change = min(2.0, math.sqrt(8.0 * (place + 1) / _PARTS))
+            size = np.maximum(one, other) + _BETWEEN * bend
+            allowed = np.minimum(allowed, np.maximum(most - size, 0.0) / change)
+        allowed = np.minimum(allowed, np.maximum(most - 0.25 * bend, 0.0) / 2.0) / speed
+        record = int(np.argmin(allowed))
+        rate = min(float(allowed[record]), FASTEST_BRAKE_RATE)
         if math.isfinite(axis.jerk):
-            twist = self.differences(3, _PARTS) / unit / period
-        rate, record = brake_rate(
-            speed[:, None], _widest(mean, 1)[:, None], _widest(twist, 1), most,
-            GUARD_TOLERANCE * axis.jerk,
-        )  # fmt: skip
-        for high in range(_PARTS - 1, _PARTS // 2 - 1, -1):
-            # Rates down to an eighth less, and from half of the full one all the way down.
-            low, is_last = (high - 1) / _PARTS, high == _PARTS // 2
-            if is_last:
-                size, change = 0.25 * self.bend / unit, 2.0
-            else:
-                both = (self.differences(2, high), self.differences(2, high - 1))
-                size = _widest(np.maximum(*both) / unit + margin, 1)
-                change = min(2.0, math.sqrt(8.0 * (1.0 - low)))
-            with np.errstate(divide="ignore"):
-                allowed = np.maximum(most - size, 0.0) / (change * np.maximum(speed, 1e-12))
-            at = int(np.argmin(allowed))
-            if allowed[at] < rate:
-                rate, record = float(allowed[at]), at
+            twist = _widest(self.differences(3, _PARTS), 1) / unit / period
+            found = brake_rate(speed[:, None], full, twist, np.inf, GUARD_TOLERANCE * axis.jerk)
+            rate, record = min((rate, record), found)
         return rate, record
 
 
