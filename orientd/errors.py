@@ -6,7 +6,8 @@ An error is ours (a call failed); a fault is the device's (it stopped and waits 
 
     OrientdError
     ├── RequestError            a motion file or request that is not well formed (field, problem)
-    │   └── UnknownNameError    it names a device or a plan that is not there
+    │   ├── UnknownNameError    it names a device or a plan that is not there
+    │   └── MessageSizeError    its message is larger than the daemon takes
     ├── ConfigError             a configuration that is not well formed or not possible here
     ├── PlanError               a well-formed motion that cannot be planned
     │   ├── LimitError          it would break a limit (quantity, value, limit, time)
@@ -90,6 +91,10 @@ class RequestError(OrientdError, ValueError):
 
 class UnknownNameError(RequestError):
     """A request that names a device or a plan that is not there."""
+
+
+class MessageSizeError(RequestError):
+    """A request whose message is larger than the daemon takes."""
 
 
 class ConfigError(OrientdError):

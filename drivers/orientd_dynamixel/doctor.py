@@ -97,7 +97,7 @@ def scan(
     port: str,
     *,
     bauds: Iterable[int] = BAUD_RATES,
-    ids: Sequence[int] = tuple(range(1, 21)),
+    ids: Sequence[int],
     wanted: Collection[int] = (),
     wait_ms: float = SCAN_WAIT_MS,
     open_bus: OpenBus = open_bus,

@@ -30,7 +30,7 @@ from orientd.driver import (
 )
 from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
 from orientd.mechanism import Gimbal
-from orientd_dynamixel.bus import READ_WAIT_S, OpenBus, ServoBus, open_bus
+from orientd_dynamixel.bus import READ_WAIT_S, OpenBus, open_bus
 from orientd_dynamixel.group import TAIL_SHARE, Group, listen
 from orientd_dynamixel.options import GimbalOptions, parse
 from orientd_dynamixel.servo import Servo
@@ -66,7 +66,6 @@ class DynamixelDriver(Driver):
         self.advice: list[str] = []
         self._open_bus = open_bus
         self._sleep = sleep
-        self._bus: ServoBus | None = None
         self._group: Group | None = None
         self._servos = [Servo(axis) for axis in self.settings.axes]
         self._gimbal: Gimbal = self.settings.gimbal()
@@ -106,7 +105,7 @@ class DynamixelDriver(Driver):
             DeviceFaultError: a servo refuses, the gimbal is outside its limits, or it is not known
                 on which turn it is.
         """
-        _, group = self._connected()
+        group = self._connected()
         if self._unknown:
             raise DeviceFaultError(self._unknown)
         self._settle(group)
@@ -132,7 +131,7 @@ class DynamixelDriver(Driver):
 
     def free(self) -> None:
         """Switch the torque off, so that the gimbal can be turned by hand; it may sink."""
-        _, group = self._connected()
+        group = self._connected()
         self._settle(group)
         for servo in self._servos:
             servo.let_go()
@@ -147,7 +146,7 @@ class DynamixelDriver(Driver):
             AxisFaultError: a servo reports an error, has no torque, or does not follow; its axis
                 stands from now on.
         """
-        _, group = self._connected()
+        group = self._connected()
         now_ns = self.clock.now_ns()
         try:
             is_new = group.take(now_ns)
@@ -166,20 +165,17 @@ class DynamixelDriver(Driver):
             LinkError: the port is gone.
             DeviceFaultError: an axis would leave its limits.
         """
-        bus, group = self._connected()
+        group = self._connected()
         if self._standing.is_at_rest:
-            self._standing.send(bus)
+            self._standing.send(group.bus)
             group.ask(self.clock.now_ns())
             return
-        goals = []
         for servo, angle in zip(self._servos, setpoint.joints, strict=True):
             servo.check_angle(angle)
-            goals.append(servo.ticks(angle))
-        for place, goal in self._standing.goals.items():
-            goals[place] = goal
-        for servo, goal in zip(self._servos, goals, strict=True):
-            servo.goal = goal
-        bus.sync_write([(s.options.id, s.table.goal, s.goal) for s in self._servos])
+        # Those of axes that stand are their own.
+        for place, (servo, angle) in enumerate(zip(self._servos, setpoint.joints, strict=True)):
+            servo.goal = self._standing.goals.get(place, servo.ticks(angle))
+        group.bus.sync_write([(s.options.id, s.table.goal, s.goal) for s in self._servos])
         group.ask(self.clock.now_ns())
 
     def rest_in_fault(self) -> None:
@@ -223,8 +219,8 @@ class DynamixelDriver(Driver):
             DeviceFaultError: a servo still reports an error.
         """
         self._is_enabled = False
-        if self._bus is not None:
-            self._bus.close()
+        if self._group is not None:
+            self._group.bus.close()
         self._connect()
 
     def diagnose(self) -> Sequence[Finding]:
@@ -262,20 +258,19 @@ class DynamixelDriver(Driver):
     def close(self) -> None:
         """Leave the servos with their goals, watchdogs off, and let go of the port."""
         self._is_enabled = False
-        bus, group = self._bus, self._group
-        self._bus = self._group = None
+        group, self._group = self._group, None
         self._turns.close()
-        if bus is None:
+        if group is None:
             return
         # The watchdogs stop what cannot be reached.
         with suppress(DeviceError):
-            if group is not None and not self._is_out_of_reach:
+            if not self._is_out_of_reach:
                 self._hold(group)
-        bus.close()
+        group.bus.close()
 
     def _connect(self) -> None:
         options = self.settings
-        self._bus = self._group = None
+        self._group = None
         glance_s = min(READ_WAIT_S, GLANCE_SHARE * 1e-9 * self.period_ns)
         bus = self._open_bus(
             options.port, options.baud, wait_ms=options.latency_ms, glance_s=glance_s
@@ -291,13 +286,12 @@ class DynamixelDriver(Driver):
             self._closed = str(error)
             bus.close()
             raise
-        self._bus = bus
         self._is_out_of_reach = False
 
-    def _connected(self) -> tuple[ServoBus, Group]:
-        if self._bus is None or self._group is None:
+    def _connected(self) -> Group:
+        if self._group is None:
             raise LinkError(self._closed)
-        return self._bus, self._group
+        return self._group
 
     def _settle(self, group: Group) -> None:
         group.settle(self.settings.latency_ms)

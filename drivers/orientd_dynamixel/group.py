@@ -125,6 +125,7 @@ class Group:
         period_ns: of the cycle.
 
     Attributes:
+        bus: that of the servos.
         time_ns: when the newest good reading was asked for.
         restarted: places of the servos that have started again: what they say is not their
             position, and they are no longer asked.
@@ -149,7 +150,7 @@ class Group:
         self.health: tuple[Reading, ...] = ()
         self._culprits: dict[int, int] = {}
         self._servos = servos
-        self._bus = servos[0].bus
+        self.bus = servos[0].bus
         self._is_fast = is_fast
         self._max_losses = max_losses
         self._latency_ns = round(latency_ms * 1e6)
@@ -186,7 +187,7 @@ class Group:
             asked = asked[:1]  # one that is silent hides the answers of the others
         size = (_WHOLE if now_ns - self.health_ns >= HEALTH_NS else _BLOCK).size
         self._rows = [self._servos[place].row(size) for place in asked]
-        self._bus.request(self._rows, is_fast=self._is_fast)
+        self.bus.request(self._rows, is_fast=self._is_fast)
         self._asked, self._asked_ns = asked, now_ns
 
     def take(self, now_ns: int) -> bool:
@@ -197,18 +198,18 @@ class Group:
         """
         if not self._asked:
             return False
-        size, available = self._rows[0].size, self._bus.available
+        size, available = self._rows[0].size, self.bus.available
         due = answer_bytes(len(self._rows), is_fast=self._is_fast, size=size)
         if available < due and now_ns - self._asked_ns < self._latency_ns:
             return False
         asked, self._asked = self._asked, []
         if available > _FLOOD * due:
-            self._bus.clear()
+            self.bus.clear()
             blocks: list[Block] = []
             missing, why = None, "noise on the line"
         else:
             wait_ms = self._tail_ms if available >= due else 0.0
-            blocks, missing = self._bus.collect(self._rows, wait_ms, is_fast=self._is_fast)
+            blocks, missing = self.bus.collect(self._rows, wait_ms, is_fast=self._is_fast)
             why = "" if len(blocks) == len(asked) else "no whole answer"
         for place, block in zip(asked, blocks, strict=False):
             if problem := self._believe(place, block):
@@ -249,8 +250,8 @@ class Group:
         """Get the line free for single questions: await what is on its way, and throw it away."""
         if self._asked:
             self._asked = []
-            self._bus.collect(self._rows, wait_ms, is_fast=self._is_fast)
-        self._bus.clear()
+            self.bus.collect(self._rows, wait_ms, is_fast=self._is_fast)
+        self.bus.clear()
 
     def forget(self) -> None:
         """Begin anew: nothing read so far counts."""

@@ -40,6 +40,7 @@ no harm, and a machine that is busy for less is ridden out.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -126,6 +127,7 @@ class GimbalOptions:
         )
 
 
+_ORDER = re.compile(r"(?:([XYZ])(?!\1)){2,3}")
 _AXIS_KEYS = {
     "id", "name", "model", "gear", "direction", "zero_deg", "limits_deg", "velocity_deg",
     "acceleration_deg", "current_limit",
@@ -155,7 +157,7 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
     """
     check_names(options, _KEYS)
     order = options.get("order", "ZYX")
-    if not isinstance(order, str) or not _is_order(order):
+    if not isinstance(order, str) or not _ORDER.fullmatch(order):
         raise ValueError(
             f"order must be two or three of X, Y and Z with none twice in a row, got {order!r}"
         )
@@ -218,14 +220,6 @@ def _overwrite(given: object) -> frozenset[str]:
         return frozenset(given)
     names = ", ".join(sorted(OWN_SETTINGS))
     raise ValueError(f"overwrite must be true, false or a list of {names}, got {given!r}")
-
-
-def _is_order(order: str) -> bool:
-    return (
-        len(order) in {2, 3}
-        and all(letter in "XYZ" for letter in order)
-        and all(order[k] != order[k + 1] for k in range(len(order) - 1))
-    )
 
 
 def _axis(row: object, place: int, called: str) -> AxisOptions:

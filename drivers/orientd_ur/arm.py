@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import inf, radians, tau
+from math import cos, inf, radians, sin, tau
 
 from orientd.driver import IDENTITY, ZERO, AxisLimits, Joints, Quaternion, Vector3
 from orientd.floats import conjugate, multiply, plus, rotate_back
@@ -31,14 +31,6 @@ what controllers say that they are set to."""
 
 # Nearer than this a joint turns many times faster than the tool, whatever the present path asks.
 _LEAST = 0.02
-# Targets stay farther away: a stop has to begin before it is known where it ends.
-_LEAST_FOLLOWED = {"wrist": 0.05, "elbow": 0.1, "shoulder": 0.05}
-_UNITS = {"wrist": "rad", "elbow": "rad", "shoulder": "m"}
-_ADVICE = {
-    "wrist": "begin with wrist 2 bent, or turn about another axis",
-    "elbow": "move the tool nearer to the base",
-    "shoulder": "move the tool away from the axis of the base",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +60,11 @@ class Arm(Mechanism):
         offset = rotate_back(q, plus(pose[1], position, -1.0))
         return replace(self, tool=(multiply(conjugate(q), pose[0]), offset))
 
+    @property
+    def published(self) -> Arm:
+        """This arm with the lengths of its model, which is solved several times as quickly."""
+        return replace(self, kinematics=Kinematics(self.kinematics.links))
+
     def slower(self, acceleration: float) -> Arm:
         """Return this arm with no joint that accelerates more, rad/s^2."""
         axes = (
@@ -94,11 +91,22 @@ class Arm(Mechanism):
         return self.kinematics.inverse(self._flange(q, position), near)
 
     def reserve(self, joints: Joints) -> Sequence[Reserve]:
-        """Return how far *joints* are from the singularities of wrist, elbow and shoulder."""
-        return [
-            Reserve(kind, value, _LEAST, _LEAST_FOLLOWED[kind], _UNITS[kind], _ADVICE[kind])
-            for kind, value in self.kinematics.reserve(joints).items()
-        ]
+        """Return how far *joints* are from each kind of singularity; 0 is singular.
+
+        ``wrist`` and ``elbow`` are sines of the bend there; ``shoulder`` is how far the fifth frame
+        is from the cylinder about the base axis that it cannot enter, in m.
+        """
+        links, (_, q2, q3, q4, q5, _) = self.kinematics.links, joints
+        along = (
+            -links.upper_arm * cos(q2) - links.forearm * cos(q2 + q3) + links.d5 * sin(q2 + q3 + q4)
+        )
+        return (
+            Reserve("wrist", abs(sin(q5)), _LEAST, 0.05, "rad",
+                    "begin with wrist 2 bent, or turn about another axis"),
+            Reserve("elbow", abs(sin(q3)), _LEAST, 0.1, "rad", "move the tool nearer to the base"),
+            Reserve("shoulder", abs(along), _LEAST, 0.05, "m",
+                    "move the tool away from the axis of the base"),
+        )  # fmt: skip
 
     def outline(self, joints: Joints) -> Sequence[Sequence[Vector3]]:
         """Return the links from the base to the flange, m."""

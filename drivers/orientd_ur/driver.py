@@ -89,6 +89,7 @@ class UrDriver(Driver):
         self._program = ControlProgram(self._link, self._options)
         self._silence = WriteSilence(self._options.watchdog_hz)
         self._clock = ControllerClock()
+        self._notices: tuple[str, ...] = ()
         self._arm: Arm | None = None
         self._is_enabled = self._is_in_fault = False
         self._timestamp = -1.0
@@ -199,7 +200,8 @@ class UrDriver(Driver):
         start = Feedback(now_ns, q, position=position, joints=measured.joints)
         self._feedback = start
         if self._arm is not None:
-            self._arm = self._arm.seen(joints, (q, position))
+            # The servo looks ahead with it in every cycle.
+            self._arm = self._arm.published.seen(joints, (q, position))
         self._is_enabled, self._is_muted, self._is_in_fault = True, False, False
         self._silence.begin(now_ns)
         return start

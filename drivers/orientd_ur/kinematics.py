@@ -24,7 +24,7 @@ from math import atan2, cos, hypot, inf, pi, sin, sqrt, tau
 from typing import NamedTuple
 
 from orientd.driver import ZERO, Quaternion, Vector3
-from orientd.floats import combine, conjugate, multiply, plus, rotate_back
+from orientd.floats import conjugate, multiply, plus, rotate_back
 from orientd_ur.pose import Pose
 
 Six = tuple[float, float, float, float, float, float]
@@ -32,7 +32,7 @@ _Axes = tuple[Vector3, Vector3, Vector3]
 
 _STRAIGHT = 1e-7
 _SAME_BRANCH = 0.1
-# A calibration of tenths of a millimetre needs four rounds, away from singularities; what moved by
+# A calibration of tenths of a millimetre needs three rounds, away from singularities; what moved by
 # this much last is a thousand times closer now.
 _ROUNDS = 25
 _SETTLED = 1e-10
@@ -101,47 +101,36 @@ class Kinematics:
             arm does not reach.
         """
         best, least = None, inf
-        for found in self._branches(pose, self._branch(pose, near), near[5]):
+        # Close to *near* its own table differs from the published one by as much as there.
+        goal = self._goal(pose, near)
+        for found in self._branches(goal, self._branch(goal, near), near[5]):
             found = nearest_turns(found, near)
             distance = max(abs(a - b) for a, b in zip(found, near, strict=True))
             if distance < least:
                 best, least = found, distance
             if distance < _SAME_BRANCH:
                 break
-        return best and self._calibrated(pose, best)
+        return best and self._settled(pose, best)
 
     def solutions(self, pose: Pose) -> list[Six]:
         """Return the joints of every branch that bring the flange to *pose*, rad."""
         every = self._branches(pose, (1.0, 1.0, 1.0), 0.0)
-        own = (self._calibrated(pose, one) for one in every)
+        own = (self._settled(pose, one) for one in every)
         return [one for one in own if one is not None]
 
-    def reserve(self, joints: Sequence[float]) -> dict[str, float]:
-        """Return how far *joints* are from each kind of singularity; 0 is singular.
-
-        ``wrist`` and ``elbow`` are sines of the bend there; ``shoulder`` is how far the fifth frame
-        is from the cylinder about the base axis that it cannot enter, in m.
-        """
-        _, q2, q3, q4, q5, _ = joints
-        along = (
-            -self.links.upper_arm * cos(q2)
-            - self.links.forearm * cos(q2 + q3)
-            + self.links.d5 * sin(q2 + q3 + q4)
-        )
-        return {"wrist": abs(sin(q5)), "elbow": abs(sin(q3)), "shoulder": abs(along)}
-
-    def _calibrated(self, pose: Pose, found: Six) -> Six | None:
-        """Return the joints of this very arm, from those of the published one."""
+    def _goal(self, pose: Pose, joints: Sequence[float]) -> Pose:
+        """Return what the published arm has to reach near *joints* for this one to reach *pose*."""
         if not self.is_calibrated:
-            return found
-        q, position = pose
-        for _ in range(_ROUNDS):
-            # What the published arm has to reach for this one to reach the pose.
-            own_q, own = _flange(self._own, found)
-            published_q, published = _flange(self._published, found)
-            turn = multiply(q, conjugate(own_q))
-            moved = rotate_back(conjugate(turn), plus(published, own, -1.0))
-            goal = multiply(turn, published_q), plus(position, moved, 1.0)
+            return pose
+        (own_q, own), (q, position) = _flange(self._own, joints), _flange(self._published, joints)
+        turn = multiply(pose[0], conjugate(own_q))
+        moved = rotate_back(conjugate(turn), plus(position, own, -1.0))
+        return multiply(turn, q), plus(pose[1], moved, 1.0)
+
+    def _settled(self, pose: Pose, found: Six) -> Six | None:
+        """Return the joints of this very arm, from those of the published one."""
+        for _ in range(_ROUNDS if self.is_calibrated else 0):
+            goal = self._goal(pose, found)
             better = self._solve(goal, self._branch(goal, found), found[5])
             if better is None:
                 return None
@@ -243,22 +232,27 @@ def _wrist(pose: Pose, d6: float) -> Vector3:
 
 
 def _columns(table: Table) -> tuple[tuple[float, ...], ...]:
-    return tuple(zip(*table, strict=True))
+    """Return a table joint by joint, with cosine and sine of the twist."""
+    twists = zip(map(cos, table.alpha), map(sin, table.alpha), strict=True)
+    rest = zip(table.theta, table.a, table.d, strict=True)
+    return tuple((*one, *twist) for one, twist in zip(rest, twists, strict=True))
 
 
 def _frames(
     columns: Sequence[Sequence[float]], joints: Sequence[float]
 ) -> Iterator[tuple[_Axes, Vector3]]:
     """Yield the frame of each joint in the base, by its Denavit-Hartenberg parameters."""
-    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    position = ZERO
-    for (theta, a, d, alpha), joint in zip(columns, joints, strict=True):
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
+    px = py = pz = 0.0
+    # Component by component: a calibrated arm is solved for every record of a path.
+    for (theta, a, d, ca, sa), joint in zip(columns, joints, strict=True):
         c, s = cos(theta + joint), sin(theta + joint)
-        x, y = combine(x, c, y, s), combine(y, c, x, -s)
-        position = plus(plus(position, z, d), x, a)
-        c, s = cos(alpha), sin(alpha)
-        y, z = combine(y, c, z, s), combine(z, c, y, -s)
-        yield (x, y, z), position
+        vx, vy, vz = yx * c - xx * s, yy * c - xy * s, yz * c - xz * s
+        xx, xy, xz = xx * c + yx * s, xy * c + yy * s, xz * c + yz * s
+        px, py, pz = px + zx * d + xx * a, py + zy * d + xy * a, pz + zz * d + xz * a
+        yx, yy, yz = vx * ca + zx * sa, vy * ca + zy * sa, vz * ca + zz * sa
+        zx, zy, zz = zx * ca - vx * sa, zy * ca - vy * sa, zz * ca - vz * sa
+        yield ((xx, xy, xz), (yx, yy, yz), (zx, zy, zz)), (px, py, pz)
 
 
 def _flange(columns: Sequence[Sequence[float]], joints: Sequence[float]) -> Pose:

@@ -344,7 +344,6 @@ class Link:
     def disconnect(self) -> None:
         """End the control program and close the connections, if the link lives.  Never raises."""
         if self.problem():
-            self.is_lost = self.is_lost or self._receive is not None
             return
         try:
             with process_ends_after(_CALL_LIMIT):

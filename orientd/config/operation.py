@@ -18,14 +18,17 @@
 
 from __future__ import annotations
 
+import logging
 from enum import IntEnum
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field, PlainSerializer
+from pydantic import BeforeValidator, Field, PlainSerializer, model_validator
 from pydantic_core import PydanticCustomError
 
 from orientd.bounded_file import MEBIBYTE
 from orientd.config.table import SomePath, Table
+
+_log = logging.getLogger(__name__)
 
 
 class Role(IntEnum):
@@ -119,10 +122,9 @@ class AccessSettings(Table):
         keyframes: the most of one motion in one message.
         streamed_bytes: the largest motion that comes in pieces, as clients send a large one.
         streamed_keyframes: the most of one that comes in pieces.
-        requests_per_second: of one connection, over time, and a quarter of those of one identity
-            over all of its connections; stops do not count.
-        streams: calls of one identity at the same time; 16 more under a lease of its own.
-        connections: of one identity, and from one address, at the same time.
+        requests_per_second: no longer used; remove it.
+        streams: calls of one identity at the same time; stops and renewals do not count.
+        connections: of one identity at the same time; an idle one gives way to a later one.
     """
 
     users: dict[str, SomeRole] = Field(default_factory=dict)
@@ -135,9 +137,15 @@ class AccessSettings(Table):
     keyframes: Count = 20_000
     streamed_bytes: Annotated[int, Field(ge=4096, le=512 * MEBIBYTE)] = 64 * MEBIBYTE
     streamed_keyframes: Count = 200_000
-    requests_per_second: Count = 2000
+    requests_per_second: Count | None = None
     streams: Count = 128
     connections: Count = 128
+
+    @model_validator(mode="after")
+    def _tell_what_is_not_used(self) -> Self:
+        if self.requests_per_second is not None:
+            _log.warning("access.requests_per_second is no longer used: remove it")
+        return self
 
 
 class MetricsSettings(Table):

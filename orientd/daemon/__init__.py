@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.daemon.access.audit_chain import verify_audit
-    from orientd.daemon.access.authentication import audit_path
     from orientd.daemon.calls.latency_identification import measure_latency
     from orientd.daemon.observe.structured_log import LogFormat, set_up_log
     from orientd.daemon.planners.reporting import known_methods, plan_of, samples_of
@@ -17,8 +15,6 @@ if TYPE_CHECKING:
 __getattr__ = lazily(
     __name__,
     {
-        "orientd.daemon.access.audit_chain": ("verify_audit",),
-        "orientd.daemon.access.authentication": ("audit_path",),
         "orientd.daemon.calls.latency_identification": ("measure_latency",),
         "orientd.daemon.observe.structured_log": (
             "LogFormat",

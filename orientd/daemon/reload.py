@@ -15,7 +15,6 @@ CHANGEABLE = (
     "access.keyframes",
     "access.streamed_bytes",
     "access.streamed_keyframes",
-    "access.requests_per_second",
     "access.streams",
     "tcp.certificate",
     "tcp.key",

@@ -11,23 +11,26 @@ import os
 import signal
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import grpc
-from grpc_health.v1 import health, health_pb2, health_pb2_grpc
-from grpc_reflection.v1alpha import reflection
+from grpclib.health.check import ServiceStatus
 
 import orientd
 from orientd import processor
 from orientd.config import Settings
-from orientd.daemon.access import Admission, StartupGate, claimed, inner_socket
-from orientd.daemon.calls import left_unread
+from orientd.daemon.access import (
+    AuditLog,
+    Authorization,
+    Listener,
+    audit_path,
+    claimed,
+)
 from orientd.daemon.stops import StopWay
 from orientd.daemon.systemd import Watchdog, notify
 from orientd.errors import ConfigError, DaemonError, OrientdError
-from orientd.rpc import control_pb2, server_options, target
-from orientd.rpc.control_pb2_grpc import add_ControlServicer_to_server
+from orientd.rpc import control_pb2, target
 
 if TYPE_CHECKING:
     from orientd.daemon.calls import ControlService, Telemetry
@@ -85,10 +88,8 @@ def run(
     _share_arenas()
     processor.library()
     target(socket)  # whether the path can be that of a socket
-    with claimed(socket), inner_socket(socket) as inner:
-        asyncio.run(
-            _Daemon(settings, socket, configuration, reread, on_ready, needs_devices).run(inner)
-        )
+    with claimed(socket):
+        asyncio.run(_Daemon(settings, socket, configuration, reread, on_ready, needs_devices).run())
 
 
 def _share_arenas() -> None:
@@ -120,43 +121,57 @@ class _Daemon:
         self._stops: StopWay | None = None
         self._fleet: FleetLink | None = None
 
-    async def run(self, inner: str) -> None:
-        """Serve at *inner*, behind the door, until told to stop; then bring everything to rest."""
+    async def run(self) -> None:
+        """Serve until told to stop; then bring everything to rest."""
+        from orientd.daemon.standard import standard_methods
+
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, self._stop, number)
-        gate = StartupGate(SERVICE, left_unread)
-        entry = Admission(self._settings.access, self._settings.tcp, inner)
-        checks = health.aio.HealthServicer()  # type: ignore[attr-defined] # not in the stubs
-        server = _server(gate, checks, entry, self._settings.access.message_bytes)
-        _bind(server, inner, self._socket)
-        await server.start()
+        access, status = self._settings.access, ServiceStatus()
+        status.set(True)
+        audit = AuditLog(
+            audit_path(access), most_bytes=access.audit_bytes, most_files=access.audit_files
+        )
         try:
-            await entry.open(self._socket)
-            self._stops = StopWay(self._socket, entry.policy, record=entry.record_stop)
-            for name in ("", SERVICE):
-                await checks.set(name, health_pb2.HealthCheckResponse.SERVING)
-            cell, service = await asyncio.to_thread(self._load, entry)
-            cell.planners.start()
-            entry.guard_leases(
-                cell.leases.owner, lambda: {lease.owner for lease in cell.leases.held()}
+            methods = standard_methods(SERVICE, status)
+            authorization = Authorization(audit, methods, most_calls=access.streams)
+            listener = Listener(access, self._settings.tcp, authorization.serve, audit)
+            await self._listen(listener, authorization, audit, status)
+        finally:
+            audit.close()
+
+    async def _listen(
+        self,
+        listener: Listener,
+        authorization: Authorization,
+        audit: AuditLog,
+        status: ServiceStatus,
+    ) -> None:
+        loop = asyncio.get_running_loop()
+        try:
+            await listener.open(self._socket)
+            self._stops = StopWay(
+                self._socket, listener.policy, record=partial(audit.record, event="stopped")
             )
+            cell, service = await asyncio.to_thread(self._load, listener)
+            cell.planners.start()
             watchdog = Watchdog(cell.devices)
             try:
-                self._measure(cell, entry)
+                self._measure(cell, authorization)
                 watchdog.start()
-                loop.add_signal_handler(signal.SIGHUP, self._reload, cell, entry)
-                gate.open(lambda into: add_ControlServicer_to_server(service, into))  # type: ignore[no-untyped-call] # generated
-                self._join_fleet(cell, service, entry, gate)
+                loop.add_signal_handler(signal.SIGHUP, self._reload, cell, listener, authorization)
+                authorization.open(service.methods(), cell.leases.owner)
+                self._join_fleet(cell, service, listener, authorization, audit)
                 await self._serve(cell)
             finally:
-                await checks.enter_graceful_shutdown()
+                status.set(False)
                 await asyncio.to_thread(cell.shutdown)
                 service.end_calls()
                 if self._fleet is not None:
                     await self._fleet.close()
                 await cell.planners.close()
-                await server.stop(GRACE)
+                await listener.close(GRACE)
                 cell.close()
                 watchdog.close()
                 if self._telemetry is not None:
@@ -165,10 +180,9 @@ class _Daemon:
         finally:
             if self._stops is not None:
                 self._stops.close()
-            await server.stop(None)
-            await entry.close()
+            await listener.close()
 
-    def _reload(self, cell: Cell, entry: Admission) -> None:
+    def _reload(self, cell: Cell, listener: Listener, authorization: Authorization) -> None:
         """Take up what can change of the settings, and say what cannot."""
         from orientd.daemon.reload import changes
 
@@ -181,29 +195,30 @@ class _Daemon:
             _, cannot = changes(self._initial, settings)
             begin = None if self._fleet is None else self._fleet.configured(settings)
             # The files that it names may have changed where the settings have not.
-            entry.change(settings.access, settings.tcp)
+            listener.change(settings.access, settings.tcp)
         except OrientdError as error:
             _log.error("reload: nothing changed: %s", error)
             return
         if self._stops is not None:
-            self._stops.admit(entry.policy)
+            self._stops.admit(listener.policy)
         if self._fleet is not None and begin is not None:
             self._fleet.change(begin)
         logging.getLogger().setLevel(settings.daemon.log_level.upper())
         cell.bound(settings.access)
+        authorization.most_calls = settings.access.streams
         is_wanting = settings.metrics is not None and self._telemetry is None
         is_measured_anew = is_wanting or settings.metrics != self._settings.metrics
         self._settings = settings
         if is_measured_anew:
             try:
-                self._measure(cell, entry)
+                self._measure(cell, authorization)
             except ConfigError as error:
                 _log.error("reload: %s", error)
         _log.info("reload: changed: %s", ", ".join(can) or "nothing but the files that are named")
         if cannot:
             _log.warning("reload: needs a restart: %s", ", ".join(cannot))
 
-    def _measure(self, cell: Cell, entry: Admission) -> None:
+    def _measure(self, cell: Cell, authorization: Authorization) -> None:
         """Begin to count, where somebody may ask; what counted before ends.
 
         Raises:
@@ -211,7 +226,7 @@ class _Daemon:
         """
         if self._telemetry is not None:
             cell.listeners.remove(self._telemetry.hear)
-            entry.checkpoint.count_call = lambda *_: None
+            authorization.count_call = lambda *_: None
             self._telemetry.close()
             self._telemetry = None
         if self._settings.metrics is None:
@@ -222,11 +237,16 @@ class _Daemon:
         telemetry.serve(self._settings.metrics)
         telemetry.follow(cell.devices)
         cell.listeners.append(telemetry.hear)
-        entry.checkpoint.count_call = telemetry.count_call
+        authorization.count_call = telemetry.count_call
         self._telemetry = telemetry
 
     def _join_fleet(
-        self, cell: Cell, service: ControlService, entry: Admission, gate: StartupGate
+        self,
+        cell: Cell,
+        service: ControlService,
+        listener: Listener,
+        authorization: Authorization,
+        audit: AuditLog,
     ) -> None:
         """Be one of the daemons of a cell, where the settings name one.
 
@@ -238,13 +258,14 @@ class _Daemon:
         from orientd.daemon.fleet import FleetLink
 
         self._fleet = FleetLink(
-            self._settings, self._socket, service=SERVICE, entry=entry, gate=gate,
+            self._settings, self._socket, service=SERVICE, listener=listener, audit=audit,
+            serve=authorization.serve,
             state=service.present_state,
             journal=cell.journal,
         )  # fmt: skip
         self._fleet.start()
 
-    def _load(self, entry: Admission) -> tuple[Cell, ControlService]:
+    def _load(self, listener: Listener) -> tuple[Cell, ControlService]:
         """Import, and start, what takes its time."""
         from orientd.daemon.calls import ControlService
         from orientd.daemon.cell import Cell
@@ -257,7 +278,7 @@ class _Daemon:
         cell.launch()
         # With a reload it is another policy.
         return cell, ControlService(
-            cell, lambda: self._describe(cell), who=lambda name: entry.policy.named(name)
+            cell, lambda: self._describe(cell), who=lambda name: listener.policy.named(name)
         )
 
     async def _serve(self, cell: Cell) -> None:
@@ -331,26 +352,3 @@ async def _expire_leases(cell: Cell) -> None:
         await asyncio.sleep(_LEASE_CHECKS)
         if cell.leases.has_expired:
             await asyncio.to_thread(cell.lease_manager.expire)
-
-
-def _server(
-    gate: StartupGate, checks: health_pb2_grpc.HealthServicer, entry: Admission, message_bytes: int
-) -> grpc.aio.Server:
-    options = server_options(message_bytes)
-    server = grpc.aio.server(interceptors=(entry.checkpoint, gate), options=options)
-    server.add_generic_rpc_handlers((gate,))
-    health_pb2_grpc.add_HealthServicer_to_server(checks, server)
-    names = (SERVICE, health.SERVICE_NAME, reflection.SERVICE_NAME)
-    reflection.enable_server_reflection(names, server)
-    return server
-
-
-def _bind(server: grpc.aio.Server, inner: str, socket: Path) -> None:
-    """Listen at *inner*, for the user alone."""
-    before = os.umask(0o177)
-    try:
-        server.add_insecure_port(f"unix:{inner}")
-    except RuntimeError as error:
-        raise DaemonError(f"cannot listen at {socket}: {error}") from error
-    finally:
-        os.umask(before)

@@ -65,20 +65,6 @@ class Setpoint(NamedTuple):
     joints: Joints = ()
 
 
-class ComingPose(NamedTuple):
-    """A pose that the device would be sent to before long.
-
-    Attributes:
-        seconds: after the pose before it.
-        q: orientation ``(w, x, y, z)``, tool to world.
-        position: tool position in the world, m.
-    """
-
-    seconds: float
-    q: Quaternion
-    position: Vector3
-
-
 class Feedback(NamedTuple):
     """What the device reported.
 
@@ -95,24 +81,6 @@ class Feedback(NamedTuple):
     omega_body: Vector3 = ZERO
     position: Vector3 = ZERO
     joints: tuple[float, ...] = ()
-
-
-class Figure(NamedTuple):
-    """One number that a driver certifies of a motion.
-
-    Attributes:
-        name: of what, in words.
-        value: in *unit*.
-        unit: as it is written, for example ``rad/s``.
-        limit: what was allowed, same unit; ``None`` where nothing limits it.
-        time: when in the motion, s; ``None`` where it is no one instant.
-    """
-
-    name: str
-    value: float
-    unit: str
-    limit: float | None = None
-    time: float | None = None
 
 
 class AxisGap(NamedTuple):

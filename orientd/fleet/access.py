@@ -7,18 +7,15 @@ own name in them.  What a role may do there is decided by the daemon, as on its 
 
 from __future__ import annotations
 
-import ssl
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from orientd import config
-from orientd.bounded_file import MEBIBYTE, read_bounded
 from orientd.config import TLS, UNIX, FleetSettings, TcpSettings
-from orientd.der import elements
 from orientd.errors import ConfigError, DaemonError
 from orientd.fleet.keys import ROOT, as_caller, of_daemon, presence
-from orientd.rpc import check_folder
+from orientd.rpc import check_folder, verified
 
 LINK_LEASE_MS = 3000
 """After how long without a sign of life a link is given up."""
@@ -32,10 +29,6 @@ _ANSWERING = ("put", "delete", "reply", "declare_queryable", "declare_subscriber
 _ALL = ("query", *_ANSWERING)
 
 _NO_DEVICE = {"devices": {"none": {"driver": "loopback"}}}
-
-_COMMON_NAME = bytes.fromhex("550403")
-_SUBJECT = 5
-"""Place of the subject in what is signed (RFC 5280, 4.1), the version before the rest."""
 
 Rule = dict[str, Any]
 
@@ -216,25 +209,18 @@ def _rule(name: str, messages: Iterable[str], keys: Sequence[str], *flows: str) 
     }
 
 
-def common_name(path: Path) -> str:
-    """Return the common name of the first certificate in a PEM file.
+def common_name(certificate: Path, key: Path, ca: Path) -> str:
+    """Return the common name of a client's certificate.
 
     Raises:
-        DaemonError: the file cannot be read, or has no such name.
+        DaemonError: a file cannot be read, the certificate does not count, or it has no such name.
     """
     try:
-        text = read_bounded(path, MEBIBYTE).decode("ascii")
-        begin = text.index("-----BEGIN CERTIFICATE-----")
-        end = text.index("-----END CERTIFICATE-----", begin)
-        whole = ssl.PEM_cert_to_DER_cert(text[begin:end] + "-----END CERTIFICATE-----\n")
-        signed = next(elements(next(elements(whole))[1]))[1]
-        subject = list(elements(signed))[_SUBJECT][1]
-        for _, group in elements(subject):
-            (_, kind), (_, value) = elements(next(elements(group))[1])
-            if kind == _COMMON_NAME:
-                return value.decode()
-    except OSError as error:
-        raise DaemonError(f"cannot read {path}: {error.strerror}") from error
-    except (ValueError, IndexError, StopIteration) as error:
-        raise DaemonError(f"{path} is no certificate") from error
-    raise DaemonError(f"the certificate {path} has no common name")
+        subject = verified(certificate, key, ca).get("subject", ())
+    except OSError as error:  # ssl's errors are OSErrors
+        reason = getattr(error, "verify_message", "") or error.strerror or str(error)
+        raise DaemonError(f"cannot use the certificate {certificate}: {reason}") from error
+    names = [value for part in subject for kind, value in part if kind == "commonName"]
+    if not names:
+        raise DaemonError(f"the certificate {certificate} has no common name")
+    return str(names[0])

@@ -133,7 +133,7 @@ def connect_fleet(
     if any(endpoint.startswith(TLS) for endpoint in endpoints):
         files = certificate_files(endpoints[0], certificate, key, ca)
         configuration |= tls_configuration(*files)
-        caller = common_name(files[0])
+        caller = common_name(*files)
     fleet = Fleet(open_session(configuration), cell=cell, caller=caller)
     try:
         fleet.find(wait_for, timeout=timeout)

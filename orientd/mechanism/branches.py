@@ -7,7 +7,7 @@ to its last in one step; anything else is a slew, which costs more than any deto
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -15,15 +15,19 @@ import numpy as np
 
 from orientd.driver import AxisLimits
 from orientd.mechanism.arrays import wrapped
+from orientd.mechanism.joint_path import EDGE, Bounds
 from orientd.mechanism.pole import Passage
+from orientd.mechanism.slews import slew_times
 from orientd.rotation import Floats
 
-SLEW_COST = 1e3
-"""Of a second that the path stands still, or of a stop where nothing is known of its time."""
-ERROR_COST = 20.0
-_CHUNK = 1000
-
 Bools = np.ndarray[Any, np.dtype[np.bool_]]
+
+SAME = 1e-3
+"""How far a path may begin from the angles that are given, rad."""
+_SLEW_COST = 1e3
+"""Of a second that the path stands still."""
+_ERROR_COST = 20.0
+_CHUNK = 1000
 _MATCH = 1e-5
 
 
@@ -43,37 +47,29 @@ class Choice(NamedTuple):
     reached: int
 
 
-class SlewTime(NamedTuple):
-    """How long slews take.
-
-    Attributes:
-        stop: what a stop takes besides, s.
-        of: the time from change of the axis angles, rad, shape ``(n, axes)``, shape ``(n,)``.
-    """
-
-    stop: float
-    of: Callable[[Floats], Floats]
-
-
-def candidates(principal: Floats, limits: Sequence[AxisLimits]) -> Floats:
+def candidates(
+    principal: Floats, axes: Sequence[AxisLimits], start: Floats | None = None
+) -> Floats:
     """Return every way to make each orientation inside the limits.
 
     Args:
         principal: both branches in (-pi, pi], shape ``(n, 2, axes)``.
-        limits: of every axis.
+        axes: limits of every axis.
+        start: axis angles where the path begins; ``None`` is about zero.
 
     Returns:
         Angles in rad, shape ``(n, count, axes)``, NaN where there are fewer.
     """
     options = []
-    slack = 1e-9
-    for axis, limit in enumerate(limits):
-        turns = range(
-            int(np.floor((limit.low - np.pi) / (2 * np.pi))),
-            int(np.ceil((limit.high + np.pi) / (2 * np.pi))) + 1,
-        )
-        shifted = principal[..., axis, None] + 2 * np.pi * np.array(turns)
-        inside = (shifted >= limit.low - slack) & (shifted <= limit.high + slack)
+    # An axis may have hundreds of turns; no farther from the start than the path could lead.
+    steps = np.abs(wrapped(np.diff(principal, axis=0)))
+    reach = np.max(np.sum(steps, axis=0), axis=0, initial=0.0) + 4 * np.pi
+    for place, axis in enumerate(axes):
+        begun = min(max(0.0 if start is None else start[place], axis.low), axis.high)
+        low, high = max(axis.low, begun - reach[place]), min(axis.high, begun + reach[place])
+        first, last = np.floor((low - np.pi) / (2 * np.pi)), np.ceil((high + np.pi) / (2 * np.pi))
+        shifted = principal[..., place, None] + 2 * np.pi * np.arange(first, last + 1)
+        inside = (shifted >= low - EDGE) & (shifted <= high + EDGE)
         options.append(np.where(inside, shifted, np.nan)[..., np.any(inside, axis=(0, 1))])
     rows = [
         np.stack([options[axis][:, branch, pick] for axis, pick in enumerate(picks)], axis=-1)
@@ -81,7 +77,7 @@ def candidates(principal: Floats, limits: Sequence[AxisLimits]) -> Floats:
         for picks in product(*(range(option.shape[-1]) for option in options))
     ]
     if not rows:
-        return np.full((len(principal), 1, len(limits)), np.nan)
+        return np.full((len(principal), 1, len(axes)), np.nan)
     every = np.stack(rows, axis=1)
     every[np.any(np.isnan(every), axis=-1)] = np.nan
     # The rows that can be made first, and no more columns than the richest sample needs.
@@ -91,31 +87,7 @@ def candidates(principal: Floats, limits: Sequence[AxisLimits]) -> Floats:
     return np.take_along_axis(every, order[..., None], axis=1)[:, :most]
 
 
-def near(principal: Floats, limits: Sequence[AxisLimits], start: Floats | None) -> list[AxisLimits]:
-    """Return *limits* without the turns that are farther from *start* than the path could lead.
-
-    Args:
-        principal: both branches, shape ``(n, 2, axes)``.
-        limits: of every axis; one may have hundreds of turns.
-        start: axis angles where the path begins; ``None`` is about zero.
-    """
-    steps = np.abs(wrapped(np.diff(principal, axis=0)))
-    reach = np.max(np.sum(steps, axis=0), axis=0, initial=0.0) + 4 * np.pi
-    ends = np.array([(limit.low, limit.high) for limit in limits]).T
-    begun = np.clip(np.zeros(len(limits)) if start is None else start, *ends)
-    return [
-        limit._replace(low=max(limit.low, at - far), high=min(limit.high, at + far))
-        for limit, at, far in zip(limits, begun.tolist(), reach.tolist(), strict=True)
-    ]
-
-
-def continued(
-    principal: Floats,
-    limits: Sequence[AxisLimits],
-    period: float,
-    start: Floats,
-    entry: float,
-) -> Choice:
+def continued(principal: Floats, bounds: Bounds, start: Floats) -> Choice:
     """Return the way that stays on the branch and turn of *start*, as far as the axes can go it.
 
     Where no passage and no slew is to be had there is no other, and nothing to search for: from
@@ -123,21 +95,18 @@ def continued(
 
     Args:
         principal: both branches, shape ``(n, 2, axes)``.
-        limits: of every axis.
-        period: s.
+        bounds: of the plan.
         start: axis angles from which the path is entered, shape ``(axes,)``.
-        entry: how far from *start* it may be entered, rad.
     """
-    most = np.array([limit.velocity for limit in limits]) * period * (1 + 1e-9) + 1e-12
-    low, high = np.array([(limit.low - 1e-9, limit.high + 1e-9) for limit in limits]).T
+    low, high = np.array([(axis.low - EDGE, axis.high + EDGE) for axis in bounds.axes]).T
     best = Choice(np.full_like(principal[:, 0], np.nan), (), (), 0)
     for branch in (0, 1):
         angles = np.unwrap(principal[:, branch], axis=0)
         angles += 2 * np.pi * np.round((start - angles[0]) / (2 * np.pi))
-        if np.max(np.abs(angles[0] - start)) >= entry:
+        if np.max(np.abs(angles[0] - start)) >= SAME:
             continue
         is_off = np.any((angles < low) | (angles > high), axis=1)
-        is_off[1:] |= np.any(np.abs(np.diff(angles, axis=0)) > most, axis=1)
+        is_off[1:] |= np.any(np.abs(np.diff(angles, axis=0)) > bounds.longest_step, axis=1)
         reached = int(np.argmax(is_off)) if np.any(is_off) else len(angles)
         if reached > best.reached:
             best = Choice(angles, (), (), reached)
@@ -146,32 +115,26 @@ def continued(
 
 def choose(
     every: Floats,
-    limits: Sequence[AxisLimits],
-    period: float,
+    bounds: Bounds,
     *,
     start: Floats | None = None,
-    entry: float = 1e-3,
     passages: Sequence[Passage] = (),
     slews: Bools | None = None,
-    slew_time: SlewTime | None = None,
+    stop: float = 0.0,
 ) -> Choice:
-    """Return the cheapest way along the whole path.
+    """Return the way along the whole path that takes the least time, of those the shortest.
 
     Args:
         every: as from :func:`candidates`, shape ``(n, count, axes)``.
-        limits: of every axis.
-        period: s.
+        bounds: of the plan.
         start: axis angles from which the path is entered, shape ``(axes,)``; ``None`` is anywhere.
-        entry: how far from *start* it may be entered, rad.
         passages: ways past the pole that may be taken.
         slews: before which samples the path may stop for a change of branch or turn, shape
             ``(n,)``; ``None`` is before none.
-        slew_time: by which the least time is chosen; without it the fewest stops are, and of those
-            the shortest way.
+        stop: what a stop takes besides its slew, s.
     """
     length, count = every.shape[:2]
-    most = np.array([limit.velocity for limit in limits]) * period * (1 + 1e-9) + 1e-12
-    cost = np.where(np.isnan(every[0, :, 0]), np.inf, _entry(every[0], start, entry))
+    cost = np.where(np.isnan(every[0, :, 0]), np.inf, _entry(every[0], start))
     back = np.full((length, count), -1, dtype=np.int32)
     jumped = np.zeros((length, count), dtype=bool)
     via: dict[tuple[int, int], tuple[int, int, Passage]] = {}
@@ -184,28 +147,22 @@ def choose(
         end = min(length, begin + _CHUNK)
         gaps = np.abs(every[begin:end, :, None, :] - every[begin - 1 : end - 1, None, :, :])
         travel = np.sum(gaps, axis=-1)
-        too_far = np.any(gaps > most, axis=-1)
+        too_far = np.any(gaps > bounds.longest_step, axis=-1)
         steps = np.where(too_far, np.inf, travel)
-        stop = 0.0
         if slews is not None:
             may = too_far & slews[begin:end, None, None]
-            if slew_time is None:
-                steps[may] = travel[may] + SLEW_COST
-            else:
-                steps[may] = SLEW_COST * slew_time.of(gaps[may])
-                stop = SLEW_COST * slew_time.stop
+            steps[may] = _SLEW_COST * slew_times(gaps[may], bounds)
         steps[np.isnan(travel)] = np.inf
         for k in range(begin, end):
-            total = steps[k - begin] + cost[None, :]
-            if stop:
-                # What goes on slowly for some samples stops once.
-                total += stop * (too_far[k - begin] & ~jumped[k - 1][None, :])
+            # What goes on slowly for some samples stops once.
+            stops = too_far[k - begin] & ~jumped[k - 1][None, :]
+            total = steps[k - begin] + cost[None, :] + _SLEW_COST * stop * stops
             pick = np.argmin(total, axis=1)
             cost = total[columns, pick]
             back[k] = pick
             jumped[k] = too_far[k - begin][columns, pick]
             for passage in by_last.get(k, ()):
-                _offer(passage, every, costs[passage.first], cost, limits, via)
+                _offer(passage, every, costs[passage.first], cost, bounds, via)
             costs.append(cost)
     # Inside a passage nothing is finite, so look from the end.
     finite = [k for k in range(length) if np.any(np.isfinite(costs[k]))]
@@ -213,12 +170,12 @@ def choose(
     return _trace(every, costs, back, jumped, via, reached)
 
 
-def _entry(candidate: Floats, start: Floats | None, entry: float) -> Floats:
+def _entry(candidate: Floats, start: Floats | None) -> Floats:
     if start is None:
         least: Floats = np.sum(np.abs(candidate), axis=-1) * 1e-3
         return least
     gap = np.max(np.abs(candidate - start), axis=-1)
-    return np.where(gap < entry, gap, np.inf)
+    return np.where(gap < SAME, gap, np.inf)
 
 
 def _offer(
@@ -226,30 +183,24 @@ def _offer(
     every: Floats,
     before: Floats,
     cost: Floats,
-    limits: Sequence[AxisLimits],
+    bounds: Bounds,
     via: dict[tuple[int, int], tuple[int, int, Passage]],
 ) -> None:
     """Enter *passage* wherever it leads from a candidate to a candidate, inside the limits."""
+    low, high = np.array([(axis.low - EDGE, axis.high + EDGE) for axis in bounds.axes]).T
     for origin in np.nonzero(np.isfinite(before))[0]:
         shift = every[passage.first, origin] - passage.joints[0]
         if np.max(np.abs(np.exp(1j * shift) - 1)) > _MATCH:
             continue
-        angles = passage.joints + shift
-        if any(
-            np.min(angles[:, axis]) < limit.low - 1e-9
-            or np.max(angles[:, axis]) > limit.high + 1e-9
-            for axis, limit in enumerate(limits)
-        ):
+        joints = passage.joints + shift
+        if np.any((joints < low) | (joints > high)):
             continue
-        gap = np.max(np.abs(every[passage.last] - angles[-1]), axis=-1)
+        gap = np.max(np.abs(every[passage.last] - joints[-1]), axis=-1)
         goal = int(np.nanargmin(gap)) if np.any(~np.isnan(gap)) else -1
         if goal < 0 or gap[goal] > _MATCH:
             continue
-        price = (
-            before[origin]
-            + float(np.sum(np.abs(np.diff(angles, axis=0))))
-            + ERROR_COST * passage.error
-        )
+        travel = float(np.sum(np.abs(np.diff(joints, axis=0))))
+        price = before[origin] + travel + _ERROR_COST * passage.error
         if price < cost[goal]:
             cost[goal] = price
             via[passage.last, goal] = (passage.first, int(origin), passage)
@@ -263,23 +214,23 @@ def _trace(
     via: dict[tuple[int, int], tuple[int, int, Passage]],
     reached: int,
 ) -> Choice:
-    angles = np.full((len(costs), every.shape[-1]), np.nan)
+    joints = np.full((len(costs), every.shape[-1]), np.nan)
     slews: list[int] = []
     taken: list[Passage] = []
     if reached == 0:
-        return Choice(angles, (), (), 0)
+        return Choice(joints, (), (), 0)
     k = reached - 1
     state = int(np.argmin(costs[k]))
-    angles[k] = every[k, state]
+    joints[k] = every[k, state]
     while k > 0:
         if (k, state) in via:
             first, origin, passage = via[k, state]
-            angles[first : k + 1] = passage.joints + (every[first, origin] - passage.joints[0])
+            joints[first : k + 1] = passage.joints + (every[first, origin] - passage.joints[0])
             taken.append(passage)
             k, state = first, origin
             continue
         if jumped[k, state]:
             slews.append(k)
         k, state = k - 1, int(back[k, state])
-        angles[k] = every[k, state]
-    return Choice(angles, tuple(reversed(slews)), tuple(reversed(taken)), reached)
+        joints[k] = every[k, state]
+    return Choice(joints, tuple(reversed(slews)), tuple(reversed(taken)), reached)

@@ -7,8 +7,9 @@ would follow it.  Plain floats only, since the servo process runs it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
-from orientd.driver import ComingPose, Joints, Quaternion, Vector3
+from orientd.driver import Joints, Quaternion, Vector3
 from orientd.mechanism.mechanism import Mechanism
 
 Pose = tuple[Quaternion, Vector3]
@@ -22,6 +23,20 @@ _FIRST_ACCELERATION_SHARE = 0.7
 # A device is behind what is sent, and stops at the very end of an axis' range.
 _RANGE_MARGIN = 0.02
 _STILL = 1e-9
+
+
+class ComingPose(NamedTuple):
+    """A pose that the device would be sent to before long.
+
+    Attributes:
+        seconds: after the pose before it.
+        q: orientation ``(w, x, y, z)``, tool to world.
+        position: tool position in the world, m.
+    """
+
+    seconds: float
+    q: Quaternion
+    position: Vector3
 
 
 class Foresight:

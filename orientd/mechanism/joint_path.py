@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import degrees
 from typing import NamedTuple
 
 import numpy as np
 
-from orientd.driver import AxisLimits, Figure
+from orientd.driver import AxisLimits
 from orientd.errors import LimitError, LimitKind
+from orientd.mechanism.figure import Figure
 from orientd.rotation import Floats, conjugate, log, multiply
 
 _SLACK = 1.0 + 1e-3
@@ -85,8 +86,24 @@ class ToolLimits(NamedTuple):
         )
 
 
-UNLIMITED = ToolLimits()
-"""Nothing limits the tool."""
+class Bounds(NamedTuple):
+    """What a plan keeps to.
+
+    Attributes:
+        period: of its samples, s.
+        axes: limits of every axis, as far as the plan may use them.
+        tool: what it may do where the axes leave the path or its times.
+    """
+
+    period: float
+    axes: Sequence[AxisLimits]
+    tool: ToolLimits = ToolLimits()
+
+    @property
+    def longest_step(self) -> Floats:
+        """How far each axis can turn in a sample, with room for rounding, rad."""
+        velocity = np.array([axis.velocity for axis in self.axes])
+        return velocity * self.period * (1 + 1e-9) + 1e-12
 
 
 class AxisPeak(NamedTuple):
@@ -186,40 +203,39 @@ def out_of_range(axis: AxisLimits, value: float, time: float, advice: str) -> Li
     return LimitError(quantity, value, bound, time, "rad", advice, kind=LimitKind.RANGE)
 
 
-def figures_of(joints: Floats, peaks: Sequence[AxisPeak]) -> list[Figure]:
-    """Return what is certified of every axis.
+def certified(
+    path: JointPath,
+    peaks: Sequence[AxisPeak],
+    figures: Sequence[Figure] = (),
+    notes: Sequence[str] = (),
+) -> JointPath:
+    """Return *path* with what holds for its axes, in figures and in words.
 
     Args:
-        joints: rad, shape ``(n, axes)``.
+        path: of the axes.
         peaks: as from :func:`axis_peaks`.
+        figures: what else holds for it.
+        notes: what else there is to say of it.
     """
-    figures: list[Figure] = []
-    low, high = joints.min(axis=0).tolist(), joints.max(axis=0).tolist()
-    axes = list(dict.fromkeys(peak.axis for peak in peaks))
-    for place, axis in enumerate(axes):
-        figures += [
+    every, words = list[Figure](), list[str]()
+    low, high = path.joints.min(axis=0).tolist(), path.joints.max(axis=0).tolist()
+    for place, axis in enumerate(dict.fromkeys(peak.axis for peak in peaks)):
+        own = [peak for peak in peaks if peak.axis == axis]
+        every += [
             Figure(f"{kind.value} of {axis.name}", value, UNITS[kind], limit, time)
-            for kind, owner, value, limit, time in peaks
-            if owner == axis
+            for kind, _, value, limit, time in own
         ]
-        figures += [
+        every += [
             Figure(f"least angle of {axis.name}", low[place], "rad", axis.low),
             Figure(f"largest angle of {axis.name}", high[place], "rad", axis.high),
         ]
-    return figures
-
-
-def words_of(joints: Floats, peaks: Sequence[AxisPeak]) -> list[str]:
-    """Return what the axes do in words, a line each; as for :func:`figures_of`."""
-    low, high = joints.min(axis=0).tolist(), joints.max(axis=0).tolist()
-    speeds = [peak for peak in peaks if peak.kind is LimitKind.VELOCITY]
-    forces = [peak for peak in peaks if peak.kind is LimitKind.ACCELERATION]
-    return [
-        f"{speed.axis.name}: {_tenths(low[place])} to {_tenths(high[place])} deg, at most "
-        f"{degrees(speed.value):.1f} deg/s at {speed.time:.3f} s (limit "
-        f"{degrees(speed.limit):.1f}), {degrees(force.value):.0f} deg/s^2 at {force.time:.3f} s"
-        for place, (speed, force) in enumerate(zip(speeds, forces, strict=True))
-    ]
+        speed, force, *_ = own
+        words.append(
+            f"{axis.name}: {_tenths(low[place])} to {_tenths(high[place])} deg, at most "
+            f"{degrees(speed.value):.1f} deg/s at {speed.time:.3f} s (limit "
+            f"{degrees(speed.limit):.1f}), {degrees(force.value):.0f} deg/s^2 at {force.time:.3f} s"
+        )
+    return replace(path, figures=(*every, *figures), notes=(*words, *notes))
 
 
 def _tenths(angle: float) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -29,70 +28,13 @@ _MOST_CHANGE = 1e3
 """Of the pace, 1/s."""
 
 
-class Demand(NamedTuple):
-    """What a path asks of axes and tool when it is run through as it is, against the limits.
-
-    Attributes:
-        names: of the axes, and of the tool.
-        speed: sizes of the velocities: of the axes, of the tool's turn and of its position, shape
-            ``(n, axes + 2)``.
-        force: sizes of the accelerations, same shape.
-        fastest: limits of the velocities, shape ``(axes + 2,)``.
-        hardest: limits of the accelerations.
-    """
-
-    names: tuple[str, ...]
-    speed: Floats
-    force: Floats
-    fastest: Floats
-    hardest: Floats
-
-
-def demand(
-    axes: Sequence[AxisLimits],
-    joints: Floats,
-    q: Floats,
-    position: Floats,
-    grid: float,
-    tool: tuple[float, float, float, float],
-) -> Demand:
-    """Return what a path asks of axes and tool.
-
-    Args:
-        axes: their limits.
-        joints: of the path, *grid* apart, rad, shape ``(n, axes)``.
-        q: orientations that they make, shape ``(n, 4)``.
-        position: of the tool, m, shape ``(n, 3)``.
-        grid: s of path time.
-        tool: largest angular velocity and acceleration, linear velocity and acceleration.
-    """
-    turn = log(multiply(conjugate(q[:-1]), q[1:])) / grid
-    omega = np.concatenate([turn, turn[-1:]])
-    bend = np.diff(omega, axis=0, prepend=omega[:1]) / grid
-    speed = [
-        _larger(np.abs(np.diff(joints, axis=0)) / grid),
-        np.linalg.norm(omega, axis=1),
-        _larger(np.linalg.norm(np.diff(position, axis=0), axis=1, keepdims=True) / grid),
-    ]
-    force = [
-        np.abs(_second(joints, grid)),
-        np.linalg.norm(bend, axis=1),
-        np.linalg.norm(_second(position, grid), axis=1),
-    ]
-    return Demand(
-        (*(axis.name for axis in axes), "the tool"),
-        np.column_stack(speed),
-        np.column_stack(force),
-        np.array([*(axis.velocity for axis in axes), tool[0], tool[2]]),
-        np.array([*(axis.acceleration for axis in axes), tool[1], tool[3]]),
-    )
-
-
 def pace(
-    needs: Demand,
+    axes: Sequence[AxisLimits],
+    path: tuple[Floats, Floats, Floats],
     period: float,
     *,
     grid: float,
+    tool: Sequence[float],
     fixed: tuple[float, float],
     share: float,
     is_by_pole: bool = False,
@@ -100,9 +42,12 @@ def pace(
     """Return how far along a path that the axes cannot follow they can be in every cycle.
 
     Args:
-        needs: what the path asks, *grid* apart.
+        axes: their limits.
+        path: joints, orientations that they make and positions of the tool, *grid* apart, shapes
+            ``(n, axes)``, ``(n, 4)`` and ``(n, 3)``.
         period: of the cycles, s.
         grid: s of path time.
+        tool: its largest angular velocity and acceleration, linear velocity and acceleration.
         fixed: path times between which it must be as it is; the first one later than the second
             where there are none.
         share: of the accelerations, to be used where the pace does not change.
@@ -114,18 +59,38 @@ def pace(
     Raises:
         LimitError: an axis cannot follow between the fixed times; it says how long would do.
     """
-    times = grid * np.arange(len(needs.speed), dtype=np.float64)
+    joints, q, position = path
+    turn = log(multiply(conjugate(q[:-1]), q[1:])) / grid
+    omega = np.concatenate([turn, turn[-1:]])
+    bend = np.diff(omega, axis=0, prepend=omega[:1]) / grid
+    # Of each axis, of the tool's turn and of its position.
+    speed = np.column_stack([
+        _larger(np.abs(np.diff(joints, axis=0)) / grid),
+        np.linalg.norm(omega, axis=1),
+        _larger(np.linalg.norm(np.diff(position, axis=0), axis=1, keepdims=True) / grid),
+    ])  # fmt: skip
+    force = np.column_stack([
+        np.abs(_second(joints, grid)),
+        np.linalg.norm(bend, axis=1),
+        np.linalg.norm(_second(position, grid), axis=1),
+    ])  # fmt: skip
+    fastest = np.array([*(axis.velocity for axis in axes), tool[0], tool[2]])
+    hardest = np.array([*(axis.acceleration for axis in axes), tool[1], tool[3]])
+    times = grid * np.arange(len(speed), dtype=np.float64)
     is_fixed = (times > fixed[0] - 0.5 * grid) & (times < fixed[1] + 0.5 * grid)
-    _refuse(needs, is_fixed, times, is_by_pole=is_by_pole)
+    if np.any(is_fixed):
+        names = [*(axis.name for axis in axes), "the tool"]
+        advice = f", or a deviation near the pole ({names[0]} needs it there)" if is_by_pole else ""
+        limits = fastest[:-1], hardest[:-1]
+        _refuse(names, times, is_fixed, (speed[:, :-1], force[:, :-1]), limits, advice)
     if np.all(is_fixed):
         return np.arange(0.0, times[-1] + 0.5 * period, period)
-    hardest = needs.hardest.copy()
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore"):
         reserve = _RESERVE if share > _SMALL_SHARE else _MORE_RESERVE
-        by_speed = np.fmin.reduce(reserve * needs.fastest / needs.speed, axis=1)
+        by_speed = np.min(reserve * fastest / speed, axis=1)
         hardest[:-2] *= _BRAKED
-        by_force = np.sqrt(np.fmin.reduce(share * hardest / needs.force, axis=1))
-        change = np.fmin.reduce((1.0 - share) * hardest / needs.speed, axis=1)
+        by_force = np.sqrt(np.min(share * hardest / force, axis=1))
+        change = np.min((1.0 - share) * hardest / speed, axis=1)
     most = np.where(is_fixed, 1.0, np.minimum(1.0, np.minimum(by_speed, by_force)))
     return _course(most, np.minimum(change, _MOST_CHANGE), grid, period)
 
@@ -144,29 +109,33 @@ def _second(values: Floats, grid: float) -> Floats:
     return change
 
 
-def _refuse(needs: Demand, is_fixed: np.ndarray, times: Floats, *, is_by_pole: bool) -> None:
-    """Raise what the axes would need where the times are the user's, and how long would do."""
-    if not np.any(is_fixed):
-        return
-    # Two axes that only point turn the tool more than the path as it is; its position is kept.
-    speed, force = needs.speed[:, :-1], needs.force[:, :-1]
-    fastest, hardest = needs.fastest[:-1], needs.hardest[:-1]
-    share = np.maximum(speed / fastest, np.sqrt(force / hardest))[is_fixed]
-    place, axis = np.unravel_index(int(np.argmax(share)), share.shape)
-    longest = float(share[place, axis])
+def _refuse(
+    names: Sequence[str],
+    times: Floats,
+    is_fixed: np.ndarray,
+    rates: tuple[Floats, Floats],
+    limits: tuple[Floats, Floats],
+    advice: str,
+) -> None:
+    """Raise what the axes would need where the times are the user's, and how long would do.
+
+    Two axes that only point turn the tool more than the path as it is, so it counts, too.
+    """
+    kinds, powers = (LimitKind.VELOCITY, LimitKind.ACCELERATION), (1.0, 0.5)
+    needs = [
+        (rate[is_fixed] / limit) ** power
+        for rate, limit, power in zip(rates, limits, powers, strict=True)
+    ]
+    which, place, axis = map(int, np.unravel_index(int(np.argmax(needs)), np.shape(needs)))
+    longest = float(needs[which][place, axis])
     if longest <= _KEPT:
         return
-    at = np.flatnonzero(is_fixed)[place]
-    is_fast = speed[at, axis] / fastest[axis] >= longest - 1e-12
-    lasts = float(np.ptp(times[is_fixed]))
-    advice = f"{_ROOM * longest * lasts:.1f} s in place of {lasts:.1f} s would do"
-    if axis == 0 and is_by_pole:
-        advice += f", or a deviation near the pole ({needs.names[0]} needs it there)"
-    kind = LimitKind.VELOCITY if is_fast else LimitKind.ACCELERATION
-    values, limits = (speed, fastest) if is_fast else (force, hardest)
+    at, lasts = np.flatnonzero(is_fixed)[place], float(np.ptp(times[is_fixed]))
+    words = f"{_ROOM * longest * lasts:.1f} s in place of {lasts:.1f} s would do"
     raise LimitError(
-        f"{kind.value} of {needs.names[axis]}", float(values[at, axis]), float(limits[axis]),
-        float(times[at]), UNITS[kind], advice, kind=kind,
+        f"{kinds[which].value} of {names[axis]}", float(rates[which][at, axis]),
+        float(limits[which][axis]), float(times[at]), UNITS[kinds[which]],
+        words if axis else words + advice, kind=kinds[which],
     )  # fmt: skip
 
 

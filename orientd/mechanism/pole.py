@@ -10,7 +10,6 @@ the least rate that *E* allows, and *E* is bisected down to the rate that the ax
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,12 +18,14 @@ from numpy.typing import ArrayLike
 from orientd.driver import AxisLimits
 from orientd.mechanism.arrays import joints_at, of_arrays
 from orientd.mechanism.gimbal import LOCK, Gimbal
-from orientd.mechanism.joint_path import rates
+from orientd.mechanism.joint_path import Bounds, rates
 from orientd.mechanism.timing import quintic
 from orientd.rotation import Floats
 
 _BRANCHES = (0, 1, -1, 2, -2)
 _BISECTIONS = 20
+_SPEED_SHARE = 0.99
+"""Of an axis' velocity; where the line bends, an axis is faster between two records."""
 _THROUGH = 2
 """So many samples at the pole belong to a path that goes straight through it."""
 _CLOSE = 0.2
@@ -112,14 +113,14 @@ def _turn_at_pole(gimbal: Gimbal, matrix: Floats) -> Floats:
     return np.asarray(turn - turn[0], dtype=np.float64)
 
 
-def windows(line: Floats, period: float, limit: AxisLimits) -> list[tuple[int, int]]:
+def windows(line: Floats, bounds: Bounds) -> list[tuple[int, int]]:
     """Return the index ranges in which the outer axis has to hurry more than it can.
 
     Args:
         line: as from :func:`outer_line`.
-        period: s.
-        limit: of the outer axis.
+        bounds: of the plan.
     """
+    period, limit = bounds.period, bounds.axes[0]
     velocity, acceleration = rates(line[:, None], period, np.empty((0, 1)))
     share = np.maximum(
         np.abs(velocity[:, 0]) / limit.velocity, np.abs(acceleration[:, 0]) / limit.acceleration
@@ -144,11 +145,7 @@ def _room(limit: AxisLimits, period: float) -> int:
 
 
 def passages(
-    gimbal: Gimbal,
-    matrix: Floats,
-    window: tuple[int, int],
-    axes: Sequence[AxisLimits],
-    period: float,
+    gimbal: Gimbal, matrix: Floats, window: tuple[int, int], bounds: Bounds
 ) -> list[Passage]:
     """Return the ways past the pole that the axes can make, with the least error of each.
 
@@ -156,8 +153,7 @@ def passages(
         gimbal: whose; it says by which angle the path may be missed.
         matrix: of the whole path, as from :func:`.matrices`, shape ``(9, n)``.
         window: first and last index, as from :func:`windows`.
-        axes: limits of every axis; their angles are not looked at here.
-        period: s.
+        bounds: of the plan; the ranges of the axes are not looked at here.
 
     Returns:
         For both branches to come in on, one passage for each branch to go out on.
@@ -172,7 +168,7 @@ def passages(
             low, high = 0.0, gimbal.max_deviation
             for step in range(_BISECTIONS):
                 error = high if step == 0 else (low + high) / 2
-                joints = _attempt(gimbal, part, line + come_in, sine, branch, error, axes, period)
+                joints = _attempt(gimbal, part, line + come_in, sine, branch, error, bounds)
                 if joints is None:
                     if step == 0:
                         break
@@ -193,8 +189,7 @@ def _attempt(
     sine: Floats,
     branch: int,
     error: float,
-    axes: Sequence[AxisLimits],
-    period: float,
+    bounds: Bounds,
 ) -> Floats | None:
     """Return axis angles within *error* that keep the rates, or ``None``."""
     free = np.nonzero(sine <= np.sin(error))[0]
@@ -207,7 +202,7 @@ def _attempt(
         high[free[0] : free[-1] + 1] = np.inf
         low[free[-1] + 1 :] += branch * np.pi
         high[free[-1] + 1 :] += branch * np.pi
-    limit = axes[0]
+    period, limit = bounds.period, bounds.axes[0]
     # Exact on both sides of the string, so that its ends are rounded too; the rounding itself is
     # faded out where nothing bends.
     room = min(_room(limit, period), (len(line) - 2) // 3)
@@ -225,8 +220,8 @@ def _attempt(
     joints = joints_at(gimbal, matrix, outer)
     joints[:, 1:] = np.unwrap(joints[:, 1:], axis=0)
     velocity, acceleration = rates(joints, period, joints[:0])
-    for place, allowed in enumerate(axes):
-        if np.max(np.abs(velocity[:, place])) > allowed.velocity:
+    for place, allowed in enumerate(bounds.axes):
+        if np.max(np.abs(velocity[:, place])) > _SPEED_SHARE * allowed.velocity:
             return None
         if np.max(np.abs(acceleration[:, place])) > allowed.acceleration * (1 + 1e-6):
             return None

@@ -18,7 +18,7 @@ from orientd.errors import PlanError
 from orientd.kernels import solve_banded
 from orientd.mechanism.arrays import orientations
 from orientd.mechanism.gimbal import Gimbal
-from orientd.mechanism.joint_path import UNLIMITED, ToolLimits, axis_peaks, excess_of
+from orientd.mechanism.joint_path import Bounds, ToolLimits, axis_peaks, excess_of
 from orientd.mechanism.timing import calmed, quintic, ramp_times, run_through
 from orientd.rotation import Floats, angle, conjugate, log, multiply
 
@@ -35,6 +35,7 @@ _FINER = 8
 _ATTEMPTS = 40
 _RESERVE = 0.97
 """Share of the fastest slew that keeps the tool's limits; the rest is for stops on it."""
+_UNLIMITED = 1e12
 _POINTS, _STEP = 129, 0.05
 """At which the turn of the tool is looked at, and one more for each step of an axis, rad."""
 
@@ -82,16 +83,18 @@ class Stopped(NamedTuple):
     slews: tuple[Slew, ...]
 
 
-def slew_times(gaps: Floats, axes: Sequence[AxisLimits], tool: ToolLimits = UNLIMITED) -> Floats:
+def slew_times(gaps: Floats, bounds: Bounds) -> Floats:
     """Return how long slews over *gaps* take about, s.
 
     Args:
         gaps: of the axis angles, rad, shape ``(n, axes)``.
-        axes: their limits.
-        tool: what it keeps to; every axis turns it as quickly as itself.
+        bounds: of the plan.
     """
-    speed = np.array([min(axis.velocity, tool.velocity) for axis in axes])
-    force = np.array([min(axis.acceleration, tool.acceleration) for axis in axes])
+    # The axes turn the tool by no more than all of their angles together.
+    gaps = np.concatenate([gaps, np.sum(gaps, axis=-1, keepdims=True)], axis=-1)
+    all_of_them: tuple[AxisLimits | ToolLimits, ...] = (*bounds.axes, bounds.tool)
+    speed = np.array([min(one.velocity, _UNLIMITED) for one in all_of_them])
+    force = np.array([min(one.acceleration, _UNLIMITED) for one in all_of_them])
     ramp = _FASTEST * speed / force
     # Too short a way to reach full speed is two ramps.
     is_long = gaps > ramp * speed
@@ -99,23 +102,16 @@ def slew_times(gaps: Floats, axes: Sequence[AxisLimits], tool: ToolLimits = UNLI
     return np.asarray(np.max(by_axis, axis=-1), dtype=np.float64)
 
 
-def stop_time(q: Floats, period: float, tool: ToolLimits) -> float:
+def stop_time(q: Floats, bounds: Bounds) -> float:
     """Return how long a path of orientations should take to stop, wherever that is, s."""
     if len(q) < 2:
         return _RAMP
-    fastest = float(np.max(angle(q[:-1], q[1:]))) / period
-    return max(_RAMP, _FASTEST * fastest / (_RAMP_SHARE * tool.acceleration))
+    fastest = float(np.max(angle(q[:-1], q[1:]))) / bounds.period
+    return max(_RAMP, _FASTEST * fastest / (_RAMP_SHARE * bounds.tool.acceleration))
 
 
 def straight(
-    gimbal: Gimbal,
-    here: Floats,
-    there: Floats,
-    period: float,
-    axes: Sequence[AxisLimits],
-    tool: ToolLimits,
-    *,
-    least: float = 0.0,
+    gimbal: Gimbal, here: Floats, there: Floats, bounds: Bounds, *, least: float = 0.0
 ) -> Floats:
     """Return the motion of all axes together from rest to rest, as quick as the limits allow.
 
@@ -123,9 +119,7 @@ def straight(
         gimbal: whose.
         here: axis angles at the first sample, rad, shape ``(axes,)``.
         there: those at the last.
-        period: s.
-        axes: limits of every axis.
-        tool: what it keeps to.
+        bounds: of the plan.
         least: how long it lasts at least, s.
 
     Returns:
@@ -134,9 +128,10 @@ def straight(
     Raises:
         PlanError: nothing is slow enough.
     """
+    period = bounds.period
     points = _POINTS + round(float(np.max(np.abs(there - here))) / _STEP)
     shares = np.linspace(0.0, 1.0, points)
-    speed, ramp = _quickest(gimbal, here + shares[:, None] * (there - here), axes, tool)
+    speed, ramp = _quickest(gimbal, here + shares[:, None] * (there - here), bounds)
     seconds = max(1.0 / speed + ramp, least, 2.0 * period)
     for _ in range(_ATTEMPTS):
         count = math.ceil(seconds / period - 1e-9)
@@ -144,17 +139,16 @@ def straight(
         gone = _progress(count, period, speed / stretch, ramp * stretch)
         joints: Floats = here + gone[:, None] * (there - here)
         joints[0], joints[-1] = here, there
-        more = _excess(gimbal, joints, period, axes, tool)
+        more = _excess(gimbal, joints, bounds)
         if more <= 1.0:
             return joints
         seconds = count * period * max(more, 1.01)
     raise PlanError("no way of the axes keeps the limits of the tool")
 
 
-def _quickest(
-    gimbal: Gimbal, joints: Floats, axes: Sequence[AxisLimits], tool: ToolLimits
-) -> tuple[float, float]:
+def _quickest(gimbal: Gimbal, joints: Floats, bounds: Bounds) -> tuple[float, float]:
     """Return speed and ramp, of which the whole way is 1, that keep all limits or nearly so."""
+    axes, tool = bounds.axes, bounds.tool
     step = 1.0 / (len(joints) - 1)
     slope = np.max(np.abs(np.diff(joints, axis=0)), axis=0) / step
     q = orientations(gimbal, joints)
@@ -175,10 +169,9 @@ def _progress(count: int, period: float, speed: float, ramp: float) -> Floats:
     return np.where(elapsed < elapsed[-1] / 2.0, gone, 1.0 - gone)
 
 
-def _excess(
-    gimbal: Gimbal, joints: Floats, period: float, axes: Sequence[AxisLimits], tool: ToolLimits
-) -> float:
+def _excess(gimbal: Gimbal, joints: Floats, bounds: Bounds) -> float:
     """Return how much longer a motion from rest to rest must take to keep all limits."""
+    period, axes, tool = bounds
     held = np.concatenate([joints, joints[-1:], joints[-1:]])
     by_axes = excess_of(axis_peaks(held, period, axes, np.repeat(joints[:1], 3, axis=0)))
     return max(by_axes, tool.excess(orientations(gimbal, joints), period) / _RESERVE)
@@ -187,11 +180,9 @@ def _excess(
 def with_stops(
     gimbal: Gimbal,
     joints: Floats,
-    period: float,
     slews: Sequence[int],
-    axes: Sequence[AxisLimits],
+    bounds: Bounds,
     *,
-    tool: ToolLimits = UNLIMITED,
     ramp: float = _RAMP,
     is_moving: bool = False,
 ) -> Stopped:
@@ -200,17 +191,16 @@ def with_stops(
     Args:
         gimbal: whose.
         joints: rad, shape ``(n, axes)``, with a jump before each of *slews*.
-        period: s.
         slews: indices.
-        axes: limits of every axis.
-        tool: what it keeps to on a slew.
+        bounds: of the plan.
         ramp: how long the path takes to stop, s.
         is_moving: whether the path begins in motion.
 
     Raises:
         PlanError: it does, and would have to stop sooner than it can.
     """
-    events = _events(gimbal, joints, period, slews, axes, ramp)
+    period = bounds.period
+    events = _events(gimbal, joints, slews, bounds, ramp)
     if not events:
         return Stopped(joints, period * np.arange(len(joints), dtype=np.float64), ())
     room = events[0][0] * period
@@ -222,8 +212,8 @@ def with_stops(
     pieces: list[Floats] = []
     path_pieces: list[Floats] = []
     found: list[Slew] = []
-    bounds = [(-1, 0, False), *events, (len(joints) - 1, len(joints), False)]
-    for number, ((_, first, _), (last, after, is_crawl)) in enumerate(pairwise(bounds)):
+    parts = [(-1, 0, False), *events, (len(joints) - 1, len(joints), False)]
+    for number, ((_, first, _), (last, after, is_crawl)) in enumerate(pairwise(parts)):
         ends = number > 0, number < len(events)
         clock = _clock((last - first) * period, ramp, period, *ends)
         pieces.append(_between(joints[first : last + 1], clock / period))
@@ -231,10 +221,10 @@ def with_stops(
         if number == len(events):
             break
         if is_crawl:
-            inside, at = _crawl(gimbal, joints[last : after + 1], period, axes, tool)
+            inside, at = _crawl(gimbal, joints[last : after + 1], bounds)
             path_times = (last + at[1:-1]) * period
         else:
-            inside = straight(gimbal, joints[last], joints[after], period, axes, tool)
+            inside = straight(gimbal, joints[last], joints[after], bounds)
             path_times = np.full(len(inside) - 2, last * period)
         start = (sum(map(len, pieces)) - 1) * period
         before, then = tuple(joints[last].tolist()), tuple(joints[after].tolist())
@@ -247,12 +237,7 @@ def with_stops(
 
 
 def _events(
-    gimbal: Gimbal,
-    joints: Floats,
-    period: float,
-    slews: Sequence[int],
-    axes: Sequence[AxisLimits],
-    ramp: float,
+    gimbal: Gimbal, joints: Floats, slews: Sequence[int], bounds: Bounds, ramp: float
 ) -> list[tuple[int, int, bool]]:
     """Return ``(last before, first after, whether it is a crawl)`` of each stop.
 
@@ -260,13 +245,18 @@ def _events(
     are one stretch to be gone along slowly; a large one is a change of branch or turn.  At the pole
     it is a turn of the outer axis.
     """
-    speed = np.array([axis.velocity for axis in axes]) * period
     found: list[tuple[int, int, bool]] = []
     for k in slews:
-        is_small = bool(np.max(np.abs(joints[k] - joints[k - 1]) / speed) <= _CRAWL_STEPS)
+        steps = np.abs(joints[k] - joints[k - 1]) / bounds.longest_step
+        is_small = bool(np.max(steps) <= _CRAWL_STEPS)
         q = gimbal.orientation(tuple(joints[k - 1].tolist()))
         is_crawl = is_small and not gimbal.is_at_pole(q)
-        if is_crawl and found and found[-1][2] and (k - 1 - found[-1][1]) * period < 2 * ramp:
+        if (
+            is_crawl
+            and found
+            and found[-1][2]
+            and (k - 1 - found[-1][1]) * bounds.period < 2 * ramp
+        ):
             found[-1] = (found[-1][0], k, True)
         else:
             found.append((k - 1, k, is_crawl))
@@ -314,15 +304,12 @@ def _between(samples: Floats, at: Floats) -> Floats:
     return values
 
 
-def _crawl(
-    gimbal: Gimbal, part: Floats, period: float, axes: Sequence[AxisLimits], tool: ToolLimits
-) -> tuple[Floats, Floats]:
+def _crawl(gimbal: Gimbal, part: Floats, bounds: Bounds) -> tuple[Floats, Floats]:
     """Return axis angles, and where in *part* they are, of going along it from rest to rest."""
-    speed = np.array([axis.velocity for axis in axes]) * period
     # Each step takes as long as its slowest axis needs, and no less than on the path.
     steps = _FINER * (len(part) - 1)
     fine = np.abs(np.diff(_between(part, np.arange(steps + 1) / _FINER), axis=0))
-    pace = _FINER * np.minimum(1.0, 1.0 / np.max(_FINER * fine / speed, axis=1).clip(1e-12))
+    pace = _FINER / np.maximum(1.0, np.max(_FINER * fine / bounds.longest_step, axis=1))
     pace = np.minimum(np.concatenate([pace[:1], pace]), np.concatenate([pace, pace[-1:]]))
     slow = 1.0 / calmed(pace, 2 * _FINER)
     lasts = float(np.sum(slow[1:] + slow[:-1])) / 2.0
@@ -330,7 +317,7 @@ def _crawl(
     for _ in range(_ATTEMPTS):
         at = run_through(slow, lasts * quintic(np.arange(count + 1) / count)) / _FINER
         joints = _between(part, at)
-        if _excess(gimbal, joints, period, axes, tool) <= 1.0:
+        if _excess(gimbal, joints, bounds) <= 1.0:
             break
         count = math.ceil(count * 1.2)
     return joints, at

@@ -11,19 +11,20 @@ from math import degrees
 
 import numpy as np
 
-from orientd.driver import Figure, Joints, Quaternion, Vector3
+from orientd.driver import Joints, Quaternion, Vector3
 from orientd.mechanism.arrays import orientations
+from orientd.mechanism.figure import Figure
 from orientd.mechanism.gimbal import Gimbal
+from orientd.mechanism.gimbal_route import manipulability, refuse_angle
 from orientd.mechanism.joint_path import (
     EDGE,
+    Bounds,
     JointPath,
     ToolLimits,
     axis_peaks,
-    figures_of,
+    certified,
     planned,
-    words_of,
 )
-from orientd.mechanism.routing import manipulability, refuse_angle
 from orientd.mechanism.slews import straight
 from orientd.rotation import conjugate, rotate
 
@@ -146,15 +147,14 @@ def together(
     else:
         end = min(windings(gimbal, q, joints), key=lambda one: _travel(joints, one))
     begin = np.array(joints)
-    turned = straight(gimbal, begin, np.array(end), period, planned(gimbal.axes), tool, least=least)
+    bounds = Bounds(period, planned(gimbal.axes), tool)
+    turned = straight(gimbal, begin, np.array(end), bounds, least=least)
     peaks = list(axis_peaks(turned, period, gimbal.axes, turned[[0, 0, 0]]))
     figures = [
-        *figures_of(turned, peaks),
         Figure("pointing error", 0.0, "rad", gimbal.max_deviation, 0.0),
         manipulability(gimbal, turned),
     ]
     goal = ", ".join(f"{degrees(angle):.1f}" for angle in end)
-    notes = [f"all axes turn together to {goal} deg", *words_of(turned, peaks)]
     times = period * np.arange(len(turned), dtype=np.float64)
-    made = orientations(gimbal, turned)
-    return JointPath(period, turned, made, times, tuple(figures), tuple(notes))
+    path = JointPath(period, turned, orientations(gimbal, turned), times)
+    return certified(path, peaks, figures, [f"all axes turn together to {goal} deg"])

@@ -22,7 +22,6 @@ from orientd.mechanism import (
     JointPath,
     Mechanism,
     ToolLimits,
-    demand,
     joints_along,
     orientations,
     pace,
@@ -267,9 +266,16 @@ class Fitting:
             q = orientations(mechanism, joints)
         velocity, acceleration, _ = _tool(motion.limits)
         linear = motion.limits.linear_velocity, motion.limits.linear_acceleration
-        needs = demand(mechanism.axes, joints, q, position, grid, (velocity, acceleration, *linear))
-        fixed = (fixed[0] - begin, fixed[1] - begin)
-        path_times = pace(needs, period, grid=grid, fixed=fixed, share=share, is_by_pole=is_gimbal)
+        path_times = pace(
+            mechanism.axes,
+            (joints, q, position),
+            period,
+            grid=grid,
+            tool=(velocity, acceleration, *linear),
+            fixed=(fixed[0] - begin, fixed[1] - begin),
+            share=share,
+            is_by_pole=is_gimbal,
+        )
         return np.minimum(begin + path_times, end)
 
     def _by_way(self, request: MotionRequest, refusal: PlanError | None = None) -> Motion | None:

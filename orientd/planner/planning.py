@@ -564,7 +564,7 @@ def timed(
             is_costly = last <= LONGEST_STOP and motion.duration > _COSTLY * before.duration
             if is_costly or stop_time > _NO_LONGER * last:
                 return before
-            if share < used:
+            if share != used:
                 power = math.log(last / stop_time) / math.log((1.0 - share) / (1.0 - used))
                 power = min(max(power, 0.3), 0.5)
         if share <= LEAST_SHARE:

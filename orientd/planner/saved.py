@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from orientd.bounded_file import check_regular
-from orientd.driver import Figure
 from orientd.errors import OrientdError
+from orientd.mechanism import Figure
 from orientd.planner.certify import Certificate, Peak
 from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion

@@ -8,7 +8,7 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.rpc.address import default_socket, found_socket, target
-    from orientd.rpc.channel import Way, certificate_files, server_options
+    from orientd.rpc.channel import Way, certificate_files
     from orientd.rpc.client import Robot, connect, connect_by
     from orientd.rpc.connection import Connection, StartAt
     from orientd.rpc.descriptions import MethodDescription, Outline, PartReport
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         titled,
     )
     from orientd.rpc.stop_call import ask_to_stop, stop_socket
+    from orientd.rpc.tls_problem import verified
     from orientd.rpc.tracking import TARGET_KEYS, target_message
     from orientd.rpc.trust import check_folder
     from orientd.rpc.urgent import begin_call, read_answer, text_fields
@@ -68,7 +69,6 @@ __getattr__ = lazily(
         "orientd.rpc.channel": (
             "Way",
             "certificate_files",
-            "server_options",
         ),
         "orientd.rpc.client": (
             "Robot",
@@ -111,6 +111,7 @@ __getattr__ = lazily(
             "ask_to_stop",
             "stop_socket",
         ),
+        "orientd.rpc.tls_problem": ("verified",),
         "orientd.rpc.tracking": (
             "TARGET_KEYS",
             "target_message",

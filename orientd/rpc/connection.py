@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import grpc
+from google.protobuf.message import DecodeError
+from google.rpc import status_pb2
 
-from orientd.errors import DaemonError, OrientdError, PendingError
+from orientd.errors import DaemonError, MessageSizeError, OrientdError, PendingError
 from orientd.rpc.channel import Way
 from orientd.rpc.control_pb2_grpc import ControlStub
-from orientd.rpc.wire import UnreachableError, from_call
+from orientd.rpc.wire import DETAILS_KEY, from_status
 
 Answer = TypeVar("Answer")
 
 LONGEST_COMMAND = 20.0
 """How long a command is asked for again that the device takes its time for, s."""
 _ASK_AGAIN = 0.05
+
+
+class UnreachableError(DaemonError):
+    """No call got through to a daemon."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,3 +145,33 @@ class Connection:
         found = from_call(error, where=str(self.way))
         is_unheard = isinstance(found, UnreachableError)
         return (self.way.why_not() if is_unheard else None) or found
+
+
+def from_call(error: grpc.RpcError, *, where: str) -> OrientdError:
+    """Return the exception for a call that failed.
+
+    Args:
+        error: what gRPC raised.
+        where: the socket, for the message when nobody answers there.
+    """
+    if not isinstance(error, grpc.Call | grpc.aio.AioRpcError):
+        return DaemonError(f"the call to the daemon at {where} failed: {error}")
+    metadata: Any = error.trailing_metadata()
+    details = dict(metadata or ()).get(DETAILS_KEY)
+    if details is not None:
+        with contextlib.suppress(DecodeError):
+            return from_status(status_pb2.Status.FromString(details))
+    code, text = error.code(), " ".join((error.details() or "").split())
+    if code is grpc.StatusCode.UNAVAILABLE:
+        if "/" not in where:
+            return UnreachableError(f"no daemon answers at {where}, or not to this certificate")
+        return UnreachableError(f"no daemon answers at {where}; start one with `orientd run`")
+    if code is grpc.StatusCode.DEADLINE_EXCEEDED:
+        return DaemonError(f"the daemon at {where} did not answer in time")
+    if code is grpc.StatusCode.CANCELLED:
+        return DaemonError("the call was cancelled")
+    if code is grpc.StatusCode.RESOURCE_EXHAUSTED:
+        return MessageSizeError("", f"the message is too large: {text}")
+    if code is grpc.StatusCode.UNIMPLEMENTED:
+        return DaemonError(f"the daemon at {where} is of another version: {text}")
+    return OrientdError(f"the daemon at {where} failed: {text}")

@@ -15,8 +15,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         prog="emulated-ur",
         description="Emulate a Universal Robots controller with its arm until Ctrl-C: dashboard on "
-        "port 29999, URScript on 30001 to 30003, RTDE on 30004, faults on 29998 (send `help`). "
-        "Prints a line that begins with `ready` when it can be used.",
+        "port 29999, URScript on 30001 to 30003, RTDE on 30004, interpreter mode on 30020, faults "
+        "on 29998 (send `help`). Prints a line that begins with `ready` when it can be used.",
     )
     parser.add_argument(
         "--host", default="127.0.0.2",

@@ -16,7 +16,7 @@ from harness import children, until
 
 import orientd
 from orientd.errors import AccessError, DaemonError, StateError
-from orientd.fleet import FleetMotion, connect_fleet, move_together
+from orientd.fleet import FleetMotion, client, connect_fleet, move_together
 from orientd.motion_file import parse
 from orientd.rpc import Outcome, Robot
 from orientd.stream import ServoState
@@ -220,10 +220,14 @@ def test_a_certificate_without_a_role_reads_nothing(cell):
         cell.fleet("unknown", wait_for=[], timeout=0.7)
 
 
-def test_a_stranger_is_not_let_in(cell):
+def test_a_stranger_is_not_let_in(cell, monkeypatch):
     other = Authority(cell.folder / "other")
     other.issue("pendant")
     files = cell.files("pendant", "other") | {"ca": cell.files("pendant")["ca"]}
+    with pytest.raises(DaemonError, match=r"cannot use the certificate .*local issuer"):
+        connect_fleet(cell.endpoint, cell=CELL, timeout=0.7, **files)
+    # Nor is a client that does not look at its own certificate.
+    monkeypatch.setattr(client, "common_name", lambda *files: "pendant")
     with pytest.raises(DaemonError, match="not with this certificate"):
         connect_fleet(cell.endpoint, cell=CELL, timeout=0.7, **files)
 

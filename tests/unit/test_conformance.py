@@ -28,6 +28,8 @@ from orientd.testing import DriverConformance
 
 PERIOD_NS = 2_000_000
 PERIOD = PERIOD_NS * 1e-9
+MOST = 0.0201
+"""Longest step that a driver is asked for: to the end of the suite's turn, in a fault; rad."""
 ALL = (*(one for one in vars(offered).values() if getattr(one, "_is_protocol", False)), Mechanical)
 
 
@@ -83,7 +85,7 @@ class Body(Driver):
         if self.device.is_at_rest and isinstance(self, Resettable):
             raise DeviceFaultError("reset it first")
         self.device.is_at_rest = False
-        self.is_enabled = True
+        self.is_enabled, self.asked = True, self.device.q
         return self.report()
 
     def read(self):
@@ -93,6 +95,9 @@ class Body(Driver):
     def write(self, setpoint):
         self.require()
         assert self.is_enabled
+        assert norm(difference(self.asked, setpoint.q)) < MOST, "no such step is to be asked for"
+        assert norm(setpoint.omega_body) < MOST / PERIOD
+        self.asked = setpoint.q
         if not self.device.is_at_rest:
             self.device.q, self.omega = setpoint.q, setpoint.omega_body
 
@@ -133,7 +138,7 @@ class Offers:
 
     @property
     def speed_scaling(self):
-        return 1.0
+        return 0.5
 
     def deadline_shift_ns(self, deadline_ns):
         return PERIOD_NS // 2
@@ -285,6 +290,13 @@ class WaitsInWrite(GoodDriver):
 
 
 @bad(READS)
+class TakesMoreThanAPeriod(GoodDriver):
+    def read(self):
+        self.clock.advance(3 * PERIOD_NS // 2)
+        return super().read()
+
+
+@bad(READS)
 class WaitsNowAndThen(Counting):
     def read(self):
         self.clock.advance(10 * PERIOD_NS if self.every(8) else 0)
@@ -302,6 +314,13 @@ class WaitsInHealth(GoodDriver):
     def health(self):
         self.clock.advance(10 * PERIOD_NS)
         return super().health()
+
+
+@bad(HEALTH)
+class WaitsInNotices(GoodDriver):
+    def notices(self):
+        self.clock.advance(3 * PERIOD_NS // 2)
+        return super().notices()
 
 
 @bad(HEALTH)
@@ -488,6 +507,19 @@ class CannotBeDisabledTwice(GoodDriver):
         super().disable()
 
 
+@bad(DISABLES)
+class CannotBeWrittenToOnceDisabled(GoodDriver):
+    was_disabled = False
+
+    def disable(self):
+        super().disable()
+        self.was_disabled = True
+
+    def write(self, setpoint):
+        assert not self.was_disabled
+        super().write(setpoint)
+
+
 @bad("test_an_unknown_option_is_refused_by_name")
 class TakesAnyOption(GoodDriver):
     def __init__(self, options, *, period_ns, clock):
@@ -550,6 +582,11 @@ class IsScaledByPercent(GoodDriver):
     speed_scaling = 100.0
 
 
+@bad("test_its_speed_scaling_is_a_share")
+class RunsFasterThanAsked(GoodDriver):
+    speed_scaling = 1.01
+
+
 @bad(POSES)
 class HasAnotherMechanism(GoodDriver):
     def report(self):
@@ -568,6 +605,13 @@ class DrawsAPoint(GoodDriver):
 class ExplainsNothing(GoodDriver):
     def why_stale(self):
         return None
+
+
+@bad("test_it_explains_itself_in_words")
+class ExplainsAtLength(GoodDriver):
+    def why_stale(self):
+        self.clock.advance(PERIOD_NS)
+        return super().why_stale()
 
 
 @bad("test_it_explains_itself_in_words")
@@ -624,9 +668,42 @@ class LoadsNumPy(GoodDriver):
 LoadsNumPy.__module__ = "orientd.rotation"
 
 
+class TakesJoints(GoodDriver):
+    takes = "joints"
+
+    def write(self, setpoint):
+        assert setpoint.joints
+        super().write(setpoint._replace(q=exp(setpoint.joints)))
+
+
+@pytest.mark.parametrize("name", [FOLLOWS, ENABLES, RESTS, DISABLES])
+def test_a_driver_that_takes_joints_is_sent_joints(name):
+    assert outcome(Suite(TakesJoints), name) == "passed"
+
+
+@bad(FOLLOWS)
+class TakesJointsWithoutAMechanism(TakesJoints):
+    def mechanism(self, *, may_ask):
+        return None
+
+
+@bad(FOLLOWS)
+class TakesJointsOfAnother(TakesJoints):
+    def write(self, setpoint):
+        super().write(setpoint._replace(joints=tuple(-angle for angle in setpoint.joints)))
+
+
 @pytest.mark.parametrize(("kind", "name"), BAD)
 def test_a_bad_driver_fails(kind, name):
     assert outcome(Suite(kind), name) not in ("passed", "skipped")
+
+
+def test_eight_joints_are_as_many_as_there_may_be():
+    class Eight(GoodDriver):
+        def report(self):
+            return super().report()._replace(joints=(0.0,) * 8)
+
+    assert outcome(Suite(Eight), IS_POSE) == "passed"
 
 
 def test_half_of_a_protocol_is_named():

@@ -1,4 +1,4 @@
-"""`orientd lease` and `orientd audit`: who commands, and whether the log of that is whole."""
+"""`orientd lease`: who commands."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from orientd.errors import OrientdError
 lease = typer.Typer(
     name="lease", help="Hand the lease to command over, or seize it.", no_args_is_help=True
 )
-audit = typer.Typer(name="audit", help="Look after the audit log.", no_args_is_help=True)
+audit = typer.Typer(name="audit", help="No longer there.", no_args_is_help=True)
 
 
 @lease.command()
@@ -75,32 +75,8 @@ def _group() -> None:
 @audit.command()
 @command
 def verify(
-    file: Annotated[
-        Path | None,
-        typer.Argument(metavar="FILE", help="The log; default: that of the configuration."),
-    ] = None,
-    config: ConfigFile = None,
-    as_json: AsJson = False,
+    file: Annotated[Path | None, typer.Argument(metavar="FILE", help="Not used.")] = None,  # noqa: ARG001 - as it was
+    config: ConfigFile = None,  # noqa: ARG001 - as it was
 ) -> None:
-    """Follow the chain of the audit log, those put aside included, and name every gap.
-
-    The end of a log that was cut off shows in its last digest alone, which the daemon logs when it
-    begins and ends.
-    """
-    from orientd import config as configuration
-    from orientd.cli.texts import count
-    from orientd.daemon import audit_path, verify_audit
-
-    if file is None:
-        path = config or configuration.find()
-        settings = configuration.load(path) if path else configuration.default_settings()
-        file = audit_path(settings.access)
-    found = verify_audit(file)
-    if as_json:
-        say_json({"is_whole": not found.problems, **vars(found)})
-    else:
-        before = f", those before line {found.first} forgotten" if found.first > 1 else ""
-        say(f"{count(found.lines, 'line')} in {count(len(found.files), 'file')}{before}")
-        say(f"the last is line {found.last}, {found.digest}", *found.problems)
-    if found.problems:
-        raise OrientdError(f"{file}: the chain is broken in {len(found.problems)} places")
+    """Say that the audit log has no chain any more."""
+    raise OrientdError("the audit log is no chain any more: there is nothing to verify")

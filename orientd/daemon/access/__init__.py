@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from orientd.daemon.access.authentication import Admission, inner_socket
+from orientd.daemon.access.audit import AuditLog, audit_path
+from orientd.daemon.access.authorization import Authorization, Method
 from orientd.daemon.access.claim import claimed
-from orientd.daemon.access.gate import StartupGate
-from orientd.daemon.access.identity import CALLER, ClientCertificate, Identity, RolePolicy
+from orientd.daemon.access.connection import Serve
+from orientd.daemon.access.identity import Caller, ClientCertificate, Identity, RolePolicy
+from orientd.daemon.access.listener import Listener
 from orientd.daemon.access.peer import Process, peer_process

@@ -1,333 +1,325 @@
-"""Authorization: every call passes it before its handler sees it.
+"""Authorization: every call passes it, whichever way it came, and is served behind it.
 
-It knows the caller by their connection, and asks: does the table of roles let them make this call,
-are they within what one caller may ask for, and is the lease they name their own?  Commands, and
-whatever is refused, are recorded with what came of them.  Handlers raise what they refuse a call
-for: it is told in full here.
+It asks three things.  Does the caller's role allow the call?  Has the caller room for one more?  Is
+the lease that the request names the caller's own?  It records commands, and everything refused.
+Handlers raise what they refuse a call for; the caller gets it as a status with all details.
 """
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import gc
-import inspect
 import itertools
 import logging
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections import Counter
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
+from contextlib import aclosing
 from dataclasses import dataclass, field
-from typing import Any, NoReturn
+from functools import partial
+from typing import Any
 
-import grpc
+from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import DecodeError, Message
+from google.rpc import code_pb2, status_pb2
 
-from orientd.daemon.access import request_text
 from orientd.daemon.access.audit import AuditLog
-from orientd.daemon.access.gate import Interceptor
-from orientd.daemon.access.identity import CALLER
-from orientd.daemon.access.peer_credentials import PeerConnection, PeerListener
+from orientd.daemon.access.connection import Send
+from orientd.daemon.access.identity import Caller
 from orientd.daemon.access.rules import Rule, rule
-from orientd.daemon.access.throttle import Throttle
 from orientd.daemon.observe import about
-from orientd.errors import AccessError, LeaseError, OrientdError, RequestError, TooMuchError
-from orientd.rpc import DETAILS_KEY, to_status
+from orientd.errors import (
+    AccessError,
+    LeaseError,
+    OrientdError,
+    RequestError,
+    TooMuchError,
+    UnknownNameError,
+)
+from orientd.rpc import to_status
 
 _log = logging.getLogger(__name__)
 
-_LEFT = 2**24
-"""Bytes of refused requests that may be left in memory."""
+SECRETS = ("lease_token", "token", "share_token")
+"""Fields that name a lease, wherever they are; they are written down nowhere."""
 
-_STREAMED = 2**20
-"""What a refused call is taken to leave whose requests came one by one, bytes."""
-
-Context = Any
-Handler = Any
+_MOST_TEXT = 200
+"""Characters of one text of a request that are recorded."""
 
 CountCall = Callable[[str, str, float], object]
 """Told the name of a call that has ended, its code, and how long it took in s."""
 
-Read = Callable[[bytes], Message]
-
 OwnerOf = Callable[[str], str | None]
-"""Returns whose a lease is by its token, for others to be refused; ``None`` if it is nobody's."""
+"""Returns whose a lease is by its token; ``None`` if it is nobody's."""
 
 
-class Authorization(Interceptor):
-    """Let calls through that their callers may make."""
+@dataclass(frozen=True)
+class Method:
+    """One call of a service.
 
-    def __init__(
-        self, door: PeerListener, audit: AuditLog, throttle: Throttle, *, keyframes: int
-    ) -> None:
-        """Check calls of whoever came in by *door*.
+    Attributes:
+        name: short.
+        run: the handler, called with the request, or an iterator over requests, and the caller.
+        request: class of its requests.
+        takes_stream: whether there are many.
+        gives_stream: whether there are many answers.
+        is_library: whether the handler is grpclib's, which is called with a stream of its kind.
+    """
+
+    name: str
+    run: Callable[..., Any]
+    request: type[Message]
+    takes_stream: bool = False
+    gives_stream: bool = False
+    is_library: bool = False
+
+
+class Authorization:
+    """Serve the calls that their callers may make.
+
+    Attributes:
+        count_call: told of every call that has ended.
+        most_calls: of one identity at one time; stops and renewals do not count.
+    """
+
+    def __init__(self, audit: AuditLog, methods: Mapping[str, Method], *, most_calls: int) -> None:
+        """Serve *methods* at once, and calls to others once :meth:`open` has brought them.
 
         Args:
-            door: knows callers.
             audit: records commands and refusals.
-            throttle: counts what callers ask for.
-            keyframes: the most of one motion.
+            methods: by their full names, ``/service/Name``.
+            most_calls: of one identity at one time.
         """
-        self.keyframes = keyframes
-        self._door = door
-        self._audit = audit
-        self._throttle = throttle
-        self.owner_of: OwnerOf = lambda _: None
+        self.most_calls = most_calls
         self.count_call: CountCall = lambda *_: None
+        self._audit = audit
+        self._methods = dict(methods)
+        self._owner_of: OwnerOf = lambda _: None
+        self._is_open = asyncio.Event()
         self._numbers = itertools.count(1)
-        self._left = 0
-        self._wrapped: dict[tuple[str, Handler], Handler] = {}
+        self._calls: Counter[str] = Counter()
 
-    async def intercept_service(
-        self,
-        continuation: Callable[[grpc.HandlerCallDetails], Awaitable[Any]],
-        handler_call_details: grpc.HandlerCallDetails,
-    ) -> Any:  # noqa: ANN401 - whatever handles the call
-        """Put the check in front of whatever handles the call."""
-        handler = await continuation(handler_call_details)
-        if handler is None:
-            return None
-        method = handler_call_details.method
-        if (method, handler) not in self._wrapped:
-            self._wrapped[method, handler] = self._wrap(method, handler)
-        return self._wrapped[method, handler]
+    def open(self, methods: Mapping[str, Method], owner_of: OwnerOf) -> None:
+        """Serve *methods* too from now on, and refuse leases of others.
 
-    def _wrap(self, method: str, handler: Handler) -> Handler:
-        kind = (
-            f"{'stream' if handler.request_streaming else 'unary'}_"
-            f"{'stream' if handler.response_streaming else 'unary'}"
-        )
-        inner = getattr(handler, kind)
-        makes_answers = inspect.isasyncgenfunction(inner)
+        Calls that came before have waited: the socket answers before NumPy is imported.
+        """
+        self._methods |= methods
+        self._owner_of = owner_of
+        self._is_open.set()
 
-        async def stream(asked: Any, context: Context) -> AsyncIterator[Any]:  # noqa: ANN401
-            async with (
-                self._call(method, asked, context) as call,
-                contextlib.aclosing(inner(call.request, context)) as answers,
-            ):
-                async for answer in answers:
-                    call.hear(answer)
-                    yield answer
+    async def serve(
+        self, path: str, caller: Caller, requests: AsyncIterator[bytes], send: Send
+    ) -> status_pb2.Status | None:
+        """Serve one call.
 
-        async def single(asked: Any, context: Context) -> Any:  # noqa: ANN401
-            async with self._call(method, asked, context) as call:
-                answer = await inner(call.request, context)
-                call.hear(answer)
-                return answer
+        Args:
+            path: its full name, ``/service/Name``.
+            caller: who calls.
+            requests: its messages as they come; may raise what is wrong with one.
+            send: sends an answer.
 
-        return handler._replace(
-            **{kind: stream if makes_answers else single},
-            request_deserializer=legible(handler.request_deserializer),
-        )
-
-    @contextlib.asynccontextmanager
-    async def _call(self, method: str, asked: Any, context: Context) -> AsyncIterator[_Call]:  # noqa: ANN401
-        """Admit a call, and record how it ends."""
-        found, connection = rule(method), self._door.who(context.peer())
-        call = _Call(next(self._numbers), method.rpartition("/")[2], found, connection)
-        key = "" if connection is None else connection.identity.key
+        Returns:
+            Why it failed; ``None`` where it has not.
+        """
+        if path not in self._methods:
+            await self._is_open.wait()
+        method = self._methods.get(path)
+        if method is None:
+            return status_pb2.Status(
+                code=code_pb2.UNIMPLEMENTED, message=f"there is no call {path[:_MOST_TEXT]}"
+            )
+        call = _Call(next(self._numbers), method, rule(path), caller)
+        key = caller.identity.key
+        status: status_pb2.Status | None = None
         is_counted = False
         try:
-            try:
-                has_lease = isinstance(asked, Message) and self._has_lease(asked, key)
-                connection = self._admit(call, found, connection, has_lease=has_lease)
-                is_counted = self._throttle.begins(key, has_lease=has_lease)
-                if not is_counted and found.is_limited:
-                    raise TooMuchError(f"at most {self._throttle.at_once} calls at the same time")
-                if isinstance(asked, Message | RequestError):
-                    self._look_at(asked, key)
-                    call.request = asked
-                else:
-                    call.request = self._looking(asked, call, key, context)
-                if found.is_command:
-                    is_whole = isinstance(asked, Message)
-                    told = {"request": request_text.describe(asked)} if is_whole else {}
-                    self._audit.record(event="asked", **call.who(), **told)
-                CALLER.set(connection.identity)
-                yield call
-            except OrientdError as error:
-                await _refuse(context, error)
-        except (asyncio.CancelledError, GeneratorExit):
-            self._conclude(call, "CANCELLED", "")
-            self._sweep(asked)
+            self._admit(call)
+            is_counted = call.rule.is_limited
+            self._calls[key] += is_counted
+            await self._run(call, requests, send)
+        except OrientdError as error:
+            status = to_status(error)
+        except asyncio.CancelledError:
+            status = status_pb2.Status(code=code_pb2.CANCELLED)
             raise
-        except BaseException:
-            self._sweep(asked)
-            code = context.code()
-            name = code.name if isinstance(code, grpc.StatusCode) else "UNKNOWN"
-            self._conclude(call, name, context.details() or "")
-            raise
-        else:
-            self._conclude(call, "OK", "")
+        except Exception as error:  # noqa: BLE001 - one call is no reason to end
+            _log.exception("call %d: %s failed", call.number, method.name)
+            status = status_pb2.Status(code=code_pb2.UNKNOWN, message=repr(error)[:_MOST_TEXT])
         finally:
             if is_counted:
-                self._throttle.ends(key)
+                self._calls[key] -= 1
+            self._conclude(call, status)
+        return status
 
-    def _sweep(self, asked: Any) -> None:  # noqa: ANN401
-        """Have Python look for circles once those that refused calls have left may be large.
-
-        What ended a call holds, by way of its traceback, the request and gRPC's context, and that
-        holds what ended it.
-        """
-        self._left += asked.ByteSize() if isinstance(asked, Message) else _STREAMED
-        if self._left > _LEFT:
-            self._left = 0
-            gc.collect()
-
-    def _has_lease(self, request: Message, key: str) -> bool:
-        """Whether a request names a lease that is its caller's own."""
-        token = request_text.token(request)
-        return bool(token and key) and self.owner_of(token) == key
-
-    def _admit(
-        self, call: _Call, found: Rule, connection: PeerConnection | None, *, has_lease: bool
-    ) -> PeerConnection:
-        """Return who calls, if they may.
+    def _admit(self, call: _Call) -> None:
+        """Refuse a call that its caller may not make.
 
         Raises:
-            AccessError: nobody knows them, or their role does not do.
-            TooMuchError: they ask for more than they may.
+            AccessError: the caller's role does not do, or its certificate has expired.
+            TooMuchError: the caller has too many calls under way.
         """
-        if connection is None:
-            raise AccessError("nobody knows who asks")
-        identity = connection.identity
-        if identity.role < found.role:
+        identity = call.caller.identity
+        if call.caller.has_expired:
+            raise AccessError(f"the certificate of {identity.name} has expired")
+        if identity.role < call.rule.role:
             raise AccessError(
-                f"{call.name} needs the role {found.role.name.lower()}, "
+                f"{call.method.name} needs the role {call.rule.role.name.lower()}, "
                 f"{identity.name} ({identity.key}) is {identity.role.name.lower()}"
             )
-        if found.is_limited and not self._throttle.takes(
-            connection, identity.key, time.monotonic(), has_lease=has_lease
-        ):
-            raise TooMuchError(
-                f"more than {self._throttle.per_second} requests a second over one connection"
-            )
-        return connection
+        if call.rule.is_limited and self._calls[identity.key] >= self.most_calls:
+            raise TooMuchError(f"at most {self.most_calls} calls at the same time")
 
-    def _look_at(self, request: Message | RequestError, key: str) -> None:
-        """Check what a message itself says.
+    async def _run(self, call: _Call, requests: AsyncIterator[bytes], send: Send) -> None:
+        method = call.method
+        asked: Any = (self._read(call, content) async for content in requests)
+        if method.is_library:
+            await method.run(_LibraryStream(asked, partial(self._send, call, send)))
+            return
+        if not method.takes_stream:
+            content = await anext(requests, None)
+            if content is None:
+                raise RequestError("", "expected a request, got none")
+            asked = self._read(call, content)
+        if not method.gives_stream:
+            await self._send(call, send, await method.run(asked, call.caller))
+            return
+        async with aclosing(method.run(asked, call.caller)) as answers:
+            async for answer in answers:
+                await self._send(call, send, answer)
+
+    def _read(self, call: _Call, content: bytes) -> Message:
+        """Return a request of a call as a message.
 
         Raises:
+            RequestError: it cannot be read.
             LeaseError: it names a lease that is somebody else's.
-            RequestError: it is no message, or has too many keyframes.
         """
-        if isinstance(request, RequestError):
-            raise request
-        token = request_text.token(request)
-        owner = self.owner_of(token) if token else None
+        try:
+            request = call.method.request.FromString(content)
+        except DecodeError as error:
+            problem = " ".join(str(error).split())
+            raise RequestError("", f"the request cannot be read: {problem}") from error
+        token = next((one for one in map(_token, _parts(request)) if one), "")
+        owner, key = self._owner_of(token) if token else None, call.caller.identity.key
         if owner is not None and owner != key:
             raise LeaseError(f"the lease is held by {owner}, its token is of no use to {key}")
-        count = request_text.keyframes(request)
-        if count > self.keyframes:
-            raise RequestError("keyframes", f"expected at most {self.keyframes}, got {count}")
+        if not call.asked:
+            call.asked = describe(request)
+        return request
 
-    async def _looking(
-        self, requests: AsyncIterator[Message], call: _Call, key: str, context: Context
-    ) -> AsyncIterator[Message]:
-        is_first = True
-        async for request in requests:
-            try:
-                self._look_at(request, key)
-            except OrientdError as error:
-                await _refuse(context, error)
-            if is_first and call.rule.is_command:
-                self._audit.record(
-                    event="began", **call.who(), request=request_text.describe(request)
-                )
-            is_first = False
-            yield request
+    async def _send(self, call: _Call, send: Send, answer: Message | bytes) -> None:
+        if not isinstance(answer, bytes):
+            self._note(call, answer)
+            answer = answer.SerializeToString()
+        await send(answer)
 
-    def _conclude(self, call: _Call, code: str, text: str) -> None:
-        self.count_call(call.name, code, time.monotonic() - call.began)
-        level = logging.INFO if call.rule.is_command else logging.DEBUG
-        if code != "OK" and call.rule.is_command:
+    def _note(self, call: _Call, answer: Message) -> None:
+        """Note what an answer says of the motion that the call began."""
+        started, summary = getattr(answer, "started", None), getattr(answer, "summary", None)
+        if started is not None and started.ByteSize():
+            call.result["motion"] = started.motion_number
+            call.result["motion_id"] = started.plan.motion_id
+            told = call.told()
+            self._audit.record(event="began", **told)
+            name, number = call.caller.identity.name, started.motion_number
+            what = f"{name} began motion {number} ({started.plan.motion_id})"
+            _log.info("call %d: %s", call.number, what, extra=about(**told))
+        if summary is not None and summary.ByteSize():
+            kind = summary.DESCRIPTOR.fields_by_name["outcome"].enum_type
+            call.result["motion_outcome"] = kind.values_by_number[summary.outcome].name
+            call.result["motion_text"] = summary.text[:400]
+
+    def _conclude(self, call: _Call, status: status_pb2.Status | None) -> None:
+        code = "OK" if status is None else code_pb2.Code.Name(status.code)
+        text = "" if status is None else status.message
+        name, is_command = call.method.name, call.rule.is_command
+        self.count_call(name, code, time.monotonic() - call.began)
+        level = logging.INFO if is_command else logging.DEBUG
+        if code != "OK" and is_command:
             level = logging.WARNING
-        story = about(**call.who(), outcome=code, **call.result)
+        told = call.told()
         detail = f": {text}" if text else ""
-        _log.log(level, "call %d: %s: %s%s", call.number, call.name, code, detail, extra=story)
+        _log.log(level, "call %d: %s: %s%s", call.number, name, code, detail,
+                 extra=about(outcome=code, **told))  # fmt: skip
         is_refused = code in ("PERMISSION_DENIED", "RESOURCE_EXHAUSTED")
-        is_foreign = call.name == "RenewLease" and code == "FAILED_PRECONDITION"
-        if call.rule.is_command or is_refused or is_foreign:
-            self._audit.record(
-                event="answered", **call.who(), outcome=code, text=text[:400], **call.result
-            )
+        is_foreign = name == "RenewLease" and code == "FAILED_PRECONDITION"
+        if is_command or is_refused or is_foreign:
+            self._audit.record(event="answered", outcome=code, text=text[:400], **told)
 
 
 @dataclass(eq=False)
 class _Call:
-    """One call under way."""
+    """One call under way: what was *asked*, and the *result*, as far as they are recorded."""
 
     number: int
-    name: str
+    method: Method
     rule: Rule
-    connection: PeerConnection | None
+    caller: Caller
     began: float = field(default_factory=time.monotonic)
-    request: Any = None
+    asked: dict[str, Any] = field(default_factory=dict)
     result: dict[str, Any] = field(default_factory=dict)
 
-    def who(self) -> dict[str, Any]:
-        """Return what every record of this call begins with."""
-        connection = self.connection
-        if connection is None:
-            return {"call": self.number, "method": self.name, "identity": "", "origin": ""}
-        identity = connection.identity
+    def told(self) -> dict[str, Any]:
+        """Return what every record of this call says."""
+        identity = self.caller.identity
         return {
             "call": self.number,
-            "method": self.name,
+            "method": self.method.name,
             "identity": identity.key,
             "name": identity.name,
             "role": identity.role.name.lower(),
-            "origin": connection.origin,
+            "origin": self.caller.origin,
+            "device": self.asked.get("device", ""),
+            "request": self.asked,
+            **self.result,
         }
 
-    def hear(self, answer: object) -> None:
-        """Note what an answer says of the motion that the call began."""
-        started, summary = getattr(answer, "started", None), getattr(answer, "summary", None)
-        if started is not None and started.ByteSize():
-            self.result["motion"] = started.motion_number
-            self.result["motion_id"] = started.plan.motion_id
-            story = about(**self.who(), device=getattr(self.request, "device", ""), **self.result)
-            _log.info(
-                "call %d: %s began motion %d (%s)",
-                self.number,
-                self.who()["name"],
-                started.motion_number,
-                started.plan.motion_id,
-                extra=story,
-            )
-        if summary is not None and summary.ByteSize():
-            kind = summary.DESCRIPTOR.fields_by_name["outcome"].enum_type
-            self.result["motion_outcome"] = kind.values_by_number[summary.outcome].name
-            self.result["motion_text"] = summary.text[:400]
+
+class _LibraryStream:
+    """As much of a call as the services of grpclib make use of."""
+
+    def __init__(
+        self, requests: AsyncIterator[Message], send: Callable[[Message], Awaitable[None]]
+    ) -> None:
+        self._requests = requests
+        self.send_message = send
+
+    def __aiter__(self) -> AsyncIterator[Message]:
+        return self._requests
+
+    async def recv_message(self) -> Message | None:
+        return await anext(self._requests, None)
+
+    async def send_trailing_metadata(self, *, status: object) -> None:  # noqa: ARG002 - not found
+        raise UnknownNameError("service", "expected one that reflection lists")
 
 
-def legible(read: Read | None) -> Callable[[bytes], Message | RequestError] | None:
-    """Return *read*, made to return what is wrong, in one line, instead of raising it.
+def describe(request: Message) -> dict[str, Any]:
+    """Return the numbers and texts of *request*, but what is secret.
 
-    gRPC reads a request before anybody can check who asks or how often, and answers bytes that say
-    nothing with a traceback in the log.  So they become an error, which is refused like any other
-    request.
-
-    Args:
-        read: makes a message of bytes; ``None`` where bytes are passed on as they are.
+    >>> from orientd.rpc import control_pb2 as pb
+    >>> describe(pb.SetSpeedRequest(lease_token="abc", device="arm", speed=0.5))
+    {'device': 'arm', 'speed': 0.5}
     """
-    if read is None:
-        return None
-
-    def attempt(content: bytes) -> Message | RequestError:
-        try:
-            return read(content)
-        except DecodeError as error:
-            problem = " ".join(str(error).split())
-            return RequestError("", f"the request cannot be read: {problem}")
-
-    return attempt
+    kinds = (FieldDescriptor.TYPE_MESSAGE, FieldDescriptor.TYPE_BYTES)
+    return {
+        one.name: content[:_MOST_TEXT] if isinstance(content, str) else content
+        for part in _parts(request)
+        for one, content in part.ListFields()
+        if one.type not in kinds and not one.is_repeated and one.name not in SECRETS
+    }
 
 
-async def _refuse(context: Context, error: OrientdError) -> NoReturn:
-    """End the call with *error*, in full."""
-    status = to_status(error)
-    codes = {code.value[0]: code for code in grpc.StatusCode}
-    await context.abort(
-        codes[status.code], status.message, ((DETAILS_KEY, status.SerializeToString()),)
-    )
-    raise AssertionError("abort returned")
+def _parts(request: Message) -> Iterator[Message]:
+    """Yield *request*, and what it wraps where it is one of a stream."""
+    yield request
+    for name in ("start", "request"):
+        part = getattr(request, name, None)
+        if isinstance(part, Message):
+            yield part
+
+
+def _token(part: Message) -> str:
+    """Return the token of the lease that a request is made under; empty where it has none."""
+    found = (getattr(part, name, "") for name in SECRETS)
+    return next((one for one in found if isinstance(one, str) and one), "")

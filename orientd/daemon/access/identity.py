@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import grp
+import itertools
 import os
 import pwd
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from orientd.config import AccessSettings, Role
 from orientd.daemon.access.peer import Process
@@ -51,9 +52,30 @@ class ClientCertificate:
 
 Credentials = Process | ClientCertificate
 
-NOBODY = Identity("", "", Role.OBSERVER)
-CALLER: ContextVar[Identity] = ContextVar("CALLER", default=NOBODY)
-"""Whose call is being handled."""
+_NUMBERS = itertools.count(1)
+
+
+@dataclass(eq=False)
+class Caller:
+    """A client that was let in.
+
+    Attributes:
+        credentials: what it proved.
+        origin: where it came from, for people.
+        identity: who that makes it at present.
+        key: names it among all callers, for taking turns.
+    """
+
+    credentials: Credentials
+    origin: str
+    identity: Identity
+    key: str = field(default_factory=lambda: f"caller {next(_NUMBERS)}")
+
+    @property
+    def has_expired(self) -> bool:
+        """Whether its certificate counted when it came in, and does not any more."""
+        credentials = self.credentials
+        return isinstance(credentials, ClientCertificate) and credentials.expires <= time.time()
 
 
 class RolePolicy:
@@ -113,7 +135,7 @@ class RolePolicy:
         roles = [self._groups[gid] for gid in gids if gid in self._groups]
         if uid in self._users:
             roles.append(self._users[uid])
-        return Identity(f"user:{uid}", _user_name(uid), max(roles)) if roles else None
+        return Identity(f"user:{uid}", user_name(uid), max(roles)) if roles else None
 
     def _certificate(self, name: str) -> Identity | None:
         role = self._certificates.get(name)
@@ -137,7 +159,9 @@ def _number(kind: str, name: str, find: Callable[[], int]) -> int:
         raise ConfigError(f"access.{kind}s: there is no {kind} {name!r} on this machine") from error
 
 
-def _user_name(uid: int) -> str:
+@functools.lru_cache(maxsize=1024)
+def user_name(uid: int) -> str:
+    """Return the name of a user, looked up once."""
     try:
         return pwd.getpwuid(uid).pw_name
     except KeyError:

@@ -9,13 +9,11 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd.daemon.calls.service import ControlService
     from orientd.daemon.calls.telemetry import Telemetry
-    from orientd.daemon.calls.unread import left_unread
 
 __getattr__ = lazily(
     __name__,
     {
         "orientd.daemon.calls.service": ("ControlService",),
         "orientd.daemon.calls.telemetry": ("Telemetry",),
-        "orientd.daemon.calls.unread": ("left_unread",),
     },
 )

@@ -10,9 +10,6 @@ import contextlib
 import time
 from collections import defaultdict
 from collections.abc import Callable
-from typing import Any
-
-import grpc
 
 from orientd.daemon.access import Identity
 from orientd.daemon.calls import report
@@ -29,8 +26,6 @@ FASTEST_REPORTS_HZ = 100.0
 OVERTAKING = 0.05
 """How long a command waits for those before it that are still on their way, s."""
 _OVERTAKEN = 0.001  # s between looks
-
-Context = grpc.aio.ServicerContext[Any, Any]
 
 
 class Calls:
@@ -90,11 +85,6 @@ class Calls:
         while self._cell.leases.is_ahead(token, name, number) and time.monotonic() < end:
             await asyncio.sleep(_OVERTAKEN)
         return self._turns[name]
-
-
-def caller(context: Context) -> str:
-    """Return who calls, for turns: a connection."""
-    return str(context.peer())
 
 
 def device_message(device: Device) -> pb.DeviceReport:

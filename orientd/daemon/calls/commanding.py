@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from orientd.daemon.access import CALLER
-from orientd.daemon.calls.calls import Calls, Context, device_message
+from orientd.daemon.access import Caller
+from orientd.daemon.calls.calls import Calls, device_message
 from orientd.daemon.device import Device
 from orientd.errors import RequestError, StateError
 from orientd.rpc import control_pb2 as pb
@@ -25,41 +25,41 @@ _CommandRequest = (
 class CommandingCalls(Calls):
     """Calls that command a device; all but those that stop it need the lease."""
 
-    async def Stop(self, request: pb.StopRequest, context: Context) -> pb.StopResponse:
+    async def Stop(self, request: pb.StopRequest, caller: Caller) -> pb.StopResponse:
         """Stop devices on their paths."""
-        caller = _caller(request.caller)
 
         def work() -> pb.StopResponse:
-            devices = self._cell.stop(request.device, caller, motion=request.motion_number)
+            devices = self._cell.stop(
+                request.device, str(caller.identity), motion=request.motion_number
+            )
             return pb.StopResponse(devices=[device_message(device) for device in devices])
 
         return await self._cell.in_worker(work)
 
-    async def Halt(self, request: pb.HaltRequest, context: Context) -> pb.HaltResponse:
+    async def Halt(self, request: pb.HaltRequest, caller: Caller) -> pb.HaltResponse:
         """Stop devices as quickly as the limits allow."""
-        caller = _caller(request.caller)
 
         def work() -> pb.HaltResponse:
-            devices = self._cell.stop(request.device, caller, is_quickest=True)
+            devices = self._cell.stop(request.device, str(caller.identity), is_quickest=True)
             return pb.HaltResponse(devices=[device_message(device) for device in devices])
 
         return await self._cell.in_worker(work)
 
-    async def Pause(self, request: pb.PauseRequest, context: Context) -> pb.PauseResponse:
+    async def Pause(self, request: pb.PauseRequest, caller: Caller) -> pb.PauseResponse:
         """Pause a motion."""
         device = await self._command(
             request, "pause", lambda device: moving(device, "pause").pause()
         )
         return pb.PauseResponse(device=device)
 
-    async def Resume(self, request: pb.ResumeRequest, context: Context) -> pb.ResumeResponse:
+    async def Resume(self, request: pb.ResumeRequest, caller: Caller) -> pb.ResumeResponse:
         """Go on with a paused motion."""
         device = await self._command(
             request, "resume", lambda device: moving(device, "resume").resume()
         )
         return pb.ResumeResponse(device=device)
 
-    async def SetSpeed(self, request: pb.SetSpeedRequest, context: Context) -> pb.SetSpeedResponse:
+    async def SetSpeed(self, request: pb.SetSpeedRequest, caller: Caller) -> pb.SetSpeedResponse:
         """Set the rate at which motions run."""
         speed = request.speed
         if not 0.0 < speed <= 1.0:
@@ -70,12 +70,12 @@ class CommandingCalls(Calls):
         )
         return pb.SetSpeedResponse(device=device)
 
-    async def Enable(self, request: pb.EnableRequest, context: Context) -> pb.EnableResponse:
+    async def Enable(self, request: pb.EnableRequest, caller: Caller) -> pb.EnableResponse:
         """Make a device follow."""
         device = await self._command(request, "enable", lambda device: device.enable())
         return pb.EnableResponse(device=device)
 
-    async def Disable(self, request: pb.DisableRequest, context: Context) -> pb.DisableResponse:
+    async def Disable(self, request: pb.DisableRequest, caller: Caller) -> pb.DisableResponse:
         """Leave a device at rest, no longer following."""
         is_freed = request.by_hand
         what = "disable, to be moved by hand" if is_freed else "disable"
@@ -84,7 +84,7 @@ class CommandingCalls(Calls):
         )
         return pb.DisableResponse(device=device)
 
-    async def Reset(self, request: pb.ResetRequest, context: Context) -> pb.ResetResponse:
+    async def Reset(self, request: pb.ResetRequest, caller: Caller) -> pb.ResetResponse:
         """Clear a fault."""
         device = await self._command(request, "reset", lambda device: device.reset())
         return pb.ResetResponse(device=device)
@@ -102,12 +102,6 @@ class CommandingCalls(Calls):
         # The next one's turn comes with this one's check; it is done, and told, after this one.
         async with turn:
             return await self._cell.in_worker(work)
-
-
-def _caller(named: str) -> str:
-    """Return who calls, as was checked; as they name themselves only where nothing was."""
-    caller = CALLER.get()
-    return str(caller) if caller.key else named
 
 
 def moving(device: Device, what: str) -> Device:

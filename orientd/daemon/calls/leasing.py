@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from orientd.daemon.access import CALLER
-from orientd.daemon.calls.calls import Calls, Context
+from orientd.daemon.access import Caller
+from orientd.daemon.calls.calls import Calls
 from orientd.daemon.leases import Lease
 from orientd.rpc import control_pb2 as pb
 
@@ -12,15 +12,14 @@ class LeasingCalls(Calls):
     """Calls about who may command."""
 
     async def AcquireLease(
-        self, request: pb.AcquireLeaseRequest, context: Context
+        self, request: pb.AcquireLeaseRequest, caller: Caller
     ) -> pb.AcquireLeaseResponse:
         """Take the lease of devices that are free."""
-        caller = CALLER.get()
         lease = await self._cell.in_worker(
             lambda: self._cell.lease_manager.acquire(
                 request.holder,
-                caller.key,
-                name=caller.name,
+                caller.identity.key,
+                name=caller.identity.name,
                 devices=self._cell.named(request.devices),
                 share=request.share_token,
             ),
@@ -28,7 +27,7 @@ class LeasingCalls(Calls):
         return pb.AcquireLeaseResponse(lease=self._lease_message(lease))
 
     async def RenewLease(
-        self, request: pb.RenewLeaseRequest, context: Context
+        self, request: pb.RenewLeaseRequest, caller: Caller
     ) -> pb.RenewLeaseResponse:
         """Hold the lease for its full time again."""
         # At once and not in a worker, which might be busy until the lease has run out.
@@ -36,14 +35,14 @@ class LeasingCalls(Calls):
         return pb.RenewLeaseResponse(lease=self._lease_message(lease))
 
     async def ReleaseLease(
-        self, request: pb.ReleaseLeaseRequest, context: Context
+        self, request: pb.ReleaseLeaseRequest, caller: Caller
     ) -> pb.ReleaseLeaseResponse:
         """Give the lease back."""
         await self._cell.in_worker(lambda: self._cell.lease_manager.release(request.token))
         return pb.ReleaseLeaseResponse()
 
     async def TransferLease(
-        self, request: pb.TransferLeaseRequest, context: Context
+        self, request: pb.TransferLeaseRequest, caller: Caller
     ) -> pb.TransferLeaseResponse:
         """Hand the lease over."""
 
@@ -55,16 +54,15 @@ class LeasingCalls(Calls):
         return pb.TransferLeaseResponse(seconds=self._cell.leases.remaining(lease))
 
     async def SeizeLease(
-        self, request: pb.SeizeLeaseRequest, context: Context
+        self, request: pb.SeizeLeaseRequest, caller: Caller
     ) -> pb.SeizeLeaseResponse:
         """Take the lease whoever holds it."""
-        caller = CALLER.get()
         lease = await self._cell.in_worker(
             lambda: self._cell.lease_manager.seize(
                 request.holder,
-                caller.key,
+                caller.identity.key,
                 request.reason,
-                name=caller.name,
+                name=caller.identity.name,
                 devices=self._cell.named(request.devices),
             ),
         )

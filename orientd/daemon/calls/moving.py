@@ -10,8 +10,9 @@ import time
 from collections.abc import AsyncGenerator, AsyncIterator
 from typing import Any, cast
 
+from orientd.daemon.access import Caller
 from orientd.daemon.calls import report
-from orientd.daemon.calls.calls import Calls, Context, caller, interval
+from orientd.daemon.calls.calls import Calls, interval
 from orientd.daemon.device import Device
 from orientd.daemon.motion_starter import GONE
 from orientd.daemon.motions import ActiveMotion, ArrivalCondition, MoveOptions
@@ -34,23 +35,23 @@ KEPT_INSTANTS = 64
 class MovingCalls(Calls):
     """Calls that plan and run motions."""
 
-    async def Plan(self, request: pb.PlanRequest, context: Context) -> bytes:
+    async def Plan(self, request: pb.PlanRequest, caller: Caller) -> bytes:
         """Plan a motion and keep it."""
-        return await self._plan(request, context, self._cell.keyframes)
+        return await self._plan(request, caller, self._cell.keyframes)
 
     async def PlanLarge(
-        self, request_iterator: AsyncIterator[pb.PlanLargeRequest], context: Context
+        self, request_iterator: AsyncIterator[pb.PlanLargeRequest], caller: Caller
     ) -> bytes:
         """Plan a motion that comes in pieces."""
-        request = await self._gather(request_iterator, context)
-        return await self._plan(request, context, self._cell.streamed_keyframes)
+        request = await self._gather(request_iterator, caller)
+        return await self._plan(request, caller, self._cell.streamed_keyframes)
 
-    async def _plan(self, request: pb.PlanRequest, context: Context, most_keyframes: int) -> bytes:
+    async def _plan(self, request: pb.PlanRequest, caller: Caller, most_keyframes: int) -> bytes:
         received_ns = time.monotonic_ns()
         try:
             device = self._cell.device(request.device)
             rate_hz = _sample_rate(request.sample_rate_hz, device)
-            order = self._order(request, context, most_keyframes, rate_hz)
+            order = self._order(request, caller, most_keyframes, rate_hz)
             motion = await self._cell.plan(device, order)
             # Messages put one behind the other are merged.
             took = pb.PlanResponse(plan=pb.Plan(planning=_seconds_since(received_ns)))
@@ -59,15 +60,15 @@ class MovingCalls(Calls):
             error.planning = _seconds_since(received_ns)
             raise self._in_the_end(error) from None
 
-    async def _gather(self, messages: AsyncIterator[Any], context: Context) -> Any:  # noqa: ANN401
+    async def _gather(self, messages: AsyncIterator[Any], caller: Caller) -> Any:  # noqa: ANN401
         try:
             timeout = self._cell.planners.timeout
-            return await self._cell.large.gather(messages, caller(context), timeout)
+            return await self._cell.large.gather(messages, caller.key, timeout)
         except OrientdError as error:
             raise self._in_the_end(error) from None
 
     async def GetPlan(
-        self, request: pb.GetPlanRequest, context: Context
+        self, request: pb.GetPlanRequest, caller: Caller
     ) -> pb.GetPlanResponse | bytes:
         """Report the plan of a motion."""
         try:
@@ -76,7 +77,7 @@ class MovingCalls(Calls):
             motion = self._cell.present(device, request.motion_id)
             if motion is None:
                 return pb.GetPlanResponse()
-            order = PlanCall(motion.job.motion, caller(context), self._cell.planners.timeout)
+            order = PlanCall(motion.job.motion, caller.key, self._cell.planners.timeout)
             if not rate_hz:
                 return _unsampled(motion)
             return await self._cell.planners.report(motion.job, order, rate_hz)
@@ -86,7 +87,7 @@ class MovingCalls(Calls):
     def _order(
         self,
         request: pb.PlanRequest | pb.MoveRequest,
-        context: Context,
+        caller: Caller,
         most_keyframes: int,
         rate_hz: float = 0.0,
     ) -> PlanCall:
@@ -101,32 +102,30 @@ class MovingCalls(Calls):
             raise RequestError("plan_timeout", f"expected more than 0 s, got {wanted:g}")
         # Whoever serves sees the motion as the bytes that it came in.
         motion = cast("bytes", request.motion)
-        return PlanCall(motion, caller(context), min(wanted, longest), rate_hz, most_keyframes)
+        return PlanCall(motion, caller.key, min(wanted, longest), rate_hz, most_keyframes)
 
     def _in_the_end(self, error: OrientdError) -> OrientdError:
         """Return why a call failed: once the daemon ends, because of that."""
         return DaemonError(GOING_DOWN) if self._cell.is_closing else error
 
-    async def Move(
-        self, request: pb.MoveRequest, context: Context
-    ) -> AsyncIterator[pb.MoveResponse]:
+    async def Move(self, request: pb.MoveRequest, caller: Caller) -> AsyncIterator[pb.MoveResponse]:
         """Run a motion and report until it ends; a caller that goes away stops it."""
-        async with contextlib.aclosing(self._move(request, context, self._cell.keyframes)) as told:
+        async with contextlib.aclosing(self._move(request, caller, self._cell.keyframes)) as told:
             async for answer in told:
                 yield answer
 
     async def MoveLarge(
-        self, request_iterator: AsyncIterator[pb.MoveLargeRequest], context: Context
+        self, request_iterator: AsyncIterator[pb.MoveLargeRequest], caller: Caller
     ) -> AsyncIterator[pb.MoveResponse]:
         """Run a motion that comes in pieces, as :meth:`Move`."""
-        request = await self._gather(request_iterator, context)
+        request = await self._gather(request_iterator, caller)
         most = self._cell.streamed_keyframes
-        async with contextlib.aclosing(self._move(request, context, most)) as told:
+        async with contextlib.aclosing(self._move(request, caller, most)) as told:
             async for answer in told:
                 yield answer
 
     async def _move(
-        self, request: pb.MoveRequest, context: Context, most_keyframes: int
+        self, request: pb.MoveRequest, caller: Caller, most_keyframes: int
     ) -> AsyncGenerator[pb.MoveResponse]:
         run: ActiveMotion | None = None
         received_ns = time.monotonic_ns()
@@ -138,7 +137,7 @@ class MovingCalls(Calls):
             move_options = self._move_options(request)
             stops = self._cell.runs.stops(device)
             run, timing = await self._start(
-                device, request, move_options, stops, received_ns, context, most_keyframes
+                device, request, move_options, stops, received_ns, caller, most_keyframes
             )
             yield _started(run, timing)
             reader = report.ProgressReader(run)
@@ -163,7 +162,7 @@ class MovingCalls(Calls):
         move_options: MoveOptions,
         stops: int,
         received_ns: int,
-        context: Context,
+        caller: Caller,
         most_keyframes: int,
     ) -> tuple[ActiveMotion, MoveTiming]:
         """Plan and begin a motion."""
@@ -172,7 +171,7 @@ class MovingCalls(Calls):
             return await self._cell.starter.move(
                 token,
                 device,
-                self._order(request, context, most_keyframes),
+                self._order(request, caller, most_keyframes),
                 move_options,
                 stops=stops,
                 received_ns=received_ns,

@@ -8,7 +8,8 @@ import time
 from collections.abc import AsyncIterator
 from typing import Any
 
-from orientd.daemon.calls.calls import Calls, Context, interval
+from orientd.daemon.access import Caller
+from orientd.daemon.calls.calls import Calls, interval
 from orientd.daemon.device import Device
 from orientd.daemon.motion_starter import GONE
 from orientd.daemon.motions import ActiveMotion
@@ -29,7 +30,7 @@ class TrackingCalls(Calls):
     """The call that has a device follow targets."""
 
     async def Track(
-        self, request_iterator: AsyncIterator[pb.TrackRequest], context: Context
+        self, request_iterator: AsyncIterator[pb.TrackRequest], caller: Caller
     ) -> AsyncIterator[pb.TrackResponse]:
         """Follow the caller's targets until there are no more."""
         run: ActiveMotion | None = None

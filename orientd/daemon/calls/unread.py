@@ -3,12 +3,9 @@
 A motion of a hundred thousand keyframes takes as long to read as a hundred retargets to serve, and
 is read where it is planned.  On the wire a message and its bytes are the same, so a copy of the
 protocol with one field of another type reads everything around the motion, and nothing of it.
-Answers that a planner has made come as bytes, too, and are handed on as they are.
 """
 
 from __future__ import annotations
-
-from typing import Any
 
 from google.protobuf import descriptor_pb2, message_factory
 from google.protobuf.descriptor import FileDescriptor
@@ -51,14 +48,3 @@ def _add(pool: DescriptorPool, file: FileDescriptor) -> None:
 
 CLASSES = _classes()
 """Messages with their motions unread, by name."""
-
-
-def left_unread(name: str, handler: Any) -> Any:  # noqa: ANN401 - as gRPC has them
-    """Return the handler of the call *name*, with requests that are long left unread."""
-    message = CLASSES.get(f"{name}Request")
-    read = handler.request_deserializer if message is None else message.FromString
-    return handler._replace(request_deserializer=read, response_serializer=_serialized)
-
-
-def _serialized(answer: Message | bytes) -> bytes:
-    return answer if isinstance(answer, bytes) else answer.SerializeToString()

@@ -7,8 +7,9 @@ import functools
 import time
 from collections.abc import AsyncIterator, Iterable
 
+from orientd.daemon.access import Caller
 from orientd.daemon.calls import report
-from orientd.daemon.calls.calls import Calls, Context, caller, device_message, interval
+from orientd.daemon.calls.calls import Calls, device_message, interval
 from orientd.daemon.device import Device
 from orientd.daemon.supervised_device import TICK
 from orientd.rpc import control_pb2 as pb
@@ -25,7 +26,7 @@ _BATCH = 256
 class WatchingCalls(Calls):
     """Calls that look on, and command nothing."""
 
-    async def GetState(self, request: pb.GetStateRequest, context: Context) -> pb.GetStateResponse:
+    async def GetState(self, request: pb.GetStateRequest, caller: Caller) -> pb.GetStateResponse:
         """Report on the daemon and its devices."""
         if request.device:
             return await self._state_of([self._cell.device(request.device)])
@@ -42,7 +43,7 @@ class WatchingCalls(Calls):
         )
 
     async def WatchState(
-        self, request: pb.WatchStateRequest, context: Context
+        self, request: pb.WatchStateRequest, caller: Caller
     ) -> AsyncIterator[pb.WatchStateResponse]:
         """Report cycles until the caller goes."""
         device = self._cell.device(request.device)
@@ -68,7 +69,7 @@ class WatchingCalls(Calls):
             yield response
 
     async def WatchEvents(
-        self, request: pb.WatchEventsRequest, context: Context
+        self, request: pb.WatchEventsRequest, caller: Caller
     ) -> AsyncIterator[pb.WatchEventsResponse]:
         """Report events until the caller goes."""
         device = self._cell.device(request.device).name if request.device else ""
@@ -84,7 +85,7 @@ class WatchingCalls(Calls):
             subscription.close()
 
     async def GetConfiguration(
-        self, request: pb.GetConfigurationRequest, context: Context
+        self, request: pb.GetConfigurationRequest, caller: Caller
     ) -> pb.GetConfigurationResponse:
         """Report the settings."""
         answer = pb.GetConfigurationResponse(json=self._cell.configuration)
@@ -92,12 +93,12 @@ class WatchingCalls(Calls):
         answer.time.FromNanoseconds(time.time_ns())
         return answer
 
-    async def ListMethods(self, request: pb.ListMethodsRequest, context: Context) -> bytes:
+    async def ListMethods(self, request: pb.ListMethodsRequest, caller: Caller) -> bytes:
         """List the families of curves."""
-        return await self._cell.planners.methods(caller(context))
+        return await self._cell.planners.methods(caller.key)
 
     async def ListDevices(
-        self, request: pb.ListDevicesRequest, context: Context
+        self, request: pb.ListDevicesRequest, caller: Caller
     ) -> pb.ListDevicesResponse:
         """List the devices."""
         reports = map(device_message, self._cell.devices.values())

@@ -17,13 +17,23 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from google.rpc import status_pb2
+
 from orientd.config import Settings
-from orientd.daemon.access import Admission, ClientCertificate, Process, StartupGate
-from orientd.daemon.fleet.carried import Requests, carry, too_large
+from orientd.daemon.access import (
+    AuditLog,
+    Caller,
+    ClientCertificate,
+    Listener,
+    Process,
+    Serve,
+)
+from orientd.daemon.fleet.carried import Requests
 from orientd.daemon.observe import Journal
-from orientd.errors import ConfigError, OrientdError
+from orientd.errors import AccessError, ConfigError, MessageSizeError, OrientdError
 from orientd.fleet import LENGTHS, Header, write_frame, zenoh_configuration
 from orientd.rpc import control_pb2 as pb
+from orientd.rpc import to_status
 
 _log = logging.getLogger(__name__)
 
@@ -52,8 +62,9 @@ class FleetLink:
         path: Path,
         *,
         service: str,
-        entry: Admission,
-        gate: StartupGate,
+        listener: Listener,
+        serve: Serve,
+        audit: AuditLog,
         state: State,
         journal: Journal,
     ) -> None:
@@ -63,8 +74,9 @@ class FleetLink:
             settings: of the daemon; it has the table ``[fleet]``.
             path: of the control socket.
             service: full name of what is called.
-            entry: knows who may come in.
-            gate: what is called stands behind it.
+            listener: knows who may come in.
+            serve: serves each call.
+            audit: records stops.
             state: of the daemon.
             journal: tells what happens.
 
@@ -77,12 +89,12 @@ class FleetLink:
             raise ConfigError(f"fleet: {problem}")
         self._fleet, self._tcp = settings.fleet, settings.tcp
         self._most = settings.access.message_bytes
-        self._path, self._service, self._entry = path, service, entry
-        self._gate, self._state, self._journal = gate, state, journal
-        self._peers: dict[str, str] = {}
+        self._path, self._service, self._listener = path, service, listener
+        self._serve, self._audit = serve, audit
+        self._state, self._journal = state, journal
         self._calls: dict[int, asyncio.Task[None]] = {}
         self._requests: dict[int, Requests] = {}
-        self._cut_off: dict[int, bytes] = {}
+        self._cut_off: dict[int, status_pb2.Status] = {}
         self._watched = asyncio.Event()
         self._writer: asyncio.StreamWriter | None = None
         self._process: asyncio.subprocess.Process | None = None
@@ -216,58 +228,60 @@ class FleetLink:
         if is_last:
             requests.add(None)
         elif len(body) > self._most or requests.waiting > _MOST_WAITING:
-            self._cut_off[number] = too_large(len(body) + requests.waiting, self._most)
+            self._cut_off[number] = to_status(_too_large(len(body) + requests.waiting, self._most))
             self._calls[number].cancel()
         else:
             requests.add(body)
 
     async def _carry(self, number: int, method: str, caller: str, body: bytes) -> None:
-        status = b""
+        status: status_pb2.Status | None = None
         try:
 
             async def send(answer: bytes) -> None:
                 await self._send({"answer": number}, answer)
 
-            peer = self._peer(caller)
+            requests = self._requests.get(number)
+            if requests is None:
+                requests = Requests(taken=_nobody_is_told)
+                requests.add(body)
+                requests.add(None)
             if len(body) > self._most:
-                status = too_large(len(body), self._most)
-                return
-            requests = self._requests.get(number, body)
-            status = await carry(
-                self._find_handler, f"/{self._service}/{method}", peer, requests, send
-            )
+                raise _too_large(len(body), self._most)
+            path = f"/{self._service}/{method}"
+            status = await self._serve(path, self._caller(caller), requests, send)
+        except OrientdError as error:
+            status = to_status(error)
         finally:
             self._calls.pop(number, None)
             self._requests.pop(number, None)
             status = self._cut_off.pop(number, status)
             # Whoever cancels does not wait: what is written here is sent by and by.
             if self._writer is not None:
-                self._writer.write(write_frame({"end": number}, status))
+                told = b"" if status is None else status.SerializeToString()
+                self._writer.write(write_frame({"end": number}, told))
 
-    async def _find_handler(self, details: Any) -> Any:  # noqa: ANN401 - gRPC's
-        """Return what handles a call, behind the check that every call passes."""
+    def _caller(self, name: str) -> Caller:
+        """Return who is called *name*, which Zenoh has checked.
 
-        async def behind(details: Any) -> Any:  # noqa: ANN401
-            return self._gate.service(details)
-
-        return await self._entry.checkpoint.intercept_service(behind, details)
-
-    def _peer(self, caller: str) -> str:
-        """Return what the door knows *caller* by, whose name Zenoh has checked."""
-        peer = self._peers.get(caller, "")
-        if not peer or not self._entry.door.who(peer):
-            credentials: Process | ClientCertificate = (
-                ClientCertificate(caller, "", math.inf)
-                if self._fleet.is_tls
-                else Process(os.getpid(), os.geteuid(), tuple(os.getgroups()))
-            )
-            peer = self._peers[caller] = self._entry.door.guest(credentials, "fleet")
-        return peer
+        Raises:
+            AccessError: nobody admits them.
+        """
+        credentials: Process | ClientCertificate = (
+            ClientCertificate(name, "", math.inf)
+            if self._fleet.is_tls
+            else Process(os.getpid(), os.geteuid(), tuple(os.getgroups()))
+        )
+        identity = self._listener.policy.identify(credentials)
+        if identity is None:
+            raise AccessError(f"nobody admits {name}")
+        return Caller(credentials, "fleet", identity)
 
     def _note_stop(self, header: Header) -> None:
         caller = f"certificate:{header['caller']}" if self._fleet.is_tls else f"user:{os.geteuid()}"
         names = [one["name"] for one in header.get("devices") or ()]
-        self._entry.record_stop("fleet", caller, kind=header["stopped"], devices=names)
+        self._audit.record(
+            event="stopped", origin="fleet", identity=caller, kind=header["stopped"], devices=names
+        )
 
     # What happens
 
@@ -307,6 +321,14 @@ class FleetLink:
     def _lag(self) -> int:
         transport: Any = None if self._writer is None else self._writer.transport
         return 0 if transport is None else int(transport.get_write_buffer_size())
+
+
+async def _nobody_is_told() -> None:
+    """Say nothing: of a single request nobody waits until it is taken."""
+
+
+def _too_large(size: int, most: int) -> MessageSizeError:
+    return MessageSizeError("", f"the message is too large: {size} bytes, at most {most}")
 
 
 def _digests(tls: Mapping[str, Any]) -> list[str]:

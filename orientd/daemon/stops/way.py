@@ -38,7 +38,7 @@ _LOGGED = 1.0
 _MOST_REPEATED = 1000
 
 Record = Callable[..., object]
-"""Records a stop: where whoever stopped came from, who they are, and what they stopped."""
+"""Records a stop, by keywords: its origin, the identity, the kind, devices and times."""
 
 
 @dataclass
@@ -207,7 +207,9 @@ class StopWay:
 
     def _write(self, one: _Repeated, *, times: int) -> None:
         origin, identity = f"unix, process {one.process.pid}", f"user:{one.process.uid}"
-        self._record(origin, identity, kind=one.kind, devices=one.devices, times=times)
+        self._record(
+            origin=origin, identity=identity, kind=one.kind, devices=one.devices, times=times
+        )
         of, who = ", ".join(one.devices), self._name(one.process)
         again = f", {times} times more" if times > 1 else ""
         _log.info("%s: %s by %s%s", of, one.kind, who, again)

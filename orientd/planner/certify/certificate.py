@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from orientd.driver import Figure
+from orientd.mechanism import Figure
 
 
 @dataclass(frozen=True, slots=True)

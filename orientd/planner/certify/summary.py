@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from orientd.curves import METHODS
-from orientd.driver import Figure
+from orientd.mechanism import Figure
 from orientd.planner.certify.certificate import Certificate, Peak
 from orientd.planner.certify.measuring import Peaks
 from orientd.planner.limits import ANGULAR, AXES, UNITS

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         method_from_message,
         outline_from_messages,
     )
-    from orientd.rpc.wire.status import UnreachableError, from_call
+    from orientd.rpc.wire.status import DETAILS_KEY, from_status
     from orientd.rpc.wire.track import report_from_message, target_to_message
 
 __getattr__ = lazily(
@@ -53,8 +53,8 @@ __getattr__ = lazily(
             "outline_from_messages",
         ),
         "orientd.rpc.wire.status": (
-            "UnreachableError",
-            "from_call",
+            "DETAILS_KEY",
+            "from_status",
         ),
         "orientd.rpc.wire.track": (
             "report_from_message",

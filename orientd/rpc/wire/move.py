@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orientd.driver import Figure
+from orientd.mechanism import Figure
 from orientd.planner import Certificate, Peak
 from orientd.rotation import Floats
 from orientd.rpc import control_pb2 as pb

@@ -7,10 +7,8 @@ the same attributes.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
-import grpc
-from google.protobuf.message import DecodeError, Message
+from google.protobuf.message import Message
 from google.rpc import code_pb2, error_details_pb2, status_pb2
 
 from orientd.errors import (
@@ -20,6 +18,7 @@ from orientd.errors import (
     LeaseError,
     LimitError,
     LimitKind,
+    MessageSizeError,
     OrientdError,
     PendingError,
     PlanError,
@@ -46,6 +45,10 @@ _PRECONDITIONS: Mapping[str, type[OrientdError]] = {
     "LEASE": LeaseError,
 }
 
+_REQUESTS: Mapping[type[RequestError], int] = {
+    UnknownNameError: code_pb2.NOT_FOUND,
+    MessageSizeError: code_pb2.RESOURCE_EXHAUSTED,
+}
 
 _CODES: Mapping[type[OrientdError], int] = {
     DeadlineError: code_pb2.DEADLINE_EXCEEDED,
@@ -53,10 +56,6 @@ _CODES: Mapping[type[OrientdError], int] = {
     AccessError: code_pb2.PERMISSION_DENIED,
     TooMuchError: code_pb2.RESOURCE_EXHAUSTED,
 }
-
-
-class UnreachableError(DaemonError):
-    """No call got through to a daemon."""
 
 
 def to_status(error: OrientdError) -> status_pb2.Status:
@@ -71,10 +70,8 @@ def to_status(error: OrientdError) -> status_pb2.Status:
 def _status(error: OrientdError) -> status_pb2.Status:
     message = (str(error).splitlines() or [type(error).__name__])[0][:MAX_MESSAGE_LENGTH]
     if isinstance(error, RequestError):
-        is_unknown = isinstance(error, UnknownNameError)
-        status = status_pb2.Status(
-            code=code_pb2.NOT_FOUND if is_unknown else code_pb2.INVALID_ARGUMENT, message=message
-        )
+        code = _REQUESTS.get(type(error), code_pb2.INVALID_ARGUMENT)
+        status = status_pb2.Status(code=code, message=message)
         bad_request = error_details_pb2.BadRequest()
         bad_request.field_violations.add(
             field=error.field, description=error.problem[:MAX_MESSAGE_LENGTH]
@@ -101,9 +98,9 @@ def from_status(status: status_pb2.Status) -> OrientdError:
 def _exception(status: status_pb2.Status) -> OrientdError:
     bad_request = error_details_pb2.BadRequest()
     if _find(status, bad_request) and bad_request.field_violations:
-        is_unknown = status.code == code_pb2.NOT_FOUND
+        kinds = (kind for kind, code in _REQUESTS.items() if code == status.code)
         first = bad_request.field_violations[0]
-        return (UnknownNameError if is_unknown else RequestError)(first.field, first.description)
+        return next(kinds, RequestError)(first.field, first.description)
     precondition = error_details_pb2.PreconditionFailure()
     if _find(status, precondition) and precondition.violations:
         exception = _PRECONDITIONS.get(precondition.violations[0].type, OrientdError)
@@ -112,40 +109,6 @@ def _exception(status: status_pb2.Status) -> OrientdError:
         if status.code == code:
             return exception(status.message)
     return OrientdError(status.message)
-
-
-def from_call(error: grpc.RpcError, *, where: str) -> OrientdError:
-    """Return the exception for a call that failed.
-
-    Args:
-        error: what gRPC raised.
-        where: the socket, for the message when nobody answers there.
-    """
-    if not isinstance(error, grpc.Call | grpc.aio.AioRpcError):
-        return DaemonError(f"the call to the daemon at {where} failed: {error}")
-    metadata: Any = error.trailing_metadata()
-    for key, content in metadata or ():
-        if key == DETAILS_KEY:
-            status = status_pb2.Status()
-            try:
-                status.ParseFromString(content)
-            except DecodeError:
-                break
-            return from_status(status)
-    code, text = error.code(), " ".join((error.details() or "").split())
-    if code is grpc.StatusCode.UNAVAILABLE:
-        if "/" not in where:
-            return UnreachableError(f"no daemon answers at {where}, or not to this certificate")
-        return UnreachableError(f"no daemon answers at {where}; start one with `orientd run`")
-    if code is grpc.StatusCode.DEADLINE_EXCEEDED:
-        return DaemonError(f"the daemon at {where} did not answer in time")
-    if code is grpc.StatusCode.CANCELLED:
-        return DaemonError("the call was cancelled")
-    if code is grpc.StatusCode.RESOURCE_EXHAUSTED:
-        return RequestError("", f"the message is too large: {text}")
-    if code is grpc.StatusCode.UNIMPLEMENTED:
-        return DaemonError(f"the daemon at {where} is of another version: {text}")
-    return OrientdError(f"the daemon at {where} failed: {text}")
 
 
 def _failed_precondition(error: OrientdError, kind: str, message: str) -> status_pb2.Status:

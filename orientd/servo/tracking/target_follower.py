@@ -13,9 +13,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import ceil, dist, sqrt
 
-from orientd.driver import ZERO, ComingPose, Joints, Quaternion, Vector3
+from orientd.driver import ZERO, Joints, Quaternion, Vector3
 from orientd.floats import combine, exp, multiply, norm, plus
-from orientd.mechanism import Foresight
+from orientd.mechanism import ComingPose, Foresight
 from orientd.servo.guard import Guard
 from orientd.servo.tracking.targets import Target
 from orientd.servo.tracking.tracker import AxisStop, Tracker, TrackPoint

@@ -71,7 +71,7 @@ class Motions:
         self, pose: Datum, a: float = 1.2, v: float = 0.25, t: float = 0.0, r: float = 0.0
     ) -> Ticks:
         tool = self.robot.tool
-        end = from_pose(finite(pose)) if isinstance(pose, Pose) else tool.at(finite(pose))
+        end = self._place(pose)
         tool.joints_at(to_pose(end))  # refused before it moves
         is_interrupted = True
         while is_interrupted:
@@ -85,15 +85,9 @@ class Motions:
         self, pose_via: Datum, pose_to: Datum, a: float = 1.2, v: float = 0.25, r: float = 0.0,
         mode: int = 0,
     ) -> Ticks:  # fmt: skip
-        tool = self.robot.tool
-        via, end = (
-            from_pose(finite(one)) if isinstance(one, Pose) else tool.at(finite(one))
-            for one in (pose_via, pose_to)
-        )
-        begin = tool.at(self.robot.arm.target_q)
-        is_interrupted = yield from self._follow(
-            *self._arc(begin, via[3::4], end, int(mode)), (a, v, 0.0, r)
-        )
+        begin = self.robot.tool.at(self.robot.arm.target_q)
+        path = self._arc(begin, self._place(pose_via)[3::4], self._place(pose_to), int(mode))
+        is_interrupted = yield from self._follow(*path, (a, v, 0.0, r))
         if is_interrupted:  # the rest of an arc that a pause has cut is a line
             yield from self.movel(pose_to, a, v, 0.0, r)
 
@@ -227,6 +221,11 @@ class Motions:
     def _joints(self, target: Datum) -> tuple[float, ...]:
         numbers = finite(target)
         return self.robot.tool.joints_at(numbers) if isinstance(target, Pose) else numbers
+
+    def _place(self, target: Datum) -> Transform:
+        """Return the tool at a pose or at joint angles."""
+        numbers = finite(target)
+        return from_pose(numbers) if isinstance(target, Pose) else self.robot.tool.at(numbers)
 
     def _at_speed(self, step: Callable[[], bool], seconds: float) -> Ticks:
         """Call *step* each cycle, for some time or until it says that the speed is reached."""

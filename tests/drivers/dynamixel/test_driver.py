@@ -251,6 +251,14 @@ def test_fast_reads_are_left_to_servos_that_know_them(rig):
         other.driver.open()
 
 
+def test_fast_reads_begin_with_the_firmware_that_knows_them(rig):
+    it = rig()
+    it.servo(2)._memory[6] = 45
+    it.driver.open()
+    assert it.driver._group._is_fast
+    assert not it.driver.notices()[3:]
+
+
 def test_line_that_is_too_slow_for_the_rate_is_refused(rig):
     it = rig(baud=57600)
     for servo in it.bus.servos:

@@ -24,8 +24,9 @@ def test_every_servo_tells_what_it_measures_and_when(gimbal):
 
 
 def test_reading_health_costs_no_reading_and_no_goal(gimbal):
-    packets, request = [], gimbal.driver._bus.request
-    gimbal.driver._bus.request = lambda rows, **more: (packets.append(rows), request(rows, **more))
+    bus = gimbal.driver._group.bus
+    packets, request = [], bus.request
+    bus.request = lambda rows, **more: (packets.append(rows), request(rows, **more))
     gimbal.seen.clear()
     gimbal.run(401, lambda k: [0.001 * k, 0, 0])
     long = [rows for rows in packets if rows[0][2] == 19]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from emulated_dynamixel import FaultKind, ReplyFault
-from orientd.errors import DeviceError, DeviceFaultError, LinkError
+from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
 from orientd_dynamixel.servo import Servo
 
 MS = 1_000_000
@@ -178,6 +178,28 @@ def test_profile_is_no_faster_than_the_servo_may_be(rig):
     assert [it.value(k, "profile velocity") for k in (1, 2)] == [100, 193]
 
 
+def test_profiles_of_another_program_are_put_right(rig):
+    it = rig()
+    for address in (108, 112):
+        it.servo(1).write(address, (7).to_bytes(4, "little"), it.clock.now_ns())
+    it.driver.open()
+    assert [it.value(1, f"profile {what}") for what in ("acceleration", "velocity")] == [0, 193]
+
+
+def test_others_are_read_on_when_one_has_started_again(rig):
+    it = rig()
+    it.start()
+    it.run(5)
+    it.servo(2).reboot(it.clock.now_ns(), boot_ns=0)
+    with pytest.raises(AxisFaultError, match=r"servo 2 \(pitch\) has started again"):
+        it.run(3)
+    it.run(10)
+    assert it.clock.now_ns() - it.seen[-1].time_ns <= it.period_ns
+    it.servo(3).fail(1 << 0, it.clock.now_ns())
+    with pytest.raises(AxisFaultError, match=r"servo 3 \(roll\) reports input voltage"):
+        it.run(3)
+
+
 def test_setting_that_is_not_taken_is_named(rig):
     it = rig()
     write = it.servo(2).write
@@ -229,7 +251,7 @@ def test_servo_is_asked_four_times_outside_of_the_cycle(rig, kind):
     it = rig()
     it.driver.open()
     servo = it.driver._servos[1]
-    table, bus = servo.table, it.driver._bus
+    table, bus = servo.table, it.driver._group.bus
     for lost, is_told in ((3, True), (4, False)):
         for ask in (lambda: servo.get(table.goal), lambda: servo.put(table.profile_velocity, 9)):
             it.bus.faults.clear()
@@ -310,7 +332,7 @@ def test_bus_of_two_families_gets_the_goals_of_each_at_their_own_address(rig):
     sent, write = [], it.port.writePort
     it.port.writePort = lambda packet: (sent.append(bytes(packet)), write(packet))[1]
     goal = it.driver._servos[0].table.goal
-    it.driver._bus.sync_write([(1, goal, 2050), (2, goal._replace(address=564), 7)])
+    it.driver._group.bus.sync_write([(1, goal, 2050), (2, goal._replace(address=564), 7)])
     assert [packet[8] | packet[9] << 8 for packet in sent] == [116, 564]
     assert [packet[12] for packet in sent] == [1, 2]
 
@@ -358,3 +380,13 @@ def test_driven_servo_is_between_where_it_was_seen_and_where_it_was_sent(rig):
     servo.believe(1950, MS)
     assert servo.doubt(2300, is_driven=True)
     assert "from its goal" in servo.doubt(1900 + 4096, is_driven=True)
+
+
+@pytest.mark.parametrize("drift", [-0.005, 0.005])
+def test_servo_whose_clock_drifts_is_believed_for_ever(rig, drift):
+    it = rig(rate_hz=50, is_paced=False)
+    it.start()
+    for _ in range(2000):
+        it.servo(2)._boot_ns += round(drift * it.period_ns)
+        it.cycle()
+    assert it.driver._group.lost == 0

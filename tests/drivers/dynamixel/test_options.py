@@ -34,6 +34,72 @@ def test_axis_takes_eighty_percent_of_the_speed_without_load():
     assert parse(GOOD).axes[0].velocity == pytest.approx(0.8 * 46 * math.tau / 60)
 
 
+def test_gear_makes_an_axis_slower():
+    yaw, pitch, _ = parse({**GOOD, "axes": [{"id": 1, "gear": 2.0}, {"id": 2}, {"id": 3}]}).axes
+    assert yaw.velocity == pytest.approx(pitch.velocity / 2)
+
+
+@pytest.mark.parametrize(
+    ("name", "least", "most"),
+    [
+        ("watchdog_ms", 0, 2540),
+        ("roll_tolerance_deg", 0, 180),
+        ("follow_tolerance_deg", 0.1, 360),
+        ("arrival_tolerance_deg", 0.1, 360),
+        ("follow_time", 0.01, 10),
+        ("max_losses", 1, 1000),
+        ("latency_ms", 0.1, 1000),
+        ("max_deviation_deg", 0, 45),
+    ],
+)
+def test_numbers_are_within_their_ranges(name, least, most):
+    settings = parse(GOOD)
+    for value in (least, most):
+        taken = getattr(parse({**GOOD, name: value}), name.removesuffix("_deg"))
+        assert taken == pytest.approx(math.radians(value) if name.endswith("_deg") else value)
+    for value in (least - 0.05, most + 0.05):
+        with pytest.raises(ValueError, match=f"{name} must be a number from"):
+            parse({**GOOD, name: value})
+    assert hasattr(settings, name.removesuffix("_deg"))
+
+
+def test_defaults_are_those_of_the_documentation():
+    settings = parse(GOOD)
+    assert (settings.watchdog_ms, settings.max_losses, settings.latency_ms) == (500, 10, 16.0)
+    assert (settings.follow_time, settings.max_deviation, settings.allow_slews) == (0.3, 0.0, False)
+    angles = (settings.roll_tolerance, settings.follow_tolerance, settings.arrival_tolerance)
+    assert np.rad2deg(angles) == pytest.approx([1.0, 15.0, 2.0])
+    assert (settings.baud, settings.order, settings.at_end) == (1_000_000, "ZYX", "release")
+    assert (settings.fast_read, settings.turns_file, settings.park) == ("auto", None, None)
+    assert (settings.pointing, settings.overwrite) == (False, frozenset())
+    axis = settings.axes[0]
+    assert np.rad2deg([axis.low, axis.high, axis.zero]) == pytest.approx([-180, 180, 0])
+    assert (axis.gear, axis.direction, axis.acceleration) == (1.0, 1, pytest.approx(40.0))
+    assert parse({**GOOD, "order": "ZY", "axes": [{"id": 0}, {"id": 252}]}).pointing is True
+
+
+@pytest.mark.parametrize(
+    ("name", "least", "most", "beyond"),
+    [
+        ("gear", 1e-3, 1e3, (9e-4, 1001)),
+        ("acceleration_deg", 1.0, 1e5, (0.9, 1.1e5)),
+        ("current_limit", 0.00269, 4, (0.0026, 4.01)),
+        ("velocity_deg", 0.1, 275.9, (0.0, 276.1)),
+        ("id", 0, 252, (-1, 253)),
+    ],
+)
+def test_numbers_of_an_axis_are_within_their_ranges(name, least, most, beyond):
+    def axis(value):
+        row = {"id": 1, "limits_deg": [-0.01, 0.01], name: value}
+        return parse({**GOOD, "axes": [row, {"id": 5}, {"id": 6}]}).axes[0]
+
+    for value in (least, most):
+        assert axis(value)
+    for value in beyond:
+        with pytest.raises(ValueError, match=rf"axes\[0\].{name}"):
+            axis(value)
+
+
 def test_two_axes_about_the_same_letter_have_different_names():
     assert [axis.name for axis in parse({**GOOD, "order": "ZYZ"}).axes] == ["z", "y", "z2"]
 
@@ -69,6 +135,20 @@ def test_an_endless_axis_goes_as_far_as_its_servo_counts(gear):
         ({"axes": [{"id": 1, "direction": 2}, {}, {}]}, "direction must be one of 1, -1"),
         ({"axes": [{"id": 1, "gear": math.nan}, {}, {}]}, "gear must be a number"),
         ({"park_deg": [0, 0]}, "park_deg must be 3 numbers"),
+        ({"park_deg": [0, -190, 0]}, "park_deg must be inside the limits of y, got"),
+        ({"park_deg": 3}, "park_deg must be 3 numbers, got 3"),
+        ({"turns_file": 3}, "turns_file must be a path, or empty for none, got 3"),
+        ({"port": 3}, "port must be the path of a serial port, got 3"),
+        ({"order": 3}, "order must be two or three"),
+        ({"order": "Z"}, "order must be two or three"),
+        ({"order": "ZYXZ"}, "order must be two or three"),
+        ({"order": "ZYA"}, "order must be two or three"),
+        ({"axes": 3}, "axes must be 3 tables, one for each of ZYX, got 3"),
+        ({"axes": [{"id": 1}, 3, {"id": 2}]}, r"axes\[1\] must be a table, got 3"),
+        ({"axes": [{"id": 1, "name": ""}, {}, {}]}, r"axes\[0\].name must be a text"),
+        ({"axes": [{"id": 1, "limits_deg": [5, 5]}, {}, {}]}, "the lower angle first"),
+        ({"axes": [{"id": 1, "limits_deg": [0, 91_801]}, {}, {}]}, "within 255 turns"),
+        ({"overwrite": "drive_mode"}, "overwrite must be true, false or a list"),
         ({"park_deg": [0, 0, 190]}, "park_deg must be inside the limits of x, got .*190"),
         ({"overwrite": [["drive_mode"]]}, "overwrite must be true, false or a list"),
         ({"at_end": "drop"}, "at_end must be one of release, hold"),
@@ -119,6 +199,19 @@ class HighServo(EmulatedServo):
             int.from_bytes(content[k : k + 2], "little") + by for k in range(0, len(content), 2)
         ]
         return b"".join(entry.to_bytes(2, "little") for entry in entries)
+
+
+def test_park_may_be_at_a_limit():
+    parked = parse({**GOOD, "park_deg": [180, -180, 0]}).park
+    assert np.rad2deg(parked) == pytest.approx([180, -180, 0])
+
+
+@pytest.mark.parametrize(
+    ("given", "taken"),
+    [(True, {"homing_offset", "drive_mode", "operating_mode"}), (["drive_mode"], {"drive_mode"})],
+)
+def test_overwrite_takes_all_or_what_is_named(given, taken):
+    assert parse({**GOOD, "overwrite": given}).overwrite == taken
 
 
 @pytest.mark.parametrize("name", [name for name in MODELS if name not in EMULATED])

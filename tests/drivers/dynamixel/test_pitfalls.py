@@ -304,7 +304,7 @@ def test_12_goal_that_holds_a_header_is_moved_by_a_tick(rig):
     assert axis.ticks(axis.angle(-131_075)) == -131_075
     goal = X430.table.goal
     with pytest.raises(ValueError, match="holds a packet header"):
-        it.driver._bus.sync_write([(1, goal, -131_073), (2, goal, 0)])
+        it.driver._group.bus.sync_write([(1, goal, -131_073), (2, goal, 0)])
 
 
 def test_12_sdk_sends_that_goal_unstuffed(monkeypatch):

@@ -157,6 +157,36 @@ def test_file_has_its_room_on_the_disk_before_anything_is_noted(tmp_path):
     assert (tmp_path / "turns").stat().st_blocks > 0
 
 
+def test_whoever_deletes_the_file_begins_anew(rig, tmp_path):
+    it = turned_without_power(rig, tmp_path, 720, 400, 100)
+    with pytest.raises(DeviceFaultError, match=r"delete .*turns, then reset"):
+        it.driver.enable()
+    (tmp_path / "turns").unlink()
+    it.driver.disable()
+    it.driver.reset()
+    assert math.degrees(it.driver.enable().joints[0]) == pytest.approx(140, abs=1.0)
+
+
+def test_file_of_another_gimbal_is_not_believed(rig, tmp_path):
+    it = started(rig, tmp_path / "turns")
+    turn_to(it, 400)
+    it.driver.close()
+    other = rig("ZY", axes=[{**AXES[0], "id": 2}, {**AXES[1], "id": 1}],
+                turns_file=str(tmp_path / "turns"))  # fmt: skip
+    assert other.start().joints == pytest.approx((0.0, 0.0), abs=0.01)
+
+
+@pytest.mark.parametrize("moved", [0.0, 43.0, -43.0])
+def test_turns_without_a_file_are_known_as_long_as_the_process_lives(rig, moved):
+    it = rig("ZY", axes=AXES, turns_file="", rate_hz=100)
+    it.start()
+    turn_to(it, 500)
+    cut_power(it, by_hand=moved)
+    it.driver.disable()
+    it.driver.reset()
+    assert math.degrees(it.driver.enable().joints[0]) == pytest.approx(500 + moved, abs=1.0)
+
+
 def test_file_that_cannot_be_written_is_named(rig, tmp_path):
     it = rig("ZY", axes=AXES, turns_file=str(tmp_path))
     with pytest.raises(DeviceFaultError, match=r"cannot be remembered in .*turns_file"):

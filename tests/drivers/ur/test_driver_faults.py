@@ -237,7 +237,7 @@ def test_silent_controller_is_named_when_opening(ur_robot):
     device.launch()
     try:
         assert not device.wait_ready(20.0)
-        assert "data packages did not come" in device.failure
+        assert "did not send data packages" in device.failure
     finally:
         device.shutdown()
 

@@ -54,7 +54,7 @@ def test_devices_and_addresses_need_a_restart():
 
 def fleet_link(of):
     pytest.importorskip("zenoh")
-    parts = dict.fromkeys(("entry", "gate", "state", "journal"))
+    parts = dict.fromkeys(("listener", "serve", "audit", "state", "journal"))
     return FleetLink(of, Path("/run/x.sock"), service="orientd.v1.Control", **parts)
 
 
@@ -87,20 +87,20 @@ def test_settings_that_the_cell_refuses_change_nothing(caplog):
     daemon = _Daemon(settings(), Path("x"), "", settings, lambda *_: None, needs_devices=False)
     daemon._fleet = SimpleNamespace(configured=refuse)
     with caplog.at_level(logging.ERROR):
-        daemon._reload(cell=None, entry=None)
+        daemon._reload(cell=None, listener=None, authorization=None)
     assert caplog.messages == ["reload: nothing changed: fleet.key: missing"]
 
 
 def test_a_port_of_metrics_that_was_in_use_is_tried_again_by_the_next_reload(caplog):
     pytest.importorskip("prometheus_client")
     cell = SimpleNamespace(bound=lambda _: None, devices={}, listeners=[])
-    entry = SimpleNamespace(change=lambda *_: None, checkpoint=SimpleNamespace())
+    listener = SimpleNamespace(change=lambda *_: None)
     with caplog.at_level(logging.ERROR), socket.create_server(("127.0.0.1", 0)) as taken:
         after = settings(metrics={"port": taken.getsockname()[1]})
         daemon = _Daemon(settings(), Path("x"), "", lambda: after, lambda *_: None, False)
-        daemon._reload(cell, entry)
+        daemon._reload(cell, listener, SimpleNamespace())
         assert "cannot listen" in caplog.text
         taken.close()
-        daemon._reload(cell, entry)
+        daemon._reload(cell, listener, SimpleNamespace())
     assert daemon._telemetry is not None
     daemon._telemetry.close()

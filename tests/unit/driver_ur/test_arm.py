@@ -18,11 +18,13 @@ from orientd_ur.arm import MODELS
 from orientd_ur.kinematics import nearest_turns
 
 UR5E = MODELS["ur5e"].arm()
-forward, inverse, reserve = (
-    UR5E.kinematics.forward,
-    UR5E.kinematics.inverse,
-    UR5E.kinematics.reserve,
-)
+forward, inverse = UR5E.kinematics.forward, UR5E.kinematics.inverse
+
+
+def reserve(joints):
+    return {one.name: one.value for one in UR5E.reserve(joints)}
+
+
 HOME = (0.0, -math.pi / 2, 1.4, -1.4, -math.pi / 2, 0.0)
 
 

@@ -1,6 +1,8 @@
 """The driver's cycle, cycle by cycle, against a stand-in for the client library."""
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from fake_library import HOST, JOINTS, FakeRobot
@@ -10,6 +12,7 @@ from orientd.errors import DeviceFaultError, FeedbackError, LinkError, SpentLink
 from orientd.floats import exp, log, multiply
 from orientd_ur.arm import MODELS
 from orientd_ur.controller import RuntimeState
+from orientd_ur.kinematics import Kinematics
 from orientd_ur.link import VARIABLES
 
 MS = 1_000_000
@@ -552,6 +555,16 @@ def test_polyscope_x_is_asked_nothing_at_a_dashboard(robot, monkeypatch):
         robot.driver().enable()
 
 
+def test_frozen_controller_is_not_waited_for_in_a_fault(robot):
+    driver, _ = enabled(robot, feedback_timeout=0.1, link_timeout=2.0)
+    cycle(driver)
+    driver.rest_in_fault()
+    robot.is_frozen = True
+    for _ in range(2):
+        cycle(driver, ms=80)
+    assert len(robot.called("stopScript")) == 1
+
+
 # Taking control
 
 
@@ -630,3 +643,51 @@ def test_end_of_the_process_is_explained_by_its_signal(robot):
     assert driver.why_ended(9) == ""
     assert driver.why_stale() == ""
     assert driver.deadline_shift_ns(0) == 0
+
+
+def listening(robot, *, heard=None, silence_ms=None):
+    driver, _ = enabled(robot, feedback_timeout=0.1)
+    silence = None if silence_ms is None else silence_ms * MS
+    driver._listener = SimpleNamespace(heard=lambda: heard, silence_ns=lambda: silence)
+    return driver
+
+
+def test_deadlines_move_towards_a_quarter_of_a_cycle_behind_the_data(robot):
+    now = 10**12
+    assert listening(robot).deadline_shift_ns(now) == 0
+    # A sixteenth of what is missing, by the shorter way round.
+    assert listening(robot, heard=(100.0, now)).deadline_shift_ns(now) == 500_000 // 16
+    late = listening(robot, heard=(100.0, now))
+    assert late.deadline_shift_ns(now + 700_000) == -200_000 // 16
+
+
+@pytest.mark.parametrize(
+    ("silence_ms", "words"),
+    [
+        (None, "feedback from 127.0.0.9 for 0.180 s"),
+        (59, "arrived 59 ms ago, so this machine was too busy to take it in"),
+        (61, "arrived 61 ms ago, so the controller or the network is late"),
+    ],
+)
+def test_missing_feedback_is_said_to_be_late_by_whose_fault(robot, silence_ms, words):
+    driver = listening(robot, silence_ms=silence_ms)
+    cycle(driver)
+    robot.is_frozen = True
+    for _ in range(2):
+        driver.clock.advance(45 * MS)
+        driver.read()
+    with pytest.raises(FeedbackError, match=words):
+        cycle(driver, ms=90)
+
+
+def test_servo_looks_ahead_with_the_published_lengths_and_the_tool_as_it_is_seen(
+    robot, monkeypatch
+):
+    links = MODELS["ur5e"].links
+    own = links.table._replace(theta=(1e-3,) * 6)
+    calibrated = replace(MODELS["ur5e"].arm(), kinematics=Kinematics(links, own))
+    monkeypatch.setattr("orientd_ur.robot.ask", lambda *_: calibrated)
+    driver, start = enabled(robot)
+    arm = driver.mechanism(may_ask=False)
+    assert not arm.kinematics.is_calibrated
+    assert arm.forward(JOINTS)[1] == pytest.approx(start.position)

@@ -22,9 +22,11 @@ def framed(kind, contents):
     return struct.pack(">iB", 5 + len(contents), kind) + contents
 
 
-def configuration(a, d, twists=TWISTS, *, speeds=(2.0,) * 6, most=math.tau, kind=2):
+def configuration(
+    a, d, twists=TWISTS, *, speeds=(2.0,) * 6, most=math.tau, kind=2, acceleration=40.0
+):
     numbers = [x for _ in range(6) for x in (-most, most)]
-    numbers += [x for speed in speeds for x in (speed, 40.0)]
+    numbers += [x for speed in speeds for x in (speed, acceleration)]
     numbers += [0.0] * 5 + [*a, *d, *twists, *[0.0] * 6]
     return framed(6, struct.pack(">53d4i", *numbers, 2, 0, kind, 0) + b"appended later")
 
@@ -78,6 +80,18 @@ def test_model_is_known_and_never_faster_than_published(told):
     assert ranges(arm) == [(-math.tau, math.tau)] * 6
     fast = framed(16, configuration(UR10E_A, UR10E_D, speeds=(9.0,) * 6))
     assert tuple(speeds(told(fast, without, without))) == MODELS["ur10e"].speeds
+
+
+@pytest.mark.parametrize(("told_as", "taken"), [(25.0, 25.0), (0.0, 40.0)])
+def test_acceleration_of_the_joints_is_what_the_controller_says_if_it_does(told, told_as, taken):
+    state = framed(16, configuration(UR10E_A, UR10E_D, acceleration=told_as))
+    assert [axis.acceleration for axis in told(state, state, state).axes] == [taken] * 6
+
+
+@pytest.mark.parametrize(("said", "most"), [(3.0, 3.0), (9.0, math.tau), (0.0, math.tau)])
+def test_range_of_the_joints_is_never_more_than_published(told, said, most):
+    state = framed(16, configuration(UR10E_A, UR10E_D, most=said))
+    assert ranges(told(state, state, state)) == [(-most, most)] * 6
 
 
 def test_calibration_of_the_arm_is_taken(told):

@@ -46,6 +46,7 @@ def test_series_without_a_feature_never_has_it():
     assert not said.has("is in remote control", (3, 99, 0, 0))
     assert not said.has("is in remote control", (10, 99, 0, 0))
     assert not said.has("a dashboard server", (10, 11, 0, 0))
+    assert all(said.has("a dashboard server", one) for one in ((3, 4, 0, 0), (5, 4, 0, 0)))
 
 
 def test_emulated_robot_of_any_version_has_what_the_driver_takes_it_to_have():

@@ -1,56 +1,17 @@
 """Connections to a controller, against a peer that answers whatever the test says."""
 
-import contextlib
-import itertools
-import os
 import socket
 import struct
-import threading
 import time
 
 import pytest
+from peers import package
 
 from orientd.errors import LinkError
 from orientd_ur.timing import TickListener
 from orientd_ur.wire import DASHBOARD_PORT, RTDE_PORT, Connection, Dashboard, RtdeClient, take
 
-_numbers = itertools.count(1)
 HEADER = struct.Struct(">HB")
-
-
-def package(kind, payload=b""):
-    return struct.pack(">HB", 3 + len(payload), ord(kind)) + payload
-
-
-@pytest.fixture
-def peer():
-    """Serve a port on an address of its own, and send one answer for everything that comes."""
-    run, number = os.getpid(), next(_numbers)
-    host, heard, threads = f"127.97.{run % 250 + 1}.{number % 250 + 1}", [], []
-
-    def serve(port, *answers, pause=0.0):
-        server = socket.create_server((host, port))
-
-        def run():
-            with server, server.accept()[0] as client, contextlib.suppress(OSError):
-                for answer in answers:
-                    if answer is None:
-                        client.recv(4096)
-                        continue
-                    for chunk in answer if isinstance(answer, list) else [answer]:
-                        client.sendall(chunk)
-                        time.sleep(pause)
-                    heard.append(client.recv(4096))
-                client.settimeout(2.0)
-                client.recv(1)
-
-        threads.append(threading.Thread(target=run))
-        threads[-1].start()
-        return host, heard
-
-    yield serve
-    for thread in threads:
-        thread.join()
 
 
 def rtde(peer, *answers):

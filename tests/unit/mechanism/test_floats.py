@@ -8,7 +8,7 @@ from gimbals import forward, gimbal_of
 from reference.gimbal import jacobian
 
 from orientd.driver import AxisLimits
-from orientd.mechanism.routing import plan_axes
+from orientd.mechanism.gimbal_route import plan_axes
 from orientd.rotation import angle, exp, multiply
 
 ORDERS = ["ZYX", "ZXY", "XYZ", "ZYZ", "ZXZ", "ZY", "ZX", "XY", "YX"]

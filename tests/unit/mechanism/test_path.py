@@ -9,9 +9,9 @@ from reference.gimbal import damped_rates, jacobian
 
 from orientd.driver import AxisLimits
 from orientd.errors import LimitError, PlanError, StartError
-from orientd.mechanism.joint_path import UNLIMITED, ToolLimits
+from orientd.mechanism.gimbal_route import manipulability, plan_axes
+from orientd.mechanism.joint_path import ToolLimits
 from orientd.mechanism.joint_path import rates as rates_after
-from orientd.mechanism.routing import manipulability, plan_axes
 from orientd.rotation import angle, exp, from_axis_angle, from_matrix, log, multiply
 
 PERIOD = 0.005
@@ -29,7 +29,7 @@ def passing(miss_deg, rate_deg=15.0, half=4.0):
     return multiply(turn, from_matrix(frame))
 
 
-def planned(order, q, axes, *, start=None, tool=UNLIMITED, **policy):
+def planned(order, q, axes, *, start=None, tool=None, **policy):
     start = None if start is None else np.array(start, dtype=float)
     gimbal = gimbal_of(order, axes=axes, is_pointing=True, **policy)
     return plan_axes(gimbal, q, PERIOD, start=start, tool=tool)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from orientd import load_motion, planner
-from orientd.driver import AxisLimits, Figure
+from orientd.driver import AxisLimits
 from orientd.errors import LimitError, OrientdError
+from orientd.mechanism import Figure
 from orientd.mechanism.joint_path import JointPath
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify import joint_brake

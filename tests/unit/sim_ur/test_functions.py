@@ -171,6 +171,16 @@ def test_joint_speeds_are_taken_on_and_kept(robot):
     assert robot.told
 
 
+def test_a_speed_is_kept_for_as_many_cycles_as_its_time_has(robot):
+    run(robot, "  speedj([0.1, 0, 0, 0, 0, 0], 0.5, 0.02)\n  textmsg(1)\n  sleep(1)", 0)
+    rates = []
+    while not robot.told:
+        robot.tick()
+        rates.append(robot.arm.target_qd[0])
+    assert rates[:10] == pytest.approx([0.5 * 0.002 * k for k in range(1, 11)])
+    assert len(rates) == 11  # the last one said that the ten are over
+
+
 def test_a_speed_without_a_time_ends_once_it_is_reached(robot):
     run(robot, "  speedl([0, 0, -0.05, 0, 0, 0], 0.25)\n  textmsg(1)\n  sleep(1)", 95)
     assert not robot.told  # 0.2 s, 100 cycles
@@ -209,16 +219,31 @@ def test_a_stop_brakes_as_asked(robot):
 
 
 def test_the_arm_gives_way_to_force_mode_until_it_touches(robot):
-    z = robot.tool.pose("target_TCP_pose")[2]
+    begun = robot.tool.pose("target_TCP_pose")
+    z = begun[2]
     frame, limits = "p[0,0,0,0,0,0]", "[0.1, 0.1, 0.03, 1, 1, 1]"
     run(
         robot, f"  force_mode({frame}, [0,0,1,0,0,0], [9,0,-5,0,0,0], 2, {limits})\n  sleep(9)", 500
     )
     moved = robot.tool.pose("target_TCP_pose")
     assert moved[2] - z == pytest.approx(-0.03 * 1.0, abs=0.001)
+    assert moved[:2] == pytest.approx(begun[:2])
     robot.is_touching = True
     tick(robot, 50)
     assert robot.tool.pose("target_TCP_pose")[2] == pytest.approx(moved[2], abs=1e-3)
+
+
+def test_force_mode_turns_the_tool_about_an_axis_of_its_frame(robot):
+    begun = Rotation.from_rotvec(robot.tool.pose("target_TCP_pose")[3:])
+    frame, limits = "p[0,0,0,0,0,1.5707963267948966]", "[1, 1, 1, 9, 9, 9]"
+    run(
+        robot,
+        f"  force_mode({frame}, [0,0,0,0,1,0], [0,0,0,9,0.2,9], 2, {limits})\n  sleep(9)",
+        252,
+    )
+    turned = Rotation.from_rotvec(robot.tool.pose("target_TCP_pose")[3:]) * begun.inv()
+    # Its second axis is the base's first, the other way round: 0.5 rad/s for each Nm.
+    assert turned.as_rotvec() == pytest.approx((-0.5 * 0.2 * 0.5, 0, 0), abs=1e-3)
 
 
 def test_somebody_moves_a_free_arm(robot):
@@ -256,6 +281,23 @@ def test_power_comes_step_by_step_and_not_during_a_stop(robot):
     tick(robot, 200)
     assert robot.robot_mode is RobotMode.POWER_OFF
     assert robot.value("joint_mode") == (239,) * 6
+
+
+def test_power_that_is_taken_on_its_way_stays_off(robot):
+    robot.power_off()
+    robot.power_on()
+    tick(robot, 5)
+    robot.power_off()
+    tick(robot, 200)
+    assert robot.robot_mode is RobotMode.POWER_OFF
+    robot.power_on()
+    tick(robot, 60)
+    assert (robot.robot_mode, robot.value("joint_mode")) == (RobotMode.IDLE, (255,) * 6)
+
+
+def test_popup_of_the_dashboard_only_tells(robot):
+    dashboard.reply(robot, "popup hello")
+    assert robot.events[-1] == ("popup", "hello", "Popup", (False, False, False))
 
 
 def test_a_severe_state_gives_way_to_no_milder_one(robot):
@@ -373,6 +415,19 @@ def test_sockets_send_and_receive(robot):
     peer.join(5.0)
     sent = b"a\n" + struct.pack(">i", -2) + b"\x2cz" + b"p[1, 2, 3, 0, 0, 0]SET speed 3\n"
     assert peer.heard == sent + b"GET speed\n"
+
+
+def test_a_read_waits_for_two_seconds_unless_it_is_told_otherwise(robot):
+    peer = Peer()
+    robot.upload(
+        f'def p():\n  socket_open("127.0.0.1", {peer.port})\n  textmsg("open")\n'
+        "  socket_read_line()\n  textmsg(1)\nend\n"
+    )
+    until(robot, lambda: robot.told)
+    begun = robot.ticks
+    until(robot, lambda: len(robot.told) == 2)
+    assert robot.ticks - begun == pytest.approx(1000, abs=2)
+    peer.join(5.0)
 
 
 def test_a_socket_that_nobody_listens_on_is_not_opened(robot):

@@ -8,7 +8,7 @@ import pytest
 
 from orientd.config import AccessSettings, Role
 from orientd.daemon.access.identity import ClientCertificate, Process, RolePolicy
-from orientd.daemon.access.peer_credentials import peer_process
+from orientd.daemon.access.peer import peer_process
 from orientd.errors import ConfigError, RequestError
 
 LATER = time.time() + 3600.0

@@ -1,0 +1,362 @@
+"""The listener: clients connect here, and are identified before they are heard.
+
+The kernel says which user is at the other end of a Unix socket (``SO_PEERCRED``), the certificate
+of the TLS handshake who comes over TCP.  Whoever no table admits is hung up on.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import resource
+import socket
+import ssl
+from collections.abc import Awaitable, Callable, Coroutine
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from orientd.config import AccessSettings, TcpSettings
+from orientd.daemon.access.audit import AuditLog
+from orientd.daemon.access.connection import Connection, Meet, Serve
+from orientd.daemon.access.identity import (
+    Caller,
+    ClientCertificate,
+    Credentials,
+    RolePolicy,
+    user_name,
+)
+from orientd.daemon.access.peer import peer_process
+from orientd.daemon.access.tls import peer_certificate, server_context
+from orientd.errors import AccessError, ConfigError, DaemonError
+
+_log = logging.getLogger(__name__)
+
+HANDSHAKE_TIMEOUT = 5.0
+"""How long a TLS handshake may take from the connection on, s."""
+
+MOST_HANDSHAKES = 256
+"""Clients over TCP that have not shown a certificate yet; for one more the oldest is given up."""
+
+SILENCE = 15
+"""After so long a client over TCP that the network has lost is hung up on, s."""
+
+_OTHER_DESCRIPTORS = 200
+_BACKLOG = 1024  # a client that finds it full gives up at once
+_AGAIN = 0.1  # s before another is accepted where there was no descriptor for one
+
+
+Receive = Callable[[socket.socket], Awaitable[bool]]
+"""Receives a connection; says whether it is served."""
+
+
+@dataclass(frozen=True)
+class _Tables:
+    """Who may come in: roles, and what TLS is spoken with."""
+
+    policy: RolePolicy
+    context: ssl.SSLContext | None = None
+    revocations: bytes = b""
+
+    @classmethod
+    def read(cls, access: AccessSettings, tcp: TcpSettings | None) -> _Tables:
+        """Return the tables of the settings, and of the files that they name.
+
+        Raises:
+            ConfigError: the settings name what is not there.
+        """
+        if tcp is None:
+            return cls(RolePolicy(access))
+        policy, context = RolePolicy(access, tcp.revoked), server_context(tcp)
+        try:
+            revocations = b"" if tcp.crl is None else tcp.crl.read_bytes()
+        except OSError as error:
+            raise ConfigError(f"tcp.crl: cannot read {tcp.crl}: {error.strerror}") from error
+        return cls(policy, context, revocations)
+
+
+class Listener:
+    """Let in whom the settings admit, and serve them."""
+
+    def __init__(
+        self, access: AccessSettings, tcp: TcpSettings | None, serve: Serve, audit: AuditLog
+    ) -> None:
+        """Let nobody in yet.
+
+        Args:
+            access: roles and limits.
+            tcp: the way in over TCP, if there is one.
+            serve: serves each call.
+            audit: records who is refused.
+
+        Raises:
+            ConfigError: the settings name what is not there.
+        """
+        self._access, self._tcp = access, tcp
+        self._tables = _Tables.read(access, tcp)
+        self._serve, self._audit = serve, audit
+        self._path: Path | None = None
+        self._listeners: list[socket.socket] = []
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._handshakes: list[asyncio.Task[bool]] = []
+        self._known_users: set[int] = set()
+        self._connections: dict[Connection, None] = {}
+
+    @property
+    def policy(self) -> RolePolicy:
+        """Who may do what at present."""
+        return self._tables.policy
+
+    async def open(self, path: Path) -> None:
+        """Listen at the Unix socket *path*, and for TLS where the settings say.
+
+        Raises:
+            DaemonError: that is not possible.
+        """
+        self._known_users = {0, os.geteuid(), *self.policy.tables()["users"]}
+        await asyncio.to_thread(lambda: list(map(user_name, self._known_users)))
+        listener = socket.socket(socket.AF_UNIX)
+        before = os.umask(0o177)
+        try:
+            listener.bind(str(path))
+        except OSError as error:
+            listener.close()
+            raise DaemonError(f"cannot listen at {path}: {error.strerror}") from error
+        finally:
+            os.umask(before)
+        self._path = path
+        self._let_reach()
+        self._accept_at(listener, self._from_unix)
+        if self._tcp is not None:
+            host, port = self._tcp.host_and_port
+            try:
+                family = socket.AF_INET6 if ":" in host else socket.AF_INET
+                listener = socket.create_server((host, port), family=family, backlog=_BACKLOG)
+            except OSError as error:
+                problem = error.strerror or str(error)
+                raise DaemonError(f"cannot listen at {host}:{port}: {problem}") from error
+            _log.info("listens at %s:%d too, with TLS", host, listener.getsockname()[1])
+            self._accept_at(listener, self._from_tcp)
+
+    def change(self, access: AccessSettings, tcp: TcpSettings | None) -> None:
+        """Go by other roles and certificates from now on; what cannot change stays.
+
+        This neither opens nor closes the way in over TCP.  If the revocation list is another one,
+        everybody who came in that way is hung up on, and may come again.
+
+        Raises:
+            ConfigError: the settings name what is not there; then nothing has changed.
+        """
+        present = None if self._tcp is None else tcp or self._tcp
+        tables, before = _Tables.read(access, present), self._tables
+        self._tcp, self._tables = present, tables
+        self._let_reach()
+        for connection in list(self._connections):
+            caller = connection.caller
+            now = tables.policy.identify(caller.credentials)
+            if now is None:
+                self._refuse(caller.origin, f"{caller.identity.name} is admitted no more")
+                connection.hang_up()
+            elif isinstance(caller.credentials, ClientCertificate) and (
+                tables.revocations != before.revocations
+            ):
+                # Only the handshake asks whether a certificate is on the list.
+                connection.hang_up()
+            else:
+                caller.identity = now
+
+    async def close(self, grace: float = 0.0) -> None:
+        """Let nobody in any more, wait *grace* s for calls to end, then hang up on everybody."""
+        for task in self._tasks:
+            task.cancel()
+        for listener in self._listeners:
+            listener.close()
+        self._listeners.clear()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await asyncio.gather(*[one.ends_within(grace) for one in self._connections])
+        for connection in list(self._connections):
+            connection.hang_up()
+
+    # How
+
+    def _let_reach(self) -> None:
+        """Let others open the socket if any may come in; who they are is asked then."""
+        if self._path is not None:
+            self._path.chmod(0o666 if self.policy.admits_others else 0o600)
+
+    def _refuse(self, origin: str, problem: str) -> None:
+        _log.warning("refused %s: %s", origin, problem)
+        self._audit.record(event="refused", origin=origin, text=problem)
+
+    def _accept_at(self, listener: socket.socket, receive: Receive) -> None:
+        listener.listen(_BACKLOG)
+        listener.setblocking(False)
+        self._listeners.append(listener)
+        self._spawn(self._accept(listener, receive))
+
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
+
+    async def _accept(self, listener: socket.socket, receive: Receive) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            try:
+                accepted, _ = await loop.sock_accept(listener)
+            except OSError as error:  # of a client that is gone, or for want of a descriptor
+                _log.warning("cannot accept a connection: %s", error)
+                await asyncio.sleep(_AGAIN)
+                continue
+            self._spawn(self._receive(accepted, receive))
+
+    async def _receive(self, accepted: socket.socket, receive: Receive) -> None:
+        """Have a connection received, and close it unless it is served."""
+        is_served = False
+        try:
+            is_served = await receive(accepted)
+        except (OSError, AccessError) as error:  # ssl's errors are OSErrors
+            reason = getattr(error, "reason", None) or str(error) or type(error).__name__
+            self._refuse(_origin(accepted), str(reason))
+        finally:
+            if not is_served:
+                accepted.close()
+
+    async def _from_unix(self, accepted: socket.socket) -> bool:
+        process = peer_process(accepted)
+        if process.uid not in self._known_users:
+            # A directory of users may be asked for the name, which may take its time.
+            await asyncio.to_thread(user_name, process.uid)
+            self._known_users.add(process.uid)
+        caller = self._caller(process, f"unix, process {process.pid}")
+        connection = self._connection(lambda _: caller)
+        connection.waiting = asyncio.current_task()
+        self._enter(connection, caller)
+        is_served = False
+        try:
+            if await _has_spoken(accepted):
+                connection.waiting = None
+                loop = asyncio.get_running_loop()
+                await loop.connect_accepted_socket(lambda: connection, accepted)
+                is_served = True
+        finally:
+            if not is_served:
+                self._connections.pop(connection, None)
+        return is_served
+
+    async def _from_tcp(self, accepted: socket.socket) -> bool:
+        loop, origin = asyncio.get_running_loop(), _origin(accepted)
+        if len(self._handshakes) >= MOST_HANDSHAKES:
+            self._handshakes.pop(0).cancel()
+        task: Any = asyncio.current_task()
+        self._handshakes.append(task)
+        try:
+            async with asyncio.timeout(HANDSHAKE_TIMEOUT):
+                # TLS takes a quarter of a megabyte for each connection, which silence is not worth.
+                if not await _has_spoken(accepted):
+                    return False
+                _keep_alive(accepted)
+
+                def meet(transport: asyncio.BaseTransport) -> Caller | None:
+                    try:
+                        certificate = peer_certificate(transport.get_extra_info("ssl_object"))
+                        caller = self._caller(certificate, origin)
+                        self._enter(connection, caller)
+                    except (AccessError, ValueError) as error:
+                        self._refuse(origin, str(error))
+                        return None
+                    return caller
+
+                connection = self._connection(meet)
+                await loop.connect_accepted_socket(
+                    lambda: connection, accepted, ssl=self._tables.context
+                )
+        except TimeoutError as error:
+            raise OSError(f"handshake: not done within {HANDSHAKE_TIMEOUT:g} s") from error
+        finally:
+            with contextlib.suppress(ValueError):  # given up for a later one
+                self._handshakes.remove(task)
+        return True
+
+    def _connection(self, meet: Meet) -> Connection:
+        return Connection(
+            meet,
+            self._serve,
+            message_bytes=self._access.message_bytes,
+            ended=lambda ended: self._connections.pop(ended, None),
+        )
+
+    def _caller(self, credentials: Credentials, origin: str) -> Caller:
+        """Return who has *credentials*.
+
+        Raises:
+            AccessError: nobody who may do anything.
+        """
+        identity = self.policy.identify(credentials)
+        if identity is None:
+            raise AccessError(f"nobody admits {credentials}")
+        return Caller(credentials, origin, identity)
+
+    def _enter(self, connection: Connection, caller: Caller) -> None:
+        """Count *connection*; an idle one of the same identity gives way if there are too many.
+
+        Raises:
+            AccessError: all of them are busy.
+        """
+        key = caller.identity.key
+        own = [one for one in self._connections if one.caller.identity.key == key]
+        is_full = len(self._connections) >= most_together()
+        if is_full or len(own) >= self._access.connections:
+            oldest = next((one for one in own if one.is_idle), None)
+            if oldest is None:
+                name = caller.identity.name
+                raise AccessError(f"{name} has {len(own)} connections already, all in use")
+            del self._connections[oldest]
+            _log.info("%s: was idle, and gave way to a later one", oldest.caller.origin)
+            oldest.hang_up()
+        connection.caller = caller
+        self._connections[connection] = None
+
+
+def most_together() -> int:
+    """Return how many connections there may be of all together: as many as there are files for."""
+    files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return max(16, files - _OTHER_DESCRIPTORS)
+
+
+async def _has_spoken(peer: socket.socket) -> bool:
+    """Wait until something has come from *peer*, which is left to be read, or it has hung up."""
+    loop, heard = asyncio.get_running_loop(), asyncio.Event()
+    loop.add_reader(peer, heard.set)
+    try:
+        await heard.wait()
+    finally:
+        loop.remove_reader(peer)
+    return bool(peer.recv(1, socket.MSG_PEEK))
+
+
+def _keep_alive(peer: socket.socket) -> None:
+    """Have the kernel end a connection over TCP that the network has lost."""
+    peer.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    for option, value in (
+        (socket.TCP_USER_TIMEOUT, SILENCE * 1000),
+        (socket.TCP_KEEPIDLE, SILENCE // 3),
+        (socket.TCP_KEEPINTVL, SILENCE // 3),
+        (socket.TCP_KEEPCNT, 2),
+    ):
+        peer.setsockopt(socket.IPPROTO_TCP, option, value)
+
+
+def _origin(peer: Any) -> str:  # noqa: ANN401 - a socket, or asyncio's of it
+    """Return where the other end of a socket is, for people."""
+    if peer.family == socket.AF_UNIX:
+        with contextlib.suppress(OSError):
+            return f"unix, process {peer_process(peer).pid}"
+        return "unix"
+    with contextlib.suppress(OSError):
+        host, port, *_ = peer.getpeername()
+        return f"tcp, {host}:{port}"
+    return "tcp"

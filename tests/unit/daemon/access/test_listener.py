@@ -1,0 +1,266 @@
+"""The listener over real sockets: who is let in, what is served, and who is hung up on."""
+
+import asyncio
+import contextlib
+import itertools
+import os
+import socket
+import ssl
+
+import pytest
+from grpclib.client import Channel, UnaryStreamMethod, UnaryUnaryMethod
+from grpclib.exceptions import GRPCError, StreamTerminatedError
+
+from orientd.config import AccessSettings, TcpSettings
+from orientd.daemon.access import Authorization, Listener, Method, listener
+from orientd.errors import PlanError
+from orientd.rpc import control_pb2 as pb
+
+SOON = 0.2
+PATH = "/orientd.v1.Control/GetState"
+WATCH = "/orientd.v1.Control/WatchState"
+
+
+class Audit:
+    def __init__(self):
+        self.records = []
+
+    def record(self, **fields):
+        self.records.append(fields)
+
+    def refusals(self):
+        return [one["text"] for one in self.records if one["event"] == "refused"]
+
+
+class Daemon:
+    """A service of two calls behind the listener."""
+
+    def __init__(self, path, access, *, most_calls=128, tcp=None):
+        self.path, self.audit = path, Audit()
+        self.ended = []
+        self.authorization = Authorization(self.audit, {}, most_calls=most_calls)
+        self.listener = Listener(access, tcp, self.authorization.serve, self.audit)
+        self.methods = {
+            PATH: Method("GetState", self.get, pb.GetStateRequest),
+            WATCH: Method("WatchState", self.watch, pb.WatchStateRequest, gives_stream=True),
+        }
+
+    async def get(self, request, caller):
+        if request.device == "slow":
+            await asyncio.sleep(60.0)
+        if request.device == "refused":
+            raise PlanError("no way\nat all")
+        if request.device == "broken":
+            raise ZeroDivisionError("a mistake")
+        return pb.GetStateResponse(devices=[pb.DeviceReport(fault_text=caller.identity.key)])
+
+    async def watch(self, request, caller):
+        try:
+            for number in itertools.count():
+                yield pb.WatchStateResponse(lost=number)
+                await asyncio.sleep(0.001)
+        finally:
+            self.ended.append("watch")
+
+    async def __aenter__(self):
+        await self.listener.open(self.path)
+        return self
+
+    async def __aexit__(self, *_):
+        await self.listener.close()
+
+    def open(self):
+        self.authorization.open(self.methods, lambda token: None)
+
+    def channel(self):
+        return contextlib.closing(Channel(path=str(self.path)))
+
+
+def run(tmp_path, work, **more):
+    async def opened():
+        access = AccessSettings(**more.pop("access", {}))
+        async with Daemon(tmp_path / "socket", access, **more) as daemon:
+            await work(daemon)
+
+    asyncio.run(opened())
+
+
+async def get(channel, device="", timeout=10.0):
+    call = UnaryUnaryMethod(channel, PATH, pb.GetStateRequest, pb.GetStateResponse)
+    return await call(pb.GetStateRequest(device=device), timeout=timeout)
+
+
+async def until(condition):
+    async with asyncio.timeout(10.0):
+        while not condition():
+            await asyncio.sleep(0.005)
+
+
+def test_a_caller_is_known_by_what_the_kernel_says(tmp_path):
+    async def work(daemon):
+        daemon.open()
+        with daemon.channel() as channel:
+            answer = await get(channel)
+        assert answer.devices[0].fault_text == f"user:{os.geteuid()}"
+
+    run(tmp_path, work)
+
+
+def test_calls_that_come_early_wait_for_the_service(tmp_path):
+    async def work(daemon):
+        with daemon.channel() as channel:
+            early = asyncio.create_task(get(channel))
+            await asyncio.sleep(SOON)
+            assert not early.done()
+            daemon.open()
+            assert await early
+
+    run(tmp_path, work)
+
+
+@pytest.mark.parametrize(
+    ("device", "status", "text"),
+    [
+        ("refused", "FAILED_PRECONDITION", "no way"),
+        ("broken", "UNKNOWN", "ZeroDivisionError('a mistake')"),
+        ("x" * 5000, "RESOURCE_EXHAUSTED", "the message is too large: 5003 bytes, at most 4096"),
+    ],
+    ids=["refused", "a mistake of ours", "too large"],
+)
+def test_a_call_that_fails_says_why_and_the_next_one_is_served(tmp_path, device, status, text):
+    async def work(daemon):
+        daemon.open()
+        with daemon.channel() as channel:
+            with pytest.raises(GRPCError) as caught:
+                await get(channel, device)
+            assert (caught.value.status.name, caught.value.message) == (status, text)
+            assert await get(channel)
+
+    run(tmp_path, work, access={"message_bytes": 4096})
+
+
+def test_a_call_ends_by_its_deadline(tmp_path):
+    async def work(daemon):
+        daemon.open()
+        with daemon.channel() as channel:
+            with pytest.raises((asyncio.TimeoutError, GRPCError)):
+                await get(channel, "slow", timeout=SOON)
+            assert await get(channel)
+
+    run(tmp_path, work)
+
+
+@pytest.mark.parametrize("how", ["cancelled", "hung up"])
+def test_a_call_ends_with_its_client(tmp_path, how):
+    async def work(daemon):
+        daemon.open()
+        with daemon.channel() as channel:
+            method = UnaryStreamMethod(channel, WATCH, pb.WatchStateRequest, pb.WatchStateResponse)
+            async with method.open() as stream:
+                await stream.send_message(pb.WatchStateRequest(), end=True)
+                assert (await stream.recv_message()).lost == 0
+                if how == "cancelled":
+                    await stream.cancel()
+                else:
+                    channel.close()
+            await until(lambda: daemon.ended)
+
+    run(tmp_path, work)
+
+
+def test_whoever_is_admitted_no_more_is_hung_up_on(tmp_path, monkeypatch):
+    async def work(daemon):
+        daemon.open()
+        with daemon.channel() as channel:
+            await get(channel)
+            monkeypatch.setattr(listener.RolePolicy, "identify", lambda self, credentials: None)
+            daemon.listener.change(AccessSettings(), None)
+            with pytest.raises((StreamTerminatedError, ConnectionError, OSError)):
+                await get(channel)
+        assert "is admitted no more" in daemon.audit.refusals()[0]
+
+    run(tmp_path, work)
+
+
+def test_a_change_that_is_refused_changes_nothing(tmp_path):
+    async def work(daemon):
+        before = daemon.listener.policy
+        with pytest.raises(listener.ConfigError, match="no user 'nobody-at-all'"):
+            daemon.listener.change(AccessSettings(users={"nobody-at-all": "operator"}), None)
+        assert daemon.listener.policy is before
+
+    run(tmp_path, work)
+
+
+def test_so_many_calls_of_one_identity_are_served_at_a_time(tmp_path):
+    async def work(daemon):
+        daemon.open()
+        with daemon.channel() as channel, daemon.channel() as other:
+            slow = [asyncio.create_task(get(channel, "slow")) for _ in range(2)]
+            await until(lambda: daemon.authorization._calls.total() == 2)
+            with pytest.raises(GRPCError, match="at most 2 calls at the same time"):
+                await get(other)
+            for one in slow:
+                one.cancel()
+            await asyncio.gather(*slow, return_exceptions=True)
+            await until(lambda: daemon.authorization._calls.total() == 0)
+            assert await get(other)
+
+    run(tmp_path, work, most_calls=2)
+
+
+def test_an_idle_connection_gives_way_to_a_later_one(tmp_path, caplog):
+    caplog.set_level("INFO")
+
+    async def work(daemon):
+        daemon.open()
+        silent = [await asyncio.open_unix_connection(daemon.path) for _ in range(5)]
+        with daemon.channel() as channel:
+            assert await get(channel)
+            await until(lambda: caplog.text.count("was idle, and gave way to a later one") == 4)
+        for _, writer in silent:
+            writer.close()
+
+    run(tmp_path, work, access={"connections": 2})
+
+
+@pytest.mark.parametrize(
+    "said", [b"GET / HTTP/1.1\r\n\r\n", b"\xff" * 100, b"PRI * HTTP/2.0\r\n\r\n"]
+)
+def test_what_is_no_http2_is_hung_up_on(tmp_path, said, caplog):
+    async def work(daemon):
+        reader, writer = await asyncio.open_unix_connection(daemon.path)
+        writer.write(said)
+        writer.write_eof()
+        with contextlib.suppress(ConnectionError):
+            await asyncio.wait_for(reader.read(), 10.0)
+        writer.close()
+        daemon.open()
+        with daemon.channel() as channel:
+            assert await get(channel)
+
+    run(tmp_path, work)
+    assert "Traceback" not in caplog.text
+
+
+@pytest.mark.parametrize("said", [b"", b"\x16"])
+def test_a_handshake_that_is_not_done_is_given_up(tmp_path, monkeypatch, said):
+    monkeypatch.setattr(listener, "HANDSHAKE_TIMEOUT", SOON)
+    monkeypatch.setattr(
+        listener, "server_context", lambda tcp: ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    )
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    files = dict.fromkeys(("certificate", "key", "ca"), "/none")
+    tcp = TcpSettings(listen=f"127.0.0.1:{port}", **files)
+
+    async def work(daemon):
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(said)
+        with contextlib.suppress(ConnectionResetError):  # what was said was never read
+            assert await asyncio.wait_for(reader.read(), 10.0) == b""
+        writer.close()
+        assert daemon.audit.refusals() == [f"handshake: not done within {SOON:g} s"]
+
+    run(tmp_path, work, tcp=tcp)
