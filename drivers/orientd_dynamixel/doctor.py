@@ -128,24 +128,18 @@ def scan(
 
 
 def _asked(bus: ServoBus, number: int, baud: int, attempts: int) -> FoundServo | None:
-    """Return what servo *number* is, ``None`` if it does not say so.
+    """Return what servo *number* is, ``None`` if it does not answer.
 
     Raises:
         LinkError: it answers a ping and then no more, or the port is gone.
     """
-    for attempt in range(1, attempts + 1):
-        try:
-            if answer := bus.ping(number):
-                found = FoundServo(number, *answer, baud)
-                delay = DELAY_US * bus.read(number, found.table.return_delay)
-                error = bus.read(number, found.table.hardware_error)
-                return found._replace(return_delay_us=delay, hardware_error=error)
-        except LinkError:
-            if attempt == attempts:
-                raise
-        except DeviceError:
-            return None
-    return None
+    answer = next(filter(None, (bus.ping(number) for _ in range(attempts))), None)
+    if answer is None:
+        return None
+    found = FoundServo(number, *answer, baud)
+    delay = DELAY_US * bus.read(number, found.table.return_delay)
+    error = bus.read(number, found.table.hardware_error)
+    return found._replace(return_delay_us=delay, hardware_error=error)
 
 
 def cycle_ms(servos: Sequence[FoundServo], baud: int, *, latency_ms: float = 1.0) -> float:

@@ -25,8 +25,6 @@ from orientd.driver import (
     Finding,
     PartHealth,
     Setpoint,
-    check_names,
-    switch,
 )
 from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
 from orientd.mechanism import Gimbal
@@ -82,11 +80,6 @@ class DynamixelDriver(Driver):
     def mechanism(self, *, may_ask: bool) -> Gimbal:  # noqa: ARG002 - the options say all of it
         """Return the gimbal that the options describe."""
         return self._gimbal
-
-    def tune(self, options: Mapping[str, Any]) -> None:
-        """Check ``home``: the planner makes motions that go home, whatever they name."""
-        check_names(options, {"home"})
-        switch("home", options.get("home", False))
 
     def open(self) -> None:
         """Find every servo, put its settings right, and begin to listen; nothing moves.
@@ -236,7 +229,7 @@ class DynamixelDriver(Driver):
     def health(self) -> Sequence[PartHealth]:
         """Return voltage, temperature and current of every servo, with warnings."""
         group = self._group
-        if group is not None and group.health_ns != self._health_ns:
+        if group is not None and group.health and group.health_ns != self._health_ns:
             self._health_ns = group.health_ns
             told = zip(self._servos, group.health, strict=True)
             self._health = tuple(judge(servo, reading, group.health_ns) for servo, reading in told)

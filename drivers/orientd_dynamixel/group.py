@@ -26,7 +26,7 @@ from orientd_dynamixel.tables import RETURN_LEVEL, TICK_RANGE
 STALE_MS = 8.0
 """A block measured so much before it was asked for answers an earlier question."""
 DRIFT = 0.01
-"""How much faster than ours a servo's clock may run."""
+"""By how much a servo's clock may run faster or slower than ours."""
 TAIL_SHARE = 0.2
 """Of the period, the most that a cycle waits for the last bytes of an answer."""
 HEALTH_NS = 500_000_000
@@ -99,19 +99,23 @@ class ServoClock:
 
     def behind_ms(self, asked_ns: int, tick: int) -> float:
         """Return by how much *tick* is behind what a prompt answer would show, at least."""
-        if self._offset_ms is None:
-            return 0.0
-        late = asked_ns * 1e-6 - tick - self._offset_ms
-        return (late + TICK_RANGE / 2) % TICK_RANGE - TICK_RANGE / 2
+        return self._late_ms(asked_ns, tick) - self._drift_ms(asked_ns)
 
     def learn(self, asked_ns: int, tick: int) -> None:
         """Take a believed reading into account."""
         if self._offset_ms is None:
             self._offset_ms = asked_ns * 1e-6 - tick
-        else:
-            drift_ms = DRIFT * (asked_ns - self._asked_ns) * 1e-6
-            self._offset_ms += max(self.behind_ms(asked_ns, tick), -drift_ms)
+        self._offset_ms += max(self._late_ms(asked_ns, tick), -self._drift_ms(asked_ns))
         self._asked_ns = asked_ns
+
+    def _late_ms(self, asked_ns: int, tick: int) -> float:
+        if self._offset_ms is None:
+            return 0.0
+        late = asked_ns * 1e-6 - tick - self._offset_ms
+        return (late + TICK_RANGE / 2) % TICK_RANGE - TICK_RANGE / 2
+
+    def _drift_ms(self, asked_ns: int) -> float:
+        return DRIFT * (asked_ns - self._asked_ns) * 1e-6
 
 
 class Group:

@@ -154,7 +154,7 @@ class _Daemon:
             self._stops = StopWay(
                 self._socket, listener.policy, record=partial(audit.record, event="stopped")
             )
-            cell, service = await asyncio.to_thread(self._load, listener)
+            cell, service = await asyncio.to_thread(self._load)
             cell.planners.start()
             watchdog = Watchdog(cell.devices)
             try:
@@ -265,7 +265,7 @@ class _Daemon:
         )  # fmt: skip
         self._fleet.start()
 
-    def _load(self, listener: Listener) -> tuple[Cell, ControlService]:
+    def _load(self) -> tuple[Cell, ControlService]:
         """Import, and start, what takes its time."""
         from orientd.daemon.calls import ControlService
         from orientd.daemon.cell import Cell
@@ -276,10 +276,7 @@ class _Daemon:
         if self._stops is not None:
             self._stops.follow(cell)
         cell.launch()
-        # With a reload it is another policy.
-        return cell, ControlService(
-            cell, lambda: self._describe(cell), who=lambda name: listener.policy.named(name)
-        )
+        return cell, ControlService(cell, lambda: self._describe(cell))
 
     async def _serve(self, cell: Cell) -> None:
         tasks = [asyncio.create_task(_expire_leases(cell))]
@@ -351,4 +348,4 @@ async def _expire_leases(cell: Cell) -> None:
     while True:
         await asyncio.sleep(_LEASE_CHECKS)
         if cell.leases.has_expired:
-            await asyncio.to_thread(cell.lease_manager.expire)
+            await asyncio.to_thread(cell.leases.expire)

@@ -15,7 +15,8 @@ import numpy as np
 
 from orientd.driver import AxisLimits
 from orientd.mechanism.arrays import wrapped
-from orientd.mechanism.joint_path import EDGE, Bounds
+from orientd.mechanism.joint_path import Bounds
+from orientd.mechanism.mechanism import EDGE
 from orientd.mechanism.pole import Passage
 from orientd.mechanism.slews import slew_times
 from orientd.rotation import Floats

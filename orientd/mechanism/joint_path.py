@@ -16,14 +16,13 @@ import numpy as np
 from orientd.driver import AxisLimits
 from orientd.errors import LimitError, LimitKind
 from orientd.mechanism.figure import Figure
+from orientd.mechanism.mechanism import EDGE
 from orientd.rotation import Floats, conjugate, log, multiply
 
 _SLACK = 1.0 + 1e-3
 """How far above its limit a difference may be, as a factor: samples are a path only nearly."""
 _PLANNED = 0.95
 """Share of an axis' acceleration that a plan of its own uses; the rest is to brake on it with."""
-EDGE = 1e-9
-"""How far outside its limits an axis is taken to be at them, rad."""
 _KINDS = (LimitKind.VELOCITY, LimitKind.ACCELERATION, LimitKind.JERK)
 UNITS = {
     LimitKind.VELOCITY: "rad/s",

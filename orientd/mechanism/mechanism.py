@@ -7,10 +7,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from math import tau
+from math import ceil, floor, tau
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from orientd.driver import AxisLimits, Joints, Quaternion, Vector3
+
+EDGE = 1e-9
+"""How far outside its range an axis is taken to be at the end of it, rad."""
 
 
 class Reserve(NamedTuple):
@@ -135,6 +138,24 @@ class Mechanical(Protocol):
             LinkError: the device was asked and did not answer.
             PlanError: the options do not say enough.
         """
+
+
+def inside(axes: Sequence[AxisLimits], joints: Joints, near: Joints) -> Joints | None:
+    """Return *joints* on the turns inside the ranges of *axes* that are nearest to *near*, if any.
+
+    Args:
+        axes: their limits.
+        joints: rad, whole turns aside.
+        near: rad, unwrapped.
+    """
+    found = []
+    for axis, angle, aim in zip(axes, joints, near, strict=True):
+        least, most = ceil((axis.low - EDGE - angle) / tau), floor((axis.high + EDGE - angle) / tau)
+        if least > most:
+            return None
+        turned = angle + tau * min(max(round((aim - angle) / tau), least), most)
+        found.append(min(max(turned, axis.low), axis.high))
+    return tuple(found)
 
 
 def _apart(one: Joints, other: Joints) -> float:

@@ -25,7 +25,7 @@ from orientd.mechanism.joint_path import (
     refuse_range,
     refuse_rates,
 )
-from orientd.mechanism.mechanism import Mechanism
+from orientd.mechanism.mechanism import Mechanism, inside
 from orientd.mechanism.pole import outer_line
 from orientd.rotation import Floats, check_unit
 
@@ -112,15 +112,8 @@ def begun(mechanism: Mechanism, q: Quaternion, position: Vector3) -> Joints:
         StartError: there are none.
     """
     middle = mechanism.home() or (0.0,) * len(mechanism.axes)
-    found = []
-    for one in mechanism.solutions(q, position):
-        turned = np.array(one) - 2 * np.pi * np.round((np.array(one) - middle) / (2 * np.pi))
-        is_inside = [
-            axis.low <= value <= axis.high
-            for axis, value in zip(mechanism.axes, turned.tolist(), strict=True)
-        ]
-        if all(is_inside):
-            found.append(tuple(turned.tolist()))
+    every = (inside(mechanism.axes, one, middle) for one in mechanism.solutions(q, position))
+    found = [one for one in every if one is not None]
     if not found:
         raise StartError("the axes do not reach where the path begins")
     return min(found, key=lambda one: max(abs(a - b) for a, b in zip(one, middle, strict=True)))

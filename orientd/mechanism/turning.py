@@ -17,7 +17,6 @@ from orientd.mechanism.figure import Figure
 from orientd.mechanism.gimbal import Gimbal
 from orientd.mechanism.gimbal_route import manipulability, refuse_angle
 from orientd.mechanism.joint_path import (
-    EDGE,
     Bounds,
     JointPath,
     ToolLimits,
@@ -25,6 +24,7 @@ from orientd.mechanism.joint_path import (
     certified,
     planned,
 )
+from orientd.mechanism.mechanism import inside
 from orientd.mechanism.slews import straight
 from orientd.rotation import conjugate, rotate
 
@@ -70,7 +70,7 @@ def windings(gimbal: Gimbal, q: Quaternion, last: Joints) -> list[Joints]:
     branches = [gimbal.solve(q, last)[0]] if gimbal.is_fitting else gimbal.branches(q, last)
     found = []
     for branch in branches:
-        nearest = _inside(gimbal, last, branch)
+        nearest = inside(gimbal.axes, branch, last)
         if nearest is None and len(branch) == 3 and gimbal.is_at_pole(q):
             nearest = _shared(gimbal, q, last, branch)
         if nearest is not None:
@@ -78,19 +78,6 @@ def windings(gimbal: Gimbal, q: Quaternion, last: Joints) -> list[Joints]:
     if not found:
         refuse_angle(np.array(branches), gimbal.axes, 0.0)
     return found
-
-
-def _inside(gimbal: Gimbal, last: Joints, branch: Joints) -> Joints | None:
-    """Return *branch* on the turns inside the limits that are nearest to *last*, if any are."""
-    nearest = []
-    for angle, near, axis in zip(branch, last, gimbal.axes, strict=True):
-        least = math.ceil((axis.low - EDGE - angle) / _TURN)
-        most = math.floor((axis.high + EDGE - angle) / _TURN)
-        if least > most:
-            return None
-        count = min(max(round((near - angle) / _TURN), least), most)
-        nearest.append(min(max(angle + _TURN * count, axis.low), axis.high))
-    return tuple(nearest)
 
 
 def _shared(gimbal: Gimbal, q: Quaternion, last: Joints, branch: Joints) -> Joints | None:
@@ -104,7 +91,7 @@ def _shared(gimbal: Gimbal, q: Quaternion, last: Joints, branch: Joints) -> Join
     for turns in range(-1, 2):
         near = outer + _TURN * (turns + round((last[0] - outer) / _TURN))
         for wanted in (first.low, first.high, min(max(near, first.low), first.high)):
-            angles = _inside(gimbal, last, (wanted, middle, inner + slope * (wanted - near)))
+            angles = inside(gimbal.axes, (wanted, middle, inner + slope * (wanted - near)), last)
             if angles is not None:
                 found.append(angles)
     return min(found, key=lambda one: _travel(last, one), default=None)

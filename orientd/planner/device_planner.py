@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
-from orientd.driver import Driver, tune
+from orientd.driver import Driver, switch, tune
 from orientd.errors import LimitError, LimitKind, LinkError, PlanError, RequestError
 from orientd.mechanism import Gimbal, Mechanical, Mechanism, pointed
 from orientd.planner.blending import blend
@@ -87,9 +88,9 @@ class DevicePlanner:
             RequestError: the request is not one that its method or the device allows.
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
-        self._check_options(request)
-        request = self.placed(request, start)
         mechanism = self._mechanism(may_ask=not is_offline)
+        self._check_options(request, mechanism)
+        request = self.placed(request, start)
         if mechanism is None:
             return plan(
                 request,
@@ -147,35 +148,38 @@ class DevicePlanner:
             RequestError: the request is not one that its method or the device allows.
             PlanError: it cannot be planned, or would break a limit.
         """
-        self._check_options(request)
         mechanism = self._mechanism(may_ask=True)
-        if isinstance(mechanism, Gimbal):
-            # The axes make a path of their own of every motion.
-            record = first.last_record
-            start, joints = first.state_at(record), first.facts.last_joints
-            motion = self.plan(request, start=start, joints=joints, motion_id=motion_id)
-            return record, motion
-        record, motion = blend(
-            first,
-            self.placed(request, first.state_at(first.last_record)),
-            tolerance=tolerance,
-            limits=self._limits,
-            period=self._period,
-            earliest=earliest,
-            motion_id=motion_id,
-        )
-        if mechanism is None:
-            return record, motion
-        state, joints = first.state_at(record), first.joints_at(record)
-        before, rates = first.joints_before(record), first.joint_rates_at(record)
-        fitting = Fitting(mechanism, state, joints, self._limits, self._period, before, rates)
-        return record, fitting.fitted(motion)
+        self._check_options(request, mechanism)
+        if not isinstance(mechanism, Gimbal):
+            record, motion = blend(
+                first,
+                self.placed(request, first.state_at(first.last_record)),
+                tolerance=tolerance,
+                limits=self._limits,
+                period=self._period,
+                earliest=earliest,
+                motion_id=motion_id,
+            )
+            if mechanism is None:
+                return record, motion
+            state, joints = first.state_at(record), first.joints_at(record)
+            before, rates = first.joints_before(record), first.joint_rates_at(record)
+            fitting = Fitting(mechanism, state, joints, self._limits, self._period, before, rates)
+            # What an axis cannot follow at the blend's own pace is planned from rest.
+            with suppress(LimitError):
+                return record, fitting.fitted(motion)
+        record = first.last_record
+        start, joints = first.state_at(record), first.facts.last_joints
+        motion = self.plan(request, start=start, joints=joints, motion_id=motion_id)
+        return record, motion
 
-    def _check_options(self, request: MotionRequest) -> None:
+    def _check_options(self, request: MotionRequest, mechanism: Mechanism | None) -> None:
         """Have the driver look at its options of this motion."""
         try:
             tuning_text(request.device_options)
-            tune(self._examiner, request.device_options)
+            is_gimbal = isinstance(mechanism, Gimbal)
+            switch("home", request.device_options.get("home", False))
+            tune(self._examiner, request.driver_options if is_gimbal else request.device_options)
         except ValueError as error:
             raise RequestError("device_options", str(error)) from error
 

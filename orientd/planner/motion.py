@@ -166,7 +166,7 @@ class Motion(Drawable):
             stop_time=certificate.stop_time,
             omega_start=_vector(request.omega_start),
             omega_end=_vector(request.omega_end),
-            device_options=dict(request.device_options),
+            device_options=request.driver_options,
             first_joints=self.first_joints,
             last_joints=self.last_joints,
             earlier=self._earlier(),

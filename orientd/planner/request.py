@@ -345,6 +345,11 @@ class MotionRequest:
         return self._to_body(self.end_velocity, -1)
 
     @property
+    def driver_options(self) -> dict[str, Any]:
+        """The device options without ``home``, which is the planner's for any gimbal."""
+        return {name: given for name, given in self.device_options.items() if name != "home"}
+
+    @property
     def is_single(self) -> bool:
         """Whether there is one keyframe only, and so no curve to plan beyond the way there."""
         return len(self.keyframes) == 1

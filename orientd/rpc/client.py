@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import os
 import sys
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -52,6 +53,7 @@ def connect(
     key: str | Path | None = None,
     ca: str | Path | None = None,
     holder: str = "",
+    beside: bool | None = None,
     lease: str | None = None,
     timeout: float = 30.0,
 ) -> Robot:
@@ -65,8 +67,10 @@ def connect(
         key: of that certificate, a file; by default ``$ORIENTD_KEY``.
         ca: who has signed the daemon's certificate, a file; by default ``$ORIENTD_CA``.
         holder: what others are told when they are refused because of this client.
-        lease: the token of a lease of the same user to command beside; by default
-            ``$ORIENTD_LEASE``.  Each gives its own back, and ends its own motions by that.
+        beside: whether to command beside other programs of the same user, on purpose; by default
+            whether ``$ORIENTD_LEASE`` is set.  Each has a lease of its own, and ends its own
+            motions alone by giving it back.
+        lease: no longer used: say *beside*.
         timeout: how long the daemon may take to answer a command, s.  Planning has no limit.
 
     Raises:
@@ -74,15 +78,19 @@ def connect(
         AccessError: it does not let this user do anything.
     """
     way = Way.find(socket, address, certificate, key, ca)
-    share = os.environ.get("ORIENTD_LEASE", "") if lease is None else lease
-    return connect_by(way, holder=holder, share=share, timeout=timeout)
+    if lease is not None:
+        warnings.warn("connect(lease=) is beside= now", DeprecationWarning, stacklevel=2)
+        beside = bool(lease) if beside is None else beside
+    if beside is None:
+        beside = bool(os.environ.get("ORIENTD_LEASE"))
+    return connect_by(way, holder=holder, beside=beside, timeout=timeout)
 
 
-def connect_by(way: Way, *, holder: str, share: str = "", timeout: float) -> Robot:
+def connect_by(way: Way, *, holder: str, beside: bool = False, timeout: float) -> Robot:
     """Connect to the daemon at the end of *way*; see :func:`connect`."""
     program = Path(sys.argv[0]).name or "python"
     holder = holder or f"{program}, process {os.getpid()}"
-    robot = Robot(way, holder=holder, share=share, timeout=timeout)
+    robot = Robot(way, holder=holder, beside=beside, timeout=timeout)
     try:
         robot.state()
     except OrientdError:
@@ -99,16 +107,16 @@ class Robot(Commands):
     ``device`` may be left out wherever the daemon has one device only.
     """
 
-    def __init__(self, way: Way, *, holder: str, share: str = "", timeout: float) -> None:
+    def __init__(self, way: Way, *, holder: str, beside: bool = False, timeout: float) -> None:
         """Prepare to talk to the daemon at the end of *way*; see :func:`connect`.
 
         Args:
             way: to the daemon.
             holder: what others are told.
-            share: the token of a lease to command beside.
+            beside: whether to command beside other programs of the same user.
             timeout: how long an answer may take, s.
         """
-        super().__init__(Connection(way, timeout=timeout), holder=holder, share=share)
+        super().__init__(Connection(way, timeout=timeout), holder=holder, beside=beside)
         self.socket = way.socket
         self._moves: list[MoveHandle] = []
 

@@ -1109,14 +1109,14 @@ class Lease(_message.Message):
     def __init__(self, token: _Optional[str] = ..., holder: _Optional[str] = ..., seconds: _Optional[float] = ..., devices: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class AcquireLeaseRequest(_message.Message):
-    __slots__ = ("holder", "devices", "share_token")
+    __slots__ = ("holder", "devices", "beside")
     HOLDER_FIELD_NUMBER: _ClassVar[int]
     DEVICES_FIELD_NUMBER: _ClassVar[int]
-    SHARE_TOKEN_FIELD_NUMBER: _ClassVar[int]
+    BESIDE_FIELD_NUMBER: _ClassVar[int]
     holder: str
     devices: _containers.RepeatedScalarFieldContainer[str]
-    share_token: str
-    def __init__(self, holder: _Optional[str] = ..., devices: _Optional[_Iterable[str]] = ..., share_token: _Optional[str] = ...) -> None: ...
+    beside: bool
+    def __init__(self, holder: _Optional[str] = ..., devices: _Optional[_Iterable[str]] = ..., beside: bool = ...) -> None: ...
 
 class AcquireLeaseResponse(_message.Message):
     __slots__ = ("lease",)
@@ -1145,20 +1145,6 @@ class ReleaseLeaseRequest(_message.Message):
 class ReleaseLeaseResponse(_message.Message):
     __slots__ = ()
     def __init__(self) -> None: ...
-
-class TransferLeaseRequest(_message.Message):
-    __slots__ = ("token", "to")
-    TOKEN_FIELD_NUMBER: _ClassVar[int]
-    TO_FIELD_NUMBER: _ClassVar[int]
-    token: str
-    to: str
-    def __init__(self, token: _Optional[str] = ..., to: _Optional[str] = ...) -> None: ...
-
-class TransferLeaseResponse(_message.Message):
-    __slots__ = ("seconds",)
-    SECONDS_FIELD_NUMBER: _ClassVar[int]
-    seconds: float
-    def __init__(self, seconds: _Optional[float] = ...) -> None: ...
 
 class SeizeLeaseRequest(_message.Message):
     __slots__ = ("holder", "reason", "devices")

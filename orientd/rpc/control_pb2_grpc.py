@@ -149,11 +149,6 @@ class ControlStub(object):
                 request_serializer=orientd_dot_rpc_dot_control__pb2.ReleaseLeaseRequest.SerializeToString,
                 response_deserializer=orientd_dot_rpc_dot_control__pb2.ReleaseLeaseResponse.FromString,
                 _registered_method=True)
-        self.TransferLease = channel.unary_unary(
-                '/orientd.v1.Control/TransferLease',
-                request_serializer=orientd_dot_rpc_dot_control__pb2.TransferLeaseRequest.SerializeToString,
-                response_deserializer=orientd_dot_rpc_dot_control__pb2.TransferLeaseResponse.FromString,
-                _registered_method=True)
         self.SeizeLease = channel.unary_unary(
                 '/orientd.v1.Control/SeizeLease',
                 request_serializer=orientd_dot_rpc_dot_control__pb2.SeizeLeaseRequest.SerializeToString,
@@ -312,7 +307,7 @@ class ControlServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def AcquireLease(self, request, context):
-        """Take the lease of devices if all of them are free.
+        """Take the lease of devices if nobody else has one of them.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -327,14 +322,6 @@ class ControlServicer(object):
 
     def ReleaseLease(self, request, context):
         """Give the lease back.
-        """
-        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
-        context.set_details('Method not implemented!')
-        raise NotImplementedError('Method not implemented!')
-
-    def TransferLease(self, request, context):
-        """Hand the lease, and the motions that run under it, over to somebody else, who acquires it within
-        its full time. The token that it had is worthless from now on.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -464,11 +451,6 @@ def add_ControlServicer_to_server(servicer, server):
                     servicer.ReleaseLease,
                     request_deserializer=orientd_dot_rpc_dot_control__pb2.ReleaseLeaseRequest.FromString,
                     response_serializer=orientd_dot_rpc_dot_control__pb2.ReleaseLeaseResponse.SerializeToString,
-            ),
-            'TransferLease': grpc.unary_unary_rpc_method_handler(
-                    servicer.TransferLease,
-                    request_deserializer=orientd_dot_rpc_dot_control__pb2.TransferLeaseRequest.FromString,
-                    response_serializer=orientd_dot_rpc_dot_control__pb2.TransferLeaseResponse.SerializeToString,
             ),
             'SeizeLease': grpc.unary_unary_rpc_method_handler(
                     servicer.SeizeLease,
@@ -1097,33 +1079,6 @@ class Control(object):
             '/orientd.v1.Control/ReleaseLease',
             orientd_dot_rpc_dot_control__pb2.ReleaseLeaseRequest.SerializeToString,
             orientd_dot_rpc_dot_control__pb2.ReleaseLeaseResponse.FromString,
-            options,
-            channel_credentials,
-            insecure,
-            call_credentials,
-            compression,
-            wait_for_ready,
-            timeout,
-            metadata,
-            _registered_method=True)
-
-    @staticmethod
-    def TransferLease(request,
-            target,
-            options=(),
-            channel_credentials=None,
-            call_credentials=None,
-            insecure=False,
-            compression=None,
-            wait_for_ready=None,
-            timeout=None,
-            metadata=None):
-        return grpc.experimental.unary_unary(
-            request,
-            target,
-            '/orientd.v1.Control/TransferLease',
-            orientd_dot_rpc_dot_control__pb2.TransferLeaseRequest.SerializeToString,
-            orientd_dot_rpc_dot_control__pb2.TransferLeaseResponse.FromString,
             options,
             channel_credentials,
             insecure,

@@ -1,4 +1,4 @@
-"""The leases of a client: those of the devices that it commands, kept, shared, given back."""
+"""The leases of a client: those of the devices that it commands, taken, kept, given back."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Callable, Collection
 from typing import Any
 
-from orientd.errors import LeaseError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.connection import Connection
 from orientd.rpc.lease_keeper import LeaseKeeper
@@ -23,18 +22,18 @@ class LeaseHolder:
         holder: what others are told when they are refused because of it.
     """
 
-    def __init__(self, connection: Connection, *, holder: str, share: str = "") -> None:
+    def __init__(self, connection: Connection, *, holder: str, beside: bool = False) -> None:
         """Hold nothing until the first command over *connection*.
 
         Args:
             connection: to the daemon.
             holder: what others are told.
-            share: the token of a lease to command beside; see :meth:`borrow_lease`.
+            beside: whether to command beside other programs of the same user, on purpose.
         """
         self.holder = holder
         self._connection = connection
         self._stub = connection.stub
-        self._share = share
+        self._beside = beside
         self._lock = threading.Lock()
         self._keepers: list[LeaseKeeper] = []
         self._numbers: Counter[tuple[str, str]] = Counter()
@@ -50,11 +49,13 @@ class LeaseHolder:
         name = self.device_name(device)
         return any(keeper.is_held and keeper.covers(name) for keeper in self._keepers)
 
-    def acquire_lease(self, *devices: str) -> None:
+    def acquire_lease(self, *devices: str, beside: bool = False) -> None:
         """Take the lease of *devices* now, rather than with the first command to each.
 
         Args:
             devices: all of them, or none; every device of the daemon where none are named.
+            beside: whether to command beside other programs of the same user, which keep their
+                leases.  What one gives back, or loses, ends its own motions alone.
 
         Raises:
             LeaseError: somebody else holds one of them.
@@ -62,23 +63,7 @@ class LeaseHolder:
         names = [self.device_name(device) for device in devices or self._names]
         missing = [name for name in names if not self.holds_lease(name)]
         if missing or not names:
-            self._keep(self._keeper(missing))
-
-    def borrow_lease(self, token: str) -> bool:
-        """Command beside a lease of the same user; return whether there is such a lease.
-
-        What this client gives back, or loses, ends its own motions alone.
-
-        Args:
-            token: from :attr:`lease_token` of whoever holds it.
-        """
-        before, self._share = self._share, token
-        try:
-            self._keep(self._keeper(()))
-        except LeaseError:
-            self._share = before
-            return False
-        return True
+            self._keep(self._keeper(missing, beside=beside))
 
     def release_lease(self) -> None:
         """Give the leases back now, rather than at the end; what runs under them is stopped."""
@@ -86,26 +71,6 @@ class LeaseHolder:
             keepers, self._keepers = self._keepers, []
         for keeper in keepers:
             keeper.release()
-
-    def transfer_lease(self, to: str, device: str = "") -> float:
-        """Hand the lease of *device*, and what runs under it, over to somebody else.
-
-        Args:
-            to: a user's name or number, or ``certificate:NAME``; they acquire the lease.
-            device: the devices that share a lease with it are handed over too.
-
-        Returns:
-            For how many seconds it waits for them.
-
-        Raises:
-            RequestError: nobody is called so who may command.
-            LeaseError: this client does not hold the lease.
-        """
-        keeper = self._keeper_of(self.device_name(device))
-        request = pb.TransferLeaseRequest(token=keeper.token(), to=to)
-        seconds: float = self._connection.ask(self._stub.TransferLease, request).seconds
-        keeper.forsake()
-        return seconds
 
     def seize_lease(self, reason: str, *devices: str) -> None:
         """Take the lease whoever holds it; motions that run under it are stopped.
@@ -157,12 +122,12 @@ class LeaseHolder:
         """Have *keeper* take its lease, if it is not held, and keep it for its devices."""
         keeper.token()
         with self._lock:
-            self._keepers.append(keeper)
+            self._keepers.insert(0, keeper)  # before one that was refused
 
-    def _keeper(self, devices: Collection[str]) -> LeaseKeeper:
+    def _keeper(self, devices: Collection[str], *, beside: bool = False) -> LeaseKeeper:
         def acquire() -> pb.Lease:
             request = pb.AcquireLeaseRequest(
-                holder=self.holder, devices=devices, share_token=self._share
+                holder=self.holder, devices=devices, beside=beside or self._beside
             )
             lease: pb.Lease = self._connection.ask(self._stub.AcquireLease, request).lease
             return lease

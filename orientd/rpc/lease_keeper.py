@@ -73,12 +73,6 @@ class LeaseKeeper:
             self._lost = None
             self._hold(lease)
 
-    def forsake(self) -> None:
-        """Leave the lease to whom it was handed over."""
-        with self._lock:
-            self._token = ""
-            self._done.set()
-
     def _hold(self, lease: pb.Lease) -> None:
         self._token = lease.token
         # Whoever names no device, of one there is, has the lease of that.

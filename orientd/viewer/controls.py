@@ -22,7 +22,6 @@ from orientd.viewer.watcher import Sight, Watcher
 from orientd.viewer.web import complain, set_changed
 
 Act = Callable[[Robot, str], object]
-Borrow = Callable[[Robot, str], bool]
 
 STOP, HALT = "■ Stop", "▼ Halt: quickest, off the path"
 KINDS: Mapping[str, str] = MappingProxyType({STOP: "stop", HALT: "halt"})
@@ -47,18 +46,17 @@ def add_stop_buttons(server: viser.ViserServer, watcher: Watcher) -> None:
 class Controls:
     """What needs the lease."""
 
-    def __init__(self, server: viser.ViserServer, watcher: Watcher, borrow: Borrow) -> None:
+    def __init__(self, server: viser.ViserServer, watcher: Watcher, *, is_beside: bool) -> None:
         """Put it on the page.
 
         Args:
             server: of the page.
             watcher: has the connection.
-            borrow: commands beside whatever of the same user's holds the lease of a device, if
-                that is asked for and there is such a thing.
+            is_beside: whether to command beside what the same user runs elsewhere.
         """
         self.proposal = Proposal()
         self._watcher = watcher
-        self._borrow = borrow
+        self._is_beside = is_beside
         gui = server.gui
         self._lease = gui.add_button(TAKE, hint="Commands need it; each device has one.")
         self._lease.on_click(lambda event: attempt(watcher, event, self._take_or_give))
@@ -131,8 +129,8 @@ class Controls:
     def _take_or_give(self, robot: Robot, device: str) -> None:
         is_given_back = self.is_ours(self._watcher.sight)
         self.give_up()
-        if not is_given_back and not self._borrow(robot, device):
-            robot.acquire_lease(device)
+        if not is_given_back:
+            robot.acquire_lease(device, beside=self._is_beside)
 
     def _pause_or_resume(self, robot: Robot, device: str) -> None:
         report = self._watcher.sight.report

@@ -12,7 +12,7 @@ import viser
 from orientd.rpc import Robot
 from orientd.viewer import freshness, web, words
 from orientd.viewer.charts import Charts
-from orientd.viewer.controls import KINDS, Borrow, Controls, add_stop_buttons
+from orientd.viewer.controls import KINDS, Controls, add_stop_buttons
 from orientd.viewer.scene import RADIUS, Scene, aim
 from orientd.viewer.stop_relay import StopRelay
 from orientd.viewer.watcher import Sight, Watcher
@@ -32,22 +32,22 @@ class Page:
     def __init__(
         self,
         connect: Callable[[], Robot],
-        borrow: Borrow,
         *,
         host: str,
         port: int,
         may_command: bool,
         is_dark: bool,
+        is_beside: bool = False,
     ) -> None:
         """Connect to the daemon and serve the page.
 
         Args:
             connect: makes a connection to the daemon.
-            borrow: commands beside the lease that the same user holds elsewhere, if there is one.
             host: where to serve.
             port: where to serve; 0 for any.
             may_command: whether the page has more than stop and halt.
             is_dark: whether pages are dark at first.
+            is_beside: whether to command beside what the same user runs elsewhere.
 
         Raises:
             OrientdError: no daemon answers, or the page cannot be served there.
@@ -75,7 +75,7 @@ class Page:
         self._controls: Controls | None = None
         if may_command:
             with server.gui.add_folder("Control", expand_by_default=True):
-                self._controls = Controls(server, watcher, borrow)
+                self._controls = Controls(server, watcher, is_beside=is_beside)
         self._folder = server.gui.add_folder("Last ten seconds")
         self._charts: Charts | None = None
         self._charted = ""

@@ -38,10 +38,10 @@ class Register:
     name: str
     address: int
     size: int
-    default: int = 0
-    low: int = 0
-    high: int = 0
-    writable: bool = True
+    default: int
+    low: int
+    high: int
+    writable: bool
 
     @property
     def is_signed(self) -> bool:
@@ -106,7 +106,9 @@ def _model(row: str) -> tuple[str, ServoModel]:
     areas = _INDIRECT[family]
     last = max(block + count for _, block, count in areas) - 1
     registers += [
-        Register(f"indirect address {block + k}", addresses + 2 * k, 2, block + k, EEPROM_END, last)
+        Register(
+            f"indirect address {block + k}", addresses + 2 * k, 2, block + k, EEPROM_END, last, True
+        )
         for addresses, block, count in areas
         for k in range(count)
     ]

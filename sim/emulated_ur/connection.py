@@ -1,4 +1,4 @@
-"""One client's socket: what is to be sent, what came, and when each may pass."""
+"""One client: what is said on its port, and its socket, on which bytes may be held back."""
 
 from __future__ import annotations
 
@@ -11,10 +11,34 @@ from dataclasses import dataclass
 
 from emulated_ur.controller import Controller, Event
 from emulated_ur.primary import EVERY_TICKS, event_message, state_message, version_message
-from emulated_ur.talk import Talk
 from emulated_ur.urscript import Splitter
 
 _LARGEST_BACKLOG = 1 << 20
+
+
+class Talk:
+    """One client's conversation; this one says nothing.
+
+    Attributes:
+        greeting: what the client is told when it has connected.
+    """
+
+    greeting = b""
+
+    def feed(self, chunk: bytes) -> bytes:  # noqa: ARG002
+        """Take what the client says; return the answer."""
+        return b""
+
+    def tick(self) -> bytes:
+        """Return what the client is told in this tick."""
+        return b""
+
+    def tell(self, event: Event) -> bytes:  # noqa: ARG002
+        """Return what the client is told of an event."""
+        return b""
+
+    def close(self) -> None:
+        """Take note that the client has gone."""
 
 
 class LineTalk(Talk):

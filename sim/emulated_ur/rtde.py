@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from emulated_ur.arm import TICK
+from emulated_ur.connection import Talk
 from emulated_ur.controller import Controller, Event
-from emulated_ur.talk import Talk
 from emulated_ur.variables import TYPES, VARIABLES, Scalar, Value
 
 HEADER = struct.Struct(">HB")

@@ -20,12 +20,11 @@ from functools import partial
 
 from emulated_ur import dashboard, faults
 from emulated_ur.arm import Behaviour
-from emulated_ur.connection import ClientConnection, Delays, LineTalk, ScriptTalk
+from emulated_ur.connection import ClientConnection, Delays, LineTalk, ScriptTalk, Talk
 from emulated_ur.controller import Controller
 from emulated_ur.process import FAULTS_PORT
 from emulated_ur.recording import Recording
 from emulated_ur.rtde import RtdeSession, WireError
-from emulated_ur.talk import Talk
 from emulated_ur.variables import Value
 
 PORTS = {

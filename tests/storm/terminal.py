@@ -37,14 +37,8 @@ class Terminal:
         if handle is not None:
             handle.cancel()
 
-    def token(self):
-        return self.robot.lease_token
-
-    def share(self, token):
-        return self.robot.borrow_lease(token)
-
-    def give(self, to, device):
-        return self.robot.transfer_lease(to, device)
+    def share(self, device):
+        self.robot.acquire_lease(device, beside=True)
 
     def seize(self, device):
         self.robot.seize_lease("a storm", device)

@@ -29,7 +29,7 @@ SEED = int(os.environ.get("ORIENTD_STORM_SEED", "1"))
 ACTS = 8
 KINDS = [
     *(6 * ["move"] + 4 * ["queue"] + 3 * ["share"] + 2 * ["refused"]),
-    *("cancel", "kill", "give", "seize", "release", "stop"),
+    *("cancel", "kill", "seize", "release", "stop"),
 ]
 DEVICES = (DEVICE, "leg")
 OTHER = 54302
@@ -115,16 +115,8 @@ class Storm:
         elif kind == "stop":
             self.permit(device, f"stopped by .*{re.escape(user)}")
             one.do("stop", device)
-        elif kind == "give":
-            # Whoever does not take it up in time loses what was handed over.
-            to = OTHER if one.uid == 0 else 0
-            if "is" in one.do("give", str(to), device):
-                self.permit(device, rf"the lease of .*\(user:{to}\) (has expired|was released)")
         elif kind == "share":
-            others = [two for two in self.terminals if two.uid == one.uid and two is not one]
-            token = others[0].do("token")["is"]
-            if token:
-                one.do("share", token)
+            one.do("share", device)
 
     def judge(self, log):
         """Check that everything in *log* that ended did so by somebody who may end it."""

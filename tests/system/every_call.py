@@ -37,9 +37,8 @@ def requests(method, token):
             pb.TrackRequest(start=pb.TrackStart(lease_token=token)),
             pb.TrackRequest(target=pb.TrackTarget(orientation=pb.Quaternion(w=0.6, x=0.8))),
         ],
-        "AcquireLease": [pb.AcquireLeaseRequest(holder="thief")],
+        "AcquireLease": [pb.AcquireLeaseRequest(holder="thief", beside=True)],
         "SeizeLease": [pb.SeizeLeaseRequest(holder="thief", reason="greed")],
-        "TransferLease": [pb.TransferLeaseRequest(token=token, to="0")],
     }
     if method.name in known:
         return known[method.name]

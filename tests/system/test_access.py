@@ -131,7 +131,7 @@ def as_user(cell, uid, *groups, token=""):
 
 NEED_LEASE = {
     *("Move", "MoveLarge", "Track", "Pause", "Resume", "SetSpeed", "Enable", "Disable", "Reset"),
-    *("RenewLease", "ReleaseLease", "TransferLease"),
+    *("RenewLease", "ReleaseLease"),
 }
 
 
@@ -334,7 +334,8 @@ def test_an_operator_moves_over_tcp(cell, free):
 def test_a_token_is_of_no_use_to_others(cell, free):
     with cell.robot("pendant") as robot, cell.robot("chief") as chief:
         robot.acquire_lease()
-        assert not chief.borrow_lease(robot.lease_token)
+        with pytest.raises(LeaseError, match=r"held by 'pendant' \(certificate:pendant\)"):
+            chief.acquire_lease(beside=True)
         with pytest.raises(LeaseError, match="its token is of no use to certificate:chief"):
             chief._renew(robot.lease_token)
         robot.enable()
@@ -347,29 +348,6 @@ def test_a_token_is_of_no_use_to_others(cell, free):
         ]
 
     assert until(is_told, "the record")[-1]["outcome"] == "FAILED_PRECONDITION"
-
-
-def test_a_motion_goes_on_under_whom_it_is_handed_over_to(cell, free):
-    with cell.robot("pendant") as robot, cell.robot("chief") as chief:
-        motion = robot.move(
-            [
-                {"time": 0.0, "rotation_vector": [0.0, 0.0, 0.1]},
-                {"time": 3.0, "rotation_vector": [0.3, 0.0, 0.1]},
-            ],
-            approach=True,
-        )
-        token = robot.lease_token
-        with pytest.raises(RequestError, match="expected somebody who may command"):
-            robot.transfer_lease("certificate:watcher")
-        assert robot.transfer_lease("certificate:chief") == pytest.approx(30.0, abs=5.0)
-        with pytest.raises(LeaseError), cell.robot("pendant") as late:
-            late.enable()
-        assert not robot.borrow_lease(token)
-        chief.pause()
-        assert cell.daemon.device().is_paused
-        chief.resume()
-        assert motion.wait(20.0).outcome.name == "DONE"
-        assert cell.daemon.device().motion_number
 
 
 def test_an_administrator_seizes_the_lease_and_what_ran_stops(cell, free):
@@ -457,7 +435,6 @@ class Presser:
 
 def test_a_view_with_an_observers_certificate_shows_and_stops_and_commands_nothing(cell):
     pytest.importorskip("viser")
-    from orientd.cli.shared_lease import borrow
     from orientd.viewer.controls import attempt
     from orientd.viewer.proposal import Proposal
     from orientd.viewer.watcher import Watcher
@@ -470,7 +447,7 @@ def test_a_view_with_an_observers_certificate_shows_and_stops_and_commands_nothi
         watcher.watch(True)
         until(lambda: watcher.is_streaming and watcher.sight.cycle is not None, "cycles")
         asked = [
-            lambda robot, device: borrow(robot, device) or robot.acquire_lease(),
+            lambda robot, device: robot.acquire_lease(device, beside=True),
             lambda robot, device: robot.move([{"rotation_vector": [0.1, 0.0, 0.0]}], device=device),
             lambda robot, device: robot.set_speed(0.5, device),
             lambda robot, device: robot.pause(device),

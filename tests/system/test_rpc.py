@@ -247,11 +247,19 @@ def test_a_lease_that_is_not_renewed_stops_its_motion(daemon):
     assert "the lease of 'ana' has expired or was released" in caught.value.details()
 
 
-def test_a_lease_can_be_lent(daemon, robot):
+def test_a_program_commands_beside_another_of_the_same_user_on_purpose(daemon, robot):
     robot.acquire_lease()
     with orientd.connect(daemon.socket, holder="ben") as other:
-        assert not other.borrow_lease("nonsense")
-        assert other.borrow_lease(robot.lease_token)
+        with pytest.raises(LeaseError, match="held by"):
+            other.enable()
+        other.acquire_lease(beside=True)
+        other.enable()
+    with orientd.connect(daemon.socket, holder="eve", beside=True) as other:
+        other.enable()
+    with (
+        pytest.warns(DeprecationWarning, match="is beside= now"),
+        orientd.connect(daemon.socket, holder="old", lease=robot.lease_token) as other,
+    ):
         other.enable()
     assert robot.enable().state is ServoState.HOLDING
 

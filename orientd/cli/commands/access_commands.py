@@ -8,36 +8,24 @@ from typing import Annotated
 import typer
 
 from orientd.cli.command import AsJson, ConfigFile, DeviceName, Socket, command
-from orientd.cli.output import answer, say, say_json
+from orientd.cli.output import say, say_json
 from orientd.errors import OrientdError
 
-lease = typer.Typer(
-    name="lease", help="Hand the lease to command over, or seize it.", no_args_is_help=True
-)
+lease = typer.Typer(name="lease", help="Seize the lease to command.", no_args_is_help=True)
 audit = typer.Typer(name="audit", help="No longer there.", no_args_is_help=True)
 
 
-@lease.command()
+@lease.command(hidden=True)
 @command
 def give(
-    to: Annotated[
-        str, typer.Argument(metavar="WHOM", help="A user's name or number, or certificate:NAME.")
-    ],
-    device: DeviceName = "",
-    socket: Socket = None,
-    as_json: AsJson = False,
+    to: Annotated[str, typer.Argument(metavar="WHOM", help="Not used.")],  # noqa: ARG001 - as it was
+    device: DeviceName = "",  # noqa: ARG001
+    socket: Socket = None,  # noqa: ARG001
 ) -> None:
-    """Hand the lease of your running move over, and the move with it.
-
-    They acquire it by their next command; until then, and for no longer than a lease lasts, the
-    move goes on.
-    """
-    from orientd.cli.shared_lease import commander
-
-    with commander(socket, "lease give", device, is_beside=True) as robot:
-        seconds = robot.transfer_lease(to, device)
-    said = f"the lease waits {seconds:.1f} s for {to}"
-    answer({"to": to, "seconds": seconds}, said, as_json=as_json)
+    """Say that leases are not handed over any more."""
+    raise OrientdError(
+        "leases are not handed over any more: release yours, or have an administrator seize it"
+    )
 
 
 @lease.command()
@@ -52,7 +40,7 @@ def seize(
 
     Of a device, or of all of them; what runs under it stops.  For administrators.
     """
-    from orientd.cli.shared_lease import connect_as
+    from orientd.cli.commander import connect_as
     from orientd.rpc import LeaseReport
 
     with connect_as(socket, "lease seize") as robot:

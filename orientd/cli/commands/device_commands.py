@@ -19,7 +19,7 @@ def _of_all(name: str, told: str) -> Callable[..., None]:
     """Return the command that brings devices to rest, whoever holds their leases."""
 
     def act(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
-        from orientd.cli.shared_lease import connect_as
+        from orientd.cli.commander import connect_as
         from orientd.cli.urgent import tell
 
         with connect_as(socket, name) as robot:
@@ -57,7 +57,7 @@ def _command(
     act: Callable[[Robot], DeviceReport],
 ) -> None:
     from orientd.cli import texts
-    from orientd.cli.shared_lease import commander
+    from orientd.cli.commander import commander
 
     with commander(socket, name, device, is_beside=is_beside) as robot:
         report = act(robot)

@@ -182,7 +182,7 @@ def move(
     """
     from orientd import motion_file
     from orientd.cli import texts
-    from orientd.cli.shared_lease import commander
+    from orientd.cli.commander import commander
     from orientd.rpc import titled
 
     if blend and not queue:
@@ -196,7 +196,7 @@ def move(
         )
     gate = _gate(on_target) if on_target else None
     request = motion_file.load(file)
-    with commander(socket, "move", device, is_beside=lease, is_shared=True) as robot:
+    with commander(socket, "move", device, is_beside=lease) as robot:
         handle = robot.move(
             request,
             device=device,

@@ -67,7 +67,7 @@ def record(
     sent and measured are topics of their own.
     """
     check_output(file, seconds)
-    from orientd.cli.shared_lease import connect_as
+    from orientd.cli.commander import connect_as
     from orientd.recorder import RecordingSession
 
     with connect_as(socket, "record") as robot:

@@ -194,10 +194,10 @@ def _move(
     *,
     as_json: bool,
 ) -> None:
+    from orientd.cli.commander import commander
     from orientd.cli.commands.motion_commands import follow, raise_unless_done, tell_motion
-    from orientd.cli.shared_lease import commander
 
-    with commander(socket, "replay", device, is_beside=lease, is_shared=True) as robot:
+    with commander(socket, "replay", device, is_beside=lease) as robot:
         plan, slower = _paced(fit, pace, lambda request: robot.plan(request, device=device), output)
         if not as_json:
             say(*_plan_lines(plan, slower, output))

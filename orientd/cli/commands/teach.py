@@ -60,7 +60,7 @@ def teach(
     check_ending(file, MOTIONS, named="OUT.yaml")
     if file.exists():
         raise OrientdError(f"cannot write {file}: it is there already")
-    from orientd.cli.shared_lease import connect_as
+    from orientd.cli.commander import connect_as
 
     with connect_as(socket, "teach") as robot:
         if not watch:

@@ -44,10 +44,10 @@ def track(
     line was bad.
     """
     from orientd.cli import texts
-    from orientd.cli.shared_lease import commander
+    from orientd.cli.commander import commander
 
     lines = _Lines(time_to_live)
-    with commander(socket, "track", device, is_beside=lease, is_shared=True) as robot:
+    with commander(socket, "track", device, is_beside=lease) as robot:
         with robot.track(device=device) as tracking:
             for target in lines.targets(sys.stdin.buffer):
                 tracking.hand_over(target)

@@ -75,9 +75,9 @@ def _run(
     socket: Path | None,
     as_json: bool,
 ) -> None:
-    from orientd.cli.shared_lease import commander
+    from orientd.cli.commander import commander
 
-    with commander(socket, name, device, is_beside=is_beside, is_shared=True) as robot:
+    with commander(socket, name, device, is_beside=is_beside) as robot:
         handle = begin(robot)
         notes = handle.plan.certificate.notes
         summary = follow(handle, title=name, notes=notes, is_silent=as_json)

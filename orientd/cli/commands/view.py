@@ -51,16 +51,16 @@ def view(
     what moves; who takes the lease there can move it.
     """
     need_view()
-    from orientd.cli.shared_lease import borrow, connect_as
+    from orientd.cli.commander import connect_as
     from orientd.viewer import Page, is_loopback
 
     page = Page(
         lambda: connect_as(socket, "view"),
-        borrow if lease else lambda *_: False,
         host=host,
         port=port,
         may_command=is_loopback(host) if control is None else control,
         is_dark=dark,
+        is_beside=lease,
     )
     serve_page(page, host, no_open=no_open, as_json=as_json)
 

@@ -39,7 +39,7 @@ from orientd.rpc import to_status
 
 _log = logging.getLogger(__name__)
 
-SECRETS = ("lease_token", "token", "share_token")
+SECRETS = ("lease_token", "token")
 """Fields that name a lease, wherever they are; they are written down nowhere."""
 
 _MOST_TEXT = 200

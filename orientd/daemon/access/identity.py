@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import grp
 import itertools
@@ -14,7 +13,7 @@ from dataclasses import dataclass, field
 
 from orientd.config import AccessSettings, Role
 from orientd.daemon.access.peer import Process
-from orientd.errors import ConfigError, RequestError
+from orientd.errors import ConfigError
 
 
 @dataclass(frozen=True)
@@ -113,23 +112,6 @@ class RolePolicy:
         if credentials.serial in self._revoked or credentials.expires <= time.time():
             return None
         return self._certificate(credentials.name)
-
-    def named(self, name: str) -> Identity:
-        """Return who is called *name*: a user's name or number, or ``certificate:NAME``.
-
-        Raises:
-            RequestError: nobody is called so who may command.
-        """
-        found: Identity | None = None
-        if name.startswith("certificate:"):
-            found = self._certificate(name.removeprefix("certificate:"))
-        else:
-            with contextlib.suppress(ConfigError, KeyError):
-                user = pwd.getpwuid(_uid(name.removeprefix("user:")))
-                found = self._user(user.pw_uid, os.getgrouplist(user.pw_name, user.pw_gid))
-        if found is None or found.role < Role.OPERATOR:
-            raise RequestError("to", f"expected somebody who may command, got {name[:100]!r}")
-        return found
 
     def _user(self, uid: int, gids: Sequence[int]) -> Identity | None:
         roles = [self._groups[gid] for gid in gids if gid in self._groups]

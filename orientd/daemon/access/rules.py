@@ -55,7 +55,6 @@ RULES: Mapping[str, Rule] = {
     # Several times a lease; a renewal that is refused is recorded like every refusal.
     "RenewLease": Rule(Role.OPERATOR, is_limited=False),
     "ReleaseLease": _COMMAND,
-    "TransferLease": _COMMAND,
     "SeizeLease": Rule(Role.ADMINISTRATOR, is_command=True),
 }
 """By the name of the call; anybody who may come in at all may stop."""

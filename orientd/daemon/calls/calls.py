@@ -11,7 +11,6 @@ import time
 from collections import defaultdict
 from collections.abc import Callable
 
-from orientd.daemon.access import Identity
 from orientd.daemon.calls import report
 from orientd.daemon.cell import Cell
 from orientd.daemon.device import Device
@@ -31,22 +30,14 @@ _OVERTAKEN = 0.001  # s between looks
 class Calls:
     """What the calls of every subject have in common: the cell, and who works for them."""
 
-    def __init__(
-        self,
-        cell: Cell,
-        describe: Callable[[], DaemonReport],
-        *,
-        who: Callable[[str], Identity],
-    ) -> None:
+    def __init__(self, cell: Cell, describe: Callable[[], DaemonReport]) -> None:
         """Serve *cell*.
 
         Args:
             cell: devices, lease and motions.
             describe: says what there is to say about the daemon itself.
-            who: returns who is called by a name and may command.
         """
         self._cell = cell
-        self._who = who
         self._describe = describe
         self._closing = asyncio.Event()
         self._turns: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)

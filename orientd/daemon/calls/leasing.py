@@ -1,4 +1,4 @@
-"""The lease: taken, kept, given back, handed over, seized."""
+"""The lease: taken, kept, given back, seized."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ class LeasingCalls(Calls):
     async def AcquireLease(
         self, request: pb.AcquireLeaseRequest, caller: Caller
     ) -> pb.AcquireLeaseResponse:
-        """Take the lease of devices that are free."""
+        """Take the lease of devices that nobody else has."""
         lease = await self._cell.in_worker(
-            lambda: self._cell.lease_manager.acquire(
+            lambda: self._cell.leases.acquire(
                 request.holder,
                 caller.identity.key,
                 name=caller.identity.name,
                 devices=self._cell.named(request.devices),
-                share=request.share_token,
+                beside=request.beside,
             ),
         )
         return pb.AcquireLeaseResponse(lease=self._lease_message(lease))
@@ -38,27 +38,15 @@ class LeasingCalls(Calls):
         self, request: pb.ReleaseLeaseRequest, caller: Caller
     ) -> pb.ReleaseLeaseResponse:
         """Give the lease back."""
-        await self._cell.in_worker(lambda: self._cell.lease_manager.release(request.token))
+        await self._cell.in_worker(lambda: self._cell.leases.release(request.token))
         return pb.ReleaseLeaseResponse()
-
-    async def TransferLease(
-        self, request: pb.TransferLeaseRequest, caller: Caller
-    ) -> pb.TransferLeaseResponse:
-        """Hand the lease over."""
-
-        def work() -> Lease:
-            to = self._who(request.to)
-            return self._cell.lease_manager.transfer(request.token, to.key, to.name)
-
-        lease = await self._cell.in_worker(work)
-        return pb.TransferLeaseResponse(seconds=self._cell.leases.remaining(lease))
 
     async def SeizeLease(
         self, request: pb.SeizeLeaseRequest, caller: Caller
     ) -> pb.SeizeLeaseResponse:
         """Take the lease whoever holds it."""
         lease = await self._cell.in_worker(
-            lambda: self._cell.lease_manager.seize(
+            lambda: self._cell.leases.seize(
                 request.holder,
                 caller.identity.key,
                 request.reason,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -109,13 +109,6 @@ class ActiveMotions:
                 for run in self._runs.values()
                 if not run.ended.done() and token in (None, run.token)
             ]
-
-    def reassign(self, before: str, token: str, devices: Collection[str]) -> None:
-        """Have motions of *devices* under the lease of token *before* go on under *token*."""
-        with self._lock:
-            for run in self._runs.values():
-                if run.token == before and run.device.name in devices:
-                    run.token = token
 
     def find(self, device: Device, number: int) -> ActiveMotion | None:
         """Return motion *number* of *device*, if it has not ended."""

@@ -54,7 +54,6 @@ class Sequence:
 
     def go(self, request):
         """Plan a motion, send it, hold what the axes do against their limits; return it."""
-        self.driver.tune(request.device_options)
         motion = self.planner.plan(request, start=State.at_rest(self.q), joints=self.angles)
         sent = motion.records(0, motion.record_count)[:, :4]
         # The servo begins a path nowhere but at what was commanded last.
@@ -248,7 +247,6 @@ def test_home_from_a_motion_is_planned_from_rest_only():
     it = three_axes()
     motion = it.point((60, 30))
     middle = motion.record_count // 2
-    it.driver.tune({"home": True})
     with pytest.raises(PlanError, match="from rest only"):
         it.planner.plan(
             MotionRequest([Keyframe((1.0, 0.0, 0.0, 0.0))], device_options={"home": True}),

@@ -5,10 +5,18 @@ import dataclasses
 import pytest
 
 from orientd.clock import ManualClock
-from orientd.daemon.leases.lease import LeaseTable
+from orientd.daemon.leases import Leases
 from orientd.errors import LeaseError
 
 SECOND = 1_000_000_000
+
+
+def leases_of(devices, clock):
+    """Return leases that tell in ``lost`` which of them were lost."""
+    lost = []
+    leases = Leases(devices, seconds=5.0, clock=clock, lost=lambda *told: lost.append(told))
+    leases.lost = lost
+    return leases
 
 
 @pytest.fixture
@@ -18,7 +26,7 @@ def clock():
 
 @pytest.fixture
 def leases(clock):
-    return LeaseTable(["arm"], seconds=5.0, clock=clock)
+    return leases_of(["arm"], clock)
 
 
 def test_a_free_lease_goes_to_who_asks(leases):
@@ -59,20 +67,23 @@ def test_an_expired_lease_is_free_and_its_token_worthless(leases, clock):
     assert leases.acquire("ben").holder == "ben"
 
 
-def test_an_expired_lease_is_collected_once(leases, clock):
+def test_an_expired_lease_is_lost_once(leases, clock):
     lease = leases.acquire("ana")
-    assert leases.collect_expired() == []
+    leases.expire()
+    assert leases.lost == []
     clock.advance(5 * SECOND)
-    assert leases.collect_expired() == [lease]
-    assert leases.collect_expired() == []
+    leases.expire()
+    leases.expire()
+    assert leases.lost == [(lease, ("arm",), "has expired")]
     with pytest.raises(LeaseError, match="has expired"):
         leases.check(lease.token)
 
 
 def test_a_released_lease_is_free(leases):
     lease = leases.acquire("ana")
-    assert leases.release(lease.token) == lease
+    leases.release(lease.token)
     assert leases.held() == []
+    assert leases.lost == [(lease, ("arm",), "was released")]
     with pytest.raises(LeaseError, match="was released"):
         leases.check(lease.token)
 
@@ -92,34 +103,11 @@ def test_a_lease_is_somebodys(leases):
     assert leases.owner("no such") is None
 
 
-def test_a_lease_that_is_handed_over_waits_for_its_new_owner_alone(leases, clock):
-    lease = leases.acquire("ana", "user:1")
-    clock.advance(4 * SECOND)
-    before, after = leases.transfer(lease.token, "user:2", "ben")
-    assert before == [lease]
-    assert leases.remaining(after) == 5.0
-    with pytest.raises(LeaseError, match="held by 'ben'"):
-        leases.check(lease.token)
-    with pytest.raises(LeaseError, match="held by 'ben'"):
-        leases.acquire("ana", "user:1")
-    taken = leases.acquire("ben's pendant", "user:2")
-    assert (taken.token, taken.holder) == (after.token, "ben's pendant")
-    with pytest.raises(LeaseError, match='held by "ben\'s pendant"'):
-        leases.acquire("ben again", "user:2")
-
-
-def test_a_lease_that_is_handed_over_and_not_taken_runs_out(leases, clock):
-    _, after = leases.transfer(leases.acquire("ana", "user:1").token, "user:2", "ben")
-    clock.advance(5 * SECOND)
-    assert leases.collect_expired() == [after]
-    assert leases.acquire("ana", "user:1").owner == "user:1"
-
-
 def test_a_lease_is_seized_whoever_holds_it(leases):
-    before, first = leases.seize("chief", "user:0")
-    assert before == []
-    held, second = leases.seize("other", "user:9")
-    assert held == [first]
+    first = leases.seize("chief", "user:0", "a test")
+    assert leases.lost == []
+    second = leases.seize("other", "user:9", "another")
+    assert leases.lost == [(first, ("arm",), "was seized by 'other': another")]
     assert leases.check(second.token).owner == "user:9"
     with pytest.raises(LeaseError, match="held by 'other'"):
         leases.check(first.token)
@@ -133,17 +121,13 @@ def test_a_lease_that_ran_out_waits_to_be_collected(leases, clock):
     clock.advance(7 * SECOND)
     assert leases.has_expired
     assert leases.remaining(lease) == 0.0
-    leases.collect_expired()
+    leases.expire()
     assert not leases.has_expired
 
 
-@pytest.mark.parametrize("how", ["handed over", "seized"])
-def test_whose_lease_was_taken_is_told_so_once_nobody_holds_it(leases, clock, how):
+def test_whose_lease_was_taken_is_told_so_once_nobody_holds_it(leases, clock):
     lease = leases.acquire("ana", "user:1")
-    if how == "seized":
-        leases.seize("chief", "user:0")
-    else:
-        leases.transfer(lease.token, "user:2", "ben")
+    leases.seize("chief", "user:0", "a test")
     clock.advance(5 * SECOND)
     with pytest.raises(LeaseError, match="lease of 'ana' has expired or was released"):
         leases.check(lease.token)
@@ -159,7 +143,7 @@ def test_who_has_no_token_is_told_to_acquire_one_and_one_of_nobodys_is_called_so
 def test_seizing_what_nobody_holds_leaves_the_lease_before_that_worthless(leases):
     lease = leases.acquire("ana")
     leases.release(lease.token)
-    second = leases.seize("chief", "user:0")[1]
+    second = leases.seize("chief", "user:0", "a test")
     leases.release(second.token)
     with pytest.raises(LeaseError, match="lease of 'chief' has expired or was released"):
         leases.check(second.token)
@@ -188,7 +172,7 @@ def test_a_token_is_of_16_random_bytes(leases):
 
 @pytest.fixture
 def pair(clock):
-    return LeaseTable(["arm", "leg"], seconds=5.0, clock=clock)
+    return leases_of(["arm", "leg"], clock)
 
 
 def test_each_device_has_its_commander(pair):
@@ -222,56 +206,57 @@ def test_a_lease_of_another_device_is_said_to_be_one(pair):
 
 
 def test_who_holds_something_else_is_not_named(clock):
-    leases = LeaseTable(["arm", "leg", "cam"], seconds=5.0, clock=clock)
+    leases = leases_of(["arm", "leg", "cam"], clock)
     ana = leases.acquire("ana", devices=["arm"])
     leases.acquire("ben", devices=["cam"])
     with pytest.raises(LeaseError, match="the lease is of arm, not of leg"):
         leases.check(ana.token, "leg")
 
 
-def test_a_lease_that_is_shared_is_given_back_by_each_alone(pair, clock):
+def test_programs_of_one_identity_share_a_device_on_purpose_alone(pair):
     first = pair.acquire("ana", "user:1", devices=["arm"])
-    second = pair.acquire("ana too", "user:1", share=first.token)
+    with pytest.raises(LeaseError, match="with --lease, this commands beside it"):
+        pair.acquire("ana too", "user:1", devices=["arm"])
+    second = pair.acquire("ana too", "user:1", devices=["arm"], beside=True)
     assert (second.devices, second.token != first.token) == (("arm",), True)
     pair.release(second.token)
     assert pair.check(first.token, "arm") == first
-    third = pair.acquire("ana again", "user:1", share=first.token)
+    third = pair.acquire("ana again", "user:1", devices=["arm"], beside=True)
     pair.release(first.token)
     assert pair.check(third.token, "arm") == third
-    with pytest.raises(LeaseError, match="held by 'ana again'"):
-        pair.acquire("ben", devices=["arm"])
 
 
-def test_nobody_shares_what_is_not_held(pair):
-    first = pair.acquire("ana", devices=["arm"])
-    pair.release(first.token)
-    for token in (first.token, "nonsense"):
-        with pytest.raises(LeaseError):
-            pair.acquire("ben", share=token)
-    assert pair.held() == []
+def test_nobody_commands_beside_somebody_else(pair):
+    pair.acquire("ana", "user:1", devices=["arm"])
+    with pytest.raises(
+        LeaseError, match=r"held by 'ana' \(user:1\), for another 5\.0 s if not renewed$"
+    ):
+        pair.acquire("ben", "user:2", beside=True)
+    # What is free needs nobody to be beside.
+    assert pair.acquire("ben", "user:2", devices=["leg"], beside=True).devices == ("leg",)
 
 
-def test_a_shared_lease_is_handed_over_and_seized_as_one(pair):
+def test_leases_beside_one_another_are_seized_as_one(pair):
     first = pair.acquire("ana", "user:1", devices=["arm"])
-    second = pair.acquire("ana too", "user:1", share=first.token)
-    before, after = pair.transfer(second.token, "user:2", "ben")
-    assert (before, pair.held()) == ([first, second], [after])
-    assert pair.seize("chief", "user:0")[0] == [after]
+    second = pair.acquire("ana too", "user:1", devices=["arm"], beside=True)
+    after = pair.seize("chief", "user:0", "a test")
+    assert ([lease for lease, _, _ in pair.lost], pair.held()) == ([first, second], [after])
 
 
 def test_of_several_devices_one_is_seized_and_the_others_are_left(pair):
     both = pair.acquire("ana", "user:1")
-    before, after = pair.seize("chief", "user:0", devices=["leg"])
-    assert (before, after.devices) == ([both], ("leg",))
+    after = pair.seize("chief", "user:0", "a test", devices=["leg"])
+    assert (pair.lost[0][:2], after.devices) == ((both, ("leg",)), ("leg",))
     pair.check(both.token, "arm")
     with pytest.raises(LeaseError, match="lease of leg is held by 'chief'"):
         pair.check(both.token, "leg")
 
 
-def test_who_has_none_of_what_is_seized_or_handed_over_loses_nothing(pair):
+def test_who_has_none_of_what_is_seized_loses_nothing(pair):
     ana, ben = pair.acquire("ana", devices=["arm"]), pair.acquire("ben", devices=["leg"])
-    assert pair.seize("chief", "user:0", devices=["leg"])[0] == [ben]
-    assert pair.transfer(ana.token, "user:2", "eve")[0] == [ana]
+    pair.seize("chief", "user:0", "a test", devices=["leg"])
+    assert [lease for lease, _, _ in pair.lost] == [ben]
+    assert pair.check(ana.token, "arm") == ana
 
 
 def test_a_command_that_was_overtaken_is_refused(pair):

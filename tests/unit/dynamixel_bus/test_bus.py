@@ -226,3 +226,24 @@ def test_disconnected_servo_loses_torque_and_comes_back_booted():
     assert ask(bus, Packet(1, Instruction.PING), 2 * S) == []
     assert len(ask(bus, Packet(1, Instruction.PING), 3 * S)) == 1
     assert not servo.is_torque_on
+
+
+def test_time_passes_for_every_servo():
+    bus = three()
+    for servo in bus.servos:
+        servo.write(11, b"\4", 0)
+        servo.write(64, b"\1", 0)
+        servo.write(116, (4000).to_bytes(4, "little"), 0)
+    bus.advance(3 * S)
+    assert [round(servo.shaft.position) for servo in bus.servos] == [4000] * 3
+
+
+def test_two_instructions_in_one_write_are_heard_one_after_the_other():
+    bus = three(line=SerialLine(is_paced=True, has_collisions=False))
+    ping = encode(Packet(1, Instruction.PING)), encode(Packet(2, Instruction.PING))
+    bus.receive(b"".join(ping), 0)
+    first = bus.wire.due_ns()
+    # 10 bytes, turnaround and return delay, 14 bytes, of 10 microseconds each.
+    assert first == 100_000 + 50_000 + 500_000 + 140_000
+    assert len(bus.wire.take(first)) == 14
+    assert bus.wire.due_ns() == first + 100_000

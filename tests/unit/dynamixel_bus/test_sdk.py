@@ -11,6 +11,7 @@ from emulated_dynamixel import (  # noqa: E402
     SerialLine,
     VirtualPort,
 )
+from emulated_dynamixel.packet import Instruction  # noqa: E402
 from orientd.clock import ManualClock  # noqa: E402
 
 COMM_SUCCESS, COMM_RX_TIMEOUT = 0, -3001
@@ -162,3 +163,11 @@ def test_a_read_of_what_has_come_takes_no_time(port, ph):
     assert port.clock.now_ns() == now
     assert port.readPort(1) == b""
     assert port.clock.now_ns() == now + 100_000_000
+
+
+def test_numbers_of_instructions_are_those_of_the_sdk():
+    from dynamixel_sdk import protocol2_packet_handler as numbers
+
+    known = {one for one in Instruction if hasattr(numbers, f"INST_{one.name}")}
+    assert len(known) >= 13
+    assert all(getattr(numbers, f"INST_{one.name}") == one for one in known)

@@ -373,3 +373,62 @@ def test_a_lie_is_told_at_one_position_alone(servo):
     assert number(servo, 132, 4) == 2148
     servo.shaft.position = 2050.0
     assert number(servo, 132, 4) == 2050
+
+
+def test_a_new_mode_has_the_present_position_as_its_goal():
+    servo = EmulatedServo(1)
+    servo.shaft.position = 3000.0
+    put(servo, 11, 4, 1)
+    assert number(servo, 116, 4) == 3000
+
+
+def test_in_current_mode_half_the_current_is_half_the_speed():
+    servo = EmulatedServo(1)
+    put(servo, 11, 0, 1)
+    put(servo, 64, 1, 1)
+    put(servo, 102, 597, 2)
+    half = number(servo, 128, 4, S)
+    put(servo, 102, 1193, 2, S)
+    assert number(servo, 128, 4, 2 * S) == pytest.approx(2 * half, abs=2)
+
+
+def test_a_servo_without_its_cable_stops_where_it_is(servo):
+    put(servo, 116, 100_000, 4)
+    servo.disconnect(S)
+    assert not servo.is_torque_on
+    assert servo.shaft.position == pytest.approx(2048 + 4.817 * TICKS_PER_RADIAN, rel=0.03)
+    assert number(servo, 128, 4, S) == 0
+    stopped = servo.shaft.position
+    servo.advance(3 * S)
+    assert servo.shaft.position == stopped
+
+
+def test_a_servo_that_has_arrived_has_no_speed(servo):
+    put(servo, 116, 2100, 4)
+    servo.advance(3 * S)
+    assert (servo.shaft.position, servo.shaft.speed) == (2100.0, 0.0)
+
+
+def test_there_are_six_operating_modes():
+    servo = EmulatedServo(1)
+    taken = [mode for mode in range(17) if put(servo, 11, mode, 1) == ErrorNumber.NONE]
+    assert taken == [0, 1, 3, 4, 5, 16]
+
+
+def test_a_new_mode_lifts_the_limit_of_pwm():
+    servo = EmulatedServo(1)
+    put(servo, 36, 500, 2)
+    put(servo, 11, 4, 1)
+    assert (number(servo, 36, 2), number(servo, 100, 2)) == (885, 885)
+
+
+@pytest.mark.parametrize(("attribute", "value", "bit"), [("supply", 90, 0), ("supply", 170, 0),
+                                                         ("temperature", 81, 2)])  # fmt: skip
+def test_supply_and_heat_beyond_their_limits_are_errors(servo, attribute, value, bit):
+    servo.advance(S)
+    assert servo.value("hardware error status") == 0
+    setattr(servo, attribute, value)
+    servo.advance(2 * S)
+    assert servo.value("hardware error status") == 1 << bit
+    assert servo.error_bits == ALERT
+    assert servo.is_torque_on == (bit == 0)  # heat is in the shutdown mask, the supply is not

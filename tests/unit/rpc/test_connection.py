@@ -23,7 +23,7 @@ CALLS = {
     "track": lambda robot: robot.track(),
     "stop": lambda robot: robot.stop(),
     "enable": lambda robot: robot.enable(),
-    "borrow": lambda robot: robot.borrow_lease("token"),
+    "lease": lambda robot: robot.acquire_lease(beside=True),
 }
 
 

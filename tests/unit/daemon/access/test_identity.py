@@ -9,7 +9,7 @@ import pytest
 from orientd.config import AccessSettings, Role
 from orientd.daemon.access.identity import ClientCertificate, Process, RolePolicy
 from orientd.daemon.access.peer import peer_process
-from orientd.errors import ConfigError, RequestError
+from orientd.errors import ConfigError
 
 LATER = time.time() + 3600.0
 
@@ -67,15 +67,6 @@ def test_certificates_and_users_of_one_name_are_two():
         found.identify(Process(1, 0, ())).key,
     }
     assert keys == {"user:0", "certificate:0"}
-
-
-def test_a_lease_is_handed_to_somebody_who_may_command():
-    found = policy(certificates={"pendant": "operator", "watcher": "observer"})
-    assert found.named("certificate:pendant").key == "certificate:pendant"
-    assert found.named("root").key == found.named("user:0").key == found.named("0").key
-    for name in ("certificate:watcher", "certificate:none", "54321", "nobody-at-all", "a\0b", ""):
-        with pytest.raises(RequestError, match="expected somebody who may command"):
-            found.named(name)
 
 
 def test_the_kernel_says_who_connected():

@@ -1,20 +1,24 @@
 """Leases: who may command which device, and for how long.
 
-A lease is of one device or of several, and a device is in the leases of one commander alone.  A
-commander may share: then each program of theirs has a lease of its own, with a token of its own,
-and what one of them gives back, or loses, leaves the others, and their motions, alone.
+A lease is of one device or of several, and a device is in the leases of one identity alone.  Two
+programs of one identity share a device only if the second one asks for that.  Then each has a lease
+of its own: if one of them gives its lease back, or loses it, the other one and its motions go on.
 """
 
 from __future__ import annotations
 
+import logging
 import secrets
 import threading
 from collections import OrderedDict
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from orientd.clock import Clock
-from orientd.errors import LeaseError
+from orientd.errors import LeaseError, RequestError
+from orientd.one_line import one_line
+
+_log = logging.getLogger(__name__)
 
 NANOSECONDS = 1_000_000_000
 
@@ -33,8 +37,6 @@ class Lease:
         devices: which may be commanded with it, in the order of the table.
         owner: whose it is, as the daemon knows them; empty where it knows nobody.
         name: of the owner, for people.
-        is_offered: whether it was handed over to the owner, who has not taken it yet.
-        commander: the same for leases that are shared; the token of the first of them.
     """
 
     token: str
@@ -43,8 +45,6 @@ class Lease:
     devices: tuple[str, ...] = ()
     owner: str = ""
     name: str = ""
-    is_offered: bool = False
-    commander: str = ""
 
     @property
     def who(self) -> str:
@@ -52,18 +52,27 @@ class Lease:
         return f"{self.name} ({self.owner})" if self.owner and self.name else repr(self.holder)
 
 
-class LeaseTable:
-    """Hand out leases, each device to one commander at a time.  Safe to call from any thread."""
+EXPIRED = "has expired"
+"""What happened to a lease that its holder did not renew."""
 
-    def __init__(self, devices: Sequence[str], *, seconds: float, clock: Clock) -> None:
+Lost = Callable[[Lease, Collection[str], str], object]
+"""Told that a lease is lost: which, of which devices, and what happened to it."""
+
+
+class Leases:
+    """Hand out leases, each device to one identity at a time.  Safe to call from any thread."""
+
+    def __init__(self, devices: Sequence[str], *, seconds: float, clock: Clock, lost: Lost) -> None:
         """Open with nobody holding a lease.
 
         Args:
             devices: all there are.
             seconds: how long a lease lasts from its acquisition or renewal, s.
             clock: tells when it has run out.
+            lost: stops what was started under a lease, of which it is told when it is lost.
         """
         self.seconds = seconds
+        self._lost = lost
         self._devices = tuple(devices)
         self._span_ns = round(seconds * NANOSECONDS)
         self._clock = clock
@@ -79,7 +88,7 @@ class LeaseTable:
 
     @property
     def has_expired(self) -> bool:
-        """Whether there is a lease for :meth:`collect_expired`."""
+        """Whether there is a lease for :meth:`expire`."""
         with self._lock:
             return len(list(self._valid())) < len(self._leases)
 
@@ -101,7 +110,7 @@ class LeaseTable:
         *,
         name: str = "",
         devices: Collection[str] = (),
-        share: str = "",
+        beside: bool = False,
     ) -> Lease:
         """Give a lease of *devices* to *holder*, of all of them or of none.
 
@@ -109,74 +118,54 @@ class LeaseTable:
             holder: what it calls itself.
             owner: whose it will be.
             name: of the owner, for people.
-            devices: which; all there are if empty, or those of *share*.
-            share: the token of a lease to command beside; it is left as it is.
+            devices: which; all there are if empty.
+            beside: whether to command beside other leases of the same owner, which stay as they
+                are.
 
         Raises:
-            LeaseError: another commander has one of them; the message names them and the time that
-                is left; or *share* is not the token of a lease.
+            RequestError: the holder has no name.
+            LeaseError: one of the devices is taken; the message names the holder and the time that
+                is left.
         """
+        holder = _named(holder)
+        self.expire()
         with self._lock:
-            shared = self._check(share) if share else None
-            wanted = self._in_order(devices or (shared.devices if shared else ()))
-            commander = shared.commander if shared else ""
-            others = [
-                lease
-                for lease in self._valid()
-                if lease.commander != commander and set(wanted) & set(lease.devices)
-            ]
-            offered = [lease for lease in others if lease.is_offered and lease.owner == owner]
-            refusing = [lease for lease in others if lease not in offered]
-            if refusing:
-                raise LeaseError(self._taken(refusing[0]))
-            if len(offered) == 1 and not shared:
-                # The motions that run under it know it by its token.
-                known = offered[0]
-                lease = replace(
-                    known,
-                    holder=holder,
-                    devices=self._in_order({*wanted, *known.devices}),
-                    is_offered=False,
-                    expires_ns=self._deadline(),
-                )
-            elif offered:
-                raise LeaseError("several leases were handed over: take each by itself")
-            else:
-                lease = self._new(holder, owner, name, wanted, commander)
-            self._leases[lease.token] = lease
-            return lease
-
-    def transfer(self, token: str, owner: str, name: str) -> tuple[list[Lease], Lease]:
-        """Hand the lease over to *owner*, called *name*, who has its full time to acquire it.
-
-        Returns:
-            The leases that are over, or are of fewer devices now: it, and what it shared them with;
-            and the one in their place.
-
-        Raises:
-            LeaseError: *token* is not that of a lease.
-        """
-        with self._lock:
-            devices = self._check(token).devices
-            before = self._take_away(devices)
-            after = replace(self._new(name, owner, name, devices), is_offered=True)
-            self._leases[after.token] = after
-            return before, after
+            wanted = self._in_order(devices)
+            for held in self._valid():
+                is_own = held.owner == owner
+                if set(wanted) & set(held.devices) and not (beside and is_own):
+                    advice = "; with --lease, this commands beside it" if is_own else ""
+                    raise LeaseError(self._taken(held) + advice)
+            lease = self._new(holder, owner, name, wanted)
+        _log.info("lease: acquired by %s%s", lease.who, ", beside others" if beside else "")
+        return lease
 
     def seize(
-        self, holder: str, owner: str, *, name: str = "", devices: Collection[str] = ()
-    ) -> tuple[list[Lease], Lease]:
+        self,
+        holder: str,
+        owner: str,
+        reason: str,
+        *,
+        name: str = "",
+        devices: Collection[str] = (),
+    ) -> Lease:
         """Give a lease of *devices*, all there are if empty, to *holder* whoever has them.
 
-        Returns:
-            The leases that are over, or of fewer devices now, as they were; and the new one.
+        Raises:
+            RequestError: the holder has no name, or there is no reason.
         """
+        holder, reason = _named(holder), one_line(reason, 200)
+        if not reason:
+            raise RequestError("reason", "expected why the lease is seized, got nothing")
         with self._lock:
             wanted = self._in_order(devices)
             before = self._take_away(wanted)
-            after = self._new(holder, owner, name, wanted)
-            self._leases[after.token] = after
-            return before, after
+            lease = self._new(holder, owner, name, wanted)
+        whose = ", ".join(one.who for one in before) or "nobody"
+        _log.warning("lease: %s seizes it from %s: %s", lease.who, whose, reason)
+        for one in before:
+            self._lost(one, wanted, f"was seized by {lease.who}: {reason}")
+        return lease
 
     def renew(self, token: str) -> Lease:
         """Let the lease of *token* last its full time from now.
@@ -189,8 +178,8 @@ class LeaseTable:
             self._leases[lease.token] = lease
             return lease
 
-    def release(self, token: str) -> Lease:
-        """Take the lease back from its holder and return it as it was.
+    def release(self, token: str) -> None:
+        """Take the lease back from its holder.
 
         Raises:
             LeaseError: *token* is not that of a lease.
@@ -198,7 +187,19 @@ class LeaseTable:
         with self._lock:
             lease = self._check(token)
             self._end(lease)
-            return lease
+        _log.info("lease: released by %s", lease.who)
+        self._lost(lease, lease.devices, "was released")
+
+    def expire(self) -> None:
+        """Take leases back that have run out."""
+        with self._lock:
+            valid = list(self._valid())
+            expired = [lease for lease in self._leases.values() if lease not in valid]
+            for lease in expired:
+                self._end(lease)
+        for lease in expired:
+            _log.warning("lease: that of %s has expired", lease.who)
+            self._lost(lease, lease.devices, EXPIRED)
 
     def check(self, token: str, device: str = "", number: int = 0) -> Lease:
         """Return the lease of *token*.
@@ -230,24 +231,12 @@ class LeaseTable:
             is_known = self._find(token) is not None
             return is_known and number > self._numbers.get((token, device), 0) + 1
 
-    def collect_expired(self) -> list[Lease]:
-        """Return the leases that ran out since the last call, and forget them."""
-        with self._lock:
-            valid = list(self._valid())
-            expired = [lease for lease in self._leases.values() if lease not in valid]
-            for lease in expired:
-                self._end(lease)
-            return expired
-
     # With the lock held
 
-    def _new(
-        self, holder: str, owner: str, name: str, devices: tuple[str, ...], commander: str = ""
-    ) -> Lease:
-        token = secrets.token_hex(16)
-        return Lease(
-            token, holder, self._deadline(), devices, owner, name, commander=commander or token
-        )
+    def _new(self, holder: str, owner: str, name: str, devices: tuple[str, ...]) -> Lease:
+        lease = Lease(secrets.token_hex(16), holder, self._deadline(), devices, owner, name)
+        self._leases[lease.token] = lease
+        return lease
 
     def _end(self, lease: Lease) -> None:
         self._leases.pop(lease.token, None)
@@ -313,3 +302,10 @@ class LeaseTable:
 
 def _listed(lease: Lease) -> str:
     return ", ".join(lease.devices)
+
+
+def _named(holder: str) -> str:
+    name = one_line(holder, 200)
+    if not name:
+        raise RequestError("holder", "expected a name to tell others, got nothing")
+    return name
