@@ -289,7 +289,7 @@ class DynamixelDriver(Driver):
     def health(self) -> Sequence[PartHealth]:
         """Return voltage, temperature and current of every servo, with warnings."""
         group = self._group
-        if group is not None and group.health_ns != self._health_ns:
+        if group is not None and group.health and group.health_ns != self._health_ns:
             self._health_ns = group.health_ns
             told = zip(self._servos, group.health, strict=True)
             self._health = tuple(judge(servo, reading, group.health_ns) for servo, reading in told)

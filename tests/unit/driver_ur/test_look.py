@@ -91,8 +91,8 @@ def test_place_is_where_the_arm_is_commanded_to_be(peer, is_told):
 def robot_at(monkeypatch, place, arms, **options):
     asked = []
 
-    def ask(*_):
-        asked.append(1)
+    def ask(_, timeout):
+        asked.append(timeout)
         return arms[min(len(asked), len(arms)) - 1]
 
     monkeypatch.setattr("orientd_ur.robot.whereabouts", lambda *_, **__: place)
@@ -115,6 +115,7 @@ def test_arm_is_asked_for_once_and_again_when_another_robot_takes_its_place(monk
     monkeypatch.setattr("orientd_ur.robot.whereabouts", lambda *_, **__: place_of("ur10e"))
     assert robot.look()[0].name == "ur10e"
     assert len(asked) == 2
+    assert all(0.4 < seconds <= 0.8 for seconds in asked)
 
 
 @pytest.mark.parametrize(

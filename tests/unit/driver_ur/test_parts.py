@@ -112,7 +112,9 @@ def test_shortest_rotation_vector_is_the_rotation(angle):
         assert same(exp(found), exp(r))
 
 
-@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.48, -0.6, 0.64), (-0.8, 0.36, 0.48)])
+@pytest.mark.parametrize(
+    "axis", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (0.48, -0.6, 0.64)]
+)
 def test_rotation_vector_goes_on_beyond_pi_without_a_jump(axis):
     def turned(angle):
         return tuple(angle * a for a in axis)

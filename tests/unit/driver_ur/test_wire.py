@@ -8,8 +8,17 @@ import pytest
 from peers import package
 
 from orientd.errors import LinkError
+from orientd_ur.link import are_open, send_at_once
 from orientd_ur.timing import TickListener
-from orientd_ur.wire import DASHBOARD_PORT, RTDE_PORT, Connection, Dashboard, RtdeClient, take
+from orientd_ur.wire import (
+    DASHBOARD_PORT,
+    RTDE_PORT,
+    SCRIPT_PORT,
+    Connection,
+    Dashboard,
+    RtdeClient,
+    take,
+)
 
 HEADER = struct.Struct(">HB")
 
@@ -163,3 +172,27 @@ def test_controller_that_does_not_tell_its_time_is_named(peer):
     host, _ = peer(RTDE_PORT, None, package("V", b"\1"), package("O", b"\1NOT_FOUND"))
     with pytest.raises(LinkError, match=r"does not tell its time: .*variable timestamp"):
         TickListener(host)
+
+
+def test_connections_to_the_rtde_and_script_ports_send_at_once_and_are_known_again(peer):
+    ports = (RTDE_PORT, SCRIPT_PORT, DASHBOARD_PORT)
+    for port in ports:
+        host, _ = peer(port)
+    socks = [socket.create_connection((host, port), 1.0) for port in ports]
+    try:
+        known = send_at_once(host)
+        assert {one.descriptor for one in known} == {sock.fileno() for sock in socks[:2]}
+        delays = [sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) for sock in socks]
+        assert list(map(bool, delays)) == [True, True, False]
+        assert send_at_once("127.96.1.2") == frozenset()
+        assert are_open(known)
+        # The library closes a socket and opens another, mostly with the same descriptor.
+        again = socks[0].fileno()
+        socks[0].close()
+        assert not are_open(known)
+        socks[0] = socket.create_connection((host, SCRIPT_PORT), 1.0)
+        assert socks[0].fileno() == again
+        assert not are_open(known)
+    finally:
+        for sock in socks:
+            sock.close()
