@@ -216,6 +216,9 @@ def matrix_of(q: Quaternion) -> Matrix:
 class Gimbal(Mechanism):
     """A gimbal of two or three axes, with limits.
 
+    The planner chooses branch and turns over the whole path, passes the pole, and stops to slew if
+    it may.  The driver takes joints: at the pole an orientation does not say them.
+
     Attributes:
         axes: limits of every axis, from the base to the tool.
         kinematics: of the axes, for floats.

@@ -40,6 +40,11 @@ class Reserve(NamedTuple):
 class Mechanism(ABC):
     """Axes that pose a tool.
 
+    The planner makes the joints of every record of a motion by :meth:`nearest`, from where the
+    device stands.  It holds them against :attr:`axes` and :meth:`reserve`, and runs the motion
+    slower where an axis needs it.  A motion with times of its own is refused with the axis, the
+    value and the time.
+
     Attributes:
         axes: limits of every axis, from the base to the tool.
     """

@@ -467,4 +467,7 @@ class Servo:
         )
         ring.append(record)
         self._cycle_count += 1
-        self.reports.publish_health(self._cycle_count)
+        try:
+            self.reports.publish_health(self._cycle_count)
+        except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
+            self._take_fault(error)
