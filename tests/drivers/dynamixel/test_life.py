@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from emulated_dynamixel import FaultKind, ReplyFault
-from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
+from orientd.errors import (
+    AxisFaultError,
+    DeviceError,
+    DeviceFaultError,
+    FeedbackError,
+    LinkError,
+)
 from orientd_dynamixel.servo import Servo
 
 MS = 1_000_000
@@ -471,13 +477,19 @@ def test_health_is_judged_once_a_look(rig):
     assert it.driver.health()[0].time_ns - first[0].time_ns == pytest.approx(500 * MS, rel=0.02)
 
 
-def test_options_of_one_motion_are_checked(rig):
+def test_health_of_before_a_reset_is_told_until_there_is_new(rig):
     it = rig()
-    it.driver.tune({"home": True})
-    with pytest.raises(ValueError, match="home must be true or false"):
-        it.driver.tune({"home": 3})
-    with pytest.raises(ValueError, match="unknown option 'hme'"):
-        it.driver.tune({"hme": True})
+    assert it.driver.health() == ()
+    it.start()
+    assert it.driver.health() == ()
+    it.run(3)
+    before = it.driver.health()
+    it.driver.disable()
+    it.driver.reset()
+    assert it.driver.health() is before
+    it.driver.enable()
+    it.run(3)
+    assert it.driver.health()[0].time_ns > before[0].time_ns
 
 
 def test_a_second_port_is_not_opened_while_the_first_is(rig):
@@ -503,3 +515,13 @@ def test_torque_is_left_alone_by_a_start(rig):
     assert torques(it) == [True, True, True]
     it.driver.enable()
     assert it.goals() == [2048, 2048, 2048]
+
+
+def test_losses_in_a_row_are_counted_one_by_one(rig):
+    it = rig(max_losses=7)
+    it.start()
+    it.run(5)
+    it.bus.faults.add(2, ReplyFault(FaultKind.DROP))
+    with pytest.raises(FeedbackError, match="7 readings lost in a row"):
+        it.run(100)
+    assert it.driver._group.lost == 7
