@@ -92,7 +92,8 @@ def _names(module: Any, front: str) -> list[str]:  # noqa: ANN401 - a module
         return [
             name
             for name, one in vars(module).items()
-            if inspect.isclass(one) and (issubclass(one, OrientdError) or name == "Fault")
+            if inspect.isclass(one)
+            and (issubclass(one, OrientdError) or name in {"Fault", "LimitKind"})
         ]
     return [
         name

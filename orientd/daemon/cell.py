@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable, Collection, Iterable
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import TypeVar
 
@@ -18,7 +18,7 @@ from orientd.clock import Clock, MonotonicClock
 from orientd.config import AccessSettings, DeviceSettings, Settings
 from orientd.daemon.device import Device
 from orientd.daemon.devices import DeviceEvent
-from orientd.daemon.leases import Lease, LeaseManager, LeaseTable
+from orientd.daemon.leases import EXPIRED, Lease, Leases
 from orientd.daemon.motion_starter import MotionStarter
 from orientd.daemon.motions import ActiveMotions, PlanStore
 from orientd.daemon.observe import FlightRecorder, Journal
@@ -33,6 +33,7 @@ from orientd.daemon.planners import (
 from orientd.errors import (
     GOING_DOWN,
     DaemonError,
+    OrientdError,
     RequestError,
     UnknownNameError,
 )
@@ -72,10 +73,11 @@ class Cell:
         Raises:
             ConfigError: a device's driver is not there, or refuses its options.
         """
-        self.leases = LeaseTable(
+        self.leases = Leases(
             tuple(settings.devices),
             seconds=settings.daemon.lease_seconds,
             clock=clock or MonotonicClock(),
+            lost=self._disown,
         )
         self.plans = PlanStore()
         self.is_closing = False
@@ -83,7 +85,6 @@ class Cell:
         self.listeners: list[Callable[[DeviceEvent, Device], object]] = []
         self.devices: dict[str, Device] = {}
         self.runs = ActiveMotions(self.devices)
-        self.lease_manager = LeaseManager(self.leases, self.runs, self.devices)
         self.journal = Journal(kept=settings.recorder.seconds)
         self._flight = FlightRecorder(settings, self.journal)
         self.planners = planners or Planners(
@@ -116,6 +117,20 @@ class Cell:
         self.keyframes = access.keyframes
         self.streamed_keyframes = access.streamed_keyframes
         self.large.most_bytes = access.streamed_bytes
+
+    def _disown(self, lease: Lease, devices: Collection[str], what: str) -> None:
+        """Stop what was started under a lease that is lost.
+
+        If it has run out, whoever let a device go to move it by hand is lost too: it holds again.
+        """
+        for run in self.runs.unfinished(lease.token):
+            if run.device.name in devices:
+                self.runs.abandon(run, f"the lease of {lease.who} {what}")
+        for name in devices if what == EXPIRED else ():
+            try:
+                self.devices[name].end_free()
+            except OrientdError as error:
+                _log.warning("lease: %s was let go and does not hold again: %s", name, error)
 
     # Life
 
@@ -269,7 +284,7 @@ class Cell:
         return device
 
     def check(self, token: str, device: Device, number: int = 0) -> Lease:
-        """Return the lease that *device* is commanded under; see :meth:`LeaseTable.check`.
+        """Return the lease that *device* is commanded under; see :meth:`Leases.check`.
 
         Raises:
             LeaseError: *token* is not that of a lease of it, or the command is an old one.

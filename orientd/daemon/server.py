@@ -348,4 +348,4 @@ async def _expire_leases(cell: Cell) -> None:
     while True:
         await asyncio.sleep(_LEASE_CHECKS)
         if cell.leases.has_expired:
-            await asyncio.to_thread(cell.lease_manager.expire)
+            await asyncio.to_thread(cell.leases.expire)

@@ -216,6 +216,9 @@ def matrix_of(q: Quaternion) -> Matrix:
 class Gimbal(Mechanism):
     """A gimbal of two or three axes, with limits.
 
+    The planner chooses branch and turns over the whole path, passes the pole, and stops to slew if
+    it may.  The driver takes joints: at the pole an orientation does not say them.
+
     Attributes:
         axes: limits of every axis, from the base to the tool.
         kinematics: of the axes, for floats.
@@ -295,6 +298,12 @@ class Gimbal(Mechanism):
     def nearest(self, q: Quaternion, position: Vector3, near: Joints) -> Joints:  # noqa: ARG002 - a gimbal only turns its tool
         """Return the axis angles that make *q* best, nearest to *near*, rad, unwrapped."""
         return self.solve(q, near)[0]
+
+    def completed(self, q: Quaternion, position: Vector3, outer: float, wanted: Joints) -> Joints:  # noqa: ARG002 - a gimbal only turns its tool
+        """Return the axis angles that come nearest to *q*, or its direction, with the outer one."""
+        if self.is_fitting:
+            return wanted
+        return (outer, *self.kinematics.inner(self.kinematics.matrix(q), outer)[0])
 
     def solve(self, q: Quaternion, last: Joints) -> tuple[Joints, float]:
         """Return the axis angles for *q* nearest to *last*, and the angle missed.

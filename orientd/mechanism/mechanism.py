@@ -40,6 +40,11 @@ class Reserve(NamedTuple):
 class Mechanism(ABC):
     """Axes that pose a tool.
 
+    The planner makes the joints of every record of a motion by :meth:`nearest`, from where the
+    device stands.  It holds them against :attr:`axes` and :meth:`reserve`, and runs the motion
+    slower where an axis needs it.  A motion with times of its own is refused with the axis, the
+    value and the time.
+
     Attributes:
         axes: limits of every axis, from the base to the tool.
     """
@@ -89,6 +94,20 @@ class Mechanism(ABC):
             for one in self.solutions(q, position)
         ]
         return min(turned, key=lambda one: _apart(one, near), default=None)
+
+    def completed(self, q: Quaternion, position: Vector3, outer: float, wanted: Joints) -> Joints:  # noqa: ARG002 - most mechanisms make no more of it
+        """Return the joints that come nearest to a pose while the outermost axis is elsewhere, rad.
+
+        Args:
+            q: orientation ``(w, x, y, z)``, tool to world.
+            position: of the tool in the world, m.
+            outer: where the outermost axis is, rad.
+            wanted: the joints that pose the tool so, rad.
+
+        Returns:
+            The first of them does not count, nor do whole turns.
+        """
+        return wanted
 
     def home(self) -> Joints:
         """Return the joints at home, rad; empty if the mechanism has no home."""

@@ -16,7 +16,7 @@ class LeasingCalls(Calls):
     ) -> pb.AcquireLeaseResponse:
         """Take the lease of devices that nobody else has."""
         lease = await self._cell.in_worker(
-            lambda: self._cell.lease_manager.acquire(
+            lambda: self._cell.leases.acquire(
                 request.holder,
                 caller.identity.key,
                 name=caller.identity.name,
@@ -38,7 +38,7 @@ class LeasingCalls(Calls):
         self, request: pb.ReleaseLeaseRequest, caller: Caller
     ) -> pb.ReleaseLeaseResponse:
         """Give the lease back."""
-        await self._cell.in_worker(lambda: self._cell.lease_manager.release(request.token))
+        await self._cell.in_worker(lambda: self._cell.leases.release(request.token))
         return pb.ReleaseLeaseResponse()
 
     async def SeizeLease(
@@ -46,7 +46,7 @@ class LeasingCalls(Calls):
     ) -> pb.SeizeLeaseResponse:
         """Take the lease whoever holds it."""
         lease = await self._cell.in_worker(
-            lambda: self._cell.lease_manager.seize(
+            lambda: self._cell.leases.seize(
                 request.holder,
                 caller.identity.key,
                 request.reason,

@@ -43,6 +43,10 @@ def _missing(name: str) -> Callable[..., Any]:
     return refuse
 
 
+_INNER = frozenset({"press", "interpret", "let_go", "end"})
+"""What the controller calls, and no program."""
+
+
 class Functions(Values, Robot, Sockets, Interpreter, Motions):
     """The functions of one program.
 
@@ -58,27 +62,9 @@ class Functions(Values, Robot, Sockets, Interpreter, Motions):
             name: getattr(self, name)
             for part in Functions.__bases__
             for name in vars(part)
-            if not name.startswith("_")
+            if not name.startswith("_") and name not in _INNER
         }
 
     def table(self) -> dict[str, Callable[..., Any]]:
         """Return every function by its name; those that are not emulated say so when called."""
         return self._table
-
-    def press(self) -> None:
-        """Give way to force mode for a cycle."""
-        self._press()
-
-    def interpret(self, statement: str) -> str:
-        """Take a line that was sent to the program's interpreter mode; return the answer."""
-        return self._interpret(statement)
-
-    def let_go(self, handle: int) -> None:
-        """Take the arm from a thread that has ended."""
-        if self._holder == handle:
-            self._holder = None
-
-    def end(self) -> None:
-        """Close the sockets."""
-        for name in list(self._sockets):
-            self.socket_close(name)

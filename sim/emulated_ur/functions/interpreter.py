@@ -43,7 +43,7 @@ class Interpreter:
     def clear_interpreter(self) -> None:
         self._cleared = self._executed
 
-    def _interpret(self, statement: str) -> str:
+    def interpret(self, statement: str) -> str:
         """Take a line from port 30020; return the answer."""
         numbers = {
             "statelastexecuted": self._executed, "statelastinterpreted": self._accepted,

@@ -194,8 +194,13 @@ class Motions:
         for _ in range(ticks):
             yield
 
-    def _press(self) -> None:
-        """Give way to the forces of force mode, until something is touched."""
+    def let_go(self, handle: int) -> None:
+        """Take the arm from a thread that has ended."""
+        if self._holder == handle:
+            self._holder = None
+
+    def press(self) -> None:
+        """Give way to the forces of force mode for a cycle, until something is touched."""
         arm = self.robot.arm
         if self._force is None or self._holder is not None:
             return
@@ -324,5 +329,4 @@ class Motions:
         try:
             yield
         finally:
-            if self._holder == handle:
-                self._holder = None
+            self.let_go(handle)

@@ -113,6 +113,11 @@ class Sockets:
         found = yield from self._read(socket_name, find, timeout)
         return (found or b"").decode("utf-8", "replace")
 
+    def end(self) -> None:
+        """Close every socket."""
+        for name in list(self._sockets):
+            self.socket_close(name)
+
     def _send(self, message: bytes, name: str) -> bool:
         if name not in self._sockets:
             return False

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from emulated_dynamixel import FaultKind, ReplyFault
-from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
+from orientd.errors import (
+    AxisFaultError,
+    DeviceError,
+    DeviceFaultError,
+    FeedbackError,
+    LinkError,
+)
 from orientd_dynamixel.servo import Servo
 
 MS = 1_000_000
@@ -395,3 +401,127 @@ def test_servo_whose_clock_drifts_is_believed_for_ever(rig, drift):
         it.servo(2)._boot_ns += round(drift * it.period_ns)
         it.cycle()
     assert it.driver._group.lost == 0
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (1, "could not do it"),
+        (2, "does not know the instruction"),
+        (3, "arrived damaged"),
+        (4, "out of range"),
+        (5, "length is not that of the register"),
+        (6, "beyond its limit"),
+        (7, "cannot be written now"),
+        (9, "error 9"),
+    ],
+)
+def test_servo_that_refuses_says_why(rig, number, words):
+    it = rig()
+    it.driver.open()
+    servo = it.driver._servos[1]
+    it.servo(2).write = lambda at, content, now: number
+    with pytest.raises(DeviceFaultError, match=rf"servo 2 refused instruction 0x03: .*{words}"):
+        servo.put(servo.table.torque, 1)
+
+
+def test_gaps_say_how_far_each_axis_is_from_its_goal_and_what_it_draws(rig):
+    axes = [{"id": 1, "model": "xm430"}, {"id": 2, "model": "xl430-w250"}]
+    it = rig("ZY", models=["xm430", "xl430-w250"], axes=axes, arrival_tolerance_deg=3)
+    assert list(it.driver.gaps()) == []
+    it.start()
+    assert list(it.driver.gaps()) == []
+    it.servo(1).shaft.jammed = True
+    it.run(60, lambda k: [0.002 * k, 0.001 * k])
+    yaw, pitch = it.driver.gaps()
+    assert (yaw.name, pitch.name) == ("servo 1 (z)", "servo 2 (y)")
+    assert yaw.gap == pytest.approx(0.118, abs=0.003)
+    assert pitch.gap == pytest.approx(0.0, abs=0.01)
+    assert yaw.tolerance == pytest.approx(math.radians(3))
+    assert yaw.load.endswith(" A")
+    assert float(yaw.load[:-2]) > 0.1
+    assert pitch.load == ""
+
+
+def test_bus_that_is_out_of_reach_is_not_waited_for_again(rig):
+    it = rig()
+    it.start()
+    it.run(5)
+    for k in (1, 2, 3):
+        it.bus.faults.add(k, ReplyFault(FaultKind.DROP))
+    with pytest.raises(LinkError):
+        it.driver.disable()
+    begun_ns = it.clock.now_ns()
+    it.driver.disable()
+    it.driver.close()
+    assert it.clock.now_ns() == begun_ns
+    assert not it.port.is_open
+
+
+def test_every_servo_is_left_holding_though_one_is_silent(rig):
+    it = rig()
+    it.start()
+    it.bus.faults.add(1, ReplyFault(FaultKind.DROP))
+    with pytest.raises(LinkError, match="servo 1 does not answer"):
+        it.driver.disable()
+    assert [it.value(k, "bus watchdog") for k in (1, 2, 3)] == [25, 0, 0]
+
+
+def test_health_is_judged_once_a_look(rig):
+    it = rig()
+    it.start()
+    it.run(3)
+    first = it.driver.health()
+    assert it.driver.health() is first
+    it.run(110)
+    assert it.driver.health()[0].time_ns - first[0].time_ns == pytest.approx(500 * MS, rel=0.02)
+
+
+def test_health_of_before_a_reset_is_told_until_there_is_new(rig):
+    it = rig()
+    assert it.driver.health() == ()
+    it.start()
+    assert it.driver.health() == ()
+    it.run(3)
+    before = it.driver.health()
+    it.driver.disable()
+    it.driver.reset()
+    assert it.driver.health() is before
+    it.driver.enable()
+    it.run(3)
+    assert it.driver.health()[0].time_ns > before[0].time_ns
+
+
+def test_a_second_port_is_not_opened_while_the_first_is(rig):
+    it = rig()
+    it.start()
+    closed = []
+    close = it.port.closePort
+    it.port.closePort = lambda: (closed.append(it.port.is_open), close())[1]
+    it.driver.reset()
+    assert closed == [True]
+    it.driver.close()
+    assert closed == [True, True]
+    it.driver.close()
+    assert closed == [True, True]
+
+
+def test_torque_is_left_alone_by_a_start(rig):
+    """A gimbal that holds goes on holding while it is opened again."""
+    it = rig()
+    it.start()
+    it.driver.close()
+    it.driver.open()
+    assert torques(it) == [True, True, True]
+    it.driver.enable()
+    assert it.goals() == [2048, 2048, 2048]
+
+
+def test_losses_in_a_row_are_counted_one_by_one(rig):
+    it = rig(max_losses=7)
+    it.start()
+    it.run(5)
+    it.bus.faults.add(2, ReplyFault(FaultKind.DROP))
+    with pytest.raises(FeedbackError, match="7 readings lost in a row"):
+        it.run(100)
+    assert it.driver._group.lost == 7

@@ -79,7 +79,7 @@ def begin(cell, device, token):
 
 
 def test_a_motion_runs_to_its_end(cell, arm):
-    run = begin(cell, arm, cell.lease_manager.acquire("ana").token)
+    run = begin(cell, arm, cell.leases.acquire("ana").token)
     assert not run.ended.done()
     arm.finish()
     assert run.ended.result(0) == (Outcome.DONE, "")
@@ -87,7 +87,7 @@ def test_a_motion_runs_to_its_end(cell, arm):
 
 def test_a_motion_that_ends_before_its_start_returns_has_ended(cell, arm):
     arm.during_start = arm.finish
-    run = begin(cell, arm, cell.lease_manager.acquire("ana").token)
+    run = begin(cell, arm, cell.leases.acquire("ana").token)
     assert run.ended.result(0) == (Outcome.DONE, "")
 
 
@@ -95,45 +95,45 @@ def test_a_motion_needs_the_lease(cell, arm):
     motion = plan(cell, arm)
     with pytest.raises(LeaseError, match="needs the lease"):
         start(cell, "", arm, motion, stops=0)
-    cell.lease_manager.acquire("ana")
+    cell.leases.acquire("ana")
     with pytest.raises(LeaseError, match="held by 'ana'"):
         start(cell, "nonsense", arm, motion, stops=0)
     assert "start 1" not in arm.calls
 
 
 def test_a_motion_of_an_expired_lease_is_stopped(cell, arm, clock):
-    run = begin(cell, arm, cell.lease_manager.acquire("ana").token)
-    cell.lease_manager.expire()
+    run = begin(cell, arm, cell.leases.acquire("ana").token)
+    cell.leases.expire()
     assert not run.ended.done()
     clock.advance(5 * SECOND)
-    cell.lease_manager.expire()
+    cell.leases.expire()
     assert run.ended.result(0) == (Outcome.STOPPED, "the lease of 'ana' has expired")
 
 
 def test_a_motion_of_a_released_lease_is_stopped(cell, arm):
-    lease = cell.lease_manager.acquire("ana")
+    lease = cell.leases.acquire("ana")
     run = begin(cell, arm, lease.token)
-    cell.lease_manager.release(lease.token)
+    cell.leases.release(lease.token)
     assert run.ended.result(0) == (Outcome.STOPPED, "the lease of 'ana' was released")
 
 
 def test_only_motions_of_that_lease_are_stopped_with_it(cell, arm):
-    lease = cell.lease_manager.acquire("ana")
+    lease = cell.leases.acquire("ana")
     begin(cell, arm, lease.token)
     arm.finish()
-    cell.lease_manager.release(lease.token)
+    cell.leases.release(lease.token)
     assert "stop" not in arm.calls
 
 
 def test_whoever_takes_an_expired_lease_finds_its_motion_stopped(cell, arm, clock):
-    run = begin(cell, arm, cell.lease_manager.acquire("ana").token)
+    run = begin(cell, arm, cell.leases.acquire("ana").token)
     clock.advance(5 * SECOND)
-    cell.lease_manager.acquire("ben")
+    cell.leases.acquire("ben")
     assert run.ended.result(0)[0] is Outcome.STOPPED
 
 
 def test_anybody_may_stop_and_is_named(cell, arm):
-    run = begin(cell, arm, cell.lease_manager.acquire("ana").token)
+    run = begin(cell, arm, cell.leases.acquire("ana").token)
     cell.stop("arm", "ben")
     assert run.ended.result(0) == (Outcome.STOPPED, "stopped by ben")
 
@@ -152,7 +152,7 @@ def test_one_dead_servo_does_not_keep_the_others_from_stopping(cell, arm):
 
 
 def test_a_stop_while_a_motion_is_planned_keeps_it_from_beginning(cell, arm):
-    token = cell.lease_manager.acquire("ana").token
+    token = cell.leases.acquire("ana").token
     stops = cell.runs.stops(arm)
     motion = plan(cell, arm)
     cell.stop("arm", "ben")
@@ -162,7 +162,7 @@ def test_a_stop_while_a_motion_is_planned_keeps_it_from_beginning(cell, arm):
 
 
 def test_a_stop_beside_the_daemon_keeps_what_is_planned_from_beginning(cell, arm):
-    token = cell.lease_manager.acquire("ana").token
+    token = cell.leases.acquire("ana").token
     stops = cell.runs.stops(arm)
     motion = plan(cell, arm)
     arm.stops_beside += 1
@@ -180,24 +180,24 @@ def test_a_stop_while_a_motion_is_started_stops_it(cell, arm):
         cell.runs.halt([arm], "stopped by ben"),
         setattr(arm, "stop", real_stop),
     )
-    run = begin(cell, arm, cell.lease_manager.acquire("ana").token)
+    run = begin(cell, arm, cell.leases.acquire("ana").token)
     assert run.ended.result(0) == (Outcome.STOPPED, "stopped by ben")
 
 
 def test_a_lease_that_is_lost_while_a_motion_is_started_stops_it(cell, arm, clock):
-    token = cell.lease_manager.acquire("ana").token
+    token = cell.leases.acquire("ana").token
     arm.during_start = lambda: clock.advance(5 * SECOND)
     assert begin(cell, arm, token).ended.result(0)[0] is Outcome.STOPPED
 
 
 def test_a_fault_ends_a_motion_as_a_fault(cell, arm):
-    run = begin(cell, arm, cell.lease_manager.acquire("ana").token)
+    run = begin(cell, arm, cell.leases.acquire("ana").token)
     arm.fail(Fault.LIMIT_GUARD, "velocity of 3 rad/s")
     assert run.ended.result(0) == (Outcome.FAULT, "velocity of 3 rad/s")
 
 
 def test_the_reason_of_a_stop_is_not_that_of_a_later_one(cell, arm):
-    token = cell.lease_manager.acquire("ana").token
+    token = cell.leases.acquire("ana").token
     begin(cell, arm, token)
     cell.stop("arm", "ben")
     run = begin(cell, arm, token)
@@ -206,7 +206,7 @@ def test_the_reason_of_a_stop_is_not_that_of_a_later_one(cell, arm):
 
 
 def test_the_reason_of_a_stop_outlives_a_move_that_is_refused_meanwhile(cell, arm):
-    token = cell.lease_manager.acquire("ana").token
+    token = cell.leases.acquire("ana").token
     run = begin(cell, arm, token)
     cell.runs.halt([arm], "halted by 'ben'", is_quickest=True)
     with pytest.raises(StateError, match="not holding"):
@@ -219,7 +219,7 @@ def test_the_reason_of_a_stop_outlives_a_move_that_is_refused_meanwhile(cell, ar
 
 
 def test_an_abandoned_motion_is_stopped_but_not_the_one_after_it(cell, arm):
-    token = cell.lease_manager.acquire("ana").token
+    token = cell.leases.acquire("ana").token
     first = begin(cell, arm, token)
     arm.finish()
     second = begin(cell, arm, token)
@@ -277,7 +277,7 @@ def test_few_plans_are_kept(cell, arm):
     ],
 )
 def test_a_plan_that_begins_elsewhere_is_refused(cell, arm, where, what):
-    token = cell.lease_manager.acquire("ana").token
+    token = cell.leases.acquire("ana").token
     motion = plan(cell, arm)
     arm.at = where
     with pytest.raises(StartError, match=what):
@@ -296,7 +296,7 @@ def test_a_name_may_be_left_out_where_there_is_one_device(cell):
 def test_commands_need_the_lease(cell, arm):
     with pytest.raises(LeaseError):
         cell.command("", 0, "arm", "enable", lambda device: device.enable())
-    token = cell.lease_manager.acquire("ana").token
+    token = cell.leases.acquire("ana").token
     assert cell.command(token, 0, "arm", "enable", lambda device: device.enable()) is arm
     assert arm.calls == ["enable"]
 
@@ -305,18 +305,18 @@ def test_only_a_motion_can_be_paused_and_resumed(cell, arm):
     for name in ("pause", "resume"):
         with pytest.raises(StateError, match=f"device arm is holding: no motion to {name}"):
             moving(arm, name)
-    begin(cell, arm, cell.lease_manager.acquire("ana").token)
+    begin(cell, arm, cell.leases.acquire("ana").token)
     assert moving(arm, "pause") is arm
 
 
 def test_a_holder_has_a_name_of_one_line(cell):
     with pytest.raises(RequestError, match=r"^holder: "):
-        cell.lease_manager.acquire(" \n ")
-    assert cell.lease_manager.acquire("ana\nben " + "x" * 1000).holder.startswith("ana ben xxx")
+        cell.leases.acquire(" \n ")
+    assert cell.leases.acquire("ana\nben " + "x" * 1000).holder.startswith("ana ben xxx")
 
 
 def test_shutdown_stops_what_runs_and_takes_no_more(cell, arm):
-    token = cell.lease_manager.acquire("ana").token
+    token = cell.leases.acquire("ana").token
     run = begin(cell, arm, token)
     motion = run.motion
     cell.shutdown()
@@ -329,7 +329,7 @@ def test_shutdown_stops_what_runs_and_takes_no_more(cell, arm):
 
 
 def test_shutdown_ends_what_a_dead_servo_cannot(cell, arm):
-    run = begin(cell, arm, cell.lease_manager.acquire("ana").token)
+    run = begin(cell, arm, cell.leases.acquire("ana").token)
     run.ended.add_done_callback(lambda _: None)
     arm.stop = lambda: arm.fail(Fault.SERVO_DIED, "the servo process was ended by signal 9")
     cell.shutdown()
@@ -352,14 +352,14 @@ def test_nobody_waits_for_devices_of_a_daemon_that_ends(cell, arm):
 
 
 def test_a_motion_that_is_planned_too_late_is_planned_again(cell, arm):
-    token = cell.lease_manager.acquire("ana").token
+    token = cell.leases.acquire("ana").token
     arm.lateness = 2
     run, timing = move(cell, token, arm)
     assert (run.number, timing.attempts) == (1, 3)
 
 
 def test_a_motion_waits_for_a_steady_speed_and_says_so(cell, arm):
-    token = cell.lease_manager.acquire("ana").token
+    token = cell.leases.acquire("ana").token
     arm.unsteady = 2
     run, timing = move(cell, token, arm)
     assert (run.number, timing.attempts) == (1, 1)
@@ -368,14 +368,14 @@ def test_a_motion_waits_for_a_steady_speed_and_says_so(cell, arm):
 
 
 def test_a_device_that_is_always_too_quick_is_said_to_be(cell, arm):
-    token = cell.lease_manager.acquire("ana").token
+    token = cell.leases.acquire("ana").token
     arm.lateness = 100
     with pytest.raises(StateError, match="too quick for 6 plans: the path has passed record 3"):
         move(cell, token, arm)
 
 
 def test_motions_with_one_start_time_are_compared(cell):
-    token = cell.lease_manager.acquire("ana").token
+    token = cell.leases.acquire("ana").token
     runs = []
     for name, late_ns in (("arm", 3_000), ("leg", 11_000)):
         device = cell.device(name)

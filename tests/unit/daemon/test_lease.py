@@ -5,10 +5,18 @@ import dataclasses
 import pytest
 
 from orientd.clock import ManualClock
-from orientd.daemon.leases.lease import LeaseTable
+from orientd.daemon.leases import Leases
 from orientd.errors import LeaseError
 
 SECOND = 1_000_000_000
+
+
+def leases_of(devices, clock):
+    """Return leases that tell in ``lost`` which of them were lost."""
+    lost = []
+    leases = Leases(devices, seconds=5.0, clock=clock, lost=lambda *told: lost.append(told))
+    leases.lost = lost
+    return leases
 
 
 @pytest.fixture
@@ -18,7 +26,7 @@ def clock():
 
 @pytest.fixture
 def leases(clock):
-    return LeaseTable(["arm"], seconds=5.0, clock=clock)
+    return leases_of(["arm"], clock)
 
 
 def test_a_free_lease_goes_to_who_asks(leases):
@@ -59,20 +67,23 @@ def test_an_expired_lease_is_free_and_its_token_worthless(leases, clock):
     assert leases.acquire("ben").holder == "ben"
 
 
-def test_an_expired_lease_is_collected_once(leases, clock):
+def test_an_expired_lease_is_lost_once(leases, clock):
     lease = leases.acquire("ana")
-    assert leases.collect_expired() == []
+    leases.expire()
+    assert leases.lost == []
     clock.advance(5 * SECOND)
-    assert leases.collect_expired() == [lease]
-    assert leases.collect_expired() == []
+    leases.expire()
+    leases.expire()
+    assert leases.lost == [(lease, ("arm",), "has expired")]
     with pytest.raises(LeaseError, match="has expired"):
         leases.check(lease.token)
 
 
 def test_a_released_lease_is_free(leases):
     lease = leases.acquire("ana")
-    assert leases.release(lease.token) == lease
+    leases.release(lease.token)
     assert leases.held() == []
+    assert leases.lost == [(lease, ("arm",), "was released")]
     with pytest.raises(LeaseError, match="was released"):
         leases.check(lease.token)
 
@@ -93,10 +104,10 @@ def test_a_lease_is_somebodys(leases):
 
 
 def test_a_lease_is_seized_whoever_holds_it(leases):
-    before, first = leases.seize("chief", "user:0")
-    assert before == []
-    held, second = leases.seize("other", "user:9")
-    assert held == [first]
+    first = leases.seize("chief", "user:0", "a test")
+    assert leases.lost == []
+    second = leases.seize("other", "user:9", "another")
+    assert leases.lost == [(first, ("arm",), "was seized by 'other': another")]
     assert leases.check(second.token).owner == "user:9"
     with pytest.raises(LeaseError, match="held by 'other'"):
         leases.check(first.token)
@@ -110,13 +121,13 @@ def test_a_lease_that_ran_out_waits_to_be_collected(leases, clock):
     clock.advance(7 * SECOND)
     assert leases.has_expired
     assert leases.remaining(lease) == 0.0
-    leases.collect_expired()
+    leases.expire()
     assert not leases.has_expired
 
 
 def test_whose_lease_was_taken_is_told_so_once_nobody_holds_it(leases, clock):
     lease = leases.acquire("ana", "user:1")
-    leases.seize("chief", "user:0")
+    leases.seize("chief", "user:0", "a test")
     clock.advance(5 * SECOND)
     with pytest.raises(LeaseError, match="lease of 'ana' has expired or was released"):
         leases.check(lease.token)
@@ -132,7 +143,7 @@ def test_who_has_no_token_is_told_to_acquire_one_and_one_of_nobodys_is_called_so
 def test_seizing_what_nobody_holds_leaves_the_lease_before_that_worthless(leases):
     lease = leases.acquire("ana")
     leases.release(lease.token)
-    second = leases.seize("chief", "user:0")[1]
+    second = leases.seize("chief", "user:0", "a test")
     leases.release(second.token)
     with pytest.raises(LeaseError, match="lease of 'chief' has expired or was released"):
         leases.check(second.token)
@@ -161,7 +172,7 @@ def test_a_token_is_of_16_random_bytes(leases):
 
 @pytest.fixture
 def pair(clock):
-    return LeaseTable(["arm", "leg"], seconds=5.0, clock=clock)
+    return leases_of(["arm", "leg"], clock)
 
 
 def test_each_device_has_its_commander(pair):
@@ -195,7 +206,7 @@ def test_a_lease_of_another_device_is_said_to_be_one(pair):
 
 
 def test_who_holds_something_else_is_not_named(clock):
-    leases = LeaseTable(["arm", "leg", "cam"], seconds=5.0, clock=clock)
+    leases = leases_of(["arm", "leg", "cam"], clock)
     ana = leases.acquire("ana", devices=["arm"])
     leases.acquire("ben", devices=["cam"])
     with pytest.raises(LeaseError, match="the lease is of arm, not of leg"):
@@ -228,14 +239,14 @@ def test_nobody_commands_beside_somebody_else(pair):
 def test_leases_beside_one_another_are_seized_as_one(pair):
     first = pair.acquire("ana", "user:1", devices=["arm"])
     second = pair.acquire("ana too", "user:1", devices=["arm"], beside=True)
-    before, after = pair.seize("chief", "user:0")
-    assert (before, pair.held()) == ([first, second], [after])
+    after = pair.seize("chief", "user:0", "a test")
+    assert ([lease for lease, _, _ in pair.lost], pair.held()) == ([first, second], [after])
 
 
 def test_of_several_devices_one_is_seized_and_the_others_are_left(pair):
     both = pair.acquire("ana", "user:1")
-    before, after = pair.seize("chief", "user:0", devices=["leg"])
-    assert (before, after.devices) == ([both], ("leg",))
+    after = pair.seize("chief", "user:0", "a test", devices=["leg"])
+    assert (pair.lost[0][:2], after.devices) == ((both, ("leg",)), ("leg",))
     pair.check(both.token, "arm")
     with pytest.raises(LeaseError, match="lease of leg is held by 'chief'"):
         pair.check(both.token, "leg")
@@ -243,7 +254,8 @@ def test_of_several_devices_one_is_seized_and_the_others_are_left(pair):
 
 def test_who_has_none_of_what_is_seized_loses_nothing(pair):
     ana, ben = pair.acquire("ana", devices=["arm"]), pair.acquire("ben", devices=["leg"])
-    assert pair.seize("chief", "user:0", devices=["leg"])[0] == [ben]
+    pair.seize("chief", "user:0", "a test", devices=["leg"])
+    assert [lease for lease, _, _ in pair.lost] == [ben]
     assert pair.check(ana.token, "arm") == ana
 
 

@@ -407,3 +407,28 @@ def test_a_servo_that_has_arrived_has_no_speed(servo):
     put(servo, 116, 2100, 4)
     servo.advance(3 * S)
     assert (servo.shaft.position, servo.shaft.speed) == (2100.0, 0.0)
+
+
+def test_there_are_six_operating_modes():
+    servo = EmulatedServo(1)
+    taken = [mode for mode in range(17) if put(servo, 11, mode, 1) == ErrorNumber.NONE]
+    assert taken == [0, 1, 3, 4, 5, 16]
+
+
+def test_a_new_mode_lifts_the_limit_of_pwm():
+    servo = EmulatedServo(1)
+    put(servo, 36, 500, 2)
+    put(servo, 11, 4, 1)
+    assert (number(servo, 36, 2), number(servo, 100, 2)) == (885, 885)
+
+
+@pytest.mark.parametrize(("attribute", "value", "bit"), [("supply", 90, 0), ("supply", 170, 0),
+                                                         ("temperature", 81, 2)])  # fmt: skip
+def test_supply_and_heat_beyond_their_limits_are_errors(servo, attribute, value, bit):
+    servo.advance(S)
+    assert servo.value("hardware error status") == 0
+    setattr(servo, attribute, value)
+    servo.advance(2 * S)
+    assert servo.value("hardware error status") == 1 << bit
+    assert servo.error_bits == ALERT
+    assert servo.is_torque_on == (bit == 0)  # heat is in the shutdown mask, the supply is not

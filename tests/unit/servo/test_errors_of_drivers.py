@@ -44,3 +44,17 @@ def test_the_servo_does_what_the_contract_says(monkeypatch, method, error, fault
     assert (len(rig.driver.setpoints) - written > 20) is does.startswith("brakes on the path")
     assert (len(rig.driver.setpoints) == written) is does.startswith("cuts off")
     assert rig.servo.has_ended is ("the process ends" in does)
+
+
+@pytest.mark.parametrize("method", ["health", "notices"])
+def test_a_report_that_raises_is_a_fault_and_not_the_end(method):
+    def fail():
+        raise KeyError(method)
+
+    rig = Rig(offers={"health": tuple, "notices": tuple} | {method: fail})
+    rig.start(turn())
+    rig.run_until(lambda servo: servo.state is ServoState.FAULT)
+    assert rig.servo.setpoints.fault is errors.Fault.INTERNAL
+    assert rig.servo.setpoints.fault_text == f"KeyError: '{method}'"
+    rig.run(1000)
+    assert not rig.servo.has_ended

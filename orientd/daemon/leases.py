@@ -7,14 +7,18 @@ of its own: if one of them gives its lease back, or loses it, the other one and 
 
 from __future__ import annotations
 
+import logging
 import secrets
 import threading
 from collections import OrderedDict
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from orientd.clock import Clock
-from orientd.errors import LeaseError
+from orientd.errors import LeaseError, RequestError
+from orientd.one_line import one_line
+
+_log = logging.getLogger(__name__)
 
 NANOSECONDS = 1_000_000_000
 
@@ -48,18 +52,27 @@ class Lease:
         return f"{self.name} ({self.owner})" if self.owner and self.name else repr(self.holder)
 
 
-class LeaseTable:
+EXPIRED = "has expired"
+"""What happened to a lease that its holder did not renew."""
+
+Lost = Callable[[Lease, Collection[str], str], object]
+"""Told that a lease is lost: which, of which devices, and what happened to it."""
+
+
+class Leases:
     """Hand out leases, each device to one identity at a time.  Safe to call from any thread."""
 
-    def __init__(self, devices: Sequence[str], *, seconds: float, clock: Clock) -> None:
+    def __init__(self, devices: Sequence[str], *, seconds: float, clock: Clock, lost: Lost) -> None:
         """Open with nobody holding a lease.
 
         Args:
             devices: all there are.
             seconds: how long a lease lasts from its acquisition or renewal, s.
             clock: tells when it has run out.
+            lost: stops what was started under a lease, of which it is told when it is lost.
         """
         self.seconds = seconds
+        self._lost = lost
         self._devices = tuple(devices)
         self._span_ns = round(seconds * NANOSECONDS)
         self._clock = clock
@@ -75,7 +88,7 @@ class LeaseTable:
 
     @property
     def has_expired(self) -> bool:
-        """Whether there is a lease for :meth:`collect_expired`."""
+        """Whether there is a lease for :meth:`expire`."""
         with self._lock:
             return len(list(self._valid())) < len(self._leases)
 
@@ -110,34 +123,49 @@ class LeaseTable:
                 are.
 
         Raises:
+            RequestError: the holder has no name.
             LeaseError: one of the devices is taken; the message names the holder and the time that
                 is left.
         """
+        holder = _named(holder)
+        self.expire()
         with self._lock:
             wanted = self._in_order(devices)
-            for lease in self._valid():
-                is_own = lease.owner == owner
-                if set(wanted) & set(lease.devices) and not (beside and is_own):
+            for held in self._valid():
+                is_own = held.owner == owner
+                if set(wanted) & set(held.devices) and not (beside and is_own):
                     advice = "; with --lease, this commands beside it" if is_own else ""
-                    raise LeaseError(self._taken(lease) + advice)
+                    raise LeaseError(self._taken(held) + advice)
             lease = self._new(holder, owner, name, wanted)
-            self._leases[lease.token] = lease
-            return lease
+        _log.info("lease: acquired by %s%s", lease.who, ", beside others" if beside else "")
+        return lease
 
     def seize(
-        self, holder: str, owner: str, *, name: str = "", devices: Collection[str] = ()
-    ) -> tuple[list[Lease], Lease]:
+        self,
+        holder: str,
+        owner: str,
+        reason: str,
+        *,
+        name: str = "",
+        devices: Collection[str] = (),
+    ) -> Lease:
         """Give a lease of *devices*, all there are if empty, to *holder* whoever has them.
 
-        Returns:
-            The leases that are over, or of fewer devices now, as they were; and the new one.
+        Raises:
+            RequestError: the holder has no name, or there is no reason.
         """
+        holder, reason = _named(holder), one_line(reason, 200)
+        if not reason:
+            raise RequestError("reason", "expected why the lease is seized, got nothing")
         with self._lock:
             wanted = self._in_order(devices)
             before = self._take_away(wanted)
-            after = self._new(holder, owner, name, wanted)
-            self._leases[after.token] = after
-            return before, after
+            lease = self._new(holder, owner, name, wanted)
+        whose = ", ".join(one.who for one in before) or "nobody"
+        _log.warning("lease: %s seizes it from %s: %s", lease.who, whose, reason)
+        for one in before:
+            self._lost(one, wanted, f"was seized by {lease.who}: {reason}")
+        return lease
 
     def renew(self, token: str) -> Lease:
         """Let the lease of *token* last its full time from now.
@@ -150,8 +178,8 @@ class LeaseTable:
             self._leases[lease.token] = lease
             return lease
 
-    def release(self, token: str) -> Lease:
-        """Take the lease back from its holder and return it as it was.
+    def release(self, token: str) -> None:
+        """Take the lease back from its holder.
 
         Raises:
             LeaseError: *token* is not that of a lease.
@@ -159,7 +187,19 @@ class LeaseTable:
         with self._lock:
             lease = self._check(token)
             self._end(lease)
-            return lease
+        _log.info("lease: released by %s", lease.who)
+        self._lost(lease, lease.devices, "was released")
+
+    def expire(self) -> None:
+        """Take leases back that have run out."""
+        with self._lock:
+            valid = list(self._valid())
+            expired = [lease for lease in self._leases.values() if lease not in valid]
+            for lease in expired:
+                self._end(lease)
+        for lease in expired:
+            _log.warning("lease: that of %s has expired", lease.who)
+            self._lost(lease, lease.devices, EXPIRED)
 
     def check(self, token: str, device: str = "", number: int = 0) -> Lease:
         """Return the lease of *token*.
@@ -191,19 +231,12 @@ class LeaseTable:
             is_known = self._find(token) is not None
             return is_known and number > self._numbers.get((token, device), 0) + 1
 
-    def collect_expired(self) -> list[Lease]:
-        """Return the leases that ran out since the last call, and forget them."""
-        with self._lock:
-            valid = list(self._valid())
-            expired = [lease for lease in self._leases.values() if lease not in valid]
-            for lease in expired:
-                self._end(lease)
-            return expired
-
     # With the lock held
 
     def _new(self, holder: str, owner: str, name: str, devices: tuple[str, ...]) -> Lease:
-        return Lease(secrets.token_hex(16), holder, self._deadline(), devices, owner, name)
+        lease = Lease(secrets.token_hex(16), holder, self._deadline(), devices, owner, name)
+        self._leases[lease.token] = lease
+        return lease
 
     def _end(self, lease: Lease) -> None:
         self._leases.pop(lease.token, None)
@@ -269,3 +302,10 @@ class LeaseTable:
 
 def _listed(lease: Lease) -> str:
     return ", ".join(lease.devices)
+
+
+def _named(holder: str) -> str:
+    name = one_line(holder, 200)
+    if not name:
+        raise RequestError("holder", "expected a name to tell others, got nothing")
+    return name
