@@ -23,14 +23,11 @@ from orientd.driver import (
     Driver,
     Feedback,
     Finding,
-    Joints,
     PartHealth,
-    Quaternion,
     Setpoint,
 )
 from orientd.errors import AxisFaultError, DeviceError, DeviceFaultError, LinkError
 from orientd.mechanism import Gimbal
-from orientd_dynamixel.axes import SLACK, TICK, Following, complain_of_step
 from orientd_dynamixel.bus import READ_WAIT_S, OpenBus, open_bus
 from orientd_dynamixel.group import TAIL_SHARE, Group, listen
 from orientd_dynamixel.options import GimbalOptions, parse
@@ -71,13 +68,10 @@ class DynamixelDriver(Driver):
         self._servos = [Servo(axis) for axis in self.settings.axes]
         self._gimbal: Gimbal = self.settings.gimbal()
         self._is_enabled = self._is_free = self._is_out_of_reach = False
-        self._is_braking = False
         self._feedback: Feedback | None = None
         self._closed = f"{self.settings.port} is not open"
-        self._written_ns = 0
         self._standing = Standing(self._servos)
         self._turns = Turns(self.settings, self._servos)
-        self._following = Following(self._gimbal, period_ns * 1e-9)
         self._overwritten: list[str] = []
         self._unknown = ""
         self._health: tuple[PartHealth, ...] = ()
@@ -121,9 +115,7 @@ class DynamixelDriver(Driver):
             raise
         group.forget()
         angles = tuple(servo.angle(servo.goal) for servo in self._servos)
-        self._following.rest(angles)
-        self._is_enabled, self._is_free, self._is_braking = True, False, False
-        self._written_ns = self.clock.now_ns()
+        self._is_enabled, self._is_free = True, False
         self._standing = Standing(self._servos)
         self._feedback = Feedback(
             self.clock.now_ns(), self._gimbal.orientation(angles), joints=angles
@@ -164,8 +156,6 @@ class DynamixelDriver(Driver):
 
         Raises:
             LinkError: the port is gone.
-            AxisFaultError: an axis would turn or accelerate faster than it may; all axes brake
-                within their limits from now on, whatever the setpoints.
             DeviceFaultError: an axis would leave its limits.
         """
         group = self._connected()
@@ -173,69 +163,19 @@ class DynamixelDriver(Driver):
             self._standing.send(group.bus)
             group.ask(self.clock.now_ns())
             return
-        if self._is_braking:
-            self._send(group, self._following.brake())
-            if not any(self._following.rates):
-                self._standing.rest(self.clock.now_ns())
-            return
-        now_ns, angles = self.clock.now_ns(), setpoint.joints
-        # Judged by the cycle, not by the clock: two writes may come closer together than that.
-        cycles = max(1, round((now_ns - self._written_ns) / self.period_ns))
-        for servo, angle in zip(self._servos, angles, strict=True):
+        for servo, angle in zip(self._servos, setpoint.joints, strict=True):
             servo.check_angle(angle)
-        problem = self._complain_of(angles, cycles, SLACK, TICK)
-        if problem:
-            self._is_braking = True
-            self._send(group, self._following.brake())
-            raise AxisFaultError(problem)
-        self._following.took(angles)
-        self._send(group, angles)
-
-    def _complain_of(
-        self, angles: tuple[float, ...], cycles: int, slack: float, least: float
-    ) -> str:
-        """Return why the axes must not turn to *angles* within so many cycles, or nothing."""
-        span = cycles * self.period_ns * 1e-9
-        steps = zip(
-            self._servos, angles, self._following.angles, self._following.rates, strict=True
-        )
-        for servo, angle, last, rate in steps:
-            # Where a cycle was missed the axis has stood still meanwhile, or has not.
-            before = rate if cycles == 1 else None
-            problem = complain_of_step(servo.options, angle - last, before, span, slack, least)
-            if problem:
-                return problem
-        return ""
-
-    def follow(self, setpoint: Setpoint) -> tuple[Quaternion, Joints]:
-        """Send what the axes can do of *setpoint* within their limits; return what that makes.
-
-        Raises:
-            LinkError: the port is gone.
-        """
-        group = self._connected()
-        if self._standing.is_at_rest or self._is_braking:
-            self.write(setpoint)
-            return self._gimbal.orientation(self._following.angles), self._following.angles
-        angles = self._following.step(setpoint.q)
-        self._send(group, angles)
-        return self._gimbal.orientation(angles), angles
-
-    def _send(self, group: Group, angles: Joints) -> None:
-        """Send goals, those of axes that stand their own, and the next request."""
-        for place, (servo, angle) in enumerate(zip(self._servos, angles, strict=True)):
+        # Those of axes that stand are their own.
+        for place, (servo, angle) in enumerate(zip(self._servos, setpoint.joints, strict=True)):
             servo.goal = self._standing.goals.get(place, servo.ticks(angle))
         group.bus.sync_write([(s.options.id, s.table.goal, s.goal) for s in self._servos])
-        self._written_ns = self.clock.now_ns()
-        group.ask(self._written_ns)
+        group.ask(self.clock.now_ns())
 
     def rest_in_fault(self) -> None:
-        """Let every axis stand where it is from now on, or where it has braked to.
+        """Let every axis stand where it is from now on.
 
         The driver looks again where each axis is if they stand already.
         """
-        if self._is_braking and any(self._following.rates):
-            return  # write() goes on with it
         self._standing.rest(self.clock.now_ns())
 
     def gaps(self) -> Sequence[AxisGap]:

@@ -35,8 +35,6 @@ from typing import Any, ClassVar, Literal
 from orientd.clock import Clock
 from orientd.driver.values import (
     Feedback,
-    Joints,
-    Quaternion,
     Setpoint,
 )
 
@@ -97,18 +95,6 @@ class Driver(ABC):
     @abstractmethod
     def write(self, setpoint: Setpoint) -> None:
         """Send *setpoint*.  Called every cycle while enabled, after :meth:`read`."""
-
-    def follow(self, setpoint: Setpoint) -> tuple[Quaternion, Joints]:
-        """Send *setpoint*, which is on no planned path, or what the device's axes can do of it.
-
-        Called in place of :meth:`write` while targets are followed, and while the device comes to
-        rest off its path.
-
-        Returns:
-            The orientation that was sent, and the angles of the axes if the driver takes joints.
-        """
-        self.write(setpoint)
-        return setpoint.q, ()
 
     @abstractmethod
     def disable(self) -> None:

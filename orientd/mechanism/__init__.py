@@ -13,6 +13,7 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd.mechanism.arrays import orientations
     from orientd.mechanism.figure import Figure
+    from orientd.mechanism.following import Following
     from orientd.mechanism.foresight import ComingPose, Foresight, refusal
     from orientd.mechanism.gimbal import Gimbal
     from orientd.mechanism.joint_path import JointPath, ToolLimits
@@ -25,6 +26,7 @@ __getattr__ = lazily(
     "orientd.mechanism",
     {
         "orientd.mechanism.arrays": ("orientations",),
+        "orientd.mechanism.following": ("Following",),
         "orientd.mechanism.figure": ("Figure",),
         "orientd.mechanism.foresight": ("ComingPose", "Foresight", "refusal"),
         "orientd.mechanism.gimbal": ("Gimbal",),

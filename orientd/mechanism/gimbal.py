@@ -299,6 +299,12 @@ class Gimbal(Mechanism):
         """Return the axis angles that make *q* best, nearest to *near*, rad, unwrapped."""
         return self.solve(q, near)[0]
 
+    def completed(self, q: Quaternion, position: Vector3, outer: float, wanted: Joints) -> Joints:  # noqa: ARG002 - a gimbal only turns its tool
+        """Return the axis angles that come nearest to *q*, or its direction, with the outer one."""
+        if self.is_fitting:
+            return wanted
+        return (outer, *self.kinematics.inner(self.kinematics.matrix(q), outer)[0])
+
     def solve(self, q: Quaternion, last: Joints) -> tuple[Joints, float]:
         """Return the axis angles for *q* nearest to *last*, and the angle missed.
 

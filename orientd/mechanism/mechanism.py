@@ -95,6 +95,20 @@ class Mechanism(ABC):
         ]
         return min(turned, key=lambda one: _apart(one, near), default=None)
 
+    def completed(self, q: Quaternion, position: Vector3, outer: float, wanted: Joints) -> Joints:  # noqa: ARG002 - most mechanisms make no more of it
+        """Return the joints that come nearest to a pose while the outermost axis is elsewhere, rad.
+
+        Args:
+            q: orientation ``(w, x, y, z)``, tool to world.
+            position: of the tool in the world, m.
+            outer: where the outermost axis is, rad.
+            wanted: the joints that pose the tool so, rad.
+
+        Returns:
+            The first of them does not count, nor do whole turns.
+        """
+        return wanted
+
     def home(self) -> Joints:
         """Return the joints at home, rad; empty if the mechanism has no home."""
         return ()

@@ -26,6 +26,7 @@ def reshaped(
     axes: Sequence[AxisLimits],
     *,
     joints_before: Sequence[Sequence[float]] = (),
+    joint_rates: Sequence[float] = (),
 ) -> Motion:
     """Return *motion* on the path of *shape*, held against its limits again.
 
@@ -34,6 +35,7 @@ def reshaped(
         shape: the path that the device's axes follow, on the same grid.
         axes: their limits.
         joints_before: axis angles of the three records before it, where it begins in motion.
+        joint_rates: velocities of the axes where it begins in motion, rad/s.
 
     Raises:
         LimitError: the path as shaped breaks a limit.
@@ -50,7 +52,7 @@ def reshaped(
             f"the device's axes begin {begun:.3g} rad from where the motion takes over in motion"
         )
     earlier = np.asarray(joints_before, dtype=np.float64) if len(joints_before) else None
-    path = RecordedPath.of(q, path_times, motion.path, period, joints, earlier)
+    path = RecordedPath.of(q, path_times, motion.path, period, joints, earlier, joint_rates)
 
     def moved(times: Floats) -> Floats:
         """Return when the path as shaped gets to *times* of the path as planned."""
@@ -73,8 +75,7 @@ def reshaped(
         before=before(motion.start_state, period),
         tolerance=GUARD_TOLERANCE,
     )
-    limits = [(axis.velocity, axis.acceleration) for axis in axes]
-    brake = joint_brake(joints, path.earlier, period, limits)
+    brake = joint_brake(joints, path.joint_rates, path.earlier, period, axes)
     if brake.rate < peaks.brake_rate:
         peaks = replace(peaks, brake_rate=brake.rate, brake_time=brake.record * period)
     times = np.array(keyframes)
@@ -97,5 +98,4 @@ def reshaped(
         ),
         first_joints=tuple(joints[0].tolist()),
         last_joints=tuple(joints[-1].tolist()),
-        joint_shares=brake.shares,
     )

@@ -69,6 +69,7 @@ class DevicePlanner:
         start: State,
         joints: Sequence[float],
         before: Sequence[tuple[float, ...]] = (),
+        rates: tuple[float, ...] = (),
         motion_id: str | None = None,
         is_offline: bool = False,
     ) -> Motion:
@@ -79,6 +80,7 @@ class DevicePlanner:
             start: where the device is commanded to be.
             joints: its axis angles there, rad.
             before: axis angles planned for the cycles before, where it moves.
+            rates: velocities of the axes planned there, rad/s, where it moves.
             motion_id: names the motion; by default a new random name.
             is_offline: whether the device is not to be asked for anything.
 
@@ -98,7 +100,7 @@ class DevicePlanner:
                 motion_id=motion_id,
             )
         fitting = Fitting(
-            mechanism, start, tuple(joints), self._limits, self._period, before, motion_id
+            mechanism, start, tuple(joints), self._limits, self._period, before, rates, motion_id
         )
         try:
             return fitting.plan(request)
@@ -161,8 +163,8 @@ class DevicePlanner:
             if mechanism is None:
                 return record, motion
             state, joints = first.state_at(record), first.joints_at(record)
-            before = first.joints_before(record)
-            fitting = Fitting(mechanism, state, joints, self._limits, self._period, before)
+            before, rates = first.joints_before(record), first.joint_rates_at(record)
+            fitting = Fitting(mechanism, state, joints, self._limits, self._period, before, rates)
             # What an axis cannot follow at the blend's own pace is planned from rest.
             with suppress(LimitError):
                 return record, fitting.fitted(motion)

@@ -77,6 +77,7 @@ class Fitting:
         period: the device's cycle, s.
         before: axis angles planned for the cycles before, where it moves, the oldest first; see
             :meth:`.RecordedMotion.joints_before`.
+        rates: velocities of the axes planned there, rad/s.
         motion_id: names the motion; by default a new random name.
         free: up to which path time the path may stand while an axis turns at a pole, s.
     """
@@ -87,6 +88,7 @@ class Fitting:
     limits: Limits
     period: float
     before: Sequence[Joints] = ()
+    rates: Joints = ()
     motion_id: str | None = None
     free: float = 0.0
 
@@ -344,7 +346,8 @@ class Fitting:
         )
 
     def _reshaped(self, motion: Motion, path: JointPath) -> Motion:
-        return reshaped(motion, path, self.mechanism.axes, joints_before=self.before)
+        axes = self.mechanism.axes
+        return reshaped(motion, path, axes, joints_before=self.before, joint_rates=self.rates)
 
 
 def _tool(limits: Limits) -> ToolLimits:

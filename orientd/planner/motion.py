@@ -25,7 +25,6 @@ from orientd.planner.recorded import (
 from orientd.planner.request import MotionRequest, State
 from orientd.planner.saving import write_archive
 from orientd.rotation import Floats, to_scipy
-from orientd.stream import NO_SHARES, JointShares
 
 if TYPE_CHECKING:
     from pathlib import Path as FilePath
@@ -38,7 +37,6 @@ _SAME = 1e-9
 _COMPARED = (
     *("request", "limits", "period", "start_time", "end_time", "keyframe_times", "record_count"),
     *("certificate", "first_joints", "last_joints", "before"),
-    "joint_shares",
 )
 
 
@@ -65,7 +63,6 @@ class Motion(Drawable):
         before: the three setpoints before path time 0, as in :class:`State`; ``None`` where the
             device held, or where they are not known.
         corner: as in :class:`MotionFacts`.
-        joint_shares: the most that the path asks of the device's joints, where they are planned.
     """
 
     id: str
@@ -82,7 +79,6 @@ class Motion(Drawable):
     last_joints: tuple[float, ...] = ()
     before: tuple[Floats, Floats] | None = None
     corner: tuple[float, float] | None = None
-    joint_shares: JointShares = NO_SHARES
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Motion):
@@ -131,7 +127,6 @@ class Motion(Drawable):
             "first_joints": self.first_joints,
             "last_joints": self.last_joints,
             "axes": len(self.first_joints),
-            "joint_shares": self.joint_shares,
         }
         arrays: dict[str, Floats] = {
             "rows": self.rows(0, self.record_count),
@@ -176,7 +171,6 @@ class Motion(Drawable):
             last_joints=self.last_joints,
             earlier=self._earlier(),
             corner=self.corner,
-            joint_shares=self.joint_shares,
         )
 
     def recorded(self, first: int = 0, count: int | None = None) -> RecordedMotion:

@@ -16,7 +16,7 @@ from orientd.driver import Vector3
 from orientd.planner.limits import Limits
 from orientd.planner.request import State
 from orientd.rotation import Floats
-from orientd.stream import JOINTS, NO_SHARES, PATH_FLOATS, JointShares
+from orientd.stream import JOINTS, PATH_FLOATS
 
 HISTORY = 3
 """Setpoints that a third difference reaches back to."""
@@ -51,7 +51,6 @@ class MotionFacts:
             nearest to the end of that, s, and how near, rad.
         limits: what it keeps.
         brake_rate: share of full speed by which it may be slowed down in a second, 1/s.
-        joint_shares: the most that it asks of the device's joints.
         stop_time: how long a stop on its path from full speed takes at the most, s.
         omega_start: angular velocity asked for at the first keyframe, body frame, rad/s.
         omega_end: the same at the last keyframe.
@@ -80,7 +79,6 @@ class MotionFacts:
     last_joints: Joints
     earlier: Floats
     corner: tuple[float, float] | None = None
-    joint_shares: JointShares = NO_SHARES
 
 
 class RecordedMotion:
@@ -166,6 +164,11 @@ class RecordedMotion:
     def joints_at(self, record: int) -> Joints:
         """Return the axis angles planned at a record, rad; none where it knows of none."""
         return tuple(joints_of(self.rows(record, 1))[0].tolist())
+
+    def joint_rates_at(self, record: int) -> Joints:
+        """Return the velocities of the axes planned at a record, rad/s; none if it has none."""
+        row = self.rows(record, 1)
+        return tuple(row[0, STATE_FLOATS + joints_of(row).shape[1] :].tolist())
 
     def joints_before(self, record: int) -> tuple[Joints, ...]:
         """Return the axis angles of the three records before one, the oldest first."""

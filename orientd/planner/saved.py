@@ -27,7 +27,6 @@ from orientd.planner.path import RecordedPath
 from orientd.planner.recorded import HISTORY, STATE_FLOATS
 from orientd.planner.request import Keyframe, MotionRequest
 from orientd.planner.saving import FORMAT, VERSION
-from orientd.stream import NO_SHARES, JointShares
 
 _AXES = ("axis_velocity", "axis_acceleration", "axis_jerk")
 
@@ -102,7 +101,6 @@ def _motion(header: dict[str, Any], arrays: dict[str, Any]) -> Motion:
         first_joints=tuple(header["first_joints"]),
         last_joints=tuple(header["last_joints"]),
         before=before,
-        joint_shares=JointShares(*header.get("joint_shares", NO_SHARES)),
     )
 
 

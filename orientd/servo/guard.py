@@ -2,19 +2,25 @@
 
 It differentiates backwards, as a device does.  The velocity is the rotation vector from the
 previous setpoint to this one over the period, the acceleration is the change of the velocity, and
-the jerk is the change of the acceleration.  The servo does not write a setpoint that breaks a
-limit; it stops from what it *has* written.
+the jerk is the change of the acceleration.  The joints of the device, if a path has them, are
+differentiated in the same way.  The servo does not write a setpoint that breaks a limit; it stops
+from what it *has* written.
 """
 
 from __future__ import annotations
 
-from orientd.driver import ZERO, Quaternion, Vector3
+from collections.abc import Sequence
+
+from orientd.driver import ZERO, AxisLimits, Joints, Quaternion, Vector3
 from orientd.floats import combine, difference, norm, plus
 from orientd.stream import ServoLimits
 from orientd.tolerances import GUARD_TOLERANCE
 
 _ROUNDING = 4e-15
 """Rounding of a difference of two orientations, rad; it is divided by the period's powers."""
+
+_JOINT_ROUNDING = 1e-12
+"""The same of two angles of an axis, which may have turned hundreds of times."""
 
 _QUANTITIES = (
     ("angular velocity", "rad/s"),
@@ -32,19 +38,40 @@ class Guard:
         alpha: angular acceleration of the last two steps, rad/s^2.
         position: position last written, m.
         velocity: its velocity over the last step, m/s.
+        axes: limits of the device's axes; empty if it has none that are known.
+        joints: angles of the axes last written, rad; empty if the setpoint had none.
+        joint_rates: their velocities over the last step, rad/s; empty if they are not known.
+        joint_changes: their accelerations over the last two steps, rad/s^2; empty likewise.
     """
 
     def __init__(self, period: float) -> None:
         """Expect setpoints *period* seconds apart."""
         self.period = period
+        self.axes: tuple[AxisLimits, ...] = ()
+        self._most_joints: list[tuple[float, float, float]] = []
         self._servo_limits: ServoLimits | None = None
         self._most = (0.0, 0.0, 0.0)
         self.anchor((1.0, 0.0, 0.0, 0.0), ZERO)
 
-    def anchor(self, q: Quaternion, position: Vector3) -> None:
-        """Begin at rest at *q* and *position*."""
+    def know(self, axes: Sequence[AxisLimits]) -> None:
+        """Hold joints against the limits of *axes* from here on."""
+        self.axes = tuple(axes)
+        unit, h = _JOINT_ROUNDING / self.period, self.period
+        self._most_joints = [
+            (
+                axis.velocity * GUARD_TOLERANCE + unit,
+                axis.acceleration * GUARD_TOLERANCE + unit / h,
+                axis.jerk * GUARD_TOLERANCE + unit / h / h,
+            )
+            for axis in axes
+        ]
+
+    def anchor(self, q: Quaternion, position: Vector3, joints: Joints = ()) -> None:
+        """Begin at rest at *q*, *position* and *joints*."""
         self.q, self.omega, self.alpha = q, ZERO, ZERO
         self.position, self.velocity = position, ZERO
+        self.joints = joints
+        self.joint_rates = self.joint_changes = (0.0,) * len(joints)
 
     @property
     def is_at_rest(self) -> bool:
@@ -58,15 +85,21 @@ class Guard:
             h = self.period
             self.alpha, self.omega = (-x / h, -y / h, -z / h), ZERO
         self.velocity = ZERO
+        if any(self.joint_rates) or any(self.joint_changes):
+            self.joint_rates, self.joint_changes = self._joint_steps(self.joints)
 
-    def take(self, q: Quaternion, position: Vector3) -> None:
+    def take(self, q: Quaternion, position: Vector3, joints: Joints = ()) -> None:
         """Take a setpoint of a stop off the path, whose law keeps the limits as well as it can."""
         omega, velocity = self.rates(q, position)
         self.alpha = combine(omega, 1.0 / self.period, self.omega, -1.0 / self.period)
         self.q, self.omega, self.position, self.velocity = q, omega, position, velocity
+        self.joint_rates, self.joint_changes = self._joint_steps(joints)
+        self.joints = joints
 
-    def admit(self, q: Quaternion, position: Vector3, servo_limits: ServoLimits) -> str:
-        """Take a setpoint if it keeps *servo_limits*.
+    def admit(
+        self, q: Quaternion, position: Vector3, servo_limits: ServoLimits, joints: Joints = ()
+    ) -> str:
+        """Take a setpoint if it keeps *servo_limits*, and its joints those of the axes.
 
         Returns:
             An empty string, or what it would have broken, by how much; then nothing was taken.
@@ -89,7 +122,14 @@ class Guard:
         ):
             return _beyond_norms((omega, alpha, (x, y, z)), servo_limits)
         if servo_limits.has_axes:
-            problem = _beyond_axes((omega, alpha, (x, y, z)), servo_limits, h)
+            problem = _beyond_components((omega, alpha, (x, y, z)), servo_limits, h)
+            if problem:
+                return problem
+        rates: Joints = ()
+        changes: Joints = ()
+        if joints:
+            rates, changes = self._joint_steps(joints)
+            problem = self._beyond_axes(rates, changes)
             if problem:
                 return problem
         if position != self.position or self.velocity != ZERO:
@@ -97,6 +137,41 @@ class Guard:
             if problem:
                 return problem
         self.q, self.omega, self.alpha = q, omega, alpha
+        self.joints, self.joint_rates, self.joint_changes = joints, rates, changes
+        return ""
+
+    def _joint_steps(self, joints: Joints) -> tuple[Joints, Joints]:
+        """Return velocities and accelerations of the axes, as far as joints before are known."""
+        if len(joints) != len(self.joints):
+            return (), ()
+        h = self.period
+        rates = tuple([(a - b) / h for a, b in zip(joints, self.joints, strict=True)])
+        if not self.joint_rates:
+            return rates, ()
+        return rates, tuple([(a - b) / h for a, b in zip(rates, self.joint_rates, strict=True)])
+
+    def _beyond_axes(self, rates: Joints, changes: Joints) -> str:
+        """Say which axis is too fast, or changes its speed too fast, if any does."""
+        h = self.period
+        before = self.joint_changes or changes
+        for place, (fastest, hardest, sharpest) in enumerate(self._most_joints if rates else ()):
+            rate = rates[place]
+            change = changes[place] if changes else 0.0
+            twist = (change - before[place]) / h if changes else 0.0
+            # Written so that a NaN counts as a violation.
+            if not (
+                -fastest <= rate <= fastest
+                and -hardest <= change <= hardest
+                and -sharpest <= twist <= sharpest
+            ):
+                axis = self.axes[place]
+                name = f" of {axis.name}"
+                return (
+                    _beyond("velocity", "rad/s", abs(rate), axis.velocity, axis=name)
+                    or _beyond("acceleration", "rad/s^2", abs(change), axis.acceleration, axis=name)
+                    or _beyond("jerk", "rad/s^3", abs(twist), axis.jerk, axis=name)
+                    or f"a limit of {axis.name} by the rounding of its differences"
+                )
         return ""
 
     def _expect(self, servo_limits: ServoLimits) -> None:
@@ -152,7 +227,7 @@ def _beyond_norms(rates: tuple[Vector3, Vector3, Vector3], servo_limits: ServoLi
     return "a limit by the rounding of its differences"
 
 
-def _beyond_axes(
+def _beyond_components(
     rates: tuple[Vector3, Vector3, Vector3], servo_limits: ServoLimits, h: float
 ) -> str:
     """Say which component is too large, the lowest derivative first, if any is."""

@@ -33,7 +33,7 @@ from orientd.errors import (
     SpentLinkError,
     StateError,
 )
-from orientd.mechanism import Foresight, Mechanical
+from orientd.mechanism import Mechanical
 from orientd.servo.device_reports import Arrival, DeviceReports
 from orientd.servo.path import PathPart, PathPoint
 from orientd.servo.setpoint_generator import SetpointGenerator
@@ -175,11 +175,7 @@ class Servo:
             begun_ns = self._clock.now_ns()
             try:
                 setpoint = tuple.__new__(Setpoint, (deadline_ns, *point[:6]))
-                if self.setpoints.pursuit.is_on:
-                    q, joints = self._driver.follow(setpoint)
-                    point = self.setpoints.confine(q, joints)
-                else:
-                    self._driver.write(setpoint)
+                self._driver.write(setpoint)
             except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
                 self._take_fault(error)
                 is_written = False
@@ -393,19 +389,12 @@ class Servo:
             return
         feedback = self._driver.enable()
         self._feedback = feedback
-        self.setpoints.anchor(feedback)
-        self.setpoints.pursuit.foresight = self._foresight()
+        driver = self._driver
+        mechanism = driver.mechanism(may_ask=False) if isinstance(driver, Mechanical) else None
+        self.setpoints.anchor(feedback, mechanism)
         self._enabled_ns = self._clock.now_ns()
         self._is_enabled = True
         self.setpoints.state = following
-
-    def _foresight(self) -> Foresight | None:
-        """Return what looks ahead for the axes of a device that takes poses and has a mechanism."""
-        driver = self._driver
-        if driver.takes == "joints" or not isinstance(driver, Mechanical):
-            return None
-        mechanism = driver.mechanism(may_ask=False)
-        return None if mechanism is None else Foresight(mechanism, self._period)
 
     def _look_for_life(self, now_ns: int) -> None:
         if self._cycle_count % PARENT_CHECK == 0 and not self._parent_is_alive():

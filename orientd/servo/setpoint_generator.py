@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from orientd.driver import IDENTITY, ZERO, Driver, Feedback, Joints, Quaternion, Scaled
-from orientd.errors import Fault, NotYetError
+from orientd.driver import IDENTITY, ZERO, Driver, Feedback, Joints, Quaternion, Scaled, Vector3
+from orientd.errors import DeviceFaultError, Fault, NotYetError
 from orientd.floats import combine, difference, norm
+from orientd.mechanism import Following, Foresight, Mechanism
 from orientd.servo.guard import Guard
 from orientd.servo.path import (
     PathFollower,
@@ -34,6 +35,7 @@ _NO_FAULT = Fault.NONE
 
 _NO_LIMITS = ServoLimits(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
 _START_TOLERANCE = 1e-9
+_STILL = 1e-6  # rad/s
 _JOINT_TOLERANCE = 1e-8
 """Of an axis' angle, rad: close to a pole rounding is more than elsewhere."""
 
@@ -76,6 +78,8 @@ class SetpointGenerator:
         self._quick_stop = QuickStop(self.time_scaling, self.follower, self._guard)
         self.pursuit = TargetFollower(memory.targets, self._guard)
         self._takes_joints = driver.takes == "joints"
+        self._mechanism: Mechanism | None = None
+        self._following: Following | None = None
         self._scaled = driver if isinstance(driver, Scaled) else None
         self._on_fault = on_fault
         self._period_ns, self._stall_ns = period_ns, stall_ns
@@ -83,7 +87,7 @@ class SetpointGenerator:
         self._servo_limits = _NO_LIMITS
         self._speed = 0.0
         self._start_ns = UNKNOWN
-        self._is_waiting = self._is_off_path = self._is_there = False
+        self._is_waiting = self._is_off_path = False
         self._moved_ns, self._sent = 0, IDENTITY
 
     @property
@@ -111,19 +115,26 @@ class SetpointGenerator:
         last = self.last
         return PathPoint(last.q, ZERO, ZERO, last.position, ZERO, last.joints)
 
-    def anchor(self, feedback: Feedback) -> None:
-        """Begin at rest where the device is, as *feedback* says."""
-        q, position = feedback.q, feedback.position
+    def anchor(self, feedback: Feedback, mechanism: Mechanism | None = None) -> None:
+        """Begin at rest where the device is, as *feedback* says; its axes are those of *mechanism*.
+
+        Raises:
+            DeviceFaultError: the driver takes joints, and does not say which there are.
+        """
+        q, position, period = feedback.q, feedback.position, self._period_ns * 1e-9
+        if self._takes_joints and (mechanism is None or not feedback.joints):
+            raise DeviceFaultError("the driver takes joints, but does not say which and where")
+        self._mechanism = mechanism
+        self._guard.know(mechanism.axes if mechanism is not None else ())
+        self.pursuit.foresight = self._following = None
+        if self._takes_joints and mechanism is not None:
+            self._following = Following(mechanism, period)
+        elif mechanism is not None:
+            self.pursuit.foresight = Foresight(mechanism, period)
         joints = feedback.joints if self._takes_joints else ()
         self.last = PathPoint(q, ZERO, ZERO, position, ZERO, joints)
-        self._guard.anchor(q, position)
+        self._guard.anchor(q, position, joints)
         self.time_scaling.halt()
-
-    def confine(self, q: Quaternion, joints: Joints) -> PathPoint:
-        """Take note of what was sent in place of the last setpoint; return it."""
-        self._is_there, self._sent = norm(difference(q, self._sent)) < _START_TOLERANCE, q
-        self.last = self.last._replace(q=q, joints=joints)
-        return self.last
 
     # What the daemon asks for
 
@@ -199,7 +210,9 @@ class SetpointGenerator:
     def _pursue(self, servo_limits: ServoLimits, joints: Joints = (), *, is_off_path: bool) -> None:
         """Go on without the path from what was written: after targets, or to come to rest."""
         self._servo_limits, self._is_off_path = servo_limits, is_off_path
-        self._is_there, self._sent = False, self.last.q
+        self._sent = self.last.q
+        if self._following is not None:
+            self._following.begin()
         self.pursuit.begin(servo_limits, joints)
 
     def stop(self) -> None:
@@ -266,7 +279,7 @@ class SetpointGenerator:
             return self.leave_path(Fault.PATH_STARVED, str(error))
         if follower.part is not part:
             self._adopt(follower.part)
-        problem = self._guard.admit(path.q, path.position, self._servo_limits)
+        problem = self._guard.admit(path.q, path.position, self._servo_limits, path.joints)
         if problem:
             return self.leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
         if follower.is_at_end:
@@ -300,7 +313,7 @@ class SetpointGenerator:
     def _go_on_from_rest(self, gap_ns: int) -> None:
         """Have what moved go on from where the device has come to rest, if it may."""
         guard = self._guard
-        guard.anchor(guard.q, guard.position)
+        guard.anchor(guard.q, guard.position, guard.joints)
         self.time_scaling.halt()
         if self.state is _STOPPING:
             self._finish()
@@ -319,17 +332,35 @@ class SetpointGenerator:
         point, position = pursuit.step(
             deadline_ns, self._servo_limits, is_stopping=self.state is not _TRACKING
         )
+        q, joints = point.q, self._joints_towards(point.q, position)
         if self._is_off_path:
-            guard.take(point.q, position)
-        elif problem := guard.admit(point.q, position, self._servo_limits):
+            guard.take(q, position, joints)
+        elif problem := guard.admit(q, position, self._servo_limits, joints):
             return self.leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
-        is_at_rest = pursuit.tracker.is_at_rest and guard.velocity == ZERO
-        if self.state is _STOPPING and is_at_rest and self._is_there:
+        if self._mechanism is not None and joints:
+            # What the axes can do of it is what is sent.
+            q = self._mechanism.forward(joints)[0]
+        is_there = norm(difference(q, self._sent)) < _START_TOLERANCE
+        is_there = is_there and max(map(abs, guard.joint_rates), default=0.0) < _STILL
+        self._sent = q
+        if (
+            self.state is _STOPPING
+            and is_there
+            and pursuit.tracker.is_at_rest
+            and guard.velocity == ZERO
+        ):
             self._finish()
             # Axes that could not get there hold where they could.
-            guard.anchor(self._sent, position)
-            return PathPoint(self._sent, ZERO, ZERO, position, ZERO, self.last.joints)
-        return PathPoint(point.q, point.omega_body, point.alpha_body, position, guard.velocity)
+            guard.anchor(q, position, joints)
+            return PathPoint(q, ZERO, ZERO, position, ZERO, joints)
+        return PathPoint(q, point.omega_body, point.alpha_body, position, guard.velocity, joints)
+
+    def _joints_towards(self, q: Quaternion, position: Vector3) -> Joints:
+        """Return the joints of the next cycle on the way to a pose; empty if it is sent itself."""
+        if self._following is None:
+            return ()
+        guard = self._guard
+        return self._following.step(q, position, guard.joints, guard.joint_rates)
 
     def _finish(self) -> None:
         """Go to rest: into holding, or into the fault that made the stop necessary."""
@@ -349,8 +380,6 @@ class SetpointGenerator:
     def _brake_as_promised(self) -> None:
         """Stop as what is on the path permits, and never slower than a change under way."""
         follower, scaling = self.follower, self.time_scaling
-        slowest, shares = follower.slowest_brake_rate, follower.joint_shares
-        if shares != self._servo_limits.joint_shares:
-            self._servo_limits = replace(follower.part.servo_limits, joint_shares=shares)
+        slowest = follower.slowest_brake_rate
         if not scaling.plan and (scaling.is_steady or slowest > scaling.brake_rate):
             scaling.brake_rate = slowest

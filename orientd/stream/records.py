@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any
 
 from orientd.driver import Quaternion, Vector3
 
@@ -79,7 +79,7 @@ PATH_RECORD = struct.Struct(f"@Q{PATH_FLOATS}d")
 CYCLE_RECORD = struct.Struct("@QqqqqQ6I41d")
 
 # index, code, motion, path_index, leave_index, final_index, start_ns | speed, limits
-LIMIT_FLOATS = 18
+LIMIT_FLOATS = 15
 COMMAND_RECORD = struct.Struct(f"@QIIQqqq{1 + LIMIT_FLOATS}d")
 UNKNOWN = -1
 """Index of a record that is not yet known."""
@@ -136,28 +136,6 @@ NO_AXES: Vector3 = (math.inf, math.inf, math.inf)
 """Limits of components where only the norm is limited."""
 
 
-class JointShares(NamedTuple):
-    """The most that a path asks of the device's joints at full speed, as shares of their limits.
-
-    At the rate *r* of the time scaling, which changes by *c* a second, no joint accelerates by more
-    than the share ``speed * |c| + acceleration * r**2`` of its limit.  All are 0 for a device whose
-    joints the plan does not know.
-
-    Attributes:
-        velocity: largest velocity of a joint, as a share of its limit.
-        speed: largest velocity of a joint over its limit of acceleration, s.
-        acceleration: largest acceleration of a joint, as a share of its limit.
-    """
-
-    velocity: float = 0.0
-    speed: float = 0.0
-    acceleration: float = 0.0
-
-
-NO_SHARES = JointShares()
-"""Of a path whose joints the plan does not know."""
-
-
 @dataclass(frozen=True, slots=True)
 class ServoLimits:
     """What a motion promised to keep, and how fast it may be stopped on its path.
@@ -172,7 +150,6 @@ class ServoLimits:
         axis_velocity: largest components of the angular velocity in the body frame, rad/s.
         axis_acceleration: the same of the angular acceleration, rad/s^2.
         axis_jerk: the same of the angular jerk, rad/s^3.
-        joint_shares: what the path asks of the device's joints.
         has_axes: whether any component is limited by itself.
     """
 
@@ -185,7 +162,6 @@ class ServoLimits:
     axis_velocity: Vector3 = NO_AXES
     axis_acceleration: Vector3 = NO_AXES
     axis_jerk: Vector3 = NO_AXES
-    joint_shares: JointShares = NO_SHARES
     has_axes: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -194,9 +170,8 @@ class ServoLimits:
         object.__setattr__(self, "has_axes", min(axes) < math.inf)
 
     def has_limits_of(self, other: ServoLimits) -> bool:
-        """Whether the limits are the same, whatever the brake rate and the joints' shares."""
-        mine = replace(self, brake_rate=other.brake_rate, joint_shares=other.joint_shares)
-        return mine == other
+        """Whether the limits are the same, whatever the brake rate."""
+        return replace(self, brake_rate=other.brake_rate) == other
 
     def floats(self) -> tuple[float, ...]:
         """Return the :data:`LIMIT_FLOATS` numbers that a command record has for limits."""
@@ -210,14 +185,13 @@ class ServoLimits:
             *self.axis_velocity,
             *self.axis_acceleration,
             *self.axis_jerk,
-            *self.joint_shares,
         )
 
     @classmethod
     def from_floats(cls, floats: Sequence[float]) -> ServoLimits:
         """Return the limits that :meth:`floats` was of."""
         f = tuple(floats)
-        fields: list[Any] = [*f[:6], f[6:9], f[9:12], f[12:15], JointShares(*f[15:])]
+        fields: list[Any] = [*f[:6], f[6:9], f[9:12], f[12:15]]
         return cls(*fields)
 
 

@@ -21,12 +21,10 @@ from orientd.planner import Limits
 from orientd.servo import ProcessSettings
 from orientd.stream import (
     GIVEN_UP_WORD,
-    NO_SHARES,
     UNKNOWN,
     Answer,
     Command,
     Cycle,
-    JointShares,
     Note,
     NoteKind,
     ServoLimits,
@@ -381,9 +379,7 @@ def report_directory() -> str:
     return directory
 
 
-def servo_limits_of(
-    limits: Limits, brake_rate: float, joint_shares: JointShares = NO_SHARES
-) -> ServoLimits:
+def servo_limits_of(limits: Limits, brake_rate: float) -> ServoLimits:
     """Return what the servo's guard is to keep."""
     return ServoLimits(
         limits.velocity,
@@ -395,5 +391,4 @@ def servo_limits_of(
         limits.axis_velocity,
         limits.axis_acceleration,
         limits.axis_jerk,
-        joint_shares,
     )

@@ -382,7 +382,7 @@ class MotionQueue:
             final_index=feeder.final_index if feeder.is_whole else UNKNOWN,
             start_ns=start_ns,
             speed=speed,
-            servo_limits=servo_limits_of(facts.limits, facts.brake_rate, facts.joint_shares),
+            servo_limits=servo_limits_of(facts.limits, facts.brake_rate),
         )
         queued.is_running = True
         feeder.take_up()

@@ -119,8 +119,15 @@ class Takeover:
 
     async def _trial(self, order: PlanCall, left: PlannedMotion, record: int) -> PlannedMotion:
         state, joints = left.state_at(record), left.joints_at(record)
-        before = left.joints_before(record) if joints and not state.is_at_rest else ()
-        plan_input = PlanInput(self._name, order.motion, start=state, joints=joints, before=before)
+        is_moving = bool(joints) and not state.is_at_rest
+        plan_input = PlanInput(
+            self._name,
+            order.motion,
+            start=state,
+            joints=joints,
+            before=left.joints_before(record) if is_moving else (),
+            rates=left.joint_rates_at(record) if is_moving else (),
+        )
         return await self._planners.plan(plan_input, order, rank=Rank.URGENT)
 
     def _is_ahead(self, leave: SplicePoint) -> Callable[[int], bool]:

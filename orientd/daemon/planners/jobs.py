@@ -78,6 +78,7 @@ class PlanInput:
         start: where the device will be; not of a continuation.
         joints: its axis angles there, rad.
         before: axis angles planned for the cycles before, where it moves.
+        rates: velocities of the axes planned there, rad/s, where it moves.
         after: what it is to follow; ``None`` for what begins at *start*.
     """
 
@@ -87,6 +88,7 @@ class PlanInput:
     start: State | None = None
     joints: Joints = ()
     before: tuple[Joints, ...] = ()
+    rates: Joints = ()
     after: Continuation | None = None
 
 

@@ -155,6 +155,7 @@ class Work:
                 start=job.start,
                 joints=job.joints,
                 before=job.before,
+                rates=job.rates,
                 motion_id=job.motion_id,
             )
         else:

@@ -1,88 +1,201 @@
 r"""What a path asks of the device's joints, and how fast it may be slowed down for their sake.
 
-The joints are known at the records, a period apart, and are differentiated as the device does it.
-After a pause, a stop or another speed the setpoints lie between the records, where the servo draws
-a cubic; the second differences of setpoints halfway between the records are weighted means of those
-on the records, and count, too.
+Between two records every joint is the cubic of Hermite that the servo draws
+(:mod:`orientd.servo.path.segment`).  The device takes differences of setpoints.  At the rates
+:math:`\sigma_1, \sigma_2` of two cycles, whose mean is :math:`\sigma`, the second one is
 
-A joint's acceleration at the rate :math:`\sigma` is :math:`\theta''\sigma^2 + \theta'\dot\sigma`,
-the inequality of :mod:`orientd.planner.certify.brake` in one dimension.
+.. math::
+    \Delta^2\theta = (\sigma_2 - \sigma_1)\, \bar v + \sigma^2 \bar a
+
+with means :math:`\bar v, \bar a` of the cubics' velocity and acceleration, over a cycle and over
+two.  So it is the inequality of :mod:`orientd.planner.certify.brake` in one dimension.  The mean
+:math:`\bar a` at a rate is the second difference of setpoints with that rate, whatever their phase
+against the records.
+
+These are taken at every eighth of a period, for every eighth of a rate from 1 down to a half.  In
+between a difference is larger by an eighth of its own second difference by place, and by what the
+cubics' acceleration allows by rate.  Below half of the full rate that acceleration itself bounds
+the mean: a spike of it, as cubics have beside a step, counts a quarter there.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from orientd.driver import AxisLimits
+from orientd.errors import LimitError, LimitKind
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, brake_rate
 from orientd.rotation import Floats
-from orientd.stream import JointShares
 from orientd.tolerances import GUARD_TOLERANCE
 
-_HALFWAY = np.array([1.0, -9.0, 56.0, 56.0, -9.0, 1.0]) / 96.0
-"""Weights of the records around the place halfway between two, of the cubic with slopes by central
-differences of the fourth order."""
+_PARTS = 8
+"""Places in a period, and rates below the full one, at which differences are taken."""
 
+_BETWEEN = 2.0 / (8.0 * _PARTS**2)
+"""Of the cubics' acceleration: how much larger a difference is between two rates than at them."""
 
-_LOCAL = 0.95
-"""Share of the limit up to which the acceleration at a record counts, as in ``brake.c``."""
+_SHARES = 8.0 * np.geomspace(1e-5, 0.125, 24)
+"""Of the way from the full rate to the next one, at which a change of it is looked at."""
+_CHANGES = np.sqrt(_SHARES)
+"""How fast the rate may change there, by the brake rate."""
+_MARGIN = 0.99
+"""For what lies between these."""
+
+_UNITS = {
+    LimitKind.VELOCITY: "rad/s",
+    LimitKind.ACCELERATION: "rad/s^2",
+    LimitKind.JERK: "rad/s^3",
+}
 
 
 class JointBrake(NamedTuple):
     """How fast a path may be slowed down for the joints' sake.
 
     Attributes:
-        shares: the most that it asks of them.
         rate: largest safe brake rate, 1/s.
         record: that sets it.
     """
 
-    shares: JointShares
     rate: float
     record: int
 
 
 def joint_brake(
-    joints: Floats, earlier: Floats, period: float, limits: Sequence[tuple[float, float]]
+    joints: Floats,
+    rates: Floats,
+    earlier: Floats,
+    period: float,
+    axes: Sequence[AxisLimits],
 ) -> JointBrake:
     """Return how fast a path may be slowed down for the joints' sake.
 
     Args:
         joints: at the records of the path, rad, shape ``(n, joints)``; the device stays at the
             last.
-        earlier: at the records before it, two or more, the oldest first, rad, shape
-            ``(m, joints)``.
+        rates: their velocities there, rad/s, of the same shape.
+        earlier: joints at the three records before it, the oldest first, rad, shape ``(3,
+            joints)``.
         period: from one record to the next, s.
-        limits: largest velocity and acceleration of every joint, rad/s and rad/s^2.
+        axes: limits of every joint.
+
+    Raises:
+        LimitError: a joint breaks a limit at some phase of the setpoints against the records.
     """
-    held = np.repeat(joints[-1:], len(_HALFWAY) // 2, axis=0)
-    # What ends before the first record is the past, which nothing can change.
-    rows = np.concatenate([earlier[-2:], joints, held])
-    steps = np.diff(rows, axis=0) / period
-    bends = np.diff(steps, axis=0) / period
-    between = sum(
-        weight * bends[k : len(bends) - len(_HALFWAY) + 1 + k] for k, weight in enumerate(_HALFWAY)
-    )
-    # Of each bend: the faster of the two steps that it is between, and the sharper of its
-    # neighbours halfway.
-    speed = np.maximum(np.abs(steps[:-1]), np.abs(steps[1:]))
-    bend = np.abs(bends)
-    reach = slice(2, 2 + len(between))
-    bend[reach] = np.maximum(bend[reach], np.abs(between))
-    fastest, hardest = GUARD_TOLERANCE * np.array(limits, dtype=np.float64).T
-    worst = (np.max(part) for part in (speed / fastest, speed / hardest, bend / hardest))
-    shares = JointShares(*map(float, worst))
-    # At the records themselves, by central differences of the fourth order: at full speed they do
-    # not count, so that a share of the limit is left.
-    local = np.abs(14.0 * bends[1:-1] - bends[:-2] - bends[2:]) / 12.0
-    bend[1:-1] = np.maximum(bend[1:-1], np.minimum(local, _LOCAL * hardest))
-    rate, record = FASTEST_BRAKE_RATE, 0
-    still = np.zeros(len(bend))
-    for joint, most in enumerate(hardest.tolist()):
-        place = slice(joint, joint + 1)
-        one = brake_rate(speed[:, place], bend[:, place], still, most, np.inf)
-        if one[0] < rate:
-            rate, record = one
-    return JointBrake(shares, rate, record)
+    found = JointBrake(FASTEST_BRAKE_RATE, 0)
+    for place, axis in enumerate(axes):
+        way = np.concatenate([earlier[-2:, place], joints[:, place], joints[-1:, place]])
+        slope = np.concatenate(
+            [_past(earlier[:, place], joints[:2, place]), rates[:, place] * period, [0.0]]
+        )
+        one = _Ride(way, slope)
+        one.check(axis, period)
+        rate, record = one.brake_rate(axis, period)
+        if rate < found.rate:
+            found = JointBrake(rate, max(record - 2, 0))
+    return found
+
+
+def _past(earlier: Floats, following: Floats) -> Floats:
+    """Return the way in a period at the last two records of what was before, by differences."""
+    a, b, c = earlier.tolist()
+    d, e = following.tolist()
+    if a == b == c == d:
+        return np.zeros(2)  # at rest
+    return np.array([(6.0 * c - 2.0 * a - 3.0 * b - d) / 6.0, (8.0 * (d - b) - (e - a)) / 12.0])
+
+
+class _Ride:
+    """One joint over the records, with two before and one after it; all in rad and periods.
+
+    Attributes:
+        fine: its angle at every eighth of a period.
+        bend: largest acceleration of its cubics around each period.
+    """
+
+    def __init__(self, way: Floats, slope: Floats) -> None:
+        step, leave, arrive = np.diff(way), slope[:-1], slope[1:]
+        second, third = 3.0 * step - 2.0 * leave - arrive, leave + arrive - 2.0 * step
+        u = np.arange(_PARTS) / _PARTS
+        fine = way[:-1, None] + u * (leave[:, None] + u * (second[:, None] + u * third[:, None]))
+        # Held after the last record for as long as a difference reaches.
+        self.fine = np.concatenate([fine.ravel(), np.full(3 * _PARTS + 1, way[-1])])
+        ends = np.maximum(np.abs(2.0 * second), np.abs(2.0 * second + 6.0 * third))
+        self.bend = _widest(np.concatenate([ends, [0.0, 0.0]]), 1)
+        self._count = len(step)
+
+    def differences(self, order: int, reach: int) -> Floats:
+        """Return the largest difference of *order* around each period, of setpoints so far apart.
+
+        Args:
+            order: 1 to 3.
+            reach: from one setpoint to the next, eighths of a period.
+        """
+        found = self.fine
+        for _ in range(order):
+            found = found[reach:] - found[:-reach]
+        curve, found = np.abs(np.diff(found, 2)) / 8.0, np.abs(found)
+        found[1:-1] += curve
+        # Each where its last setpoint is, as the device takes it.
+        found = np.concatenate([np.zeros(order * reach), found])
+        largest: Floats = found[: (self._count + 2) * _PARTS].reshape(-1, _PARTS).max(axis=1)
+        return largest
+
+    def check(self, axis: AxisLimits, period: float) -> None:
+        """Raise :class:`.LimitError` if a difference at the full rate is beyond a limit.
+
+        What ends before the first record is the past, which nothing can change.
+        """
+        limits = axis.velocity, axis.acceleration, axis.jerk
+        for order, (kind, limit) in enumerate(zip(_UNITS, limits, strict=True), 1):
+            if math.isinf(limit):
+                continue
+            sizes = self.differences(order, _PARTS)[2:] / period**order
+            at = int(np.argmax(sizes))
+            if sizes[at] > limit * GUARD_TOLERANCE:
+                raise LimitError(
+                    f"{kind.value} of {axis.name}", float(sizes[at]), limit, at * period,
+                    _UNITS[kind], "between two records; allow it more time", kind=kind,
+                )  # fmt: skip
+
+    def brake_rate(self, axis: AxisLimits, period: float) -> tuple[float, int]:
+        """Return the largest safe brake rate, 1/s, and the period that sets it."""
+        unit, most = period * period, GUARD_TOLERANCE * axis.acceleration
+        speed = np.maximum(_widest(self.differences(1, 1) * _PARTS, 2) / period, 1e-12)
+        at_rates = [
+            _widest(self.differences(2, reach), 1) / unit
+            for reach in range(_PARTS, _PARTS // 2 - 1, -1)
+        ]
+        bend = self.bend / unit
+        # Just below the full rate, where a change has to be slow to end there.
+        full, less = (size[:, None] for size in at_rates[:2])
+        sizes = (
+            full
+            + _SHARES * (less - full)
+            + 4.0 * _SHARES * (1.0 - _SHARES) * _BETWEEN * bend[:, None]
+        )
+        allowed = _MARGIN * np.min(np.maximum(most - sizes, 0.0) / _CHANGES, axis=1)
+        # From rate to rate below that, and from half of the full one all the way down.
+        for place, (one, other) in enumerate(pairwise(at_rates[1:]), 1):
+            change = min(2.0, math.sqrt(8.0 * (place + 1) / _PARTS))
+            size = np.maximum(one, other) + _BETWEEN * bend
+            allowed = np.minimum(allowed, np.maximum(most - size, 0.0) / change)
+        allowed = np.minimum(allowed, np.maximum(most - 0.25 * bend, 0.0) / 2.0) / speed
+        record = int(np.argmin(allowed))
+        rate = min(float(allowed[record]), FASTEST_BRAKE_RATE)
+        if math.isfinite(axis.jerk):
+            twist = _widest(self.differences(3, _PARTS), 1) / unit / period
+            found = brake_rate(speed[:, None], full, twist, np.inf, GUARD_TOLERANCE * axis.jerk)
+            rate, record = min((rate, record), found)
+        return rate, record
+
+
+def _widest(sizes: Floats, reach: int) -> Floats:
+    """Return the largest of each size and its neighbours up to *reach* away."""
+    padded = np.pad(sizes, reach, mode="edge")
+    found: Floats = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)
+    return found

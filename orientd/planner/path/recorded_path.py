@@ -6,6 +6,7 @@ servo takes (:mod:`orientd.servo.path.segment`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,6 +49,7 @@ class RecordedPath:
         period: float,
         joints: Floats,
         earlier: Floats | None = None,
+        begun: Sequence[float] = (),
     ) -> RecordedPath:
         """Return the path through *q*, with the position of *original* at the times *path_times*.
 
@@ -63,6 +65,8 @@ class RecordedPath:
             period: s.
             joints: axis angles that make the orientations, rad, unwrapped, shape ``(n, axes)``.
             earlier: those of the three records before; without it the axes were at rest.
+            begun: velocities of the axes at the first record, rad/s, if it takes over from a path
+                that has them.
         """
         q = align(q)
         given = original.sample(path_times)
@@ -91,6 +95,8 @@ class RecordedPath:
         table[:, :4], table[:, 4:7], table[:, 7:10] = q, omega, alpha
         table[:, 10:13] = given.position
         rates = joint_rates(joints, earlier, period)
+        if len(begun):
+            rates[0] = begun
         table[:, STATE_FLOATS:] = np.concatenate([joints, rates], axis=1)
         velocity = given.velocity * (np.gradient(path_times) / period)[:, None]
         table[:-1, 13:16] = velocity[:-1]
@@ -106,9 +112,19 @@ class RecordedPath:
         """Axis angles at the records, rad, shape ``(n, axes)``."""
         return joints_of(self.table)
 
+    @property
+    def joint_rates(self) -> Floats:
+        """Velocities of the axes at the records, rad/s, shape ``(n, axes)``."""
+        rates: Floats = self.table[:, STATE_FLOATS + self.joints.shape[1] :]
+        return rates
+
     def joints_at(self, record: int) -> tuple[float, ...]:
         """Return the axis angles at a record, rad, held beyond the first and the last."""
         return tuple(self.joints[min(max(record, 0), len(self.table) - 1)].tolist())
+
+    def joint_rates_at(self, record: int) -> tuple[float, ...]:
+        """Return the velocities of the axes at a record, rad/s."""
+        return tuple(self.joint_rates[record].tolist())
 
     def joints_before(self, record: int) -> tuple[tuple[float, ...], ...]:
         """Return the axis angles of the three records before one, the oldest first."""

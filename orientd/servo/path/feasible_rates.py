@@ -11,25 +11,20 @@ the cycle before, the guard's differences are
 each of them straight in :math:`\sigma`: a limit of a norm is a quadratic inequality, a limit of an
 axis a linear one, and what keeps them all is an interval.
 
-The servo does not know the joints of the device, only the most that the path asks of them
-(:class:`~orientd.stream.JointShares`).  With these, *v* and *a*, and the rate :math:`\sigma_p` of
-the cycle before, a joint's second difference is at most the share
-
-.. math::
-    v |\sigma - \sigma_p| / h + a (\sigma^2 + \sigma_p^2) / 2
-
-of its limit, which must not exceed 1.
+The joints of the device are differentiated in the same way, one by one, and each has its own
+limits.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import inf, sqrt
 from typing import NamedTuple
 
-from orientd.driver import ZERO, Vector3
+from orientd.driver import ZERO, AxisLimits, Joints, Vector3
 from orientd.floats import plus
 from orientd.servo.motion_law import first_change
-from orientd.stream import JointShares, ServoLimits
+from orientd.stream import ServoLimits
 
 _LEAST_RELEASE = 0.3
 _STILL = 1e-9  # rad/s: where the path stands still by itself, its rate does not matter
@@ -43,40 +38,47 @@ class Past(NamedTuple):
         alpha: angular acceleration, rad/s^2.
         velocity: of the position, m/s.
         rate: of the time scaling.
+        joint_rates: velocities of the axes, rad/s; empty if the path has no joints.
+        joint_changes: their accelerations, rad/s^2.
     """
 
     omega: Vector3
     alpha: Vector3
     velocity: Vector3
     rate: float
+    joint_rates: Joints = ()
+    joint_changes: Joints = ()
 
 
 class Ahead(NamedTuple):
-    """What a rate leads to: ``bend + omega * rate`` and ``shift + velocity * rate``.
+    """What a rate leads to: ``bend + omega * rate``, the same of the position and of every axis.
 
     Attributes:
         omega: angular velocity of the path, rad/s.
         bend: what is not proportional to the rate, rad/s.
         velocity: of the path's position, m/s.
         shift: what is not proportional to the rate, m/s.
+        joints: of every axis both terms, the one that is not proportional first, rad/s.
     """
 
     omega: Vector3
     bend: Vector3
     velocity: Vector3
     shift: Vector3
+    joints: Sequence[tuple[float, float]] = ()
 
 
 def allowed(
     past: Past,
     ahead: Ahead,
     servo_limits: ServoLimits,
+    axes: Sequence[AxisLimits],
     period: float,
     share: float,
 ) -> tuple[float, float]:
     """Return the least and the largest rate inside the limits; least > largest if there is none.
 
-    Of the limits of acceleration and of jerk a *share* may be used, of the joints' own all.
+    Of the limits of acceleration and of jerk a *share* may be used.
     """
     x, y, z = ahead.omega
     a, b, c = ahead.bend
@@ -89,38 +91,36 @@ def allowed(
     low, high = _ball(gx, gy, gz, x, y, z, most * servo_limits.acceleration)
     intervals = [_ball(kx, ky, kz, x, y, z, most_jerk * servo_limits.jerk)]
     if servo_limits.has_axes:
-        for axes, factor, base in (
+        for limits, factor, base in (
             (servo_limits.axis_acceleration, most, (gx, gy, gz)),
             (servo_limits.axis_jerk, most_jerk, (kx, ky, kz)),
         ):
-            for limit, start, slope in zip(axes, base, (x, y, z), strict=True):
-                intervals.append(_ball(start, 0.0, 0.0, slope, 0.0, 0.0, factor * limit))
+            for limit, start, slope in zip(limits, base, (x, y, z), strict=True):
+                intervals.append(_slab(start, slope, factor * limit))
     if ahead.velocity != ZERO:
         x, y, z = ahead.velocity
         a, b, c = plus(ahead.shift, past.velocity, -1.0)
         intervals.append(_ball(a, b, c, x, y, z, most * servo_limits.linear_acceleration))
-    if servo_limits.joint_shares.speed > 0.0:
-        intervals.append(_within_joints(past.rate, servo_limits.joint_shares, period))
+    if ahead.joints:
+        for axis, (rest, slope), rate, change in zip(
+            axes, ahead.joints, past.joint_rates, past.joint_changes, strict=True
+        ):
+            start = rest - rate
+            intervals.append(_slab(start, slope, most * axis.acceleration))
+            if axis.jerk < inf:
+                intervals.append(_slab(start - change * period, slope, most_jerk * axis.jerk))
     for least, largest in intervals:
         low, high = max(low, least), min(high, largest)
     return low, high
 
 
-def _within_joints(rate: float, shares: JointShares, period: float) -> tuple[float, float]:
-    """Return the least and the largest rate after *rate* that the joints allow.
-
-    To keep the rate is always among them: the path itself is within the limits.
-    """
-    speed, bend = shares.speed / period, shares.acceleration
-    left = max(1.0 - bend * rate * rate, 0.0)
-    # Braking: sigma^2 is at most that of the rate before.  Gaining: b/2 x^2 + (v + b r) x = left.
-    slope = speed + bend * rate
-    gain = 2.0 * left / (slope + sqrt(slope * slope + 2.0 * bend * left))
-    return rate - left / speed, rate + gain
-
-
 def released(
-    past: Past, ahead: Ahead, servo_limits: ServoLimits, period: float, share: float
+    past: Past,
+    ahead: Ahead,
+    servo_limits: ServoLimits,
+    axes: Sequence[AxisLimits],
+    period: float,
+    share: float,
 ) -> float:
     """Return the least rate from which speed and acceleration can still reach zero together.
 
@@ -131,6 +131,7 @@ def released(
         past: the cycle before.
         ahead: what a rate leads to.
         servo_limits: the limits.
+        axes: limits of the device's axes.
         period: between the two, s.
         share: part of the jerk that the release may use.
     """
@@ -153,19 +154,28 @@ def released(
         for limit, part in zip(servo_limits.axis_jerk, (x, y, z), strict=True):
             if part != 0.0:
                 jerk = min(jerk, limit / abs(part))
+    for axis, (_, slope) in zip(axes, ahead.joints, strict=False):
+        if axis.jerk < inf and slope != 0.0:
+            jerk = min(jerk, axis.jerk * path_speed / abs(slope))
     step = share * jerk * period * period
     return (speed - first_change(speed, step) - (a * x + b * y + c * z)) / path_speed
 
 
 def nearest(
-    past: Past, ahead: Ahead, servo_limits: ServoLimits, period: float, share: float, wanted: float
+    past: Past,
+    ahead: Ahead,
+    servo_limits: ServoLimits,
+    axes: Sequence[AxisLimits],
+    period: float,
+    share: float,
+    wanted: float,
 ) -> float | None:
     """Return the rate in [0, 1] nearest to the one that is wanted, or ``None`` if none is allowed.
 
     The share of the limits is exceeded, up to all of them, where nothing else is left.
     """
     for part in (share, 1.0):
-        low, high = allowed(past, ahead, servo_limits, period, part)
+        low, high = allowed(past, ahead, servo_limits, axes, period, part)
         low, high = max(low, 0.0), min(high, 1.0)
         if low <= high:
             return min(max(wanted, low), high)
@@ -186,3 +196,11 @@ def _ball(
         return inf, -inf
     root = sqrt(root)
     return (-half - root) / square, (root - half) / square
+
+
+def _slab(start: float, slope: float, limit: float) -> tuple[float, float]:
+    """Return the interval of t where ``|start + t slope| <= limit``."""
+    if abs(slope) <= _STILL:
+        return (-inf, inf) if abs(start) <= limit else (inf, -inf)
+    one, other = (-limit - start) / slope, (limit - start) / slope
+    return (one, other) if one <= other else (other, one)

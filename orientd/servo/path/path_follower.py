@@ -19,7 +19,7 @@ from orientd.driver import IDENTITY, ZERO, Joints, Vector3
 from orientd.errors import OrientdError
 from orientd.floats import difference, norm, plus
 from orientd.servo.path.segment import PathPoint, Segment, point_of
-from orientd.stream import HEAD, UNKNOWN, JointShares, RecordRing, ServoLimits
+from orientd.stream import HEAD, UNKNOWN, RecordRing, ServoLimits
 from orientd.tolerances import NORM_TOLERANCE
 
 FINAL_WORD = 1
@@ -135,12 +135,6 @@ class PathFollower:
         return min(part.servo_limits.brake_rate for part in (self.part, *self._ahead))
 
     @property
-    def joint_shares(self) -> JointShares:
-        """The most that any part from here on asks of the device's joints."""
-        parts = (self.part, *self._ahead)
-        return JointShares(*map(max, *(part.servo_limits.joint_shares for part in parts), ZERO))
-
-    @property
     def _final(self) -> int:
         """Index of the last part's last record, or :data:`UNKNOWN`."""
         part = self._ahead[-1] if self._ahead else self.part
@@ -242,6 +236,7 @@ def _differ(old: PathPoint, new: PathPoint) -> str:
         ("position", norm(plus(old.position, new.position, -1.0)), _SAME_POSITION, "m"),
         ("velocity", *_gap(old.velocity, new.velocity), "m/s"),
         ("angle of an axis", joint_gap(old.joints, new.joints), _SAME_JOINTS, "rad"),
+        ("velocity of an axis", *_joint_rate_gap(old, new), "rad/s"),
     ):
         if not gap <= tolerance:
             return f"the {name} of the two paths differs by {gap:.3g} {unit}"
@@ -253,6 +248,11 @@ def joint_gap(old: Joints, new: Joints) -> float:
     if len(old) != len(new):
         return inf
     return max([abs(a - b) for a, b in zip(old, new, strict=True)], default=0.0)
+
+
+def _joint_rate_gap(old: PathPoint, new: PathPoint) -> tuple[float, float]:
+    gap = joint_gap(old.joint_velocities, new.joint_velocities)
+    return gap, _SAME_RATE * (1.0 + max(map(abs, old.joint_velocities), default=0.0))
 
 
 def _gap(a: Vector3, b: Vector3) -> tuple[float, float]:

@@ -23,13 +23,13 @@ from collections.abc import Iterator
 from copy import copy
 from math import ceil
 
-from orientd.driver import ZERO
+from orientd.driver import ZERO, Joints
 from orientd.floats import combine, dot, norm, plus
 from orientd.servo.guard import Guard
 from orientd.servo.motion_law import stop_phases
 from orientd.servo.path.feasible_rates import Ahead, Past, nearest, released
 from orientd.servo.path.path_follower import PathFollower
-from orientd.servo.path.segment import STANDING, Segment
+from orientd.servo.path.segment import STANDING, Segment, joints_at
 from orientd.servo.path.time_scaling import TimeScaling
 from orientd.stream import ServoLimits
 
@@ -123,7 +123,10 @@ class QuickStop:
         time = max(
             sum(stop_phases(speed, change, servo_limits.acceleration, servo_limits.jerk)),
             norm(guard.velocity) / servo_limits.linear_acceleration,
-            servo_limits.joint_shares.speed * self._scaling.rate,
+            *(
+                abs(rate) / axis.acceleration
+                for axis, rate in zip(guard.axes, guard.joint_rates, strict=False)
+            ),
         )
         cycles = max(time / self._scaling.period, self._expected)
         self._lead = ceil((_ALLOWANCE * cycles + _SPARE) / (self._steps - 1)) - 1
@@ -144,9 +147,16 @@ class QuickStop:
         """
         scaling, follower, guard = copy(self._scaling), self._follower, self._guard
         h, n, rates = scaling.period, 1.0 / scaling.period, self._rates
-        past = Past(guard.omega, guard.alpha, guard.velocity, scaling.rate)
+        # Joints count whose limits and last cycles are known.
+        axes = guard.axes if guard.joint_changes else ()
+        past = Past(
+            guard.omega, guard.alpha, guard.velocity, scaling.rate,
+            guard.joint_rates if axes else (), guard.joint_changes if axes else (),
+        )  # fmt: skip
         guess = scaling.rate + scaling.acceleration * h
         index, fraction, start, following = 0, follower.fraction, self._segment(0), self._segment(1)
+        moved: Joints = ()
+        turning: list[tuple[float, float]] = []
         is_over = False
         while start is not None:
             is_free = len(rates) >= self._lead
@@ -156,6 +166,7 @@ class QuickStop:
                 is_over = self._may_end
                 break
             turned, travelled = start.turn.value(fraction), start.travel.value(fraction)
+            joints = joints_at(start.joints, fraction) if axes else ()
             for _ in range(_ATTEMPTS):
                 u, there, came, drift = fraction + rate, start, turned, travelled
                 if u >= 1.0:
@@ -169,27 +180,41 @@ class QuickStop:
                 if start.travel is not STANDING or there.travel is not STANDING:
                     velocity = combine(there.travel.value(u), n, drift, -n)
                     push = there.travel.rate(u)
+                if axes:
+                    if len(there.joints) != len(axes):
+                        return
+                    reached = zip(joints_at(there.joints, u), joints, strict=True)
+                    moved = tuple([(a - b) * n for a, b in reached])
                 if not is_free:
                     break
                 slope, push = plus(ZERO, slope, n), plus(ZERO, push, n)
-                ahead = Ahead(slope, plus(omega, slope, -rate), push, plus(velocity, push, -rate))
-                wanted = released(past, ahead, self._servo_limits, h, release)
-                found = nearest(past, ahead, self._servo_limits, h, SHARE, wanted)
+                if axes:
+                    slopes = [n * one.rate(u) for one in there.joints]
+                    turning = [(a - b * rate, b) for a, b in zip(moved, slopes, strict=True)]
+                ahead = Ahead(
+                    slope, plus(omega, slope, -rate), push, plus(velocity, push, -rate), turning
+                )
+                wanted = released(past, ahead, self._servo_limits, axes, h, release)
+                found = nearest(past, ahead, self._servo_limits, axes, h, SHARE, wanted)
                 if found is None:
                     return
                 error, rate = abs(found - rate), found
                 if error < _NEAR:
                     omega, velocity = plus(ahead.bend, slope, rate), plus(ahead.shift, push, rate)
+                    moved = tuple([a + b * rate for a, b in turning])
                     break
             else:
                 return
             is_over = is_free and rate <= _STILL
             rate = 0.0 if is_over else rate
             guess = 2.0 * rate - past.rate
-            past = Past(omega, combine(omega, n, past.omega, -n), velocity, rate)
+            changes = tuple([(a - b) * n for a, b in zip(moved, past.joint_rates, strict=True)])
+            alpha = combine(omega, n, past.omega, -n)
+            past = Past(omega, alpha, velocity, rate, moved, changes)
             rates.append(rate)
             if is_over:
-                if nearest(past, _REST, self._servo_limits, h, 1.0, 0.0) is None:
+                rest = _REST._replace(joints=((0.0, 0.0),) * len(axes))
+                if nearest(past, rest, self._servo_limits, axes, h, 1.0, 0.0) is None:
                     return  # at rest, but not without its acceleration
                 # One cycle more at rest: a resumption that began at once would add its own jerk to
                 # that of the last step.

@@ -1,7 +1,5 @@
 """The real servo and the gimbal's driver in the middle of a planned motion, in virtual time."""
 
-from typing import ClassVar
-
 import numpy as np
 from rig import Rig as LoopRig
 
@@ -15,45 +13,34 @@ from orientd.stream import Answer, Command, ServoState, SharedMemory
 from orientd_dynamixel import DynamixelDriver
 
 
-class NoStanding:
-    """Of axes that nobody reads: they hold the goals that they have."""
-
-    is_at_rest = False
-    goals: ClassVar[dict[int, int]] = {}
-
-    def rest(self, now_ns):
-        pass
-
-
 class SilentGimbal(DynamixelDriver):
     """The driver without a bus: what it would send to the servos is kept, in rad."""
 
     def open(self):
-        self.sent = []
-        self._standing = NoStanding()
+        self.sent = [(0.0,) * len(self.settings.axes)]
 
     def enable(self):
         return self.read()
 
     def read(self):
-        angles = self._following.angles
-        return Feedback(self.clock.now_ns(), self._gimbal.orientation(angles), joints=angles)
+        angles = self.sent[-1]
+        q = self.mechanism(may_ask=False).orientation(angles)
+        return Feedback(self.clock.now_ns(), q, joints=angles)
+
+    def write(self, setpoint):
+        self.sent.append(setpoint.joints)
+
+    def rest_in_fault(self):
+        pass
 
     def disable(self):
         pass
-
-    def _connected(self):
-        return None
-
-    def _send(self, group, angles):
-        self.sent.append(tuple(angles))
-        self._written_ns = self.clock.now_ns()
 
 
 def servo_limits_of(motion):
     """Return what the daemon tells the servo of a motion."""
     facts = motion.facts
-    return servo_link.servo_limits_of(facts.limits, facts.brake_rate, facts.joint_shares)
+    return servo_link.servo_limits_of(facts.limits, facts.brake_rate)
 
 
 class AxisRide(LoopRig):
@@ -104,8 +91,8 @@ class AxisRide(LoopRig):
         setpoints, here = self.servo.setpoints, self.first + record
         setpoints.state = ServoState.HOLDING
         setpoints.last = setpoints.follower.peek(self.first)
-        setpoints._guard.anchor(setpoints.last.q, setpoints.last.position)
-        self.driver._following.rest(tuple(self.joints[0].tolist()))
+        last = setpoints.last
+        setpoints._guard.anchor(last.q, last.position, last.joints)
         assert self.command(Command.START, path_index=self.first, start_ns=10**18)
         setpoints.follower.begin(PathPart(1, here, self.servo_limits))
         setpoints.time_scaling.begin(self.servo_limits.brake_rate, 1.0)
@@ -116,11 +103,11 @@ class AxisRide(LoopRig):
         guard.q, guard.position = tuple(q[2].tolist()), setpoints.last.position
         guard.omega = tuple(omega[1].tolist())
         guard.alpha = tuple(((omega[1] - omega[0]) / self.period).tolist())
-        driver = self.driver
-        driver._following.rest(tuple(self.joints[record - 1].tolist()))
-        driver._following.took(tuple(self.joints[record].tolist()))
-        driver._written_ns = self.clock.now_ns()
-        driver.sent = [tuple(row) for row in self.joints[record - 1 : record + 1].tolist()]
+        joints = self.joints[record - 2 : record + 1]
+        rates = np.diff(joints, axis=0) / self.period
+        guard.joints, guard.joint_rates = tuple(joints[2].tolist()), tuple(rates[1].tolist())
+        guard.joint_changes = tuple(((rates[1] - rates[0]) / self.period).tolist())
+        self.driver.sent = [tuple(row) for row in joints[1:].tolist()]
 
     def splice(self, motion, record):
         """Have another motion take over at a record."""

@@ -134,7 +134,7 @@ class GimbalLoop(LoopRig):
 
     def lay(self, q, *path, **options):
         """Put a path of orientations into the ring, with the angles of the axes that make them."""
-        joints = [self.driver._following.angles]
+        joints = [self.servo.setpoints.last.joints]
         for orientation in q:
             joints.append(self.driver._gimbal.solve(tuple(orientation), joints[-1])[0])
         angles = np.array(joints[1:])

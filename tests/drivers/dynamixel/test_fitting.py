@@ -1,5 +1,6 @@
 """Motions planned for a gimbal's axes as the daemon does it, and streamed through the driver."""
 
+import math
 import re
 
 import numpy as np
@@ -169,9 +170,10 @@ def test_driver_follows_the_planned_branch_to_its_end(rig):
     it = rig("ZYX", rate_hz=100, axes=AXES, max_deviation_deg=3.0)
     feedback = it.start()
     motion = fit(over_the_top(2.0, seconds=8), joints=feedback.joints, driver=it.driver)
-    for q in motion.records(0, motion.record_count)[:, :4].tolist():
-        it.cycle(q=tuple(q))
-    assert it.driver._following.angles == pytest.approx(motion.last_joints, abs=1e-6)
+    for joints in motion.records(0, motion.record_count)[:, 16:19].tolist():
+        it.cycle(joints)
+    last = [2048 + angle * 4096 / math.tau for angle in motion.last_joints]
+    assert it.goals() == pytest.approx(last, abs=0.5 + 1e-6)
 
 
 def test_two_axes_that_leave_too_much_roll_are_refused_before_they_move():

@@ -21,7 +21,7 @@ def started(rig, file):
 
 
 def turn_to(it, degrees):
-    yaw = it.driver._following.angles[0]
+    yaw = it.joints[0]
     steps = max(1, math.ceil(abs(math.radians(degrees) - yaw) / 0.035))
     for k in range(1, steps + 1):
         it.cycle([yaw + (math.radians(degrees) - yaw) * k / steps, 0.0])
@@ -58,13 +58,13 @@ def test_turns_are_known_or_refused_after_a_power_cut_at_any_winding(rig, tmp_pa
         cut_power(it, by_hand=by_hand)
         it = next_process(it, rig, tmp_path / "turns")
         try:
-            found = math.degrees(it.driver.enable().joints[0])
+            found = math.degrees(it.enable().joints[0])
         except DeviceFaultError as error:
             assert abs(by_hand) > 30
             assert "were seen last" in str(error)  # noqa: PT017
             cut_power(it, by_hand=-by_hand)
             it.driver.reset()
-            found, by_hand = math.degrees(it.driver.enable().joints[0]), 0.0
+            found, by_hand = math.degrees(it.enable().joints[0]), 0.0
         else:
             known += 1
         assert found == pytest.approx(at + by_hand, abs=1.0), number
@@ -81,7 +81,7 @@ def test_servo_that_kept_its_power_is_believed_however_far_it_was_turned(rig, tm
     it.servo(1).write(64, b"\0", it.clock.now_ns())
     it.servo(1).shaft.position -= 300 * 4096 / 360
     it = next_process(it, rig, tmp_path / "turns")
-    assert math.degrees(it.driver.enable().joints[0]) == pytest.approx(100, abs=1.0)
+    assert math.degrees(it.enable().joints[0]) == pytest.approx(100, abs=1.0)
 
 
 def turned_without_power(rig, tmp_path, limit, at, by_hand):
@@ -123,7 +123,7 @@ def test_axis_that_was_turned_a_little_beyond_its_limit_is_refused_by_that(rig, 
 )
 def test_axis_that_was_turned_a_little_is_known(rig, tmp_path, side, limit, at, by_hand):
     it = turned_without_power(rig, tmp_path, limit, side * at, side * by_hand)
-    found = math.degrees(it.driver.enable().joints[0])
+    found = math.degrees(it.enable().joints[0])
     assert found == pytest.approx(side * (at + by_hand), abs=1.0)
 
 
@@ -135,7 +135,7 @@ def test_angle_is_right_or_refused_wherever_it_was_turned(rig, tmp_path, seed):
     by_hand = generator.choice([generator.uniform(-44, 44), generator.uniform(-400, 400)])
     it = turned_without_power(rig, tmp_path, limit, at, by_hand)
     try:
-        found = math.degrees(it.driver.enable().joints[0])
+        found = math.degrees(it.enable().joints[0])
     except DeviceFaultError:
         is_inside = -limit < at + by_hand < limit
         # Whole turns away it stands where it was, for all that anybody can tell.

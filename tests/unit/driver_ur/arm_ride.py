@@ -16,7 +16,7 @@ from orientd.stream import Answer, Command, ServoState, SharedMemory
 def servo_limits_of(motion):
     """Return what the daemon tells the servo of a motion."""
     facts = motion.facts
-    return servo_link.servo_limits_of(facts.limits, facts.brake_rate, facts.joint_shares)
+    return servo_link.servo_limits_of(facts.limits, facts.brake_rate)
 
 
 class ArmRide(LoopRig):
@@ -32,6 +32,7 @@ class ArmRide(LoopRig):
         self.clock = ManualClock(10**9)
         self.memory = SharedMemory.create(1 << 15, 4096)
         self.driver = RecordingLoopback({}, period_ns=PERIOD_NS, clock=self.clock)
+        self.driver.mechanism = lambda *, may_ask: arm
         self.driver.open()
         self.parent_is_alive, self.beats, self.noted = True, True, 0
         self.servo = Servo(
@@ -48,8 +49,9 @@ class ArmRide(LoopRig):
         self.run()
         assert self.ask(Command.ENABLE)[0] is Answer.DONE
         self.first = self.lay(
-            r[:, :4], r[:, 4:7], r[:, 7:10], position=r[:, 10:13], velocity=r[:, 13:16]
-        )
+            r[:, :4], r[:, 4:7], r[:, 7:10], position=r[:, 10:13], velocity=r[:, 13:16],
+            joints=r[:, 16:],
+        )  # fmt: skip
 
     def go_to(self, record):
         """Be at a record at full speed, all before it having been sent."""
@@ -57,7 +59,8 @@ class ArmRide(LoopRig):
         self.parent_is_alive, servo.ending = True, ""
         setpoints.state = ServoState.HOLDING
         setpoints.last = setpoints.follower.peek(self.first)
-        setpoints._guard.anchor(setpoints.last.q, setpoints.last.position)
+        last = setpoints.last
+        setpoints._guard.anchor(last.q, last.position, last.joints)
         self.command(Command.START, path_index=self.first, start_ns=10**18)
         setpoints.follower.begin(PathPart(1, here, self.servo_limits))
         setpoints.time_scaling.begin(self.servo_limits.brake_rate, 1.0)
@@ -70,6 +73,10 @@ class ArmRide(LoopRig):
         guard.omega = tuple(omega[1].tolist())
         guard.alpha = tuple(((omega[1] - omega[0]) / PERIOD).tolist())
         guard.velocity = tuple(((position[2] - position[1]) / PERIOD).tolist())
+        joints = self.joints[record - 2 : record + 1]
+        rates = np.diff(joints, axis=0) / PERIOD
+        guard.joints, guard.joint_rates = tuple(joints[2].tolist()), tuple(rates[1].tolist())
+        guard.joint_changes = tuple(((rates[1] - rates[0]) / PERIOD).tolist())
         self.driver.setpoints.clear()
         self.record = record
 

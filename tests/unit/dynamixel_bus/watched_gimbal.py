@@ -16,7 +16,8 @@ SLACK = 3 * DEGREE
 
 def turning(driver, axis, angle, seconds=1.0):
     """Return the path records of one axis that turns by *angle* from where the gimbal holds."""
-    gimbal, angles = driver.mechanism(may_ask=False), driver._following.angles
+    gimbal = driver.mechanism(may_ask=False)
+    angles = [servo.angle(servo.goal) for servo in driver._servos]
     rates = [float(k == axis) for k in range(3)]
     body = gimbal.kinematics.omega_body(angles, rates)
     q0 = gimbal.orientation(angles)

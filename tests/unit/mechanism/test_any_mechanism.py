@@ -10,6 +10,7 @@ from orientd.driver import AxisLimits, Driver
 from orientd.errors import LimitError, LimitKind, LinkError, PlanError, StartError
 from orientd.mechanism import Gimbal, Mechanism, Reserve
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
+from orientd.planner.certify import joint_brake
 from orientd.rotation import exp, multiply
 
 PERIOD = 0.004
@@ -125,9 +126,14 @@ def test_times_of_the_user_are_kept_or_refused_with_the_axis_and_a_duration_that
 
 
 def test_a_stop_counts_the_axes():
-    free, tight = (planned(Wrist(acceleration=a), (0.5, 0.2, 0.9)) for a in (1000.0, 14.0))
-    assert tight.joint_shares.acceleration > free.joint_shares.acceleration
-    assert tight.certificate.brake_rate > 0.0
+    motion = planned(Wrist(acceleration=14.0), (0.5, 0.2, 0.9))
+    path = motion.path
+    tight, free = (
+        joint_brake(path.joints, path.joint_rates, path.earlier, motion.period, Wrist(**one).axes)
+        for one in ({"acceleration": 14.0}, {"acceleration": 1000.0})
+    )
+    assert 0.0 < tight.rate < free.rate
+    assert motion.certificate.brake_rate <= tight.rate
 
 
 def test_an_axis_at_the_end_of_its_range_is_named():

@@ -12,8 +12,8 @@ from orientd.mechanism import Figure
 from orientd.mechanism.joint_path import JointPath
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
 from orientd.planner.certify import joint_brake
+from orientd.planner.recorded import joint_rates
 from orientd.rotation import angle, exp, multiply
-from orientd.stream import NO_SHARES
 
 PERIOD = 0.01
 LIMITS = Limits(2.5, 17.0, 8500.0, 1.0, 10.0)
@@ -116,17 +116,12 @@ def test_brake_rate_counts_the_joints(motion):
     speed, bend = (float(np.abs(np.diff(joint, n)).max()) / PERIOD**n for n in (1, 2))
     turns = shape_of(motion, joints=joint)
     free = reshaped(motion, turns)
-    assert (free.joint_shares, free.certificate.brake_rate) == (
-        NO_SHARES,
-        motion.certificate.brake_rate,
-    )
-    found = reshaped(motion, turns, limits_of(2.0 * speed, 1.25 * bend))
-    assert found.joint_shares == pytest.approx((0.5, speed / bend / 1.25, 0.8), rel=2e-3)
-    earlier, limits = np.zeros((3, 1)), [(2.0 * speed, 1.25 * bend)]
-    alone = joint_brake(joint[:, None], earlier, PERIOD, limits)
-    assert alone.shares == found.joint_shares
+    assert free.certificate.brake_rate == motion.certificate.brake_rate
+    earlier, limits = np.zeros((3, 1)), limits_of(2.0 * speed, 1.25 * bend)
+    rates = joint_rates(joint[:, None], earlier, PERIOD)
+    alone = joint_brake(joint[:, None], rates, earlier, PERIOD, limits)
     # With none of the acceleration used it would be 1 / (2 speed); where 0.8 is used, less.
-    most = 0.5 / found.joint_shares.speed
+    most = 0.5 * 1.25 * bend / speed
     assert 0.6 * most < alone.rate < 1.02 * most
     # Hardly anything left to brake with: slower than the tool.
     tight = reshaped(motion, turns, limits_of(9.0, 1.0004 * bend)).certificate
@@ -134,16 +129,25 @@ def test_brake_rate_counts_the_joints(motion):
     assert tight.stop_time == min(1.0 / tight.brake_rate, tight.duration)
 
 
-def test_joint_without_a_reserve_is_refused(motion):
-    joint = 0.5 * PERIOD**2 * np.arange(motion.record_count) ** 2.0
-    with pytest.raises(LimitError, match="the time that a stop on the path takes"):
-        reshaped(motion, shape_of(motion, joints=joint), limits_of(99.0, 1.0))
+def test_joint_beyond_a_limit_between_two_records_is_refused(motion):
+    s = np.linspace(0.0, 1.0, motion.record_count)
+    joint = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    bend = float(np.abs(np.diff(joint, 2)).max()) / PERIOD**2
+    with pytest.raises(LimitError, match=r"acceleration of yaw reaches .* between two records"):
+        reshaped(motion, shape_of(motion, joints=joint), limits_of(99.0, 0.995 * bend))
+    speed = float(np.abs(np.diff(joint)).max()) / PERIOD
+    with pytest.raises(LimitError, match="velocity of yaw reaches"):
+        reshaped(motion, shape_of(motion, joints=joint), limits_of(0.995 * speed, 999.0))
 
 
-def test_a_saved_motion_keeps_what_it_asks_of_the_joints(motion, tmp_path):
-    shaped = reshaped(motion, shape_of(motion), limits_of(9.0, 99.0))
+def test_a_saved_motion_keeps_its_joints_and_their_velocities(motion, tmp_path):
+    joint = np.linspace(0.0, 1.0, motion.record_count) ** 2 * np.ones((1, 1))
+    shaped = reshaped(motion, shape_of(motion, joints=joint[0]), limits_of(99.0, 999.0))
     shaped.save(tmp_path / "new.npz")
-    assert load_motion(tmp_path / "new.npz").facts.joint_shares == shaped.facts.joint_shares
+    records = shaped.records(0, shaped.record_count)
+    assert np.isfinite(records[:, [16, 24]]).all()
+    back = load_motion(tmp_path / "new.npz")
+    assert np.array_equal(back.records(0, back.record_count), records, equal_nan=True)
     with np.load(tmp_path / "new.npz") as archive:
         arrays = dict(archive)
     header = json.loads(str(arrays["header"]))

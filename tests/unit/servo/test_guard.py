@@ -11,7 +11,7 @@ from orientd.driver import ZERO
 from orientd.floats import exp, multiply
 from orientd.servo.guard import Guard
 from orientd.servo.tracking import TargetFollower
-from orientd.stream import JointShares, ServoLimits
+from orientd.stream import ServoLimits
 from orientd.stream.records import LIMIT_FLOATS
 
 Q = (1.0, 0.0, 0.0, 0.0)
@@ -406,7 +406,7 @@ def test_a_stop_with_limits_of_components_is_as_long_as_they_ask_for(
 
 
 def test_terms_cross_the_mailbox_unchanged():
-    servo_limits = replace(ABOUT_Z, brake_rate=3.25, joint_shares=JointShares(0.9, 0.1, 0.8))
+    servo_limits = replace(ABOUT_Z, brake_rate=3.25)
     record = struct.pack(f"{LIMIT_FLOATS}d", *servo_limits.floats())
     assert ServoLimits.from_floats(struct.unpack(f"{LIMIT_FLOATS}d", record)) == servo_limits
     assert not ServoLimits.from_floats(TERMS.floats()).has_axes

@@ -1,11 +1,15 @@
 """The joints of a path: between records by the law of Hermite, and what a driver gets of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from rig import PERIOD, TERMS, RecordingLoopback, Rig, turn
 from scipy.interpolate import CubicHermiteSpline
 
-from orientd.driver import IDENTITY, Feedback
+from orientd.driver import IDENTITY, AxisLimits, Feedback
+from orientd.errors import Fault
+from orientd.mechanism import Gimbal
 from orientd.servo.path import PathPoint
 from orientd.servo.path.segment import Segment
 from orientd.stream import JOINTS, Answer, Command, ServoState
@@ -16,12 +20,16 @@ TIMES = PERIOD * np.arange(len(PATH[0]))
 
 
 class JointLoopback(RecordingLoopback):
-    """A device of two axes, whatever they turn."""
+    """A device of two axes, which are those of a gimbal off the path only."""
 
     takes = "joints"
+    axes = (AxisLimits("pan", -3.0, 3.0, 4.0, 12.0), AxisLimits("tilt", -3.0, 3.0, 2.0, 6.0))
 
     def enable(self):
         return super().enable()._replace(joints=(0.0, 0.5))
+
+    def mechanism(self, *, may_ask):
+        return Gimbal(self.axes, order="ZY", is_pointing=True)
 
 
 class JointRig(Rig):
@@ -150,3 +158,83 @@ def test_a_driver_of_poses_gets_what_joints_the_path_has():
     rig.run(100)
     assert rig.cycle.sent_joints == pytest.approx(rig.driver.setpoints[-1].joints, abs=0)
     assert Feedback(0, IDENTITY).joints == ()
+
+
+def bent(at, by):
+    """Return the table with the first axis *by* rad off from record *at* on."""
+    found = table(len(TIMES))
+    found[at:, 0] += by
+    return found
+
+
+@pytest.mark.parametrize(
+    ("by", "words"),
+    [
+        (1e-2, "velocity 6.875 rad/s of pan, the limit is 4 rad/s"),
+        (4e-4, "acceleration 100.015 rad/s^2 of pan, the limit is 12 rad/s^2"),
+        (np.nan, "velocity nan rad/s of pan, the limit is 4 rad/s"),
+    ],
+)
+def test_a_step_of_an_axis_beyond_its_limits_ends_in_a_stop_within_them_and_a_fault(by, words):
+    rig = JointRig()
+    rig.start(PATH, joints=bent(500, by))
+    rig.run_until(lambda servo: servo.state is ServoState.FAULT)
+    setpoints = rig.servo.setpoints
+    assert setpoints.fault is Fault.LIMIT_GUARD
+    assert words in setpoints.fault_text
+    for axis, joints in zip(rig.driver.axes, sent(rig).T, strict=True):
+        for order, most in ((1, axis.velocity), (2, axis.acceleration)):
+            reached = np.abs(np.diff(joints, order)).max() / PERIOD**order
+            assert reached <= most * GUARD_TOLERANCE
+    assert np.abs(np.diff(sent(rig)[-2:], axis=0)).max() < 1e-9
+
+
+def test_the_jerk_of_an_axis_is_guarded_where_it_is_limited():
+    rig = JointRig()
+    limited = rig.driver.axes[0]._replace(jerk=5000.0)
+    rig.driver.axes = (limited, rig.driver.axes[1])
+    rig.start(PATH, joints=bent(500, 2e-5))
+    rig.run_until(lambda servo: servo.state is ServoState.FAULT)
+    assert "jerk" in rig.servo.setpoints.fault_text
+    assert "of pan, the limit is 5000 rad/s^3" in rig.servo.setpoints.fault_text
+
+
+def test_a_stop_keeps_the_limits_of_axes_that_are_slower_than_the_tool():
+    for at in range(100, 900, 100):
+        rig = JointRig()
+        slow = [axis._replace(acceleration=6.0) for axis in rig.driver.axes]
+        rig.driver.axes = tuple(slow)
+        # As the certificate says of the path: it leaves a third of the axes' acceleration.
+        rig.start(PATH, servo_limits=replace(TERMS, brake_rate=0.5))
+        rig.run(at)
+        rig.ask(Command.STOP)
+        cycles = rig.run_until(lambda servo: not servo.is_moving)
+        assert rig.servo.state is ServoState.HOLDING
+        reached = np.abs(np.diff(sent(rig), 2, axis=0)).max(axis=0) / PERIOD**2
+        assert (reached <= 6.0 * GUARD_TOLERANCE).all()
+        # From at most 1.9 rad/s with 6 rad/s^2.
+        assert cycles * PERIOD < 0.5
+
+
+def test_a_halt_off_the_path_keeps_the_limits_of_the_axes():
+    rig = JointRig()
+    rig.start(PATH)
+    rig.run(400)
+    rig.ask(Command.HALT)
+    rig.run_until(lambda servo: not servo.is_moving)
+    assert rig.servo.state is ServoState.HOLDING
+    for axis, joints in zip(rig.driver.axes, sent(rig).T, strict=True):
+        assert np.abs(np.diff(joints, 2)).max() / PERIOD**2 <= axis.acceleration * GUARD_TOLERANCE
+    gimbal = rig.driver.mechanism(may_ask=False)
+    assert rig.cycle.q == pytest.approx(gimbal.orientation(rig.cycle.sent_joints), abs=1e-12)
+
+
+def test_a_driver_that_takes_joints_must_say_which():
+    class Mute(JointLoopback):
+        def mechanism(self, *, may_ask):
+            return None
+
+    rig = Rig(kind=Mute)
+    answer, text = rig.ask(Command.ENABLE)
+    assert answer is Answer.FAILED
+    assert "takes joints, but does not say which" in text

@@ -8,7 +8,7 @@ from rig import PERIOD, TERMS, Rig, peaks, turn
 
 from orientd import rotation
 from orientd.curves import METHODS
-from orientd.stream import NO_JOINTS, Answer, Command, JointShares, ServoState
+from orientd.stream import NO_JOINTS, Answer, Command, ServoState
 
 PATH = turn()
 
@@ -113,23 +113,6 @@ def test_a_motion_replaced_before_it_began_binds_no_stop_any_more():
         (answer, text), _ = splice(rig, new, leave, servo_limits=servo_limits)
         assert (answer, text) == (Answer.DONE, "")
         assert clock.brake_rate == expected
-
-
-def test_a_stop_counts_the_joints_of_all_that_is_ahead():
-    rig = Rig()
-    mild, hard = JointShares(0.2, 0.02, 0.9), JointShares(0.9, 0.1, 0.1)
-    first = rig.start(PATH, servo_limits=replace(TERMS, joint_shares=mild))
-    rig.run(300)
-    setpoints = rig.servo.setpoints
-    assert setpoints._servo_limits.joint_shares == mild
-    leave = rig.cycle.path_index + 40
-    new = bridge(PATH, leave - first, rotation.exp([0.0, 0.9, 0.2]), 1.2)
-    assert splice(rig, new, leave, servo_limits=replace(TERMS, joint_shares=hard))[0][0] is (
-        Answer.DONE
-    )
-    assert setpoints._servo_limits.joint_shares == JointShares(0.9, 0.1, 0.9)
-    rig.run_until(lambda servo: servo.setpoints.motion == 2)
-    assert setpoints._servo_limits.joint_shares == hard
 
 
 def test_a_motion_replaced_before_it_began_binds_no_change_of_speed_any_more():

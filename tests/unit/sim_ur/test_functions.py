@@ -14,6 +14,7 @@ from emulated_ur.arm import from_pose, to_pose
 from emulated_ur.arm.arm import HOME
 from emulated_ur.arm.kinematics import Kinematics
 from emulated_ur.arm.models import MODELS
+from emulated_ur.controller import RefusedError
 from emulated_ur.primary import state_message, version_message
 from emulated_ur.urscript import Array, Pose
 from emulated_ur.variables import ProgramState, RobotMode, SafetyMode
@@ -435,3 +436,67 @@ def test_a_socket_that_nobody_listens_on_is_not_opened(robot):
         port = taken.getsockname()[1]
     run(robot, f'  textmsg(socket_open("127.0.0.1", {port}))', 50)
     assert list(robot.told) == ["False"]
+
+
+def test_opening_a_socket_again_closes_the_first_one(robot):
+    first, second = Peer(), Peer()
+    opened = "".join(f'  socket_open("127.0.0.1", {one.port})\n' for one in (first, second))
+    robot.upload(f'def p():\n{opened}  socket_send_line("here")\n  sleep(9)\nend\n')
+    until(robot, lambda: second.heard == b"here\n")
+    first.join(5.0)
+    assert (first.is_alive(), first.heard) == (False, b"")
+    robot.stop()
+    second.join(5.0)
+    assert not second.is_alive()
+
+
+def test_modes_and_states_have_the_numbers_of_the_guide():
+    assert [one.name for one in sorted(RobotMode)] == [
+        "DISCONNECTED", "CONFIRM_SAFETY", "BOOTING", "POWER_OFF", "POWER_ON", "IDLE", "BACKDRIVE",
+        "RUNNING",
+    ]  # fmt: skip
+    assert list(map(int, sorted(RobotMode))) == list(range(8))
+    assert list(map(int, sorted(ProgramState))) == list(range(6))
+    assert [ProgramState(n).name for n in (1, 2, 4)] == ["STOPPED", "PLAYING", "PAUSED"]
+    assert list(map(int, sorted(SafetyMode))) == list(range(1, 14))
+
+
+@pytest.mark.parametrize("start", ["freedrive_mode", "teach_mode"])
+def test_an_arm_gives_way_until_its_mode_is_ended(robot, start):
+    end = f"end_{start}"
+    run(robot, f"  {start}()\n  sleep(0.1)\n  {end}()\n  sleep(9)", 30)
+    robot.push(HOME, 0.01)
+    tick(robot, 60)
+    with pytest.raises(RefusedError, match="does not give way"):
+        robot.push(HOME, 0.01)
+
+
+def test_a_moving_arm_does_not_give_way_even_without_a_program(robot):
+    run(robot, "  speedj([0.5, 0, 0, 0, 0, 0], 10, 0.2)", 60)
+    robot.stop()
+    assert not robot.arm.is_still
+    with pytest.raises(RefusedError, match="does not give way"):
+        robot.push(HOME, 0.1)
+    tick(robot, 200)
+    robot.push(HOME, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("line", "name", "value"),
+    [("stop", "runtime_state", 1), ("pause", "runtime_state", 4), ("power off", "robot_mode", 3),
+     ("shutdown", "robot_mode", 3)],
+)  # fmt: skip
+def test_dashboard_does_what_it_answers(robot, line, name, value):
+    run(robot, "  sleep(9)", 5)
+    dashboard.reply(robot, line)
+    tick(robot, 20)
+    assert robot.value(name) == value
+
+
+def test_dashboard_leads_a_robot_from_a_violation_to_running(robot):
+    robot.enter(SafetyMode.VIOLATION)
+    for line, mode in (("restart safety", RobotMode.POWER_OFF), ("power on", RobotMode.IDLE),
+                       ("brake release", RobotMode.RUNNING)):  # fmt: skip
+        dashboard.reply(robot, line)
+        tick(robot, 120)
+        assert (robot.robot_mode, robot.safety_mode) == (mode, SafetyMode.NORMAL)

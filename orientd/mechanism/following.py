@@ -1,0 +1,132 @@
+"""Follow poses with axes that have limits: exactly if the axes can, else as near as they can.
+
+For what is on no planned path: targets, and stops off the path.  Plain floats only, since the servo
+runs it, for devices that take joints.
+"""
+
+from __future__ import annotations
+
+from math import ceil, copysign, floor, inf, sqrt, tau
+
+from orientd.driver import Joints, Quaternion, Vector3
+from orientd.mechanism.mechanism import Mechanism
+
+_OUTSIDE = 1e3
+"""Cost of a radian outside an axis' limits, against seconds of its travel."""
+_FAR = 1e6
+"""As far as an axis ever turns, rad, for one without limits of its angle."""
+_MARGIN = 0.99
+"""Share of its limits that an axis makes use of; the rest is for rounding, a servo's ticks too."""
+
+
+class Following:
+    """What the axes do from cycle to cycle.
+
+    Args:
+        mechanism: whose axes.
+        period: of the cycles, s.
+    """
+
+    def __init__(self, mechanism: Mechanism, period: float) -> None:
+        self._mechanism = mechanism
+        self._axes = mechanism.axes
+        self._period = period
+        self._wanted: Joints = ()
+
+    def begin(self) -> None:
+        """Begin anew: the poses to come do not go on from those before."""
+        self._wanted = ()
+
+    def step(self, q: Quaternion, position: Vector3, last: Joints, rates: Joints) -> Joints:
+        """Return the joints of the next cycle on the way to a pose, rad.
+
+        Args:
+            q: orientation of the tool.
+            position: of the tool, m.
+            last: joints of the cycle before, rad, unwrapped.
+            rates: at which the axes turned there, rad/s.
+        """
+        mechanism = self._mechanism
+        wanted = self._chosen(q, position, last)
+        if wanted is None:
+            return self._braked(last, rates)
+        outer = self._next(0, wanted[0], last[0], rates[0])
+        # What the outermost axis lags behind the others make up for, as far as they can.
+        others = mechanism.completed(q, position, outer, wanted)[1:]
+        wanted = (wanted[0], *self._inside((outer, *others), last)[1:])
+        inner = [
+            self._next(place, wanted[place], last[place], rates[place])
+            for place in range(1, len(wanted))
+        ]
+        self._wanted = wanted
+        return (outer, *inner)
+
+    def _chosen(self, q: Quaternion, position: Vector3, last: Joints) -> Joints | None:
+        """Return the joints of a pose that are reached soonest; ``None`` if it is out of reach."""
+        mechanism = self._mechanism
+        near = mechanism.nearest(q, position, last)
+        if near is not None and self._cost(near, last) < _OUTSIDE:
+            return near
+        every = [self._inside(one, last) for one in mechanism.solutions(q, position)]
+        return min(every, key=lambda one: self._cost(one, last), default=near)
+
+    def _braked(self, last: Joints, rates: Joints) -> Joints:
+        """Return the joints of the next cycle on the quickest way to rest, rad."""
+        joints = []
+        for axis, angle, rate in zip(self._axes, last, rates, strict=True):
+            step = _MARGIN * axis.acceleration * self._period
+            joints.append(angle + self._period * (rate - min(max(rate, -step), step)))
+        self._wanted = ()
+        return tuple(joints)
+
+    def _inside(self, joints: Joints, last: Joints) -> Joints:
+        """Return *joints* on the turns nearest to *last* that are inside the limits, if any are."""
+        found = []
+        for angle, near, axis in zip(joints, last, self._axes, strict=True):
+            turns = round((near - angle) / tau)
+            least = ceil((max(axis.low, near - _FAR) - angle) / tau)
+            most = floor((min(axis.high, near + _FAR) - angle) / tau)
+            if least <= most:
+                turns = min(max(turns, least), most)
+            found.append(angle + tau * turns)
+        return tuple(found)
+
+    def _cost(self, joints: Joints, last: Joints) -> float:
+        """Return how long the axes take at their fastest, s, and much more outside their limits."""
+        worst = outside = 0.0
+        for angle, near, axis in zip(joints, last, self._axes, strict=True):
+            worst = max(worst, abs(angle - near) / axis.velocity)
+            outside += max(axis.low - angle, angle - axis.high, 0.0)
+        return worst + _OUTSIDE * (1.0 + outside) * (outside > 0.0)
+
+    def _next(self, place: int, wanted: float, last: float, rate: float) -> float:
+        """Return where the axis at *place* gets to in a cycle on its way to *wanted*."""
+        axis, period = self._axes[place], self._period
+        wanted = min(max(wanted, axis.low), axis.high)
+        before = self._wanted[place] if self._wanted else wanted
+        before = min(max(before, axis.low), axis.high)
+        hardest, fastest = _MARGIN * axis.acceleration, _MARGIN * axis.velocity
+        # Beside the wanted angle as it moves, so that a steady one is followed without lag.
+        gap = before - last
+        pace = (wanted - before) / period
+        if abs(pace) > fastest:
+            pace, gap = 0.0, wanted - last
+        aim = pace + copysign(_braking(abs(gap), hardest, period), gap)
+        room = axis.high - last if aim > 0.0 else last - axis.low
+        bound = min(fastest, _braking(min(max(room, 0.0), _FAR), hardest, period))
+        aim = min(max(aim, -bound), bound)
+        step = hardest * period
+        return last + period * min(max(aim, rate - step), rate + step)
+
+
+def _braking(distance: float, hardest: float, period: float) -> float:
+    """Return the largest speed from which rest is reached at *distance*, in whole cycles.
+
+    Of n cycles, each slower than the one before by *hardest* times the period, the first may have
+    a speed of distance / (n period) + hardest period (n - 1) / 2.
+    """
+    if hardest == inf:
+        return distance / period
+    step = hardest * period * period
+    cycles = max(1, ceil((sqrt(1.0 + 8.0 * distance / step) - 1.0) / 2.0))
+    return distance / (cycles * period) + 0.5 * hardest * period * (cycles - 1)
