@@ -60,11 +60,12 @@ def test_it_moves_and_says_how_it_is(gimbal):
     assert "12.1 V" in orientd("status", "--socket", config.parent / "control.sock", env=env).stdout
 
 
-def test_a_stop_in_motion_comes_to_rest(gimbal):
+@pytest.mark.parametrize("stop", ["stop", "halt"])
+def test_a_stop_in_motion_comes_to_rest(gimbal, stop):
     config, _ = gimbal
     with connect(config.parent / "control.sock") as robot:
         handle = robot.move([{"euler": {"axes": "ZYX", "degrees": [120, 0, 0]}}])
         next(iter(handle))
-        robot.stop()
+        getattr(robot, stop)()
         assert handle.wait().outcome is Outcome.STOPPED
         assert robot.state().devices["gimbal"].state is ServoState.HOLDING
