@@ -269,6 +269,8 @@ def test_library_that_connected_anew_is_found_within_a_second(robot, monkeypatch
         cycle(driver)
     with pytest.raises(SpentLinkError, match="the library made another"):
         cycle(driver)
+    driver.disable()
+    driver.close()
     assert not robot.calls
 
 
