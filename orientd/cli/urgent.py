@@ -1,66 +1,56 @@
-"""`orientd stop` and `orientd halt`, on their way before the command line is loaded.
+"""`orientd stop` and `orientd halt`, whose word goes out before the command line is loaded.
 
-Typer, with the library it checks options by, takes some 0.2 s to load and gRPC's library 0.1 s
-more, in which what moves would move on.  What these two commands are plainly asked for is read
-without both, and sent before even this is loaded (:mod:`orientd.first_stop`); whatever is not
-plain, and whatever goes wrong, is left to the command line, which asks the daemon again.
+Typer takes some 0.2 s to load and gRPC's library 0.1 s, in which what moves would move on.  So
+:mod:`orientd.first_stop` sends what these two commands are plainly asked for.  Here the answer is
+heard and told.  Whatever is not plain, and whatever goes wrong, is left to the command line, which
+asks the daemon again.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from orientd.errors import OrientdError
-from orientd.rpc import ask_to_stop, begin_call, read_answer, text_fields
+from orientd.first_stop import TIMEOUT
+from orientd.rpc import ask_to_stop
 
 if TYPE_CHECKING:
     from orientd.rpc import DeviceReport
 
-TIMEOUT = 5.0
-"""How long the daemon may take over a stop, s."""
 
-REPORT_TIMEOUT = 1.0
-"""How long it may take to say how devices are that are stopped already, s."""
-
-
-def run(asked: dict[str, str], begun: int = -1) -> bool:
-    """Carry out a stop; return whether that is done.
+def run(asked: dict[str, str], begun: int) -> bool:
+    """Tell of a stop that has gone out; return whether that is done.
 
     Args:
         asked: see :func:`orientd.first_stop.plain`.
         begun: the connection by which the stop has gone out already; -1 where it has not.
     """
-    path, kind, device = Path(asked["socket"]), asked["kind"], asked["device"]
+    if begun < 0:
+        return False
+    path, device, as_json = Path(asked["socket"]), asked["device"], "json" in asked
     try:
-        message = text_fields(device)
-        told = ask_to_stop(path, kind, device, begun=begun)
-    except (ValueError, OrientdError):
+        told = ask_to_stop(path, asked["kind"], device, begun=begun)
+    except OrientdError:
         return False
     if told is None:
-        caller = f"orientd {kind}, process {os.getpid()}"
-        content = _asked(
-            path, f"orientd.v1.Control/{kind.capitalize()}", text_fields(device, caller)
-        )
-    else:
-        content = _asked(path, "orientd.v1.Control/GetState", message, timeout=REPORT_TIMEOUT)
-        if content is None:
-            _tell_little(told, as_json="json" in asked)
-            return True
-    if content is None:
         return False
 
     # What moved is stopped: from here on nothing is in a hurry.
     from orientd.cli import output
-    from orientd.rpc import device_from_message
-    from orientd.rpc.control_pb2 import GetStateResponse, StopResponse
+    from orientd.rpc import Connection, Way, after_stop
 
-    # A HaltResponse is the same on the wire as a StopResponse.
-    answer = (StopResponse if told is None else GetStateResponse).FromString(content)
     try:
-        tell([device_from_message(one) for one in answer.devices], as_json="json" in asked)
+        with contextlib.closing(Connection(Way(path), timeout=TIMEOUT)) as connection:
+            reports = after_stop(connection, device)
+    except OrientdError:
+        _tell_little(told, as_json=as_json)
+        return True
+    try:
+        tell(reports, as_json=as_json)
     except BrokenPipeError:
         output.close_output()
         raise SystemExit(1) from None
@@ -74,11 +64,6 @@ def tell(reports: list[DeviceReport], *, as_json: bool) -> None:
 
     lines = [f"{report.name}: {texts.state(report)}" for report in reports]
     answer({"devices": reports}, *lines, as_json=as_json)
-
-
-def _asked(path: Path, method: str, message: bytes, *, timeout: float = TIMEOUT) -> bytes | None:
-    connection = begin_call(str(path), method, message, timeout=timeout)
-    return None if connection is None else read_answer(connection)
 
 
 def _tell_little(told: list[dict[str, Any]], *, as_json: bool) -> None:

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from orientd.rpc.address import default_socket, found_socket, target
     from orientd.rpc.channel import Way, certificate_files
     from orientd.rpc.client import Robot, connect, connect_by
+    from orientd.rpc.commands import after_stop
     from orientd.rpc.connection import Connection, StartAt
     from orientd.rpc.descriptions import MethodDescription, Outline, PartReport
     from orientd.rpc.move_handle import MoveHandle
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     from orientd.rpc.tls_problem import verified
     from orientd.rpc.tracking import TARGET_KEYS, target_message
     from orientd.rpc.trust import check_folder
-    from orientd.rpc.urgent import begin_call, read_answer, text_fields
     from orientd.rpc.wire.limits import limits_to_wish
     from orientd.rpc.wire.motion import from_request, to_request
     from orientd.rpc.wire.move import (
@@ -75,6 +75,7 @@ __getattr__ = lazily(
             "connect",
             "connect_by",
         ),
+        "orientd.rpc.commands": ("after_stop",),
         "orientd.rpc.connection": (
             "Connection",
             "StartAt",
@@ -117,11 +118,6 @@ __getattr__ = lazily(
             "target_message",
         ),
         "orientd.rpc.trust": ("check_folder",),
-        "orientd.rpc.urgent": (
-            "begin_call",
-            "read_answer",
-            "text_fields",
-        ),
         "orientd.rpc.wire.limits": ("limits_to_wish",),
         "orientd.rpc.wire.motion": (
             "from_request",

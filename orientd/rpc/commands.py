@@ -8,6 +8,7 @@ from typing import Any
 
 from orientd.errors import OrientdError
 from orientd.rpc import control_pb2 as pb
+from orientd.rpc.connection import Connection
 from orientd.rpc.lease_holder import LeaseHolder
 from orientd.rpc.reports import DeviceReport
 from orientd.rpc.stop_call import ask_to_stop
@@ -26,6 +27,17 @@ def stopped_message(told: Mapping[str, Any]) -> pb.DeviceReport:
         state=f"STATE_{told['state']}",
         motion_number=told["motion"],
     )
+
+
+def after_stop(connection: Connection, device: str) -> list[DeviceReport]:
+    """Return how a device is that was stopped, or all of them if *device* is empty.
+
+    Raises:
+        OrientdError: the daemon does not say so in time.
+    """
+    request = pb.GetStateRequest(device=device)
+    now = connection.call(connection.stub.GetState, request, timeout=_REPORT_TIMEOUT)
+    return [device_from_message(one) for one in now.devices]
 
 
 class Commands(LeaseHolder):
@@ -66,12 +78,9 @@ class Commands(LeaseHolder):
             )
             return [device_from_message(one) for one in answer.devices]
         try:
-            now = connection.call(
-                self._stub.GetState, pb.GetStateRequest(device=device), timeout=_REPORT_TIMEOUT
-            )
+            return after_stop(connection, device)
         except OrientdError:
             return [device_from_message(stopped_message(one)) for one in told]
-        return [device_from_message(one) for one in now.devices]
 
     def pause(self, device: str = "") -> DeviceReport:
         """Come to rest on the path, to be resumed."""

@@ -1,10 +1,12 @@
 """A stop before the command line is loaded: what is read of it, and what is left to that."""
 
+import contextlib
 import json
 import os
 import socket
 import subprocess
 import sys
+import threading
 from concurrent import futures
 
 import grpc
@@ -19,7 +21,7 @@ from orientd.rpc.control_pb2_grpc import ControlServicer, add_ControlServicer_to
 def run(arguments):
     """Do what a command line plainly asks for; return whether that is done."""
     asked = first_stop.plain(arguments)
-    return asked is not None and urgent.run(asked)
+    return asked is not None and urgent.run(asked, first_stop.begin(asked))
 
 
 def begin(arguments):
@@ -28,46 +30,76 @@ def begin(arguments):
     return -1 if asked is None else first_stop.begin(asked)
 
 
-class Told(ControlServicer):
-    """Devices that are told to stop, and note it."""
+class Daemon(ControlServicer):
+    """One device that was stopped."""
 
-    def __init__(self):
-        self.stops, self.halts = [], []
-
-    def Stop(self, request, context):  # noqa: N802 - gRPC's name
-        self.stops.append(request)
-        return pb.StopResponse()
-
-    def Halt(self, request, context):  # noqa: N802 - gRPC's name
-        self.halts.append(request)
-        return pb.HaltResponse()
+    def GetState(self, request, context):  # noqa: N802 - gRPC's name
+        device = pb.DeviceReport(device=pb.Device(name=request.device or "arm"))
+        device.state = pb.STATE_STOPPING
+        return pb.GetStateResponse(devices=[device])
 
 
 @pytest.fixture
-def there(tmp_path, monkeypatch):
+def there(tmp_path):
     server = grpc.server(futures.ThreadPoolExecutor(1))
-    told = Told()
-    add_ControlServicer_to_server(told, server)
+    add_ControlServicer_to_server(Daemon(), server)
     server.add_insecure_port(f"unix:{tmp_path / 'socket'}")
     server.start()
-    monkeypatch.setenv("ORIENTD_SOCKET", str(tmp_path / "socket"))
-    yield told
+    yield
     server.stop(None).wait()
 
 
-def test_a_stop_is_sent_and_told(there, capsys):
+@pytest.fixture
+def stops(listener):
+    """Answer every stop, and return what was asked for."""
+    asked = []
+
+    ending = threading.Event()
+    listener.settimeout(0.05)
+
+    def answer():
+        while not ending.is_set():
+            with contextlib.suppress(TimeoutError):
+                connection, _ = listener.accept()
+                with connection, connection.makefile("rw") as both:
+                    said = json.loads(both.readline())
+                    if said["kind"] == "hello":
+                        print('{"admitted": 0}', file=both, flush=True)
+                        continue
+                    asked.append(said)
+                    device = {"name": said["device"] or "arm", "state": "STREAMING", "motion": 3}
+                    print(json.dumps({"devices": [device]}), file=both, flush=True)
+
+    thread = threading.Thread(target=answer)
+    thread.start()
+    yield asked
+    ending.set()
+    thread.join()
+
+
+def test_a_stop_is_sent_and_how_the_device_is_then_is_told(there, stops, capsys):
     assert run(["stop", "--json"])
-    (request,) = there.stops
-    assert request.device == ""
-    assert request.caller.startswith("orientd stop, process ")
-    assert capsys.readouterr().out == '{"devices": []}\n'
+    assert stops == [{"kind": "stop", "device": ""}]
+    (device,) = json.loads(capsys.readouterr().out)["devices"]
+    assert (device["name"], device["state"]) == ("arm", "stopping")
 
 
-def test_a_halt_of_one_device_is_sent(there):
+def test_a_halt_of_one_device_is_sent(there, stops):
     assert run(["halt", "-d", "leg"])
-    (request,) = there.halts
-    assert request.device == "leg"
-    assert not there.stops
+    assert stops == [{"kind": "halt", "device": "leg"}]
+
+
+def test_where_the_daemon_is_silent_what_was_stopped_is_told(stops, capfd):
+    assert run(["stop", "--json"])
+    assert json.loads(capfd.readouterr().out) == {
+        "devices": [{"name": "arm", "state": "streaming", "motion": 3}],
+        "daemon": "does not answer",
+    }
+
+
+def test_where_nobody_takes_stops_the_command_line_asks(there, tmp_path, monkeypatch):
+    monkeypatch.setenv("ORIENTD_SOCKET", str(tmp_path / "socket"))
+    assert not run(["stop"])
 
 
 @pytest.mark.parametrize(
@@ -81,15 +113,14 @@ def test_a_halt_of_one_device_is_sent(there):
         ["stop", "--device", "--json"],
         ["stop", "--device="],
         ["stop", "--address", "there:1"],
-        ["stop", "--device", "x" * 200],
     ],
 )
-def test_whatever_else_is_left_to_the_command_line(there, arguments):
+def test_whatever_else_is_left_to_the_command_line(stops, arguments):
     assert not run(arguments)
-    assert not there.stops
+    assert not stops
 
 
-def test_a_daemon_that_is_reached_over_tcp_is_left_to_the_command_line(there, monkeypatch):
+def test_a_daemon_that_is_reached_over_tcp_is_left_to_the_command_line(stops, monkeypatch):
     monkeypatch.delenv("ORIENTD_SOCKET")
     monkeypatch.setenv("ORIENTD_ADDRESS", "there:1")
     assert not run(["stop"])
