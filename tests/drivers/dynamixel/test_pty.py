@@ -21,7 +21,6 @@ from orientd.driver import (
     Resettable,
     RestsInFault,
     Setpoint,
-    Tunable,
 )
 from orientd.errors import DeviceError, LinkError
 from orientd.floats import difference, norm
@@ -87,7 +86,6 @@ class TestConformance(DriverConformance):
         Parkable,
         Resettable,
         RestsInFault,
-        Tunable,
     )
 
     @pytest.fixture(autouse=True)
