@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from command_line import begin, environment, orientd
 
 from orientd import connect
 from orientd.driver import AxisLimits
-from orientd.floats import difference, norm
+from orientd.floats import difference, exp, norm
 from orientd.mechanism import Gimbal
 from orientd.rpc import Outcome
 from orientd.stream import ServoState
@@ -60,11 +61,23 @@ def test_it_moves_and_says_how_it_is(gimbal):
     assert "12.1 V" in orientd("status", "--socket", config.parent / "control.sock", env=env).stdout
 
 
-def test_a_stop_in_motion_comes_to_rest(gimbal):
+@pytest.mark.parametrize("stop", ["stop", "halt"])
+def test_a_stop_in_motion_comes_to_rest(gimbal, stop):
     config, _ = gimbal
     with connect(config.parent / "control.sock") as robot:
         handle = robot.move([{"euler": {"axes": "ZYX", "degrees": [120, 0, 0]}}])
         next(iter(handle))
-        robot.stop()
+        getattr(robot, stop)()
         assert handle.wait().outcome is Outcome.STOPPED
         assert robot.state().devices["gimbal"].state is ServoState.HOLDING
+
+
+def test_it_follows_targets(gimbal):
+    config, _ = gimbal
+    with connect(config.parent / "control.sock") as robot, robot.track() as tracking:
+        ends = time.monotonic() + 3.0
+        while time.monotonic() < ends:
+            tracking.aim({"rotation_vector": [0.0, 0.0, 0.3]}, time_to_live=2.0)
+            time.sleep(0.05)
+        q = robot.state().devices["gimbal"].cycle.feedback_q
+        assert norm(difference(q, exp((0.0, 0.0, 0.3)))) < math.radians(0.5)

@@ -21,10 +21,10 @@ from orientd.driver import (
     Resettable,
     RestsInFault,
     Setpoint,
-    Tunable,
 )
 from orientd.errors import DeviceError, LinkError
 from orientd.floats import difference, norm
+from orientd.mechanism import Mechanical
 from orientd.testing import DriverConformance
 from orientd_dynamixel import DynamixelDriver
 from orientd_dynamixel.bus import open_bus
@@ -84,10 +84,10 @@ class TestConformance(DriverConformance):
         Diagnosable,
         Freeable,
         Healthy,
+        Mechanical,
         Parkable,
         Resettable,
         RestsInFault,
-        Tunable,
     )
 
     @pytest.fixture(autouse=True)

@@ -172,3 +172,15 @@ def test_motion_runs_slower_where_a_joint_needs_it():
         )
     moved = np.abs(np.diff(bound.path.joints, 2, axis=0)) / 0.002**2
     assert 0.5 * math.radians(300.0) < np.max(moved) <= 1.001 * math.radians(300.0)
+
+
+def test_reserves_are_the_bends_and_the_distance_from_the_cylinder_about_the_base():
+    generator = random.Random(6)
+    for _ in range(50):
+        joints = tuple(generator.uniform(-3.0, 3.0) for _ in range(6))
+        x, y, _ = UR5E.kinematics.frames(joints)[5]
+        found = reserve(joints)
+        assert found["wrist"] == pytest.approx(abs(math.sin(joints[4])))
+        assert found["elbow"] == pytest.approx(abs(math.sin(joints[2])))
+        # The fifth frame is off the plane of shoulder and elbow by d4.
+        assert math.hypot(found["shoulder"], 0.1333) == pytest.approx(math.hypot(x, y))

@@ -14,6 +14,7 @@ from orientd_ur.arm import MODELS
 from orientd_ur.controller import RuntimeState
 from orientd_ur.kinematics import Kinematics
 from orientd_ur.link import VARIABLES
+from orientd_ur.probe import Place
 
 MS = 1_000_000
 
@@ -693,3 +694,25 @@ def test_servo_looks_ahead_with_the_published_lengths_and_the_tool_as_it_is_seen
     arm = driver.mechanism(may_ask=False)
     assert not arm.kinematics.is_calibrated
     assert arm.forward(JOINTS)[1] == pytest.approx(start.position)
+
+
+def test_link_that_is_lost_while_the_program_is_awaited_is_said_to_be_lost(robot):
+    driver, _ = enabled(robot)
+    driver.disable()
+    robot.modes[2] = int(RuntimeState.STOPPED)
+    robot.answers["reuploadScript"] = lambda: setattr(robot, "is_connected", False)
+    with pytest.raises(SpentLinkError, match="closed the connection"):
+        driver.enable()
+
+
+def test_offline_plan_begins_where_the_robot_or_the_options_say(robot, monkeypatch):
+    arm = MODELS["ur5e"].arm()
+    pose = arm.forward(JOINTS)
+    place = Place(JOINTS, pose, None)
+    monkeypatch.setattr("orientd_ur.robot.whereabouts", lambda *_, **__: place)
+    driver = robot.driver(model="ur5e", start_joints=[0.0, -1.0, 1.0, -1.0, -1.0, 0.0])
+    start = driver.offline_start(from_device=True)
+    assert (start.q, start.position, start.joints) == (*pose, JOINTS)
+    start = driver.offline_start(from_device=False)
+    assert start.joints == (0.0, -1.0, 1.0, -1.0, -1.0, 0.0)
+    assert (start.q, start.position) == arm.forward(start.joints)

@@ -1,5 +1,6 @@
 """Connections to a controller, against a peer that answers whatever the test says."""
 
+import contextlib
 import os
 import socket
 import struct
@@ -53,7 +54,7 @@ def test_answer_that_trickles_in_is_given_up_in_time(peer):
     begun = time.monotonic()
     with pytest.raises(LinkError, match="did not send its greeting: timed out"):
         Dashboard(host, timeout=0.3)
-    assert 0.2 < time.monotonic() - begun < 1.0
+    assert 0.2 < time.monotonic() - begun < 1.8
 
 
 def test_total_time_bounds_every_answer_together(peer):
@@ -62,7 +63,7 @@ def test_total_time_bounds_every_answer_together(peer):
         begun = time.monotonic()
         with pytest.raises(LinkError, match="data packages: timed out"):
             client.sample()
-        assert time.monotonic() - begun < 1.0
+        assert time.monotonic() - begun < 4.0
 
 
 def test_connection_that_the_controller_closes_is_said_to_be_closed(peer):
@@ -137,8 +138,8 @@ def test_packages_are_found_in_chunks(peer):
     client, _ = rtde(peer, package("O", b"\1DOUBLE"), package("S", b"\1") + one[0])
     with client:
         client.subscribe(25.0, ["timestamp"])
-        time.sleep(0.05)
-        rest = client.sock.recv(4096, socket.MSG_DONTWAIT) if not client._pending else b""
+        # It may have come together with the answer before.
+        rest = b"" if client._pending else client.sock.recv(4096)
         assert client.samples_in(rest + one[1][:5]) == [{"timestamp": (1.0,)}]
         more = one[1][5:] + package("M", b"a message") + one[2]
         assert client.samples_in(more) == [{"timestamp": (2.0,)}, {"timestamp": (3.0,)}]
@@ -146,30 +147,43 @@ def test_packages_are_found_in_chunks(peer):
             client.samples_in(package("U", b"\1\2"))
 
 
+def arrived(sock, count):
+    """Wait until *count* bytes can be read; return when that was seen, ns."""
+    ends = time.monotonic() + 10.0
+    while time.monotonic() < ends:
+        with contextlib.suppress(BlockingIOError):
+            if len(sock.recv(4096, socket.MSG_PEEK)) >= count:
+                return time.monotonic_ns()
+    raise AssertionError("nothing comes")
+
+
 def test_arrival_of_packages_is_told_by_the_kernel_until_nothing_comes_any_more(peer):
     *stamps, later = [package("U", struct.pack(">Bd", 1, k)) for k in (1.0, 2.0, 3.0)]
     host, _ = peer(
-        RTDE_PORT, None, package("V", b"\1"), package("O", b"\1DOUBLE"),
-        [package("S", b"\1"), *stamps], later, pause=0.05,
+        RTDE_PORT, None, package("V", b"\1"), package("O", b"\1DOUBLE"), package("S", b"\1"),
+        b"".join(stamps), later,
     )  # fmt: skip
     listener, begun_ns = TickListener(host), time.monotonic_ns()
-    assert listener.heard() is None
-    assert listener.silence_ns() is None
-    time.sleep(0.2)
-    stamp, arrived_ns = listener.heard()
-    assert stamp == 2.0
-    # Not when it was read, 0.1 s later.
-    assert begun_ns < arrived_ns < time.monotonic_ns() - 80_000_000
-    assert listener.heard() is None
-    assert 0.08e9 < listener.silence_ns() < 0.4e9
-    listener._client.sock.sendall(b"more")
-    time.sleep(0.05)
-    assert listener.heard()[0] == 3.0
-    time.sleep(0.1)
-    listener._client.sock.shutdown(socket.SHUT_RD)
-    assert [listener.heard() for _ in range(3)] == [None] * 3
-    assert listener.silence_ns() > 0.08e9
-    listener.close()
+    sock = listener._client.sock
+    try:
+        assert listener.heard() is None
+        assert listener.silence_ns() is None
+        sock.sendall(b"more")
+        seen_ns = arrived(sock, 24)
+        time.sleep(0.05)
+        stamp, arrived_ns = listener.heard()
+        assert stamp == 2.0
+        # Not when it was read, which is later.
+        assert begun_ns < arrived_ns <= seen_ns + 1_000_000
+        assert listener.heard() is None
+        assert listener.silence_ns() >= 49_000_000
+        sock.sendall(b"more")
+        arrived(sock, 12)
+        assert listener.heard()[0] == 3.0
+        sock.shutdown(socket.SHUT_RD)
+        assert [listener.heard() for _ in range(3)] == [None] * 3
+    finally:
+        listener.close()
     assert listener.heard() is None
 
 

@@ -295,7 +295,10 @@ def test_unlock_is_refused_at_first_and_granted_later(robot):
     robot.enter(SafetyMode.PROTECTIVE_STOP)
     with pytest.raises(RefusedError, match="until 5s after"):
         robot.unlock_protective_stop()
-    tick(robot, 51)
+    tick(robot, 48)
+    with pytest.raises(RefusedError, match="until 5s after"):
+        robot.unlock_protective_stop()
+    tick(robot, 3)
     robot.unlock_protective_stop()
     assert robot.safety_mode is SafetyMode.NORMAL
 

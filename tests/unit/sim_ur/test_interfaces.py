@@ -6,6 +6,7 @@ import pytest
 
 from emulated_ur import Behaviour, Controller, dashboard, faults
 from emulated_ur.primary import event_message
+from emulated_ur.recording import ARM_ROW, SETPOINT_ROW, Recording
 from emulated_ur.rtde import Layout, RtdeSession
 from emulated_ur.server import Server
 from emulated_ur.variables import VARIABLES
@@ -193,3 +194,23 @@ def test_primary_interface_tells_start_words_exception_and_end(robot):
     assert stopped.endswith(b"PROGRAM_XXX_STOPPEDp")
     for message in (started, said, failed, stopped):
         assert struct.unpack_from(">iB", message) == (len(message), 20)
+
+
+def test_record_is_kept_cleared_and_written(robot, tmp_path):
+    class Rig:
+        recording = Recording()
+
+    names = ["input_int_register_0", *(f"input_double_register_{n}" for n in range(11))]
+    packages = [24, *range(1, 12)], [11, *range(2, 13)], [1, *range(12)]
+    for line in ("record on", "record clear", "record off", "record on"):
+        assert faults.carry_out(Rig, line) == "ok"
+        for values in packages:
+            Rig.recording.add_package(7, names, values)
+    assert (Rig.recording.setpoints, Rig.recording.overwritten) == (8, 7)
+    Rig.recording.add_tick(robot)
+    assert faults.carry_out(Rig, f"record write {tmp_path}/it") == "ok"
+    assert faults.carry_out(Rig, "record").startswith("error: record must be on, off")
+    rows = list(SETPOINT_ROW.iter_unpack((tmp_path / "it.setpoints").read_bytes()))
+    assert [row[1:] for row in rows] == [(7, *range(k, k + 6)) for k in (1, 2)] * 2
+    (row,) = ARM_ROW.iter_unpack((tmp_path / "it.arm").read_bytes())
+    assert row[8:14] == pytest.approx(robot.value("actual_TCP_pose"))

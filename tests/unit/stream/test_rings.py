@@ -8,7 +8,7 @@ import pytest
 from orientd.stream import NO_JOINTS, RecordRing, ServoState, SharedMemory
 from orientd.stream.records import CYCLE_RECORD, PATH_FLOATS, unpack_cycle
 
-LAYOUT = struct.Struct("@Q16d")
+LAYOUT = struct.Struct(f"@Q{PATH_FLOATS}d")
 CAPACITY = 64
 RACE_SECONDS = 3.0
 
