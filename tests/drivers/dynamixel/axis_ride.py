@@ -53,7 +53,7 @@ class AxisRide(LoopRig):
     """
 
     def __init__(self, motion, settings, servo_limits=None):
-        self.motion = motion
+        self.motion, self.parent_is_alive = motion, True
         self.period = motion.period
         self.period_ns = round(motion.period * 1e9)
         self.clock = ManualClock(10**9)
@@ -66,7 +66,7 @@ class AxisRide(LoopRig):
             period_ns=self.period_ns,
             watch=WatchdogTimeouts(10**9, 10**9, 10**9),
             clock=self.clock,
-            parent_is_alive=lambda: True,
+            parent_is_alive=lambda: self.parent_is_alive,
         )
         self.joints = motion.path.joints
         self.records = motion.records(0, motion.record_count)
@@ -88,6 +88,7 @@ class AxisRide(LoopRig):
 
     def go_to(self, record):
         """Be at a record at full speed, all before it having been sent."""
+        self.parent_is_alive, self.servo.ending = True, ""
         setpoints, here = self.servo.setpoints, self.first + record
         setpoints.state = ServoState.HOLDING
         setpoints.last = setpoints.follower.peek(self.first)
@@ -151,7 +152,7 @@ class AxisRide(LoopRig):
         )
 
 
-STOP, PAUSE, HALF, RANDOM = "stop", "pause and resume", "half speed", "random speeds"
+STOP, PAUSE, HALF, RANDOM, KILLED = "stop", "pause", "half speed", "random speeds", "killed"
 
 
 def disturbed(ride, record, what, random=None):
@@ -159,6 +160,9 @@ def disturbed(ride, record, what, random=None):
     ride.go_to(record)
     if what == STOP:
         ride.command(Command.STOP)
+    elif what == KILLED:
+        ride.parent_is_alive = False
+        ride.run_until(lambda servo: servo.ending)
     elif what == PAUSE:
         if ride.set_speed(0.0):
             ride.come_to_rest()

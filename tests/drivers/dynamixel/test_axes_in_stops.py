@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 import pytest
-from axis_ride import HALF, PAUSE, RANDOM, STOP, AxisRide, disturbed
+from axis_ride import HALF, KILLED, PAUSE, RANDOM, STOP, AxisRide, disturbed
 from pole_passes import AXES, LIMITS, PERIOD, driver_with, over_the_top
 
 from orientd import motion_file, rotation
@@ -34,7 +34,7 @@ def assert_keeps(ride, record, what, random=None):
     assert force <= GUARD_TOLERANCE, (record, what)
 
 
-@pytest.mark.parametrize("what", [STOP, PAUSE, HALF])
+@pytest.mark.parametrize("what", [STOP, PAUSE, HALF, KILLED])
 @pytest.mark.parametrize(
     ("miss", "seconds", "deviation"),
     [
@@ -152,12 +152,12 @@ def test_no_axis_of_random_gimbals_exceeds_its_limits():
         ride = AxisRide(*planned)
         # Half of them where an axis turns fastest, or is bent most.
         steps = np.abs(np.diff(ride.joints, axis=0)).max(axis=1)
-        for k in range(9):
+        for k in range(10):
             record = int(random.integers(3, len(ride.joints) - 20))
             if k % 2:
                 near = int(np.argmax(steps if k % 4 == 1 else np.abs(np.diff(steps))))
                 record = min(max(near - int(random.integers(0, 25)), 3), len(ride.joints) - 20)
-            assert_keeps(ride, record, (STOP, PAUSE, HALF, RANDOM)[k % 4], random)
+            assert_keeps(ride, record, (STOP, PAUSE, HALF, RANDOM, KILLED)[k % 5], random)
 
 
 @pytest.mark.parametrize("miss", [1, 2])
