@@ -24,6 +24,7 @@ from orientd.driver import (
 )
 from orientd.errors import DeviceError, LinkError
 from orientd.floats import difference, norm
+from orientd.mechanism import Mechanical
 from orientd.testing import DriverConformance
 from orientd_dynamixel import DynamixelDriver
 from orientd_dynamixel.bus import open_bus
@@ -83,6 +84,7 @@ class TestConformance(DriverConformance):
         Diagnosable,
         Freeable,
         Healthy,
+        Mechanical,
         Parkable,
         Resettable,
         RestsInFault,

@@ -15,6 +15,7 @@ from orientd.driver import (
     Scaled,
     Tunable,
 )
+from orientd.mechanism import Mechanical
 from orientd.testing import DriverConformance
 from orientd_ur import UrDriver
 
@@ -31,6 +32,7 @@ class TestUrDriver(DriverConformance):
         Freeable,
         Healthy,
         Locatable,
+        Mechanical,
         PhaseLocked,
         Resettable,
         RestsInFault,
