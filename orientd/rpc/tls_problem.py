@@ -70,7 +70,7 @@ def tls_problem(address: str, certificate: Path, key: Path, ca: Path) -> str:
         return f"the daemon at {address} refuses this certificate: it {_what(error)}"
     return (
         f"the daemon at {address} does not admit this certificate: it has no role there, or is "
-        "revoked"
+        "revoked; its log says which"
     )
 
 

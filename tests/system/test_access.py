@@ -261,6 +261,17 @@ def test_whoever_does_not_get_in_is_told_why(cell, name, folder, told):
         orientd.connect(address=cell.address, **files)
 
 
+def test_the_daemon_records_why_it_has_refused_a_certificate(cell):
+    with cell.channel("revoked") as channel:
+        walk(channel, skip=[method.name for method in SERVICE.methods][1:])
+
+    def refusals():
+        return [one for one in cell.audit() if one["event"] == "refused"]
+
+    until(lambda: "handshake: certificate revoked" in [one["text"] for one in refusals()], "it")
+    assert {one["origin"].rpartition(":")[0] for one in refusals()} >= {"tcp, 127.0.0.1"}
+
+
 def test_silent_handshakes_keep_nobody_out_and_take_no_memory(cell):
     before = resident_kib(cell.daemon.process.pid)
     silent = [socket.create_connection(("127.0.0.1", cell.port)) for _ in range(400)]

@@ -48,8 +48,8 @@ _BACKLOG = 1024  # a client that finds it full gives up at once
 _AGAIN = 0.1  # s before another is accepted where there was no descriptor for one
 
 
-Receive = Callable[[socket.socket], Awaitable[bool]]
-"""Receives a connection; says whether it is served."""
+Receive = Callable[[socket.socket, str], Awaitable[bool]]
+"""Receives a connection from somewhere; says whether it is served."""
 
 
 @dataclass(frozen=True)
@@ -215,23 +215,25 @@ class Listener:
 
     async def _receive(self, accepted: socket.socket, receive: Receive) -> None:
         """Have a connection received, and close it unless it is served."""
-        is_served = False
+        is_served, origin = False, _origin(accepted)
         try:
-            is_served = await receive(accepted)
-        except (OSError, AccessError) as error:  # ssl's errors are OSErrors
-            reason = getattr(error, "reason", None) or str(error) or type(error).__name__
-            self._refuse(_origin(accepted), str(reason))
+            is_served = await receive(accepted, origin)
+        except ssl.SSLError as error:
+            reason = getattr(error, "verify_message", "") or error.reason or str(error)
+            self._refuse(origin, f"handshake: {reason}")
+        except (OSError, AccessError) as error:
+            self._refuse(origin, str(error) or type(error).__name__)
         finally:
             if not is_served:
                 accepted.close()
 
-    async def _from_unix(self, accepted: socket.socket) -> bool:
+    async def _from_unix(self, accepted: socket.socket, origin: str) -> bool:
         process = peer_process(accepted)
         if process.uid not in self._known_users:
             # A directory of users may be asked for the name, which may take its time.
             await asyncio.to_thread(user_name, process.uid)
             self._known_users.add(process.uid)
-        caller = self._caller(process, f"unix, process {process.pid}")
+        caller = self._caller(process, origin)
         connection = self._connection(lambda _: caller)
         connection.waiting = asyncio.current_task()
         self._enter(connection, caller)
@@ -247,8 +249,8 @@ class Listener:
                 self._connections.pop(connection, None)
         return is_served
 
-    async def _from_tcp(self, accepted: socket.socket) -> bool:
-        loop, origin = asyncio.get_running_loop(), _origin(accepted)
+    async def _from_tcp(self, accepted: socket.socket, origin: str) -> bool:
+        loop = asyncio.get_running_loop()
         if len(self._handshakes) >= MOST_HANDSHAKES:
             self._handshakes.pop(0).cancel()
         task: Any = asyncio.current_task()
@@ -350,7 +352,7 @@ def _keep_alive(peer: socket.socket) -> None:
         peer.setsockopt(socket.IPPROTO_TCP, option, value)
 
 
-def _origin(peer: Any) -> str:  # noqa: ANN401 - a socket, or asyncio's of it
+def _origin(peer: socket.socket) -> str:
     """Return where the other end of a socket is, for people."""
     if peer.family == socket.AF_UNIX:
         with contextlib.suppress(OSError):

@@ -13,6 +13,7 @@ from orientd.errors import (
     FeedbackError,
     LinkError,
 )
+from orientd_dynamixel.group import answer_bytes, cycle_bytes
 from orientd_dynamixel.servo import Servo
 
 MS = 1_000_000
@@ -369,15 +370,15 @@ def test_torqueless_servo_may_have_been_turned_by_hand_but_not_by_whole_turns(ri
 
 def test_torqueless_servo_turns_no_faster_than_by_hand_while_it_is_watched(rig):
     servo = Servo(options_of(rig))
-    servo.believe(2048, 0)
+    servo.believe(2048, 9000 * MS)
     # 221 deg/s and half as much again in 20 ms, and the play of 4.7 degrees.
     for degrees, is_possible in ((10.0, True), (12.5, False), (44.0, False)):
         position = round(2048 + degrees / 360 * 4096)
-        told = servo.doubt(position, is_driven=False, now_ns=20 * MS)
+        told = servo.doubt(position, is_driven=False, now_ns=9020 * MS)
         assert (not told) is is_possible, degrees
     for degrees, is_possible in ((44.0, True), (46.0, False)):
         position = round(2048 + degrees / 360 * 4096)
-        told = servo.doubt(position, is_driven=False, now_ns=1000 * MS)
+        told = servo.doubt(position, is_driven=False, now_ns=10_000 * MS)
         assert (not told) is is_possible, degrees
 
 
@@ -525,3 +526,31 @@ def test_losses_in_a_row_are_counted_one_by_one(rig):
     with pytest.raises(FeedbackError, match="7 readings lost in a row"):
         it.run(100)
     assert it.driver._group.lost == 7
+
+
+@pytest.mark.parametrize("fast_read", ["on", "off"])
+def test_answer_within_the_latency_is_awaited(rig, fast_read):
+    it = rig(rate_hz=100, latency_ms=16.0, fast_read=fast_read)
+    it.start()
+    it.run(5)
+    it.bus.faults.add(3, ReplyFault(FaultKind.DELAY, delay_ns=12 * MS))
+    it.run(50)
+    assert it.driver._group.lost == 0
+    assert it.clock.now_ns() - it.seen[-1].time_ns <= 3 * it.period_ns
+
+
+def test_feedback_is_new_only_with_a_new_reading(rig):
+    it = rig()
+    it.start()
+    it.run(3)
+    first = it.driver.read()
+    assert it.driver.read() is first
+    it.run(1)
+    assert it.driver.read() is not first
+
+
+def test_bytes_of_a_cycle_are_those_of_the_protocol():
+    """A goal of 5 bytes each after 14, a request of 14 and an id each, the answers."""
+    assert cycle_bytes(3, is_fast=False) == 29 + 17 + 3 * 27
+    assert cycle_bytes(3, is_fast=True) == 29 + 17 + 8 + 3 * 20
+    assert answer_bytes(2, is_fast=True, size=10) == 36
