@@ -82,6 +82,7 @@ class Body(Driver):
 
     def enable(self):
         self.require()
+        assert not self.is_enabled
         if self.device.is_at_rest and isinstance(self, Resettable):
             raise DeviceFaultError("reset it first")
         self.device.is_at_rest = False
@@ -97,6 +98,7 @@ class Body(Driver):
         assert self.is_enabled
         assert norm(difference(self.asked, setpoint.q)) < MOST, "no such step is to be asked for"
         assert norm(setpoint.omega_body) < MOST / PERIOD
+        assert setpoint.q != self.asked or not norm(setpoint.omega_body), "it stands still"
         self.asked = setpoint.q
         if not self.device.is_at_rest:
             self.device.q, self.omega = setpoint.q, setpoint.omega_body
@@ -490,6 +492,20 @@ class CannotBeResetOnceGone(GoodDriver):
         self.was_gone = not self.device.is_there
 
 
+@bad(GONE)
+class CannotBeWrittenToOnceMended(GoodDriver):
+    was_gone = False
+
+    def write(self, setpoint):
+        self.was_gone = self.was_gone or not self.device.is_there
+        super().write(setpoint)
+        assert not self.was_gone
+
+    def read(self):
+        self.was_gone = self.was_gone or not self.device.is_there
+        return super().read()
+
+
 @bad(DISABLES)
 class IgnoresDisable(GoodDriver):
     def disable(self):
@@ -572,6 +588,13 @@ class NeverArrives(GoodDriver):
 
 
 @bad("test_its_axes_arrive")
+class WaitsInGaps(GoodDriver):
+    def gaps(self):
+        self.clock.advance(PERIOD_NS)
+        return super().gaps()
+
+
+@bad("test_its_axes_arrive")
 class WaitsForEver(GoodDriver):
     def gaps(self):
         return [AxisGap("body", 0.0, 0.01, patience=math.inf)]
@@ -632,17 +655,50 @@ class BeginsNowhere(GoodDriver):
         return Feedback(0, (0.0, 0.0, 0.0, 0.0))
 
 
-@bad("test_it_can_be_closed_twice_and_unopened")
-class CannotBeClosedTwice(GoodDriver):
-    is_open = False
+class Opening(GoodDriver):
+    is_open = None
 
     def open(self):
         super().open()
         self.is_open = True
 
+
+@bad("test_it_says_where_an_offline_plan_begins")
+class BeginsNowhereUnasked(GoodDriver):
+    def offline_start(self, *, from_device):
+        start = super().offline_start(from_device=from_device)
+        return start if from_device else start._replace(q=(0.0, 0.0, 0.0, 0.0))
+
+
+@bad("test_it_can_be_closed_twice_and_unopened")
+class CannotBeClosedTwice(Opening):
     def close(self):
-        assert self.is_open
-        self.is_open = False
+        assert self.is_open is not False
+        self.is_open = self.is_open and False
+
+
+@bad("test_it_can_be_closed_twice_and_unopened")
+class CannotBeClosedUnopened(Opening):
+    def close(self):
+        assert self.is_open is not None
+
+
+@pytest.mark.parametrize("name", [FOLLOWS, GONE, NOT_THERE])
+def test_every_driver_that_was_made_is_closed(name):
+    made, closed = [], []
+
+    class Closing(GoodDriver):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            made.append(self)
+
+        def close(self):
+            super().close()
+            closed.append(self)
+
+    assert outcome(Suite(Closing), name) == "passed"
+    assert made
+    assert made == closed
 
 
 @bad("test_its_class_has_a_name_and_a_rate")
