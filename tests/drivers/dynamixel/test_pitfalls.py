@@ -49,6 +49,8 @@
     test_21_return_delay_is_zero_and_the_adapters_timer_is_allowed_for
 22  before version 4.1 the input is not cleared
     test_22_input_is_cleared_with_every_version_of_the_sdk
+23  timeouts are on the wall clock
+    test_23_timeouts_are_not_on_the_wall_clock
 """
 
 import os
@@ -425,5 +427,21 @@ def test_22_input_is_cleared_with_every_version_of_the_sdk(monkeypatch):
     finally:
         bus.close()
         theirs.closePort()
+        os.close(device)
+        os.close(port)
+
+
+def test_23_timeouts_are_not_on_the_wall_clock(monkeypatch):
+    device, port = os.openpty()
+    bus = open_bus(os.ttyname(port), 1_000_000)
+    try:
+        monkeypatch.setattr(time, "time", lambda: 0.0)
+        before = time.monotonic()
+        assert bus.ping(1) is None
+        # Its bytes, and what is to be allowed for the adapter.
+        assert time.monotonic() - before >= 0.018
+        assert bus._port.getCurrentTime() == pytest.approx(time.monotonic() * 1e3, abs=500)
+    finally:
+        bus.close()
         os.close(device)
         os.close(port)
