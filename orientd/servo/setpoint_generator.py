@@ -279,6 +279,8 @@ class SetpointGenerator:
             return self.leave_path(Fault.PATH_STARVED, str(error))
         if follower.part is not part:
             self._adopt(follower.part)
+        if self._following is not None and not path.joints:
+            return self.leave_path(Fault.PATH_STARVED, "the path has no joints any more")
         problem = self._guard.admit(path.q, path.position, self._servo_limits, path.joints)
         if problem:
             return self.leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")

@@ -69,10 +69,13 @@ def point_of(record: tuple[Any, ...]) -> PathPoint:
     """Return the point that a path record (its fields, in order) describes."""
     # Neither slices nor a call of PathPoint(): this happens every cycle.
     _, w, x, y, z, a, b, c, d, e, f, p, q, r, s, t, u, *axes = record
-    count = JOINTS
-    while count and axes[count - 1] != axes[count - 1]:  # no number: there are fewer axes
-        count -= 1
-    joints, rates = tuple(axes[:count]), tuple(axes[JOINTS : JOINTS + count])
+    joints: Joints = ()
+    rates: Joints = ()
+    if axes[0] == axes[0]:  # a number: there are axes
+        count = JOINTS
+        while axes[count - 1] != axes[count - 1]:
+            count -= 1
+        joints, rates = tuple(axes[:count]), tuple(axes[JOINTS : JOINTS + count])
     parts = (w, x, y, z), (a, b, c), (d, e, f), (p, q, r), (s, t, u), joints, rates
     return tuple.__new__(PathPoint, parts)
 
