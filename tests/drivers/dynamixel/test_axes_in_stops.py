@@ -141,6 +141,18 @@ def random_pass(random):
         return None
 
 
+def test_another_speed_keeps_the_tools_limit_where_the_axes_bend_the_path_between_its_records():
+    random = np.random.default_rng(2026)
+    planned = None
+    while planned is None or not 40 < planned[0].record_count < 4000:
+        planned = random_pass(random)
+    ride = AxisRide(*planned)
+    for record in range(179, 199, 2):
+        for what in (HALF, PAUSE):
+            # The guard would make a fault of the tool's acceleration.
+            assert_keeps(ride, record, what)
+
+
 def test_no_axis_of_random_gimbals_exceeds_its_limits():
     random = np.random.default_rng(37)
     found = 0
