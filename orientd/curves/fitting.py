@@ -1,4 +1,4 @@
-r"""Fit a spline to orientations that were measured: noisy, uneven, with gaps and wild samples.
+r"""Fit a spline to orientations that were measured: noisy, uneven, with gaps and outliers.
 
 The curve is the C2 cumulative cubic B-spline of Kim, Kim and Shin (1995), sec. 5.3, which only
 comes near the samples; it has knots where an error bound asks for them.  What is bounded is the

@@ -11,7 +11,15 @@ from orientd.driver import AxisLimits
 from orientd.errors import StartError
 from orientd.mechanism import JointPath
 from orientd.planner import refusal
-from orientd.planner.certify import STATE, before, joint_brake, measure, summed_up
+from orientd.planner.certify import (
+    PARTS,
+    STATE,
+    before,
+    joint_brake,
+    measure,
+    summed_up,
+    tool_brake,
+)
 from orientd.planner.motion import Motion
 from orientd.planner.path import SAME_ANGLE, Path, RecordedPath
 from orientd.rotation import Floats, angle
@@ -75,7 +83,10 @@ def reshaped(
         before=before(motion.start_state, period),
         tolerance=GUARD_TOLERANCE,
     )
-    brake = joint_brake(joints, path.joint_rates, path.earlier, period, axes)
+    brake = min(
+        joint_brake(joints, path.joint_rates, path.earlier, period, axes),
+        tool_brake(path.between_records(PARTS), period, motion.limits.numbers()[4:8]),
+    )
     if brake.rate < peaks.brake_rate:
         peaks = replace(peaks, brake_rate=brake.rate, brake_time=brake.record * period)
     times = np.array(keyframes)

@@ -349,6 +349,18 @@ class NoticesAreNoWords(GoodDriver):
         return 5
 
 
+@bad(HEALTH)
+class ANoticeIsNoText(GoodDriver):
+    def notices(self):
+        return [5]
+
+
+@bad(HEALTH)
+class ANoticeIsEmpty(GoodDriver):
+    def notices(self):
+        return [""]
+
+
 @bad(SHIFTS)
 class ShiftsByAPeriod(GoodDriver):
     def deadline_shift_ns(self, deadline_ns):
@@ -396,6 +408,19 @@ class ResetWearsOff(Counting):
     def reset(self):
         super().reset()
         self.device.is_at_rest = self.every(3)
+
+
+@bad(RESETS)
+class CannotBeWrittenToOnceReset(GoodDriver):
+    was_reset = False
+
+    def reset(self):
+        super().reset()
+        self.was_reset = True
+
+    def write(self, setpoint):
+        assert not self.was_reset
+        super().write(setpoint)
 
 
 @bad(RESETS)
@@ -661,6 +686,20 @@ class Opening(GoodDriver):
     def open(self):
         super().open()
         self.is_open = True
+
+
+@bad("test_an_unknown_option_of_a_motion_is_refused")
+class NeedsOptionsOfEveryMotion(GoodDriver):
+    def tune(self, options):
+        super().tune(options)
+        assert options
+
+
+@bad("test_it_says_where_an_offline_plan_begins")
+class BeginsNowhereAsked(GoodDriver):
+    def offline_start(self, *, from_device):
+        start = super().offline_start(from_device=from_device)
+        return start._replace(q=(0.0, 0.0, 0.0, 0.0)) if from_device else start
 
 
 @bad("test_it_says_where_an_offline_plan_begins")

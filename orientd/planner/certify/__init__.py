@@ -14,7 +14,7 @@ if TYPE_CHECKING:
         speed_to_stop,
     )
     from orientd.planner.certify.certificate import Certificate, Peak
-    from orientd.planner.certify.joints import joint_brake
+    from orientd.planner.certify.joints import PARTS, joint_brake, tool_brake
     from orientd.planner.certify.measuring import (
         OFF_GRID,
         STATE,
@@ -34,7 +34,7 @@ __getattr__ = lazily(
             "speed_to_stop",
         ),
         "orientd.planner.certify.certificate": ("Certificate", "Peak"),
-        "orientd.planner.certify.joints": ("joint_brake",),
+        "orientd.planner.certify.joints": ("PARTS", "joint_brake", "tool_brake"),
         "orientd.planner.certify.measuring": (
             "OFF_GRID",
             "STATE",

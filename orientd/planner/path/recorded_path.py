@@ -131,6 +131,12 @@ class RecordedPath:
         joints = np.concatenate([self.earlier, self.joints])
         return tuple(map(tuple, joints[record : record + HISTORY].tolist()))
 
+    def between_records(self, parts: int) -> Floats:
+        """Return the orientations at every share of a period, one of *parts*, shape ``(m, 4)``."""
+        places = np.arange((len(self.table) - 1) * parts + 1) / parts
+        found: Floats = states_at(self.table[:, :10], places, self.period)[:, :4]
+        return found
+
     def sample(self, times: Floats) -> PathSamples:
         """Return the path at *times*, in any order; beyond its ends it is held.
 

@@ -50,6 +50,16 @@ def test_no_axis_exceeds_its_limits_by_the_pole(miss, seconds, deviation, what):
         assert_keeps(ride, record, what)
 
 
+@pytest.mark.parametrize(("miss", "deviation"), [(0.5, 3), (2, 0), (8, 0)])
+def test_no_axis_of_an_azimuth_elevation_mount_exceeds_its_limits(miss, deviation):
+    options = {"order": "ZY", "axes": AXES[:2], "pointing": True, "max_deviation_deg": deviation}
+    request = motion_file.parse(over_the_top(miss))
+    ride = AxisRide(*plan_for(request, (0.0, 0.0), **options))
+    for record in range(3, ride.motion.record_count - 1, 24):
+        for what in (STOP, PAUSE, HALF, KILLED):
+            assert_keeps(ride, record, what)
+
+
 @pytest.mark.parametrize("miss", [0.0, 1e-5, 1e-4, 3e-4])
 def test_no_axis_hurries_for_a_path_that_all_but_meets_the_pole(miss):
     """On its records it goes straight over; between two, yaw would have to turn about at once."""
@@ -139,6 +149,18 @@ def random_pass(random):
         return plan_for(MotionRequest(keyframes, approach=True), joints, limits, **options)
     except PlanError:
         return None
+
+
+def test_another_speed_keeps_the_tools_limit_where_the_axes_bend_the_path_between_its_records():
+    random = np.random.default_rng(2026)
+    planned = None
+    while planned is None or not 40 < planned[0].record_count < 4000:
+        planned = random_pass(random)
+    ride = AxisRide(*planned)
+    for record in range(179, 199, 2):
+        for what in (HALF, PAUSE):
+            # The guard would make a fault of the tool's acceleration.
+            assert_keeps(ride, record, what)
 
 
 def test_no_axis_of_random_gimbals_exceeds_its_limits():
