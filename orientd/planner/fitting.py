@@ -141,7 +141,13 @@ class Fitting:
             # No pace changes what the motion before leaves; whether one would do later is long to
             # find.
             is_given = not self.start.is_at_rest and error.time < _GIVEN and not is_fixed
-            paced = None if is_given else self._paced(motion)
+            outside: LimitError | None = None
+            try:
+                paced = None if is_given else self._paced(motion)
+            except LimitError as error_of_pace:
+                if is_fixed or error_of_pace.kind is not LimitKind.RANGE:
+                    raise
+                paced, outside = None, error_of_pace
             if paced is not None and (is_fixed or paced.duration < _LONG * motion.duration):
                 return paced
             if is_fixed:
@@ -154,7 +160,8 @@ class Fitting:
             evenly = self._slowed(motion, refusal, least)
         except PlanError:
             if paced is None:
-                raise
+                # An end of travel that the axes meet however slowly is what to be told.
+                raise (outside or refusal) from None
             return paced
         return evenly if paced is None or evenly.duration < paced.duration else paced
 
@@ -195,7 +202,8 @@ class Fitting:
     def _paced(self, motion: Motion) -> Motion | None:
         """Return *motion* at the pace that suits the axes, if that fits.
 
-        Where the times are the user's and the axes cannot follow, this raises what is wrong.
+        Where the times are the user's and the axes cannot follow, or an axis meets the end of its
+        travel, this raises what is wrong.
         """
         period = motion.period
         refusal: PlanError | None = None
@@ -222,7 +230,8 @@ class Fitting:
                 if isinstance(error, LimitError) and error.kind is LimitKind.RANGE:
                     refusal = error  # which no pace changes
                     break
-        if refusal is not None and is_timed:
+        is_range = isinstance(refusal, LimitError) and refusal.kind is LimitKind.RANGE
+        if refusal is not None and (is_timed or is_range):
             raise refusal
         return None
 
