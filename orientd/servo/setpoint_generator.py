@@ -245,6 +245,8 @@ class SetpointGenerator:
         if self.state is ServoState.FAULT and self.fault is fault:
             return False
         self.fault, self.fault_text = fault, text
+        if self.is_moving:
+            self._rest()
         self.pursuit.end()
         self.time_scaling.halt()
         self.state = advance(self.state, Event.FAIL)
@@ -288,7 +290,9 @@ class SetpointGenerator:
             self._finish()
             return path
         if self.state is _STOPPING and scaling.is_at_rest and before == 0.0:
+            self.last = path
             self._finish()
+            return self._hold()
         if rate == 1.0 == before:
             return path
         change = (rate - before) / scaling.period
@@ -364,8 +368,20 @@ class SetpointGenerator:
         guard = self._guard
         return self._following.step(q, position, guard.joints, guard.joint_rates)
 
+    def _rest(self) -> None:
+        """Be where the joints are.
+
+        Between two records of a path its orientation is only nearly what they make, and the next
+        motion begins where both are.
+        """
+        last = self.last
+        if self._following is not None and self._mechanism is not None and last.joints:
+            q = self._mechanism.forward(last.joints)[0]
+            self._guard.q, self.last = q, last._replace(q=q)
+
     def _finish(self) -> None:
         """Go to rest: into holding, or into the fault that made the stop necessary."""
+        self._rest()
         self.time_scaling.halt()
         self.pursuit.end()
         if self.fault is not _NO_FAULT:

@@ -70,11 +70,12 @@ class TargetFollower:
     def begin(self, servo_limits: ServoLimits, joints: Joints = ()) -> None:
         """Begin from what was last written; targets of before do not count.
 
-        The *joints*, in rad, are near there.
+        The *joints*, in rad, are near there; a stop off the path needs none, since it looks at no
+        axes.
         """
         guard, h = self._guard, self._guard.period
         self.tracker.begin(guard.q, guard.omega, guard.alpha, servo_limits)
-        if self.foresight is not None:
+        if self.foresight is not None and joints:
             q = multiply(guard.q, exp(plus(ZERO, guard.omega, -h)))
             before = q, plus(guard.position, guard.velocity, -h)
             self.foresight.begin(before, (guard.q, guard.position), joints)

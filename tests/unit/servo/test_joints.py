@@ -243,6 +243,43 @@ def test_a_halt_off_the_path_keeps_the_limits_of_the_axes():
     assert rig.cycle.q == pytest.approx(gimbal.orientation(rig.cycle.sent_joints), abs=1e-12)
 
 
+@pytest.mark.parametrize("way", ["stop", "stall", "fault"])
+def test_at_rest_between_records_the_orientation_is_what_the_joints_make(way):
+    rig = JointRig()
+    rig.start(PATH)
+    rig.run(403)
+    if way == "stop":
+        rig.ask(Command.STOP)
+    elif way == "stall":
+        rig.ask(Command.SPEED, speed=0.37)
+        rig.run(3)
+        rig.ask(Command.STOP)
+        rig.run()
+        rig.stall(100)
+    else:
+        rig.ask(Command.SPEED, speed=0.37)
+        rig.run(3)
+        rig.servo.setpoints.fail(Fault.DEVICE_FAULT, "for a test")
+        rig.run()
+    rig.run_until(lambda servo: not servo.is_moving)
+    gimbal = rig.driver.mechanism(may_ask=False)
+    for _ in range(3):
+        assert rig.cycle.q == pytest.approx(gimbal.orientation(rig.cycle.sent_joints), abs=1e-15)
+        rig.run()
+
+
+def test_a_halt_off_the_path_asks_nothing_of_the_axes_of_a_driver_of_poses():
+    class Arm(JointLoopback):
+        takes = RecordingLoopback.takes
+
+    rig = Rig(kind=Arm)
+    rig.start(PATH)
+    rig.run(400)
+    assert rig.ask(Command.HALT)[0] is Answer.DONE
+    rig.run_until(lambda servo: not servo.is_moving)
+    assert rig.servo.state is ServoState.HOLDING
+
+
 def test_a_driver_that_takes_joints_must_say_which():
     class Mute(JointLoopback):
         def mechanism(self, *, may_ask):
