@@ -311,7 +311,9 @@ class Servo:
             self._set(register, value)
         if not has_map:
             for k, address in enumerate(self._addresses):
-                self._set(Register(family.indirect_address + 2 * k, 2), address)
+                self.put(Register(family.indirect_address + 2 * k, 2), address)
+            if not self._has_map():
+                raise DeviceFaultError(f"{self} does not keep the map of its readings")
         self._set(table.profile_acceleration, 0)
         # No more than what is asked of it, whatever lets go of it: a servo knows no other limit.
         fastest = self.steps(_PROFILE_MARGIN * options.velocity * options.gear)
