@@ -220,7 +220,8 @@ class Servo:
             LinkError: it does not answer.
             DeviceFaultError: it is another model.
         """
-        found = next(filter(None, (self.bus.ping(self.options.id) for _ in range(ATTEMPTS))), None)
+        pings = (self.bus.ping(self.options.id) for _ in range(PATIENT_ATTEMPTS))
+        found = next(filter(None, pings), None)
         if found is None:
             raise LinkError(
                 f"{self} does not answer; look at its cable, its supply, its id and its line speed"
@@ -283,7 +284,7 @@ class Servo:
         """Return whether the servo has the map of the cyclic read."""
         mapped = b"".join(address.to_bytes(2, "little") for address in self._addresses)
         whole = Register(self.options.model.family.indirect_address, len(mapped))
-        return self.get(whole) == int.from_bytes(mapped, "little")
+        return self.get(whole, PATIENT_ATTEMPTS) == int.from_bytes(mapped, "little")
 
     def has_kept_power(self) -> bool:
         """Return whether the servo is known to have counted turns since it was configured."""
@@ -311,7 +312,9 @@ class Servo:
             self._set(register, value)
         if not has_map:
             for k, address in enumerate(self._addresses):
-                self._set(Register(family.indirect_address + 2 * k, 2), address)
+                self.put(Register(family.indirect_address + 2 * k, 2), address)
+            if not self._has_map():
+                raise DeviceFaultError(f"{self} does not keep the map of its readings")
         self._set(table.profile_acceleration, 0)
         # No more than what is asked of it, whatever lets go of it: a servo knows no other limit.
         fastest = self.steps(_PROFILE_MARGIN * options.velocity * options.gear)

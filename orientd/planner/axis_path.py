@@ -83,10 +83,11 @@ def reshaped(
         before=before(motion.start_state, period),
         tolerance=GUARD_TOLERANCE,
     )
-    brake = min(
-        joint_brake(joints, path.joint_rates, path.earlier, period, axes),
-        tool_brake(path.between_records(PARTS), period, motion.limits.numbers()[4:8]),
-    )
+    brake = joint_brake(joints, path.joint_rates, path.earlier, period, axes)
+    if path.is_reshaped:
+        # The records do not say all of what a tool does that the axes lead off its path.
+        between = path.between_records(PARTS)
+        brake = min(brake, tool_brake(between, period, motion.limits.numbers()[4:8]))
     if brake.rate < peaks.brake_rate:
         peaks = replace(peaks, brake_rate=brake.rate, brake_time=brake.record * period)
     times = np.array(keyframes)

@@ -94,18 +94,17 @@ def joint_brake(
     Raises:
         LimitError: a joint breaks a limit at some phase of the setpoints against the records.
     """
-    found = Brake(FASTEST_BRAKE_RATE, 0)
-    for place, axis in enumerate(axes):
-        way = np.concatenate([earlier[-2:, place], joints[:, place], joints[-1:, place]])
-        slope = np.concatenate(
-            [_past(earlier[:, place], joints[:2, place]), rates[:, place] * period, [0.0]]
-        )
-        one = _JointRide(way, slope)
-        one.check(axis, period)
-        rate, record = one.brake_rate(axis, period)
-        if rate < found.rate:
-            found = Brake(rate, max(record - 2, 0))
-    return found
+    way = np.concatenate([earlier[-2:], joints, joints[-1:]])
+    held = np.zeros((1, len(axes)))
+    slope = np.concatenate([_past(earlier, joints[:2]), rates * period, held])
+    ride = _JointRide(way, slope)
+    ride.check(axes, period)
+    most = GUARD_TOLERANCE * np.array([axis.acceleration for axis in axes])
+    found = ride.brake(most, period)
+    twisted = [place for place, axis in enumerate(axes) if math.isfinite(axis.jerk)]
+    if twisted:
+        found = min(found, *(ride.jerk_brake(place, axes[place], period) for place in twisted))
+    return Brake(found.rate, max(found.record - 2, 0))
 
 
 def tool_brake(q: Floats, period: float, limits: Sequence[float]) -> Brake:
@@ -117,27 +116,21 @@ def tool_brake(q: Floats, period: float, limits: Sequence[float]) -> Brake:
         period: from one record to the next, s.
         limits: of the norm of the angular acceleration and of its three components, rad/s^2.
     """
-    found, ride = Brake(FASTEST_BRAKE_RATE, 0), _ToolRide(q)
-    for place, most in enumerate(limits):
-        if math.isfinite(most):
-            ride.component = place - 1
-            rate, record = ride.change_rate(GUARD_TOLERANCE * most, period, _LOCAL * most)
-            if rate < found.rate:
-                found = Brake(rate, record)
-    return found
+    most = np.array(limits)
+    return _ToolRide(q).brake(GUARD_TOLERANCE * most, period, _LOCAL * most)
 
 
 def _past(earlier: Floats, following: Floats) -> Floats:
     """Return the way in a period at the last two records of what was before, by differences."""
-    a, b, c = earlier.tolist()
-    d, e = following.tolist()
-    if a == b == c == d:
-        return np.zeros(2)  # at rest
-    return np.array([(6.0 * c - 2.0 * a - 3.0 * b - d) / 6.0, (8.0 * (d - b) - (e - a)) / 12.0])
+    a, b, c = earlier
+    d, e = following
+    found = np.stack([(6.0 * c - 2.0 * a - 3.0 * b - d) / 6.0, (8.0 * (d - b) - (e - a)) / 12.0])
+    found[:, (a == b) & (b == c) & (c == d)] = 0.0  # at rest
+    return found
 
 
 class _Ride(ABC):
-    """One quantity over the records, at every eighth of a period; all in rad and periods.
+    """Quantities over the records, at every eighth of a period; all in rad and periods.
 
     Attributes:
         count: periods.
@@ -146,148 +139,149 @@ class _Ride(ABC):
     count: int
 
     @abstractmethod
-    def bend(self) -> Floats:
-        """Return the largest acceleration around each period."""
+    def bends(self) -> Floats:
+        """Return the largest accelerations around each period, a column for each quantity."""
 
     @abstractmethod
     def differences(self, order: int, reach: int) -> Floats:
-        """Return the largest difference of *order* around each period, of setpoints so far apart.
+        """Return the largest differences of *order* around each period, of setpoints so far apart.
 
         Args:
             order: 1 to 3.
             reach: from one setpoint to the next, eighths of a period.
+
+        Returns:
+            A row for each period, a column for each quantity.
         """
 
-    def change_rate(
-        self, most: float, period: float, counted: float = math.inf
-    ) -> tuple[float, int]:
-        """Return the largest safe brake rate, 1/s, and the period that sets it.
+    def brake(self, most: Floats, period: float, counted: Floats | float = math.inf) -> Brake:
+        """Return the largest safe brake rate, and the period that sets it.
 
         Args:
-            most: limit of the acceleration, rad/s^2.
+            most: limits of the accelerations, rad/s^2.
             period: from one record to the next, s.
-            counted: up to which the path's own acceleration counts, rad/s^2.
+            counted: up to which the path's own accelerations count, rad/s^2.
         """
         unit = period * period
-        speed = np.maximum(_widest(self.differences(1, 1) * PARTS, 2) / period, 1e-12)
+        speed = np.maximum(self.speeds(period), 1e-12)
         at_rates = [
             np.minimum(_widest(self.differences(2, reach), 1) / unit, counted)
             for reach in range(PARTS, PARTS // 2 - 1, -1)
         ]
-        bend = self.bend() / unit
+        bend = self.bends() / unit
+        spike = np.minimum(0.25 * bend, counted)
+        allowed = (most - spike) / 2.0
         # Just below the full rate, where a change has to be slow to end there.
-        full, less = (size[:, None] for size in at_rates[:2])
-        sizes = (
-            full
-            + _SHARES * (less - full)
-            + 4.0 * _SHARES * (1.0 - _SHARES) * _BETWEEN * bend[:, None]
-        )
-        allowed = _MARGIN * np.min(np.maximum(most - sizes, 0.0) / _CHANGES, axis=1)
+        full, less = at_rates[:2]
+        between = 4.0 * _BETWEEN * bend
+        for share, change in zip(_SHARES.tolist(), _CHANGES.tolist(), strict=True):
+            size = full + share * (less - full) + share * (1.0 - share) * between
+            np.minimum(allowed, (most - size) * (_MARGIN / change), out=allowed)
         # From rate to rate below that, and from half of the full one all the way down.
         for place, (one, other) in enumerate(pairwise(at_rates[1:]), 1):
             change = min(2.0, math.sqrt(8.0 * (place + 1) / PARTS))
             size = np.maximum(one, other) + _BETWEEN * bend
-            allowed = np.minimum(allowed, np.maximum(most - size, 0.0) / change)
-        spike = np.minimum(0.25 * bend, counted)
-        allowed = np.minimum(allowed, np.maximum(most - spike, 0.0) / 2.0) / speed
-        record = int(np.argmin(allowed))
-        return min(float(allowed[record]), FASTEST_BRAKE_RATE), record
+            np.minimum(allowed, (most - size) / change, out=allowed)
+        allowed = np.maximum(allowed, 0.0) / speed
+        record = int(np.argmin(np.min(allowed, axis=1)))
+        return Brake(min(float(allowed[record].min()), FASTEST_BRAKE_RATE), record)
+
+    def speeds(self, period: float) -> Floats:
+        """Return the largest velocities around each period, rad/s."""
+        return _widest(self.differences(1, 1) * PARTS, 2) / period
 
     def _around(self, sizes: Floats, lead: int) -> Floats:
         """Return the largest of *sizes* in each period, the first of which are *lead* eighths in.
 
         Each size counts where its last setpoint is, as the device takes it.
         """
-        sizes = np.concatenate([np.zeros(lead), sizes])
-        largest: Floats = sizes[: (self.count + 2) * PARTS].reshape(-1, PARTS).max(axis=1)
+        sizes = np.concatenate([np.zeros((lead, sizes.shape[1])), sizes])
+        rows = sizes[: (self.count + 2) * PARTS].reshape(-1, PARTS, sizes.shape[1])
+        largest: Floats = rows.max(axis=1)
         return largest
 
 
 class _JointRide(_Ride):
-    """One joint, with two records before and one after those of the path."""
+    """The joints, with two records before and one after those of the path."""
 
     def __init__(self, way: Floats, slope: Floats) -> None:
-        step, leave, arrive = np.diff(way), slope[:-1], slope[1:]
+        step, leave, arrive = np.diff(way, axis=0), slope[:-1], slope[1:]
         second, third = 3.0 * step - 2.0 * leave - arrive, leave + arrive - 2.0 * step
-        u = np.arange(PARTS) / PARTS
-        fine = way[:-1, None] + u * (leave[:, None] + u * (second[:, None] + u * third[:, None]))
+        u = (np.arange(PARTS) / PARTS)[:, None]
+        law = leave[:, None] + u * (second[:, None] + u * third[:, None])
+        fine = (way[:-1, None] + u * law).reshape(-1, way.shape[1])
         # Held after the last record for as long as a difference reaches.
-        self._fine = np.concatenate([fine.ravel(), np.full(3 * PARTS + 1, way[-1])])
+        self._fine = np.concatenate([fine, np.repeat(way[-1:], 3 * PARTS + 1, axis=0)])
         ends = np.maximum(np.abs(2.0 * second), np.abs(2.0 * second + 6.0 * third))
-        self._bend = _widest(np.concatenate([ends, [0.0, 0.0]]), 1)
+        self._bends = _widest(np.concatenate([ends, np.zeros((2, way.shape[1]))]), 1)
         self.count = len(step)
 
-    def bend(self) -> Floats:
-        """Return the largest acceleration around each period."""
-        return self._bend
+    def bends(self) -> Floats:
+        """Return the largest accelerations of the cubics around each period."""
+        return self._bends
 
     def differences(self, order: int, reach: int) -> Floats:
-        """Return the largest difference around each period; see :class:`_Ride`."""
+        """Return the largest differences around each period; see :class:`_Ride`."""
         found = self._fine
         for _ in range(order):
             found = found[reach:] - found[:-reach]
-        curve, found = np.abs(np.diff(found, 2)) / 8.0, np.abs(found)
+        curve, found = np.abs(np.diff(found, 2, axis=0)) / 8.0, np.abs(found)
         found[1:-1] += curve
         return self._around(found, order * reach)
 
-    def check(self, axis: AxisLimits, period: float) -> None:
+    def check(self, axes: Sequence[AxisLimits], period: float) -> None:
         """Raise :class:`.LimitError` if a difference at the full rate is beyond a limit.
 
         What ends before the first record is the past, which nothing can change.
         """
-        limits = axis.velocity, axis.acceleration, axis.jerk
-        for order, (kind, limit) in enumerate(zip(_UNITS, limits, strict=True), 1):
-            if math.isinf(limit):
+        for order, kind in enumerate(_UNITS, 1):
+            limits = np.array([getattr(axis, kind.value) for axis in axes])
+            if np.all(np.isinf(limits)):
                 continue
             sizes = self.differences(order, PARTS)[2:] / period**order
-            at = int(np.argmax(sizes))
-            if sizes[at] > limit * GUARD_TOLERANCE:
+            worst = int(np.argmax(np.max(sizes, axis=0) / limits))
+            at = int(np.argmax(sizes[:, worst]))
+            value, limit = float(sizes[at, worst]), float(limits[worst])
+            if value > limit * GUARD_TOLERANCE:
                 raise LimitError(
-                    f"{kind.value} of {axis.name}", float(sizes[at]), limit, at * period,
+                    f"{kind.value} of {axes[worst].name}", value, limit, at * period,
                     _UNITS[kind], "between two records; allow it more time", kind=kind,
                 )  # fmt: skip
 
-    def brake_rate(self, axis: AxisLimits, period: float) -> tuple[float, int]:
-        """Return the largest safe brake rate, 1/s, and the period that sets it."""
-        found = self.change_rate(GUARD_TOLERANCE * axis.acceleration, period)
-        if math.isfinite(axis.jerk):
-            speed = _widest(self.differences(1, 1) * PARTS, 2) / period
-            full, twist = (
-                _widest(self.differences(order, PARTS), 1) / period**order for order in (2, 3)
-            )
-            most = GUARD_TOLERANCE * axis.jerk
-            found = min(found, brake_rate(speed[:, None], full[:, None], twist, np.inf, most))
-        return found
+    def jerk_brake(self, place: int, axis: AxisLimits, period: float) -> Brake:
+        """Return the largest safe brake rate for the jerk of one axis, which has a limit."""
+        speed = self.speeds(period)[:, place : place + 1]
+        bend, twist = (
+            _widest(self.differences(order, PARTS), 1)[:, place] / period**order for order in (2, 3)
+        )
+        most = GUARD_TOLERANCE * axis.jerk
+        return Brake(*brake_rate(speed, bend[:, None], twist, np.inf, most))
 
 
 class _ToolRide(_Ride):
-    """The orientation of the tool.
-
-    Attributes:
-        component: of the differences that is looked at; -1 is their norm.
-    """
+    """The turn of the tool: its norm and its three components in the body frame."""
 
     def __init__(self, q: Floats) -> None:
         self._fine = np.concatenate([q, np.repeat(q[-1:], 3 * PARTS, axis=0)])
-        self.component = -1
         self.count = (len(q) - 1) // PARTS
 
-    def bend(self) -> Floats:
-        """Return the largest acceleration around each period."""
+    def bends(self) -> Floats:
+        """Return the largest accelerations around each period."""
         return _widest(self.differences(2, 1) * PARTS**2, 1)
 
     def differences(self, order: int, reach: int) -> Floats:
-        """Return the largest difference around each period; see :class:`_Ride`."""
+        """Return the largest differences around each period; see :class:`_Ride`."""
         found = log(multiply(conjugate(self._fine[:-reach]), self._fine[reach:]))
         for _ in range(order - 1):
             found = found[reach:] - found[:-reach]
-        part = self.component
-        sizes = np.linalg.norm(found, axis=1) if part < 0 else np.abs(found[:, part])
-        return self._around(sizes, order * reach)
+        norms = np.linalg.norm(found, axis=1, keepdims=True)
+        return self._around(np.concatenate([norms, np.abs(found)], axis=1), order * reach)
 
 
 def _widest(sizes: Floats, reach: int) -> Floats:
-    """Return the largest of each size and its neighbours up to *reach* away."""
-    padded = np.pad(sizes, reach, mode="edge")
-    found: Floats = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).max(axis=1)
+    """Return the largest of each row and its neighbours up to *reach* away, column by column."""
+    found = sizes.copy()
+    for away in range(1, reach + 1):
+        np.maximum(found[away:], sizes[:-away], out=found[away:])
+        np.maximum(found[:-away], sizes[away:], out=found[:-away])
     return found

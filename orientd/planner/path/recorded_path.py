@@ -33,12 +33,14 @@ class RecordedPath:
         table: of each record state, axis angles and their velocities, shape ``(n, STATE_FLOATS +
             2 axes)``.
         earlier: axis angles of the three records before the first, rad, shape ``(3, axes)``.
+        is_reshaped: whether it leaves the path that it was made from, or its times, anywhere.
     """
 
     period: float
     duration: float
     table: Floats
     earlier: Floats
+    is_reshaped: bool = True
 
     @classmethod
     def of(
@@ -101,7 +103,7 @@ class RecordedPath:
         velocity = given.velocity * (np.gradient(path_times) / period)[:, None]
         table[:-1, 13:16] = velocity[:-1]
         table[1:-1, 16:19] = (velocity[2:] - velocity[:-2]) / (2.0 * period)
-        return cls(period, (count - 1) * period, table, earlier)
+        return cls(period, (count - 1) * period, table, earlier, bool(np.any(is_other)))
 
     def rows(self, first: int, count: int) -> Floats:
         """Return a copy of rows of the table."""

@@ -215,6 +215,14 @@ def test_setting_that_is_not_taken_is_named(rig):
         it.driver.open()
 
 
+def test_map_that_is_not_taken_is_named(rig):
+    it = rig()
+    write = it.servo(2).write
+    it.servo(2).write = lambda at, content, now: 0 if at == 180 else write(at, content, now)
+    with pytest.raises(DeviceFaultError, match=r"servo 2 \(pitch\) does not keep the map"):
+        it.driver.open()
+
+
 def test_settings_are_written_without_torque(rig):
     it = rig()
     it.servo(1).write(9, b"\7", it.clock.now_ns())
