@@ -36,6 +36,12 @@ WINDOW = 256 * 1024
 MOST_STREAMS = 1024
 """Calls over one connection that its client has not done with; a client waits with more."""
 
+PIECE = 4 * 1024
+"""Bytes of one client that are taken at once; then others have their turn."""
+
+MOST_UNREAD = 16 * 1024 * 1024
+"""Bytes that wait for a client to read them; a client that asks for more is hung up on."""
+
 Send = Callable[[bytes], Awaitable[None]]
 """Sends one answer."""
 
@@ -57,6 +63,7 @@ _CONFIGURATION = Configuration().__for_server__()
 _CONTENT = b"application/grpc"
 _HEAD = ((":status", "200"), ("content-type", _CONTENT.decode()))
 _PREFIX_BYTES = 5
+_TIMEOUT_BYTES = 9  # eight digits and a unit: no more is a timeout of gRPC
 
 
 class Connection(H2Protocol, AbstractHandler):
@@ -92,6 +99,7 @@ class Connection(H2Protocol, AbstractHandler):
         self._ended = ended
         self._transport: Any = None
         self._calls: dict[Stream, asyncio.Task[None]] = {}
+        self._untaken = bytearray()
 
     @property
     def is_idle(self) -> bool:
@@ -137,12 +145,36 @@ class Connection(H2Protocol, AbstractHandler):
         self.processor.processors[UnknownFrameReceived] = lambda _: None
 
     def data_received(self, data: bytes) -> None:
-        """Take what has come; hang up on a client that does not speak HTTP/2."""
+        """Take what has come, a piece in each turn of the event loop.
+
+        A quarter of a megabyte of the smallest frames would keep everybody waiting for half a
+        second.
+        """
+        is_taking = bool(self._untaken)
+        self._untaken += data
+        if not is_taking:
+            self._take()
+
+    def _take(self) -> None:
+        """Take a piece; hang up on a client that does not speak HTTP/2, or does not read."""
+        if self._transport.is_closing():
+            return
+        piece = bytes(self._untaken[:PIECE])
+        del self._untaken[:PIECE]
         try:
-            super().data_received(data)
+            super().data_received(piece)
         except Exception as error:  # noqa: BLE001 - whatever a library says of strange bytes
             _log.debug("what is no HTTP/2 has come: %r", error)
             self.hang_up()
+            return
+        if self._transport.get_write_buffer_size() > MOST_UNREAD:
+            _log.warning("%s: hung up on, it does not read what it asks for", self.caller.origin)
+            self.hang_up()
+        elif self._untaken:
+            self._transport.pause_reading()
+            asyncio.get_running_loop().call_soon(self._take)
+        else:
+            self._transport.resume_reading()
 
     def connection_lost(self, exc: BaseException | None) -> None:
         """End every call."""
@@ -275,9 +307,10 @@ async def _read(stream: Stream, size: int) -> bytes:
 
 def _timeout(headers: Mapping[bytes, bytes]) -> float | None:
     """Return how long a call may take, s."""
-    given = headers.get(b"grpc-timeout")
-    with contextlib.suppress(ValueError):
-        return None if given is None else decode_timeout(given.decode(errors="replace"))
+    given = headers.get(b"grpc-timeout", b"")
+    if len(given) <= _TIMEOUT_BYTES:
+        with contextlib.suppress(ValueError):
+            return decode_timeout(given.decode(errors="replace"))
     return None
 
 

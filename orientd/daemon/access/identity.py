@@ -48,6 +48,9 @@ class ClientCertificate:
     serial: str
     expires: float
 
+    def __str__(self) -> str:
+        return f"certificate:{self.name}, serial {self.serial}"
+
 
 Credentials = Process | ClientCertificate
 

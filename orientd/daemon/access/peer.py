@@ -26,6 +26,9 @@ class Process:
     uid: int
     gids: tuple[int, ...]
 
+    def __str__(self) -> str:
+        return f"user:{self.uid}"
+
 
 def peer_process(connected: socket.socket) -> Process:
     """Return what the kernel says of who connected: ``SO_PEERCRED`` and ``SO_PEERGROUPS``, unix(7).

@@ -12,7 +12,7 @@ from grpclib.client import Channel, UnaryStreamMethod, UnaryUnaryMethod
 from grpclib.exceptions import GRPCError, StreamTerminatedError
 
 from orientd.config import AccessSettings, TcpSettings
-from orientd.daemon.access import Authorization, Listener, Method, listener
+from orientd.daemon.access import Authorization, Listener, Method, connection, listener
 from orientd.errors import PlanError
 from orientd.rpc import control_pb2 as pb
 
@@ -241,6 +241,58 @@ def test_what_is_no_http2_is_hung_up_on(tmp_path, said, caplog):
 
     run(tmp_path, work)
     assert "Traceback" not in caplog.text
+
+
+PINGS = 40_000
+SPOKEN = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + b"\0\0\0\4\0\0\0\0\0"
+PING = b"\0\0\x08\6\0\0\0\0\0whatever"
+
+
+def test_what_one_client_floods_is_taken_in_pieces(tmp_path, monkeypatch):
+    sizes, feed = [], connection.HttpConnection.feed
+
+    def spied(self, content):
+        sizes.append(len(content))
+        return feed(self, content)
+
+    monkeypatch.setattr(connection.HttpConnection, "feed", spied)
+
+    async def work(daemon):
+        reader, writer = await asyncio.open_unix_connection(daemon.path)
+        writer.write(SPOKEN + PINGS * PING)
+        answers = b""
+        async with asyncio.timeout(10.0):
+            while answers.count(b"whatever") < PINGS:
+                answers += await reader.read(1 << 20)
+        writer.close()
+
+    run(tmp_path, work)
+    assert sum(sizes) == len(SPOKEN) + PINGS * len(PING)
+    assert max(sizes) <= connection.PIECE
+
+
+def test_a_client_that_never_reads_is_hung_up_on(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(connection, "MOST_UNREAD", 1 << 16)
+
+    async def work(daemon):
+        _, writer = await asyncio.open_unix_connection(daemon.path, limit=1)
+        writer.write(SPOKEN + PINGS * PING)
+        await until(lambda: "does not read what it asks for" in caplog.text)
+        daemon.open()
+        with daemon.channel() as channel:
+            assert await get(channel)
+        writer.close()
+
+    run(tmp_path, work)
+    assert "Traceback" not in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [(b"5S", 5.0), (b"250m", 0.25), (b"", None), (b"soon", None), (b"9" * 400 + b"S", None)],
+)
+def test_a_timeout_is_read_as_grpc_says(given, expected):
+    assert connection._timeout({b"grpc-timeout": given}) == expected
 
 
 @pytest.mark.parametrize("said", [b"", b"\x16"])
