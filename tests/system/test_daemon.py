@@ -132,6 +132,16 @@ def test_a_servo_is_out_of_reach_of_the_terminal_and_in_the_session_of_its_daemo
         assert ignored >> (signal.SIGTTOU - 1) & 1
 
 
+def test_no_process_of_a_daemon_is_in_reach_of_the_terminal(tmp_path):
+    # One that is hit by Ctrl-C while it imports would end in a traceback.
+    with DaemonProcess(tmp_path / "daemon") as daemon:
+        process = daemon.process.pid
+        listed = Path(f"/proc/{process}/task/{process}/children").read_text().split()
+        children = [int(one) for one in listed]
+        assert len(children) >= 2
+        assert os.getpgid(process) not in [os.getpgid(child) for child in children]
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_stops_the_motion_on_its_path_and_leaves_nothing(tmp_path, number):
     with DaemonProcess(tmp_path / "daemon") as daemon:

@@ -53,6 +53,7 @@ class ForkServer:
                 [sys.executable, "-m", "orientd.daemon.planners", str(theirs.fileno())],
                 stdin=subprocess.DEVNULL,
                 pass_fds=[theirs.fileno()],
+                process_group=0,  # out of the reach of a Ctrl-C, while it imports too
                 cwd="/",
                 # Threads would not outlive a fork, and sums must not depend on how many there are.
                 env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
