@@ -177,11 +177,17 @@ class DevicePlanner:
         """Have the driver look at its options of this motion."""
         try:
             tuning_text(request.device_options)
-            is_gimbal = isinstance(mechanism, Gimbal)
-            switch("home", request.device_options.get("home", False))
-            tune(self._examiner, request.driver_options if is_gimbal else request.device_options)
+            if switch("home", request.device_options.get("home", False)):
+                _check_home(mechanism)
+            tune(self._examiner, request.driver_options)
         except ValueError as error:
             raise RequestError("device_options", str(error)) from error
+
+
+def _check_home(mechanism: Mechanism | None) -> None:
+    """Raise :class:`ValueError` if the device has no home."""
+    if not isinstance(mechanism, Gimbal):
+        raise ValueError("only a gimbal has a home, where its axes are at zero; got 'home' = true")
 
 
 def _with_roll_of_axes(request: MotionRequest, mechanism: Mechanism) -> MotionRequest | None:

@@ -7,7 +7,7 @@ import pytest
 
 from orientd.clock import ManualClock
 from orientd.driver import AxisLimits, Driver
-from orientd.errors import LimitError, LimitKind, LinkError, PlanError, StartError
+from orientd.errors import LimitError, LimitKind, LinkError, PlanError, RequestError, StartError
 from orientd.mechanism import Gimbal, Mechanism, Reserve
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
 from orientd.planner.certify import joint_brake
@@ -159,6 +159,11 @@ def test_joints_that_are_not_known_are_those_nearest_to_home():
     assert motion.first_joints == pytest.approx(BENT, abs=1e-9)
     with pytest.raises(StartError, match="do not reach where the path begins"):
         planned(Wrist(reach=0.1), (0.1, 0.2, 0.4), joints=())
+
+
+def test_only_a_gimbal_goes_home():
+    with pytest.raises(RequestError, match="only a gimbal has a home"):
+        planned(WRIST, (0.1, 0.2, 0.4), device_options={"home": True})
 
 
 def test_a_device_that_does_not_say_what_it_is_refuses_plans():
