@@ -155,7 +155,8 @@ def test_the_last_record_rests_where_the_motion_ends(motions):
         last = motion.records(motion.record_count - 1, 1)[0]
         assert last[:4] == pytest.approx(motion.path.last, abs=0)
         assert not np.any(last[4:10])
-        assert not np.any(last[13:])
+        assert not np.any(last[13:16])
+        assert np.all(np.isnan(last[16:]))  # no joints
         assert (motion.record_count - 1) * PERIOD >= motion.duration - 1e-9
         assert (motion.record_count - 2) * PERIOD < motion.duration
 
