@@ -57,6 +57,11 @@ def test_it_moves_and_says_how_it_is(gimbal):
         joints = tuple(map(math.radians, (40, 20, -10)))
         q, _ = Gimbal([AxisLimits(name, -3.0, 3.0, 1.0) for name in "abc"]).forward(joints)
         assert norm(difference(q, device.cycle.feedback_q)) < math.radians(0.3)
+        # The servo asks for it once a second.
+        ends = time.monotonic() + 20.0
+        while not device.health and time.monotonic() < ends:
+            time.sleep(0.05)
+            device = robot.state().devices["gimbal"]
         assert [part.name for part in device.health] == ["yaw", "pitch", "roll"]
     assert "12.1 V" in orientd("status", "--socket", config.parent / "control.sock", env=env).stdout
 
