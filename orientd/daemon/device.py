@@ -15,7 +15,7 @@ from orientd.driver import Explaining, Quaternion, Vector3, make_driver
 from orientd.errors import RequestError, StateError
 from orientd.planner import Limits
 from orientd.planner import State as PlannedState
-from orientd.rpc import Statistics
+from orientd.rpc import control_pb2 as pb
 from orientd.servo import LEFT_OUT_WORD
 from orientd.stream import NOT_GIVEN, Command, Cycle, ServoState, unpack_cycle
 
@@ -304,7 +304,7 @@ class Device(SupervisedDevice):
         cycle = link.newest() if link is not None else None
         return self._axes.outline(cycle.joints) if cycle is not None and cycle.joints else ()
 
-    def statistics(self, motion_number: int) -> Statistics | None:
+    def statistics(self, motion_number: int) -> pb.MotionStatistics | None:
         """Return what was measured of a motion; ``None`` unless it is one of the newest."""
         return self._figures(motion_number)[0]
 
@@ -316,7 +316,7 @@ class Device(SupervisedDevice):
         """Return when a motion began to move, monotonic clock, where that is known."""
         return self._figures(motion_number)[1]
 
-    def _figures(self, motion_number: int) -> tuple[Statistics | None, int | None]:
+    def _figures(self, motion_number: int) -> tuple[pb.MotionStatistics | None, int | None]:
         with self._lock:
             motions = self._motions
             return (None, None) if motions is None else motions.figures(motion_number)

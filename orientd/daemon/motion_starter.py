@@ -30,7 +30,8 @@ from orientd.errors import (
 )
 from orientd.floats import difference, norm
 from orientd.planner import Limits
-from orientd.rpc import MoveTiming, titled
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc import titled
 from orientd.stream import UNKNOWN
 
 _log = logging.getLogger(__name__)
@@ -78,7 +79,7 @@ class MotionStarter:
         *,
         stops: int,
         received_ns: int,
-    ) -> tuple[ActiveMotion, MoveTiming]:
+    ) -> tuple[ActiveMotion, pb.MoveTiming]:
         """Plan what *order* asks of *device*, and begin it.
 
         A motion that runs is replaced from a point a little ahead, or followed.  If whoever asks
@@ -113,7 +114,7 @@ class MotionStarter:
         move_options: MoveOptions,
         stops: int,
         received_ns: int,
-    ) -> tuple[ActiveMotion, MoveTiming]:
+    ) -> tuple[ActiveMotion, pb.MoveTiming]:
         attempt, late = 0, ""
         while attempt < ATTEMPTS and order.time_left:
             try:
@@ -128,7 +129,7 @@ class MotionStarter:
                 _log.info("%s: planned too late: %s", device.name, error)
                 attempt, late = attempt + 1, str(error)
             else:
-                timing = MoveTiming(
+                timing = pb.MoveTiming(
                     planning=(planned_ns - received_ns) * 1e-9,
                     splicing=(time.monotonic_ns() - planned_ns) * 1e-9,
                     received_ns=received_ns,

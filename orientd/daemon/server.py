@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from orientd.daemon.calls import ControlService, Telemetry
     from orientd.daemon.cell import Cell
     from orientd.daemon.fleet import FleetLink
-    from orientd.rpc import DaemonReport
 
 _log = logging.getLogger(__name__)
 
@@ -63,7 +62,7 @@ def run(
     socket: Path,
     configuration: str = "",
     reread: Callable[[], Settings] | None = None,
-    on_ready: Callable[[DaemonReport, list[str]], None],
+    on_ready: Callable[[control_pb2.DaemonReport, list[str]], None],
     needs_devices: bool = False,
 ) -> None:
     """Be the daemon until SIGTERM or SIGINT.
@@ -106,7 +105,7 @@ class _Daemon:
         socket: Path,
         configuration: str,
         reread: Callable[[], Settings] | None,
-        on_ready: Callable[[DaemonReport, list[str]], None],
+        on_ready: Callable[[control_pb2.DaemonReport, list[str]], None],
         needs_devices: bool,
     ) -> None:
         self._needs_devices = needs_devices
@@ -313,26 +312,25 @@ class _Daemon:
                     waiting.discard(name)
         self._on_ready(self._describe(cell), [])
 
-    def _describe(self, cell: Cell) -> DaemonReport:
+    def _describe(self, cell: Cell) -> control_pb2.DaemonReport:
         """Return what there is to say about the daemon itself."""
-        from orientd.rpc import DaemonReport, LeaseReport
-
         leases = [
-            LeaseReport(lease.holder, cell.leases.remaining(lease), lease.owner, lease.devices)
+            control_pb2.LeaseReport(
+                holder=lease.holder,
+                remaining=cell.leases.remaining(lease),
+                identity=lease.owner,
+                devices=lease.devices,
+            )
             for lease in cell.leases.held()
         ]
-        first = leases[0] if leases else LeaseReport("", 0.0)
-        return DaemonReport(
+        return control_pb2.DaemonReport(
             version=orientd.__version__,
             pid=os.getpid(),
             uptime=time.monotonic() - self._started,
             socket=str(self._socket),
             configuration=self._configuration,
-            lease_holder=first.holder,
-            lease_identity=first.identity,
-            lease_remaining=first.remaining,
-            lease_devices=first.devices,
-            leases=tuple(leases),
+            lease=leases[0] if leases else None,
+            leases=leases,
         )
 
     def _stop(self, number: int) -> None:

@@ -46,10 +46,8 @@ if TYPE_CHECKING:
         timing_to_message,
     )
     from orientd.rpc.wire.state import (
-        cycle_to_message,
-        daemon_to_message,
+        daemon_from_message,
         device_from_message,
-        device_to_message,
         limits_to_message,
         method_to_message,
         outline_to_messages,
@@ -130,10 +128,8 @@ __getattr__ = lazily(
             "timing_to_message",
         ),
         "orientd.rpc.wire.state": (
-            "cycle_to_message",
-            "daemon_to_message",
+            "daemon_from_message",
             "device_from_message",
-            "device_to_message",
             "limits_to_message",
             "method_to_message",
             "outline_to_messages",

@@ -17,7 +17,7 @@ from orientd.cli.output import answer, say, say_json, table
 from orientd.daemon import LogFormat
 
 if TYPE_CHECKING:
-    from orientd.rpc import DaemonReport
+    from orientd.rpc import control_pb2
 
 
 @command
@@ -44,7 +44,7 @@ def run(
     from orientd import config as configuration
     from orientd.daemon import run as serve
     from orientd.daemon import set_up_log
-    from orientd.rpc import default_socket
+    from orientd.rpc import daemon_from_message, default_socket
 
     path = config or configuration.find()
     settings = configuration.load(path) if path else configuration.default_settings()
@@ -59,9 +59,11 @@ def run(
     if until_end_of_input:
         threading.Thread(target=_end_with_input, name="input", daemon=True).start()
 
-    def ready(report: DaemonReport, problems: list[str]) -> None:
+    def ready(report: control_pb2.DaemonReport, problems: list[str]) -> None:
         if as_json:
-            say_json({"ready": not problems, "problems": problems, "daemon": report})
+            say_json(
+                {"ready": not problems, "problems": problems, "daemon": daemon_from_message(report)}
+            )
         else:
             devices = ", ".join(
                 f"{device.name} ({device.driver}, {device.rate_hz:g} Hz)"

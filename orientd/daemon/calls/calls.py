@@ -11,11 +11,8 @@ import time
 from collections import defaultdict
 from collections.abc import Callable
 
-from orientd.daemon.calls import report
 from orientd.daemon.cell import Cell
-from orientd.daemon.device import Device
 from orientd.errors import RequestError
-from orientd.rpc import DaemonReport, device_to_message
 from orientd.rpc import control_pb2 as pb
 
 DEFAULT_REPORTS_HZ = 20.0
@@ -30,7 +27,7 @@ _OVERTAKEN = 0.001  # s between looks
 class Calls:
     """What the calls of every subject have in common: the cell, and who works for them."""
 
-    def __init__(self, cell: Cell, describe: Callable[[], DaemonReport]) -> None:
+    def __init__(self, cell: Cell, describe: Callable[[], pb.DaemonReport]) -> None:
         """Serve *cell*.
 
         Args:
@@ -76,11 +73,6 @@ class Calls:
         while self._cell.leases.is_ahead(token, name, number) and time.monotonic() < end:
             await asyncio.sleep(_OVERTAKEN)
         return self._turns[name]
-
-
-def device_message(device: Device) -> pb.DeviceReport:
-    """Return what there is to say about *device*."""
-    return device_to_message(report.device_report(device))
 
 
 def interval(field: str, rate_hz: float) -> float:

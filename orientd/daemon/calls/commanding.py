@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from orientd.daemon.access import Caller
-from orientd.daemon.calls.calls import Calls, device_message
+from orientd.daemon.calls.calls import Calls
+from orientd.daemon.calls.report import device_report
 from orientd.daemon.device import Device
 from orientd.errors import RequestError, StateError
 from orientd.rpc import control_pb2 as pb
@@ -32,7 +33,7 @@ class CommandingCalls(Calls):
             devices = self._cell.stop(
                 request.device, str(caller.identity), motion=request.motion_number
             )
-            return pb.StopResponse(devices=[device_message(device) for device in devices])
+            return pb.StopResponse(devices=[device_report(device) for device in devices])
 
         return await self._cell.in_worker(work)
 
@@ -41,7 +42,7 @@ class CommandingCalls(Calls):
 
         def work() -> pb.HaltResponse:
             devices = self._cell.stop(request.device, str(caller.identity), is_quickest=True)
-            return pb.HaltResponse(devices=[device_message(device) for device in devices])
+            return pb.HaltResponse(devices=[device_report(device) for device in devices])
 
         return await self._cell.in_worker(work)
 
@@ -96,7 +97,7 @@ class CommandingCalls(Calls):
             device = self._cell.command(
                 request.lease_token, request.lease_sequence, request.device, what, act
             )
-            return device_message(device)
+            return device_report(device)
 
         turn = await self._in_turn(request.lease_token, request.device, request.lease_sequence)
         # The next one's turn comes with this one's check; it is done, and told, after this one.

@@ -18,7 +18,6 @@ from orientd.daemon.motion_starter import GONE
 from orientd.daemon.motions import ActiveMotion, ArrivalCondition, MoveOptions
 from orientd.daemon.planners import PlanCall, PlannedMotion
 from orientd.errors import GOING_DOWN, DaemonError, OrientdError, RequestError
-from orientd.rpc import MoveTiming, progress_to_message, summary_to_message, timing_to_message
 from orientd.rpc import control_pb2 as pb
 from orientd.stream import UNKNOWN
 
@@ -145,7 +144,7 @@ class MovingCalls(Calls):
             while not (await asyncio.wait({ended}, timeout=pause))[0]:
                 progress = reader.read()
                 if progress is not None:
-                    yield pb.MoveResponse(progress=progress_to_message(progress))
+                    yield pb.MoveResponse(progress=progress)
             yield await self._cell.in_worker(lambda: self._summary(run))
         except OrientdError as error:
             if run is None:
@@ -164,7 +163,7 @@ class MovingCalls(Calls):
         received_ns: int,
         caller: Caller,
         most_keyframes: int,
-    ) -> tuple[ActiveMotion, MoveTiming]:
+    ) -> tuple[ActiveMotion, pb.MoveTiming]:
         """Plan and begin a motion."""
         token, what = request.lease_token, request.WhichOneof("what")
         if what == "motion":
@@ -180,7 +179,7 @@ class MovingCalls(Calls):
             motion = self._cell.plans.find(device.name, request.motion_id)
             planned_ns = time.monotonic_ns()
             run = await self._cell.starter.start(token, device, motion, move_options, stops=stops)
-            return run, MoveTiming(
+            return run, pb.MoveTiming(
                 planning=(planned_ns - received_ns) * 1e-9,
                 splicing=_seconds_since(planned_ns),
                 received_ns=received_ns,
@@ -235,18 +234,17 @@ class MovingCalls(Calls):
         return request.start_ns or _instant(wanted_ns)
 
     def _summary(self, run: ActiveMotion) -> pb.MoveResponse:
-        summary = report.summary(run, self._cell.runs)
-        return pb.MoveResponse(summary=summary_to_message(summary))
+        return pb.MoveResponse(summary=report.summary(run, self._cell.runs))
 
 
-def _started(run: ActiveMotion, timing: MoveTiming) -> pb.MoveResponse:
+def _started(run: ActiveMotion, timing: pb.MoveTiming) -> pb.MoveResponse:
     if run.motion is None:
         raise ValueError("the run has no motion")
     return pb.MoveResponse(
         started=pb.MoveStarted(
             motion_number=run.number,
             plan=pb.Plan.FromString(run.motion.plan),
-            timing=timing_to_message(timing),
+            timing=timing,
             speed=run.device.snapshot().speed,
         )
     )

@@ -1,71 +1,138 @@
-"""What the daemon says about its devices and their motions, as values for the wire."""
+"""What the daemon reports, as messages: itself, its devices, their cycles and motions."""
 
 from __future__ import annotations
 
+import functools
 import time
 
 from orientd.daemon.device import Device
 from orientd.daemon.motions import ActiveMotion, ActiveMotions
-from orientd.driver import PartHealth
-from orientd.planner import Frame, Quaternion, Vector3
-from orientd.rpc import DeviceReport, PartReport, Progress, Summary
-from orientd.stream import Cycle, ServoState, record_index, unpack_cycle
+from orientd.driver import PartHealth, Quaternion, Vector3
+from orientd.floats import difference, norm
+from orientd.planner import ANGULAR, NO_AXES, UNITS, Frame, Limits
+from orientd.rpc import control_pb2 as pb
+from orientd.stream import Cycle, CycleFlag, ServoState, record_index, unpack_cycle
 
 NANOSECONDS = 1e9
 STALE_AFTER = 3.0
-"""Age of what is measured once a second at which it is too old, s."""
+"""Age in s at which a part's health, measured once a second, is too old."""
 _MOST_CYCLES = 4096
+_SHARED_CYCLES = 1024
 
 
-def device_report(device: Device) -> DeviceReport:
-    """Return *device* as it is now."""
-    now = device.snapshot()
-    return DeviceReport(
+def vector(values: Vector3) -> pb.Vector3:
+    """Return a vector as a message."""
+    return pb.Vector3(x=values[0], y=values[1], z=values[2])
+
+
+def quaternion(q: Quaternion) -> pb.Quaternion:
+    """Return a quaternion ``(w, x, y, z)`` as a message."""
+    return pb.Quaternion(w=q[0], x=q[1], y=q[2], z=q[3])
+
+
+def limits_message(limits: Limits) -> pb.Limits:
+    """Return all limits as a message; limits of the axes only where there are any."""
+    message = pb.Limits(**{name: getattr(limits, name) for name in UNITS})
+    for name in ANGULAR:
+        if limits.axes(name) != NO_AXES:
+            getattr(message, f"axis_{name}").CopyFrom(vector(limits.axes(name)))
+    return message
+
+
+def device_description(device: Device) -> pb.Device:
+    """Return what the configuration says of *device*."""
+    return pb.Device(
         name=device.name,
         driver=device.driver,
         rate_hz=device.rate_hz,
-        limits=device.limits,
-        state=now.state,
-        fault=now.fault,
+        limits=limits_message(device.limits),
+        lead=device.lead,
+        phase=device.phase,
+    )
+
+
+def device_report(device: Device) -> pb.DeviceReport:
+    """Return *device* as it is now."""
+    now = device.snapshot()
+    facts = now.motion.facts if now.motion else None
+    now_ns = time.monotonic_ns()
+    return pb.DeviceReport(
+        device=device_description(device),
+        state=f"STATE_{now.state.name}",
+        fault=f"FAULT_{now.fault.name}",
         fault_text=now.fault_text,
         is_paused=now.is_paused,
         speed=now.speed,
         motion_number=now.motion_number,
         motion_id=now.motion.id if now.motion else "",
+        motion_name=facts.name if facts else "",
         path_time=now.path_time,
-        duration=now.motion.facts.duration if now.motion else 0.0,
-        servo_pid=now.servo_pid,
+        duration=facts.duration if facts else 0.0,
+        servo_pid=now.servo_pid or 0,
         scheduling=now.scheduling,
         is_memory_locked=now.memory_locked,
-        cycle=now.cycle,
-        lead=device.lead,
-        phase=device.phase,
-        motion_name=now.motion.facts.name if now.motion else "",
-        is_free=device.is_free and now.state is ServoState.IDLE,
+        cycle=None if now.cycle is None else cycle_message(now.cycle),
         cycle_age=cycle_age(now.cycle),
-        health=tuple(_part(part, time.monotonic_ns()) for part in now.health),
+        is_free=device.is_free and now.state is ServoState.IDLE,
+        health=[_part(part, now_ns) for part in now.health],
     )
 
 
-def _part(part: PartHealth, now_ns: int) -> PartReport:
-    """Return how a part of a device is, with how old that is."""
+def _part(part: PartHealth, now_ns: int) -> pb.PartHealth:
+    """Return how a part of a device is, with the age of that."""
     age = (now_ns - part.time_ns) / NANOSECONDS
-    return PartReport(
-        part.name,
-        age,
-        age > STALE_AFTER,
-        part.voltage,
-        part.temperature,
-        part.current,
-        part.warning,
+    return pb.PartHealth(
+        name=part.name,
+        age=age,
+        is_stale=age > STALE_AFTER,
+        voltage=part.voltage,
+        temperature=part.temperature,
+        current=part.current,
+        warning=part.warning,
     )
 
 
 def cycle_age(cycle: Cycle | None) -> float:
-    """Return how long ago *cycle* was due, s; 0 where there was none."""
+    """Return how long ago *cycle* was due, s; 0 before the first cycle."""
     if cycle is None:
         return 0.0
     return max(0, time.monotonic_ns() - cycle.deadline_ns) / NANOSECONDS
+
+
+def cycle_message(cycle: Cycle) -> pb.Cycle:
+    """Return one cycle as a message, without the feedback if there is none."""
+    message = pb.Cycle(
+        index=cycle.index,
+        deadline_ns=cycle.deadline_ns,
+        lateness_ns=cycle.lateness_ns,
+        work_ns=cycle.work_ns,
+        feedback_age_ns=cycle.feedback_age_ns,
+        state=f"STATE_{cycle.state.name}",
+        fault=cycle.fault,  # type: ignore[arg-type] # the numbers are the same
+        motion_number=cycle.motion,
+        is_written=bool(cycle.flags & CycleFlag.WRITTEN),
+        overruns=cycle.overruns,
+        missed=cycle.missed,
+        path_index=cycle.path_index,
+        path_fraction=cycle.path_fraction,
+        speed=cycle.speed,
+        orientation=quaternion(cycle.q),
+        omega_body=vector(cycle.omega_body),
+        alpha_body=vector(cycle.alpha_body),
+        position=vector(cycle.position),
+    )
+    if cycle.has_feedback:
+        message.feedback_orientation.CopyFrom(quaternion(cycle.feedback_q))
+        message.feedback_omega_body.CopyFrom(vector(cycle.feedback_omega_body))
+        message.feedback_position.CopyFrom(vector(cycle.feedback_position))
+        message.tracking_error = norm(difference(cycle.q, cycle.feedback_q))
+    return message
+
+
+@functools.lru_cache(_SHARED_CYCLES)
+def record_message(record: bytes) -> pb.Cycle:
+    """Return a packed cycle as a message, made once for all callers that watch."""
+    return cycle_message(unpack_cycle(record))
 
 
 class CycleReader:
@@ -112,45 +179,45 @@ class ProgressReader:
         newest = run.device.snapshot().cycle
         self._overruns = newest.overruns if newest is not None else 0
 
-    def read(self) -> Progress | None:
+    def read(self) -> pb.MoveProgress | None:
         """Return how far the motion is.
 
-        ``None`` while there is no servo to tell, and once the motion has been left for another:
-        it may not have ended, but what the device does is the other's.
+        ``None`` without a servo, and once another motion has replaced this one: it may not have
+        ended, but what the device does belongs to the other motion.
         """
         now = self._run.device.snapshot()
         if now.cycle is None or now.motion_number > self._run.number:
             return None
-        frame = self._run.motion.frame if self._run.motion is not None else None
-        duration = self._run.motion.facts.duration if self._run.motion is not None else 0.0
+        motion = self._run.motion
         # A motion that waits for its turn has not begun.
         is_present = now.motion_number == self._run.number
         recent, _ = self._cycles.read()
         latest = max((cycle.lateness_ns for cycle in recent), default=now.cycle.lateness_ns)
-        seen = (now.cycle.q, now.cycle.omega_body, now.cycle.position)
-        q, omega_body, position = seen if frame is None else _seen(frame, *seen)
-        return Progress(
+        sent = (now.cycle.q, now.cycle.omega_body, now.cycle.position)
+        frame = None if motion is None else motion.frame
+        q, omega_body, position = sent if frame is None else _seen(frame, *sent)
+        return pb.MoveProgress(
             path_time=now.path_time if is_present else 0.0,
-            duration=duration,
-            state=now.state,
+            duration=0.0 if motion is None else motion.facts.duration,
+            state=f"STATE_{now.state.name}",
             is_paused=now.is_paused,
             speed=now.cycle.speed,
-            q=q,
-            omega_body=omega_body,
-            position=position,
+            orientation=quaternion(q),
+            omega_body=vector(omega_body),
+            position=vector(position),
             lateness=latest / NANOSECONDS,
             tracking_error=now.tracking_error,
             overruns=max(0, now.cycle.overruns - self._overruns),
         )
 
 
-def summary(run: ActiveMotion, runs: ActiveMotions) -> Summary:
-    """Return how *run*, which has ended, went beside the others of *runs*."""
+def summary(run: ActiveMotion, runs: ActiveMotions) -> pb.MoveSummary:
+    """Return how *run*, which has ended, went; *runs* has the motions with its start time."""
     outcome, text = run.ended.result(timeout=0)
     lateness, skew = runs.starts(run)
-    return Summary(
+    return pb.MoveSummary(
         motion_number=run.number,
-        outcome=outcome,
+        outcome=f"OUTCOME_{outcome.name}",
         text=text,
         statistics=run.device.statistics(run.number),
         settled_after=run.device.settled_after(run.number),

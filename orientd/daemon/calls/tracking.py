@@ -10,6 +10,7 @@ from typing import Any
 
 from orientd.daemon.access import Caller
 from orientd.daemon.calls.calls import Calls, interval
+from orientd.daemon.calls.report import quaternion, vector
 from orientd.daemon.device import Device
 from orientd.daemon.motion_starter import GONE
 from orientd.daemon.motions import ActiveMotion
@@ -18,9 +19,7 @@ from orientd.errors import OrientdError, RequestError, StateError
 from orientd.floats import difference, norm
 from orientd.rpc import (
     Outcome,
-    TrackReport,
     limits_to_wish,
-    report_to_message,
     target_from_message,
 )
 from orientd.rpc import control_pb2 as pb
@@ -59,7 +58,7 @@ class TrackingCalls(Calls):
                     )
                 now = following.report()
                 if now is not None:
-                    yield report_to_message(now)
+                    yield now
             outcome, text = run.ended.result(timeout=0)
             if outcome is Outcome.FAULT:
                 raise StateError(text)
@@ -112,16 +111,16 @@ class _Following:
         self._refused += 1
         self._refusal = problem
 
-    def report(self) -> TrackReport | None:
+    def report(self) -> pb.TrackResponse | None:
         """Return how it goes; ``None`` while there is no servo to tell."""
         cycle = self._device.snapshot().cycle
         if cycle is None:
             return None
         given, left_out = self._device.targets
-        return TrackReport(
-            state=cycle.state,
-            q=cycle.q,
-            omega_body=cycle.omega_body,
+        return pb.TrackResponse(
+            state=f"STATE_{cycle.state.name}",
+            orientation=quaternion(cycle.q),
+            omega_body=vector(cycle.omega_body),
             time_ns=cycle.deadline_ns,
             targets=given - self._given,
             left_out=left_out - self._left_out,

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-import functools
 import time
 from collections.abc import AsyncIterator, Iterable
 
 from orientd.daemon.access import Caller
 from orientd.daemon.calls import report
-from orientd.daemon.calls.calls import Calls, device_message, interval
+from orientd.daemon.calls.calls import Calls, interval
 from orientd.daemon.device import Device
 from orientd.daemon.supervised_device import TICK
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc import cycle_to_message, daemon_to_message, outline_to_messages
-from orientd.stream import CYCLE_RECORD, record_index, unpack_cycle
+from orientd.stream import CYCLE_RECORD, record_index
 
 _HEARINGS = 10
 """How often the reason of a fault is asked for that the device's thread has not heard yet."""
@@ -38,7 +36,7 @@ class WatchingCalls(Calls):
 
     async def _state_of(self, devices: Iterable[Device]) -> pb.GetStateResponse:
         return pb.GetStateResponse(
-            daemon=daemon_to_message(self._describe()),
+            daemon=self._describe(),
             devices=[await _with_reason(device) for device in devices],
         )
 
@@ -60,12 +58,17 @@ class WatchingCalls(Calls):
             else:
                 wait = 0.0 if len(records) == _BATCH else pause
                 response.cycles.extend(
-                    _message(record) for record in records if record_index(record) % step == 0
+                    report.record_message(record)
+                    for record in records
+                    if record_index(record) % step == 0
                 )
             if not (response.records or response.cycles or response.lost):
                 continue
             if request.with_outline:
-                response.outline.extend(outline_to_messages(device.outline()))
+                response.outline.extend(
+                    pb.Polyline(coordinates=[x for point in line for x in point])
+                    for line in device.outline()
+                )
             yield response
 
     async def WatchEvents(
@@ -101,8 +104,8 @@ class WatchingCalls(Calls):
         self, request: pb.ListDevicesRequest, caller: Caller
     ) -> pb.ListDevicesResponse:
         """List the devices."""
-        reports = map(device_message, self._cell.devices.values())
-        return pb.ListDevicesResponse(devices=[report.device for report in reports])
+        devices = self._cell.devices.values()
+        return pb.ListDevicesResponse(devices=map(report.device_description, devices))
 
 
 async def _with_reason(device: Device) -> pb.DeviceReport:
@@ -111,16 +114,10 @@ async def _with_reason(device: Device) -> pb.DeviceReport:
     The device's thread hears the reason only when it is done with what it was about, which takes
     its time after the daemon itself stood still.
     """
-    said = device_message(device)
+    said = report.device_report(device)
     for _ in range(_HEARINGS):
         if said.state != pb.STATE_FAULT or said.fault_text:
             break
         await asyncio.sleep(TICK)
-        said = device_message(device)
+        said = report.device_report(device)
     return said
-
-
-@functools.lru_cache(maxsize=1024)
-def _message(record: bytes) -> pb.Cycle:
-    """Return what a record says, made once for all who watch."""
-    return cycle_to_message(unpack_cycle(record))

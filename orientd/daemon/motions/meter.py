@@ -13,7 +13,7 @@ from orientd import rotation
 from orientd.planner import RecordedMotion, Vector3
 from orientd.recorder import Table, from_records
 from orientd.rotation import Floats
-from orientd.rpc import Durations, Statistics
+from orientd.rpc import control_pb2 as pb
 from orientd.stream import CycleFlag, ServoState
 
 _BIN = np.log(1.01)
@@ -190,9 +190,9 @@ class MotionMeter:
         """Orientation sent last, and its first and second backward differences."""
         return self._last_q, self._omega, self._alpha
 
-    def statistics(self) -> Statistics:
+    def statistics(self) -> pb.MotionStatistics:
         """Return the figures so far."""
-        return Statistics(
+        return pb.MotionStatistics(
             cycles=self._cycles,
             overruns=self._overruns,
             missed=self._missed,
@@ -304,8 +304,8 @@ class MotionMeter:
         return float(np.linalg.norm(sent - np.array(wanted)))
 
 
-def _durations(histogram: Histogram) -> Durations:
-    return Durations(
+def _durations(histogram: Histogram) -> pb.Durations:
+    return pb.Durations(
         p50=histogram.percentile_ns(50.0) / NANOSECONDS,
         p99=histogram.percentile_ns(99.0) / NANOSECONDS,
         p99_9=histogram.percentile_ns(99.9) / NANOSECONDS,

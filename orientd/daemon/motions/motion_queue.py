@@ -17,7 +17,7 @@ from orientd.daemon.motions.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.planners import PlannedMotion
 from orientd.errors import DaemonError, LateError, NotYetError, OrientdError, StateError
 from orientd.planner import MotionFacts
-from orientd.rpc import Statistics
+from orientd.rpc import control_pb2 as pb
 from orientd.servo import TAIL_WORD
 from orientd.stream import UNKNOWN, Command, Cycle, ServoState, record_index
 
@@ -47,7 +47,7 @@ class MotionQueue:
         self._read_ahead = read_ahead
         self._queued_motions: list[QueuedMotion] = []
         self._meters: dict[int, MotionMeter] = {}
-        self._measured: OrderedDict[int, tuple[Statistics, int | None]] = OrderedDict()
+        self._measured: OrderedDict[int, tuple[pb.MotionStatistics, int | None]] = OrderedDict()
         self._metered = 0
 
     # What there is
@@ -107,7 +107,7 @@ class MotionQueue:
             )
         return SplicePoint(self.last.number, record)
 
-    def figures(self, number: int) -> tuple[Statistics | None, int | None]:
+    def figures(self, number: int) -> tuple[pb.MotionStatistics | None, int | None]:
         """Return what was measured of motion *number*, and when it began to move, monotonic clock.
 
         Either is ``None`` where it is not known.

@@ -26,7 +26,7 @@ from orientd.daemon.planners import Continuation, PlanCall, PlanInput, PlannedMo
 from orientd.errors import LateError, NotYetError, StateError
 from orientd.planner import HISTORY, RecordedMotion
 from orientd.planner import State as PlannedState
-from orientd.rpc import Statistics
+from orientd.rpc import control_pb2 as pb
 from orientd.stream import UNKNOWN, Command, Cycle, ServoState
 
 
@@ -330,7 +330,7 @@ class Motions:
         """Return how long after its last setpoint motion *number* was on target, s, if it was."""
         return self._arrivals.settled_after(number)
 
-    def figures(self, number: int) -> tuple[Statistics | None, int | None]:
+    def figures(self, number: int) -> tuple[pb.MotionStatistics | None, int | None]:
         """See :meth:`.MotionQueue.figures`; up to the newest cycle."""
         if not self._is_closed:
             self._queue.measure()

@@ -13,13 +13,10 @@ from orientd.daemon.planners import PlanInput
 from orientd.driver import IDENTITY, ZERO
 from orientd.errors import DaemonError, Fault, LateError, NotYetError, PlanError, StateError
 from orientd.planner import DEFAULT_LIMITS, State
-from orientd.rpc import Durations, Statistics
+from orientd.rpc import control_pb2 as pb
 from orientd.stream import CYCLE_RECORD, Cycle, ServoState
 
-AT_NO_TIME = Durations(0.0, 0.0, 0.0, 0.0)
-STATISTICS = Statistics(
-    7, 0, 0, 0, AT_NO_TIME, AT_NO_TIME, 0.0, 0.0, 0.0, 0.0, 0.0, None, None
-)  # fmt: skip
+STATISTICS = pb.MotionStatistics(cycles=7, lateness=pb.Durations(), work=pb.Durations())
 """What is measured of every motion."""
 
 

@@ -8,12 +8,13 @@ import pytest
 from fake_device import FakeDevice, cycle
 
 from orientd import config, planner
-from orientd.cli import texts
 from orientd.daemon.calls import report
 from orientd.daemon.motions.active_motions import ActiveMotion, ActiveMotions
 from orientd.daemon.planners import reporting
+from orientd.errors import Fault
+from orientd.rpc import control_pb2 as pb
 from orientd.rpc.reports import Outcome
-from orientd.stream import ServoState, record_index
+from orientd.stream import CycleFlag, ServoState, record_index
 
 SETTINGS = config.default_settings().devices["arm"]
 
@@ -85,7 +86,7 @@ def test_progress_tells_the_worst_lateness_since_the_last(device, motion):
     assert progress.lateness == pytest.approx(900e-9)
     assert progress.overruns == 2
     assert progress.duration == motion.duration
-    assert progress.tracking_error is None
+    assert not progress.HasField("tracking_error")
     assert reader.read().lateness == 0.0
     device.published = []
     assert reader.read() is None
@@ -112,19 +113,20 @@ def test_samples_begin_and_end_with_the_motion(motion):
 
 def test_a_summary_has_the_statistics_of_its_motion_only(device, motion):
     device.number = 2
-    for number, cycles in ((2, 7), (1, None)):
+    for number, cycles in ((2, 7), (1, 0)):
         run = ActiveMotion(device, number, motion.recorded(), "")
         run.ended.set_result((Outcome.STOPPED, "why"))
         summary = report.summary(run, ActiveMotions({}))
-        assert (summary.outcome, summary.text) == (Outcome.STOPPED, "why")
-        assert (summary.statistics and summary.statistics.cycles) == cycles
+        assert (summary.outcome, summary.text) == (pb.OUTCOME_STOPPED, "why")
+        assert summary.HasField("statistics") == bool(cycles)
+        assert summary.statistics.cycles == cycles
 
 
 def test_a_device_without_cycles_or_motion_can_be_told(device):
     device.published = []
     told = report.device_report(device)
-    assert (told.cycle, told.motion_id, told.duration) == (None, "", 0.0)
-    assert told.state is ServoState.HOLDING
+    assert (told.HasField("cycle"), told.motion_id, told.duration) == (False, "", 0.0)
+    assert told.state == pb.STATE_HOLDING
 
 
 def test_a_motion_is_told_by_its_name(device, motion):
@@ -132,10 +134,33 @@ def test_a_motion_is_told_by_its_name(device, motion):
     device.number, device.motion = 3, SimpleNamespace(id=facts.id, facts=facts)
     told = report.device_report(device)
     assert (told.motion_name, told.motion_id) == ("fetch", facts.id)
-    assert texts.motion(told).startswith("3 'fetch': ")
 
 
 def test_every_method_says_what_it_is():
     for method in reporting.known_methods():
         assert method.summary
         assert method.source, method.name
+
+
+def test_a_cycle_without_feedback_reports_none():
+    told = report.cycle_message(cycle(3))
+    assert not told.HasField("feedback_orientation")
+    assert (told.index, told.state, told.fault) == (3, pb.STATE_HOLDING, pb.FAULT_NONE)
+
+
+def test_a_cycle_reports_its_feedback_and_the_angle_to_it():
+    half = 0.5**0.5
+    fed = replace(cycle(3), flags=CycleFlag.FEEDBACK, feedback_q=(half, half, 0.0, 0.0))
+    told = report.cycle_message(fed)
+    assert told.tracking_error == pytest.approx(np.pi / 2)
+    assert told.feedback_orientation.x == half
+
+
+@pytest.mark.parametrize(
+    ("kind", "of", "name"), [(ServoState, pb.State, "STATE"), (Fault, pb.Fault, "FAULT")]
+)
+def test_every_state_and_fault_has_its_number_on_the_wire(kind, of, name):
+    numbers = {one: of.Value(f"{name}_{one.name}") for one in kind}
+    assert len(set(numbers.values())) == len(kind)
+    if kind is Fault:
+        assert all(one.value == number for one, number in numbers.items())
