@@ -36,6 +36,10 @@ _NO_FAULT = Fault.NONE
 _NO_LIMITS = ServoLimits(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
 _START_TOLERANCE = 1e-9
 _STILL = 1e-6  # rad/s
+_BY_POSES = 0.99
+"""Part of what the axes may accelerate that a quick stop uses where the device takes poses: between
+two records the joints of the poses differ a little from those of the path."""
+
 _JOINT_TOLERANCE = 1e-8
 """Of an axis' angle, rad: close to a pole rounding is more than elsewhere."""
 
@@ -125,7 +129,9 @@ class SetpointGenerator:
         if self._takes_joints and (mechanism is None or not feedback.joints):
             raise DeviceFaultError("the driver takes joints, but does not say which and where")
         self._mechanism = mechanism
-        self._guard.know(mechanism.axes if mechanism is not None else ())
+        axes = mechanism.axes if mechanism is not None else ()
+        self._guard.know(axes)
+        self._quick_stop.know(axes, share=1.0 if self._takes_joints else _BY_POSES)
         self.pursuit.foresight = self._following = None
         if self._takes_joints and mechanism is not None:
             self._following = Following(mechanism, period)

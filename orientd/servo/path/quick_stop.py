@@ -19,11 +19,11 @@ in the period); its slope by the rate is the velocity at the second.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from copy import copy
 from math import ceil
 
-from orientd.driver import ZERO, Joints
+from orientd.driver import ZERO, AxisLimits, Joints
 from orientd.floats import combine, dot, norm, plus
 from orientd.servo.guard import Guard
 from orientd.servo.motion_law import stop_phases
@@ -60,6 +60,7 @@ class QuickStop:
         self._scaling = scaling
         self._follower = follower
         self._guard = guard
+        self._axes: tuple[AxisLimits, ...] = ()
         self._steps = max(FEWEST_STEPS, round(STEPS_PER_SECOND * scaling.period))
         self._moves = -1
         self._tries = 0
@@ -68,6 +69,13 @@ class QuickStop:
         self._rollout: Iterator[bool] | None = None
         self._rates: list[float] = []
         self._lead = self._begun = self._revision = self._here = self._passed = 0
+
+    def know(self, axes: Sequence[AxisLimits], *, share: float) -> None:
+        """Use from here on no more than a *share* of what *axes* may accelerate."""
+        self._axes = tuple(
+            axis._replace(acceleration=share * axis.acceleration, jerk=share * axis.jerk)
+            for axis in axes
+        )
 
     def seek(self, servo_limits: ServoLimits, *, may_end: bool) -> None:
         """Go on looking for a stop, as far as one cycle allows, and plan it once it is found.
@@ -125,7 +133,7 @@ class QuickStop:
             norm(guard.velocity) / servo_limits.linear_acceleration,
             *(
                 abs(rate) / axis.acceleration
-                for axis, rate in zip(guard.axes, guard.joint_rates, strict=False)
+                for axis, rate in zip(self._axes, guard.joint_rates, strict=False)
             ),
         )
         cycles = max(time / self._scaling.period, self._expected)
@@ -148,7 +156,7 @@ class QuickStop:
         scaling, follower, guard = copy(self._scaling), self._follower, self._guard
         h, n, rates = scaling.period, 1.0 / scaling.period, self._rates
         # Joints count whose limits and last cycles are known.
-        axes = guard.axes if guard.joint_changes else ()
+        axes = self._axes if guard.joint_changes else ()
         past = Past(
             guard.omega, guard.alpha, guard.velocity, scaling.rate,
             guard.joint_rates if axes else (), guard.joint_changes if axes else (),
