@@ -104,6 +104,13 @@ class RecorderSettings(Table):
     keep_megabytes: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 200.0
 
 
+NO_LONGER_USED = {
+    "streamed_bytes": ", and set message_bytes",
+    "streamed_keyframes": ", and set keyframes",
+    "requests_per_second": "",
+}
+
+
 class AccessSettings(Table):
     """The table ``[access]``: who may do what, and how much of it.
 
@@ -118,10 +125,10 @@ class AccessSettings(Table):
             directory.
         audit_bytes: how large that file becomes before another is begun.
         audit_files: how many of those before it are kept.
-        message_bytes: the largest message.
-        keyframes: the most of one motion in one message.
-        streamed_bytes: the largest motion that comes in pieces, as clients send a large one.
-        streamed_keyframes: the most of one that comes in pieces.
+        message_bytes: the largest message; 200,000 keyframes with times take 8 MB.
+        keyframes: the most keyframes of one motion.
+        streamed_bytes: no longer used; remove it, and set message_bytes.
+        streamed_keyframes: no longer used; remove it, and set keyframes.
         requests_per_second: no longer used; remove it.
         streams: calls of one identity at the same time; stops and renewals do not count.
         connections: of one identity at the same time; an idle one gives way to a later one.
@@ -133,18 +140,19 @@ class AccessSettings(Table):
     audit: SomePath | None = None
     audit_bytes: Annotated[int, Field(ge=4096)] = 10 * MEBIBYTE
     audit_files: Annotated[int, Field(ge=1, le=1000)] = 5
-    message_bytes: Annotated[int, Field(ge=4096, le=512 * MEBIBYTE)] = 1_500_000
-    keyframes: Count = 20_000
-    streamed_bytes: Annotated[int, Field(ge=4096, le=512 * MEBIBYTE)] = 64 * MEBIBYTE
-    streamed_keyframes: Count = 200_000
+    message_bytes: Annotated[int, Field(ge=4096, le=512 * MEBIBYTE)] = 8 * MEBIBYTE
+    keyframes: Count = 200_000
+    streamed_bytes: Count | None = None
+    streamed_keyframes: Count | None = None
     requests_per_second: Count | None = None
     streams: Count = 128
     connections: Count = 128
 
     @model_validator(mode="after")
     def _tell_what_is_not_used(self) -> Self:
-        if self.requests_per_second is not None:
-            _log.warning("access.requests_per_second is no longer used: remove it")
+        for name, instead in NO_LONGER_USED.items():
+            if getattr(self, name) is not None:
+                _log.warning("access.%s is no longer used: remove it%s", name, instead)
         return self
 
 

@@ -23,7 +23,6 @@ from orientd.daemon.motion_starter import MotionStarter
 from orientd.daemon.motions import ActiveMotions, PlanStore
 from orientd.daemon.observe import FlightRecorder, Journal
 from orientd.daemon.planners import (
-    LargeRequests,
     PlanCall,
     PlannedMotion,
     PlannerDevice,
@@ -92,7 +91,6 @@ class Cell:
             processes=settings.planner.processes or default_processes(),
             timeout=settings.planner.plan_timeout,
         )
-        self.large = LargeRequests(0)
         self.bound(settings.access)
         self._commanders = ThreadPoolExecutor(COMMANDERS, thread_name_prefix="command")
         self.starter = MotionStarter(
@@ -115,8 +113,6 @@ class Cell:
     def bound(self, access: AccessSettings) -> None:
         """Take motions of the sizes that *access* permits from now on."""
         self.keyframes = access.keyframes
-        self.streamed_keyframes = access.streamed_keyframes
-        self.large.most_bytes = access.streamed_bytes
 
     def _disown(self, lease: Lease, devices: Collection[str], what: str) -> None:
         """Stop what was started under a lease that is lost.

@@ -13,8 +13,6 @@ CHANGEABLE = (
     "access.groups",
     "access.certificates",
     "access.keyframes",
-    "access.streamed_bytes",
-    "access.streamed_keyframes",
     "access.streams",
     "tcp.certificate",
     "tcp.key",

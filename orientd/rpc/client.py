@@ -27,11 +27,9 @@ from orientd.rpc.observer import Observer
 from orientd.rpc.reports import CellReport, OnTarget, Plan
 from orientd.rpc.wire import (
     configured_from_message,
-    cut_motion,
     cycle_from_message,
     daemon_from_message,
     device_from_message,
-    in_pieces,
     method_from_message,
 )
 from orientd.stream import Cycle
@@ -222,12 +220,7 @@ class Robot(Commands):
             sample_rate_hz=sample_rate_hz,
             plan_timeout=plan_seconds(plan_timeout),
         )
-        motion = cut_motion(request)
-        if motion:
-            parts = in_pieces(pb.PlanLargeRequest, request, motion)
-            answer = self._connection.call(self._stub.PlanLarge, parts)
-        else:
-            answer = self._connection.call(self._stub.Plan, request)
+        answer = self._connection.call(self._stub.Plan, request)
         samples = samples_from_messages(answer.samples) if sample_rate_hz else None
         return plan_from_message(answer.plan, samples=samples)
 
@@ -317,13 +310,8 @@ class Robot(Commands):
         if on_target is not None:
             request.on_target.CopyFrom(pb.OnTarget(**asdict(on_target)))
 
-        motion = cut_motion(request)
-
         def begin(token: str, number: int) -> Any:  # noqa: ANN401 - gRPC's
             request.lease_token, request.lease_sequence = token, number
-            if motion:
-                parts = in_pieces(pb.MoveLargeRequest, request, motion)
-                return self._connection.call(self._stub.MoveLarge, parts)
             return self._connection.call(self._stub.Move, request, metadata=metadata)
 
         self._moves = [move for move in self._moves if not move.is_done]

@@ -69,11 +69,6 @@ class ControlStub(object):
                 request_serializer=orientd_dot_rpc_dot_control__pb2.PlanRequest.SerializeToString,
                 response_deserializer=orientd_dot_rpc_dot_control__pb2.PlanResponse.FromString,
                 _registered_method=True)
-        self.PlanLarge = channel.stream_unary(
-                '/orientd.v1.Control/PlanLarge',
-                request_serializer=orientd_dot_rpc_dot_control__pb2.PlanLargeRequest.SerializeToString,
-                response_deserializer=orientd_dot_rpc_dot_control__pb2.PlanResponse.FromString,
-                _registered_method=True)
         self.GetPlan = channel.unary_unary(
                 '/orientd.v1.Control/GetPlan',
                 request_serializer=orientd_dot_rpc_dot_control__pb2.GetPlanRequest.SerializeToString,
@@ -82,11 +77,6 @@ class ControlStub(object):
         self.Move = channel.unary_stream(
                 '/orientd.v1.Control/Move',
                 request_serializer=orientd_dot_rpc_dot_control__pb2.MoveRequest.SerializeToString,
-                response_deserializer=orientd_dot_rpc_dot_control__pb2.MoveResponse.FromString,
-                _registered_method=True)
-        self.MoveLarge = channel.stream_stream(
-                '/orientd.v1.Control/MoveLarge',
-                request_serializer=orientd_dot_rpc_dot_control__pb2.MoveLargeRequest.SerializeToString,
                 response_deserializer=orientd_dot_rpc_dot_control__pb2.MoveResponse.FromString,
                 _registered_method=True)
         self.Stop = channel.unary_unary(
@@ -209,14 +199,6 @@ class ControlServicer(object):
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
-    def PlanLarge(self, request_iterator, context):
-        """As Plan, of a motion that is too large for one message: the request first, without its motion,
-        then the bytes of its MotionRequest in pieces, in order.
-        """
-        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
-        context.set_details('Method not implemented!')
-        raise NotImplementedError('Method not implemented!')
-
     def GetPlan(self, request, context):
         """The plan of a motion: of the one that runs or ran last, or one that is kept for a Move.
         """
@@ -229,13 +211,6 @@ class ControlServicer(object):
         ahead, without a step in orientation, velocity or acceleration, or is followed, as the request
         says. To cancel the call is to stop the device on its path, unless the motion has ended, or waits
         for its turn: then it is taken out, and what runs goes on.
-        """
-        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
-        context.set_details('Method not implemented!')
-        raise NotImplementedError('Method not implemented!')
-
-    def MoveLarge(self, request_iterator, context):
-        """As Move, of a motion that is too large for one message; see PlanLarge.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -372,11 +347,6 @@ def add_ControlServicer_to_server(servicer, server):
                     request_deserializer=orientd_dot_rpc_dot_control__pb2.PlanRequest.FromString,
                     response_serializer=orientd_dot_rpc_dot_control__pb2.PlanResponse.SerializeToString,
             ),
-            'PlanLarge': grpc.stream_unary_rpc_method_handler(
-                    servicer.PlanLarge,
-                    request_deserializer=orientd_dot_rpc_dot_control__pb2.PlanLargeRequest.FromString,
-                    response_serializer=orientd_dot_rpc_dot_control__pb2.PlanResponse.SerializeToString,
-            ),
             'GetPlan': grpc.unary_unary_rpc_method_handler(
                     servicer.GetPlan,
                     request_deserializer=orientd_dot_rpc_dot_control__pb2.GetPlanRequest.FromString,
@@ -385,11 +355,6 @@ def add_ControlServicer_to_server(servicer, server):
             'Move': grpc.unary_stream_rpc_method_handler(
                     servicer.Move,
                     request_deserializer=orientd_dot_rpc_dot_control__pb2.MoveRequest.FromString,
-                    response_serializer=orientd_dot_rpc_dot_control__pb2.MoveResponse.SerializeToString,
-            ),
-            'MoveLarge': grpc.stream_stream_rpc_method_handler(
-                    servicer.MoveLarge,
-                    request_deserializer=orientd_dot_rpc_dot_control__pb2.MoveLargeRequest.FromString,
                     response_serializer=orientd_dot_rpc_dot_control__pb2.MoveResponse.SerializeToString,
             ),
             'Stop': grpc.unary_unary_rpc_method_handler(
@@ -658,33 +623,6 @@ class Control(object):
             _registered_method=True)
 
     @staticmethod
-    def PlanLarge(request_iterator,
-            target,
-            options=(),
-            channel_credentials=None,
-            call_credentials=None,
-            insecure=False,
-            compression=None,
-            wait_for_ready=None,
-            timeout=None,
-            metadata=None):
-        return grpc.experimental.stream_unary(
-            request_iterator,
-            target,
-            '/orientd.v1.Control/PlanLarge',
-            orientd_dot_rpc_dot_control__pb2.PlanLargeRequest.SerializeToString,
-            orientd_dot_rpc_dot_control__pb2.PlanResponse.FromString,
-            options,
-            channel_credentials,
-            insecure,
-            call_credentials,
-            compression,
-            wait_for_ready,
-            timeout,
-            metadata,
-            _registered_method=True)
-
-    @staticmethod
     def GetPlan(request,
             target,
             options=(),
@@ -727,33 +665,6 @@ class Control(object):
             target,
             '/orientd.v1.Control/Move',
             orientd_dot_rpc_dot_control__pb2.MoveRequest.SerializeToString,
-            orientd_dot_rpc_dot_control__pb2.MoveResponse.FromString,
-            options,
-            channel_credentials,
-            insecure,
-            call_credentials,
-            compression,
-            wait_for_ready,
-            timeout,
-            metadata,
-            _registered_method=True)
-
-    @staticmethod
-    def MoveLarge(request_iterator,
-            target,
-            options=(),
-            channel_credentials=None,
-            call_credentials=None,
-            insecure=False,
-            compression=None,
-            wait_for_ready=None,
-            timeout=None,
-            metadata=None):
-        return grpc.experimental.stream_stream(
-            request_iterator,
-            target,
-            '/orientd.v1.Control/MoveLarge',
-            orientd_dot_rpc_dot_control__pb2.MoveLargeRequest.SerializeToString,
             orientd_dot_rpc_dot_control__pb2.MoveResponse.FromString,
             options,
             channel_credentials,

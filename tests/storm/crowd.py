@@ -13,15 +13,14 @@ import os
 import sys
 import threading
 from collections import Counter
-from collections.abc import Iterator
 
 import grpc
 import numpy as np
 
+from orientd.rotation import exp
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.wire import in_pieces
 
-PLAN = "/orientd.v1.Control/PlanLarge"
+PLAN = "/orientd.v1.Control/Plan"
 STEP = 0.004
 """s from keyframe to keyframe of a large file."""
 
@@ -34,16 +33,9 @@ def large_motion(keyframes: int, **more) -> pb.MotionRequest:
     vectors = np.stack(
         [0.3 * np.sin(0.8 * times), 0.2 * np.sin(1.1 * times), 0.4 * np.sin(0.3 * times)]
     )
-    columns = zip(times.tolist(), *(ramp * vectors).tolist(), strict=True)
-    frames = [
-        pb.Keyframe(time=t, rotation_vector=pb.Vector3(x=x, y=y, z=z)) for t, x, y, z in columns
-    ]
-    return pb.MotionRequest(keyframes=frames, approach=True, **more)
-
-
-def parts(device: str, motion: pb.MotionRequest) -> Iterator[pb.PlanLargeRequest]:
-    """Yield the messages that plan *motion*, large as it is."""
-    return in_pieces(pb.PlanLargeRequest, pb.PlanRequest(device=device), motion.SerializeToString())
+    keys = exp((ramp * vectors).T)
+    columns = pb.KeyframeColumns(quaternions=keys.ravel().tolist(), times=times.tolist())
+    return pb.MotionRequest(columns=columns, approach=True, **more)
 
 
 def endless_motion(keyframes: int = 6000) -> pb.MotionRequest:
@@ -83,15 +75,15 @@ def main(socket: str, device: str, clients: int, keyframes: int, at_once: int) -
     """Plan until standard input is closed."""
     met: Counter[str] = Counter()
     large, largest = (
-        [part.SerializeToString() for part in parts(device, large_motion(n))]
+        pb.PlanRequest(device=device, motion=large_motion(n)).SerializeToString()
         for n in (keyframes, 2 * keyframes)
     )
 
-    def keep_planning(request: list[bytes], together: int) -> None:
+    def keep_planning(request: bytes, together: int) -> None:
         # Bytes as they are: what a client does to make them is not what is measured.
-        plan = raw_channel(socket).stream_unary(PLAN)
+        plan = raw_channel(socket).unary_unary(PLAN)
         while True:
-            for call in [plan.future(iter(request)) for _ in range(together)]:
+            for call in [plan.future(request) for _ in range(together)]:
                 code = call.code()  # waits for its end
                 met[code.name] += 1
 

@@ -8,7 +8,7 @@ import time
 
 import grpc
 import pytest
-from crowd import endless_motion, large_motion, parts, raw_channel
+from crowd import endless_motion, large_motion, raw_channel
 from harness import nudge, spin, until
 from storm_rig import Rig, await_idle, memory_mib
 
@@ -168,15 +168,15 @@ def test_a_caller_who_hangs_up_frees_who_plans(rig, endless):
 
 @pytest.mark.storm
 def test_many_large_plans_of_one_caller_do_not_hold_up_another(rig):
-    large = list(parts(DEVICE, large_motion(50_000)))
+    large = pb.PlanRequest(device=DEVICE, motion=large_motion(50_000))
     await_idle(rig, 60.0)
     begun = time.monotonic()
-    rig.stub.PlanLarge(iter(large))
+    rig.stub.Plan(large)
     alone = time.monotonic() - begun
     # The processors are shared while they plan.
     longest, waits = 2.0 * alone + PROMPT, []
     with raw_channel(rig.socket) as greedy, raw_channel(rig.socket) as modest:
-        calls = [ControlStub(greedy).PlanLarge.future(iter(large)) for _ in range(50)]
+        calls = [ControlStub(greedy).Plan.future(large) for _ in range(50)]
         time.sleep(0.5)
         for _ in range(5):
             begun = time.monotonic()

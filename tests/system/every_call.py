@@ -23,15 +23,7 @@ def requests(method, token):
     motion = pb.MotionRequest(keyframes=[pb.Keyframe(rotation_vector=pb.Vector3(x=0.2))])
     known = {
         "Move": [pb.MoveRequest(lease_token=token, motion=motion)],
-        "MoveLarge": [
-            pb.MoveLargeRequest(request=pb.MoveRequest(lease_token=token)),
-            pb.MoveLargeRequest(piece=motion.SerializeToString()),
-        ],
         "Plan": [pb.PlanRequest(motion=motion)],
-        "PlanLarge": [
-            pb.PlanLargeRequest(request=pb.PlanRequest()),
-            pb.PlanLargeRequest(piece=motion.SerializeToString()),
-        ],
         "SetSpeed": [pb.SetSpeedRequest(lease_token=token, speed=0.3)],
         "Track": [
             pb.TrackRequest(start=pb.TrackStart(lease_token=token)),

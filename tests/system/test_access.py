@@ -130,7 +130,7 @@ def as_user(cell, uid, *groups, token=""):
 
 
 NEED_LEASE = {
-    *("Move", "MoveLarge", "Track", "Pause", "Resume", "SetSpeed", "Enable", "Disable", "Reset"),
+    *("Move", "Track", "Pause", "Resume", "SetSpeed", "Enable", "Disable", "Reset"),
     *("RenewLease", "ReleaseLease"),
 }
 

@@ -16,7 +16,6 @@ from orientd.rotation import Quaternion
 from orientd.rpc import Outcome
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.control_pb2_grpc import ControlStub
-from orientd.rpc.wire import large
 from orientd.stream import ServoState
 
 pytest.importorskip("zenoh")
@@ -83,9 +82,7 @@ def test_a_refusal_is_told_in_the_same_words(fleet):
         robot.track(limits={"velocity": -1.0})
 
 
-def test_a_motion_in_pieces_is_planned_and_run(fleet, monkeypatch):
-    monkeypatch.setattr(large, "LARGE_BYTES", 1000)
-    monkeypatch.setattr(large, "PIECE_BYTES", 500)
+def test_a_motion_of_many_keyframes_is_planned_and_run(fleet):
     with fleet.robot("arm-1") as robot:
         plan = robot.plan(MANY, approach=True, limits={"velocity": 2.0})
         assert len(plan.keyframe_times) == len(MANY)
@@ -95,10 +92,10 @@ def test_a_motion_in_pieces_is_planned_and_run(fleet, monkeypatch):
         assert move.wait(20.0).outcome is Outcome.STOPPED
 
 
-def test_a_piece_too_large_is_refused_and_ends_the_call(fleet):
-    pieces = (pb.PlanLargeRequest(piece=bytes(2_000_000)) for _ in range(20))
+def test_a_message_too_large_is_refused_and_ends_the_call(fleet):
+    motion = pb.MotionRequest(columns=pb.KeyframeColumns(times=[0.0] * 1_200_000))
     with fleet.channel("arm-1") as channel, pytest.raises(grpc.RpcError) as caught:
-        ControlStub(channel).PlanLarge(pieces)
+        ControlStub(channel).Plan(pb.PlanRequest(motion=motion))
     assert caught.value.code() is grpc.StatusCode.RESOURCE_EXHAUSTED
 
 

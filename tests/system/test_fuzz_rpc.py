@@ -1,5 +1,6 @@
 """Calls that no client would make: random and mutated bytes through a bare channel."""
 
+import math
 import os
 import random
 from collections import Counter
@@ -89,34 +90,23 @@ def test_many_calls_of_nonsense_move_nothing(tmp_path):
         check(daemon, LONG, seed=8)
 
 
-def test_a_message_too_large_or_a_motion_too_long_is_refused(tmp_path):
+@pytest.mark.parametrize("name", ["keyframes", "columns"])
+def test_a_message_too_large_or_a_motion_too_long_is_refused(tmp_path, name):
+    def motion(count):
+        turns = [(math.cos(0.001 * k), math.sin(0.001 * k)) for k in range(count)]
+        if name == "columns":
+            numbers = [number for w, x in turns for number in (w, x, 0.0, 0.0)]
+            return pb.MotionRequest(columns=pb.KeyframeColumns(quaternions=numbers))
+        keyframes = [pb.Keyframe(quaternion=pb.Quaternion(w=w, x=x)) for w, x in turns]
+        return pb.MotionRequest(keyframes=keyframes)
+
     with limited(tmp_path, "message_bytes = 20000\nkeyframes = 50") as daemon:
-        for count, code in ((60, "INVALID_ARGUMENT"), (9000, "RESOURCE_EXHAUSTED")):
-            motion = pb.MotionRequest(keyframes=[pb.Keyframe(time=float(k)) for k in range(count)])
-            plan = SERVICE.methods_by_name["Plan"]
-            assert call(daemon.channel, plan, [pb.PlanRequest(motion=motion)]) == code
-
-
-def test_a_large_motion_comes_in_pieces_and_in_order(tmp_path):
-    large = SERVICE.methods_by_name["PlanLarge"]
-    bounds = "keyframes = 50\nstreamed_keyframes = 500\nstreamed_bytes = 50000"
-    with limited(tmp_path, bounds) as daemon:
-
-        def codes(*messages):
-            return call(daemon.channel, large, messages)
-
-        def piece(count):
-            turns = [pb.Vector3(x=0.001 * k) for k in range(count)]
-            motion = pb.MotionRequest(keyframes=[pb.Keyframe(rotation_vector=x) for x in turns])
-            return pb.PlanLargeRequest(piece=motion.SerializeToString())
-
-        begin = pb.PlanLargeRequest(request=pb.PlanRequest())
-        # Messages of one type, one after the other, are the message of both.
-        assert codes(begin, piece(40), piece(40)) == "OK"
-        assert codes(begin, piece(400), piece(101)) == "INVALID_ARGUMENT"
-        assert codes(begin, *[piece(400)] * 10) == "INVALID_ARGUMENT"
-        for wrong in ([], [piece(3)], [begin, begin], [begin, pb.PlanLargeRequest()], [begin]):
-            assert codes(*wrong) == "INVALID_ARGUMENT"
+        stub = ControlStub(daemon.channel)
+        stub.Plan(pb.PlanRequest(motion=motion(50)))
+        with pytest.raises(grpc.RpcError, match="keyframes: expected at most 50, got 51"):
+            stub.Plan(pb.PlanRequest(motion=motion(51)))
+        with pytest.raises(grpc.RpcError, match="the message is too large"):
+            stub.Plan(pb.PlanRequest(motion=motion(2000)))
 
 
 def test_bytes_that_are_no_request_are_refused_in_one_line(tmp_path):
@@ -126,9 +116,12 @@ def test_bytes_that_are_no_request_are_refused_in_one_line(tmp_path):
 
 
 def test_a_key_that_is_no_longer_used_is_named(tmp_path):
-    with limited(tmp_path, "requests_per_second = 1") as daemon:
+    keys = "requests_per_second", "streamed_bytes", "streamed_keyframes"
+    with limited(tmp_path, "\n".join(f"{key} = 1" for key in keys)) as daemon:
         assert call(daemon.channel, LOOK, [pb.ListDevicesRequest()]) == "OK"
-        assert "access.requests_per_second is no longer used" in (daemon.folder / "log").read_text()
+        log = (daemon.folder / "log").read_text()
+        for key in keys:
+            assert f"access.{key} is no longer used: remove it" in log
 
 
 def test_who_has_too_many_calls_open_is_refused_but_may_stop(tmp_path):

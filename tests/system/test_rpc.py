@@ -31,7 +31,6 @@ from orientd.rpc import control_pb2 as pb
 from orientd.rpc.control_pb2_grpc import ControlStub
 from orientd.rpc.motion_request import Quaternion
 from orientd.rpc.reports import Outcome
-from orientd.rpc.wire import cut_motion, in_pieces
 from orientd.stream import ServoState
 
 LEASE_SECONDS = 3.0
@@ -325,19 +324,15 @@ def test_a_call_for_anything_else_is_refused(daemon):
         daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=token))
 
 
-def test_a_hundred_thousand_keyframes_fit_through_the_socket(daemon):
-    keyframe = pb.Keyframe(
-        time=1.0, quaternion=pb.Quaternion(w=1.0), position=pb.Vector3(x=0.1, y=0.2, z=0.3)
-    )
-    keyframes = [keyframe] * 100_000
-    keyframes[-1] = pb.Keyframe(quaternion=pb.Quaternion(w=1.1))
-    request = pb.PlanRequest(motion=pb.MotionRequest(keyframes=keyframes))
-    parts = in_pieces(pb.PlanLargeRequest, request, cut_motion(request))
+def test_two_hundred_thousand_keyframes_fit_into_a_message(daemon):
+    count = 200_000
+    columns = pb.KeyframeColumns(quaternions=[1.0, 0.0, 0.0, 0.0] * count, times=range(count))
+    columns.quaternions[-4] = 1.1
     with pytest.raises(grpc.RpcError) as caught:
         # Longer than a plan may take by itself: reading them takes a busy machine its time.
-        daemon.stub.PlanLarge(parts, timeout=60.0)
+        daemon.stub.Plan(pb.PlanRequest(motion=pb.MotionRequest(columns=columns)), timeout=60.0)
     assert caught.value.code() is grpc.StatusCode.INVALID_ARGUMENT
-    assert caught.value.details().startswith("keyframes[99999].")
+    assert caught.value.details().startswith("keyframes[199999].")
 
 
 def test_more_than_a_message_holds_is_refused_in_one_line(daemon):

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import functools
 import math
 import time
-from collections.abc import AsyncGenerator, AsyncIterator
-from typing import Any, cast
+from collections.abc import AsyncIterator
 
 from orientd.daemon.access import Caller
 from orientd.daemon.calls import report
@@ -36,34 +34,17 @@ class MovingCalls(Calls):
 
     async def Plan(self, request: pb.PlanRequest, caller: Caller) -> bytes:
         """Plan a motion and keep it."""
-        return await self._plan(request, caller, self._cell.keyframes)
-
-    async def PlanLarge(
-        self, request_iterator: AsyncIterator[pb.PlanLargeRequest], caller: Caller
-    ) -> bytes:
-        """Plan a motion that comes in pieces."""
-        request = await self._gather(request_iterator, caller)
-        return await self._plan(request, caller, self._cell.streamed_keyframes)
-
-    async def _plan(self, request: pb.PlanRequest, caller: Caller, most_keyframes: int) -> bytes:
         received_ns = time.monotonic_ns()
         try:
             device = self._cell.device(request.device)
             rate_hz = _sample_rate(request.sample_rate_hz, device)
-            order = self._order(request, caller, most_keyframes, rate_hz)
+            order = self._order(request, caller, rate_hz)
             motion = await self._cell.plan(device, order)
             # Messages put one behind the other are merged.
             took = pb.PlanResponse(plan=pb.Plan(planning=_seconds_since(received_ns)))
             return (motion.response or _unsampled(motion)) + took.SerializeToString()
         except OrientdError as error:
             error.planning = _seconds_since(received_ns)
-            raise self._in_the_end(error) from None
-
-    async def _gather(self, messages: AsyncIterator[Any], caller: Caller) -> Any:  # noqa: ANN401
-        try:
-            timeout = self._cell.planners.timeout
-            return await self._cell.large.gather(messages, caller.key, timeout)
-        except OrientdError as error:
             raise self._in_the_end(error) from None
 
     async def GetPlan(
@@ -84,24 +65,24 @@ class MovingCalls(Calls):
             raise self._in_the_end(error) from None
 
     def _order(
-        self,
-        request: pb.PlanRequest | pb.MoveRequest,
-        caller: Caller,
-        most_keyframes: int,
-        rate_hz: float = 0.0,
+        self, request: pb.PlanRequest | pb.MoveRequest, caller: Caller, rate_hz: float = 0.0
     ) -> PlanCall:
         """Return what is to be planned, for whom, and for how long at the most.
 
         Raises:
-            RequestError: the time for it is none.
+            RequestError: the time for it is none, or there are more keyframes than one may ask for.
         """
         longest = self._cell.planners.timeout
         wanted = request.plan_timeout or longest
         if not 0.0 < wanted < math.inf:
             raise RequestError("plan_timeout", f"expected more than 0 s, got {wanted:g}")
-        # Whoever serves sees the motion as the bytes that it came in.
-        motion = cast("bytes", request.motion)
-        return PlanCall(motion, caller.key, min(wanted, longest), rate_hz, most_keyframes)
+        motion = request.motion
+        count = max(len(motion.keyframes), len(motion.columns.quaternions) // 4)
+        if count > self._cell.keyframes:
+            expected = f"expected at most {self._cell.keyframes}"
+            raise RequestError("keyframes", f"{expected}, got {count}")
+        # The planner reads the rest: it takes as long as planning a small motion.
+        return PlanCall(motion.SerializeToString(), caller.key, min(wanted, longest), rate_hz)
 
     def _in_the_end(self, error: OrientdError) -> OrientdError:
         """Return why a call failed: once the daemon ends, because of that."""
@@ -109,23 +90,6 @@ class MovingCalls(Calls):
 
     async def Move(self, request: pb.MoveRequest, caller: Caller) -> AsyncIterator[pb.MoveResponse]:
         """Run a motion and report until it ends; a caller that goes away stops it."""
-        async with contextlib.aclosing(self._move(request, caller, self._cell.keyframes)) as told:
-            async for answer in told:
-                yield answer
-
-    async def MoveLarge(
-        self, request_iterator: AsyncIterator[pb.MoveLargeRequest], caller: Caller
-    ) -> AsyncIterator[pb.MoveResponse]:
-        """Run a motion that comes in pieces, as :meth:`Move`."""
-        request = await self._gather(request_iterator, caller)
-        most = self._cell.streamed_keyframes
-        async with contextlib.aclosing(self._move(request, caller, most)) as told:
-            async for answer in told:
-                yield answer
-
-    async def _move(
-        self, request: pb.MoveRequest, caller: Caller, most_keyframes: int
-    ) -> AsyncGenerator[pb.MoveResponse]:
         run: ActiveMotion | None = None
         received_ns = time.monotonic_ns()
         try:
@@ -136,7 +100,7 @@ class MovingCalls(Calls):
             move_options = self._move_options(request)
             stops = self._cell.runs.stops(device)
             run, timing = await self._start(
-                device, request, move_options, stops, received_ns, caller, most_keyframes
+                device, request, move_options, stops, received_ns, caller
             )
             yield _started(run, timing)
             reader = report.ProgressReader(run)
@@ -162,7 +126,6 @@ class MovingCalls(Calls):
         stops: int,
         received_ns: int,
         caller: Caller,
-        most_keyframes: int,
     ) -> tuple[ActiveMotion, pb.MoveTiming]:
         """Plan and begin a motion."""
         token, what = request.lease_token, request.WhichOneof("what")
@@ -170,7 +133,7 @@ class MovingCalls(Calls):
             return await self._cell.starter.move(
                 token,
                 device,
-                self._order(request, caller, most_keyframes),
+                self._order(request, caller),
                 move_options,
                 stops=stops,
                 received_ns=received_ns,

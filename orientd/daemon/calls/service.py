@@ -14,7 +14,6 @@ from orientd.daemon.calls.commanding import CommandingCalls
 from orientd.daemon.calls.leasing import LeasingCalls
 from orientd.daemon.calls.moving import MovingCalls
 from orientd.daemon.calls.tracking import TrackingCalls
-from orientd.daemon.calls.unread import CLASSES
 from orientd.daemon.calls.watching import WatchingCalls
 from orientd.rpc import control_pb2 as pb
 
@@ -25,12 +24,12 @@ class ControlService(WatchingCalls, MovingCalls, TrackingCalls, CommandingCalls,
     """What the control socket offers."""
 
     def methods(self) -> Mapping[str, Method]:
-        """Return every call by its full name; long requests are left unread."""
+        """Return every call by its full name."""
         return {
             f"/{CONTROL.full_name}/{one.name}": Method(
                 one.name,
                 getattr(self, one.name),
-                CLASSES.get(one.input_type.name) or message_factory.GetMessageClass(one.input_type),
+                message_factory.GetMessageClass(one.input_type),
                 takes_stream=one.client_streaming,
                 gives_stream=one.server_streaming,
             )

@@ -14,7 +14,6 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd.daemon.planners.jobs import Continuation, PlanInput, PlannerDevice
     from orientd.daemon.planners.lanes import PlanCall, Rank
-    from orientd.daemon.planners.large import LargeRequests
     from orientd.daemon.planners.planned_motion import PlannedMotion
     from orientd.daemon.planners.pool import Planners, default_processes
 
@@ -30,7 +29,6 @@ __getattr__ = lazily(
             "PlanCall",
             "Rank",
         ),
-        "orientd.daemon.planners.large": ("LargeRequests",),
         "orientd.daemon.planners.planned_motion": ("PlannedMotion",),
         "orientd.daemon.planners.pool": (
             "Planners",

@@ -135,12 +135,10 @@ class Question:
     Attributes:
         what: is wanted; of a motion, but for the methods.
         job: how that motion is made.
-        most_keyframes: that it may have.
     """
 
     what: Records | Report | Methods
     job: PlanInput | None = None
-    most_keyframes: int = 20_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)

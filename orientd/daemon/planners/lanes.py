@@ -37,7 +37,7 @@ MOST_BYTES = 64 * 2**20
 """Of all requests that wait; of each caller one may wait in any case, and small ones."""
 
 SMALL_BYTES = 32_768
-"""Of a request that counts as small: some 500 keyframes."""
+"""Of a request that counts as small: some 800 keyframes."""
 
 
 class Rank(IntEnum):
@@ -57,7 +57,6 @@ class PlanCall:
         caller: who asks; callers take turns.
         timeout: how long planning may take, waiting for a turn and planning anew included, s.
         rate_hz: samples a second to report with the plan; 0 for none.
-        most_keyframes: that the motion may have.
         began: when that time began, monotonic s.
         waits: s, each that the device was waited for; see :meth:`waiting`.
     """
@@ -66,7 +65,6 @@ class PlanCall:
     caller: str = ""
     timeout: float = 10.0
     rate_hz: float = 0.0
-    most_keyframes: int = 20_000
     began: float = field(default_factory=time.monotonic)
     waits: list[float] = field(default_factory=list)
 

@@ -129,7 +129,7 @@ class Planners:
             DaemonError: the planner has ended.
         """
         chosen = order.rank if rank is None else rank
-        question = Question(Records(rate_hz=order.rate_hz), job, order.most_keyframes)
+        question = Question(Records(rate_hz=order.rate_hz), job)
         answered = await self._ask(question, chosen, order)
         planned, chunk = _chunk(answered)
         fetch = functools.partial(self._more, job)

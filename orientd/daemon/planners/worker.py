@@ -93,7 +93,7 @@ class Work:
             return reporting.methods()
         if job is None:
             raise ValueError("the question needs a job")
-        motion, leave, frame = self._motion(job, question.most_keyframes)
+        motion, leave, frame = self._motion(job)
         self._say(f"reporting on {motion.record_count} records")
         if not isinstance(what, Records):
             return reporting.plan_response(motion, what.rate_hz)
@@ -122,7 +122,7 @@ class Work:
             write(file, first, motion.rows(first, min(_BLOCK, count - first)))
         return RemainingRecords(count, reporting.event(motion))
 
-    def _motion(self, job: PlanInput, most_keyframes: int) -> tuple[Motion, int, Frame | None]:
+    def _motion(self, job: PlanInput) -> tuple[Motion, int, Frame | None]:
         """Return the motion of a job, where it leaves the one before, and in which frame it is."""
         known = self._known.get(job.motion_id)
         if known is not None:
@@ -132,13 +132,9 @@ class Work:
             message = pb.MotionRequest.FromString(job.motion)
         except DecodeError as error:
             raise RequestError("motion", f"cannot be read: {error}") from error
-        count = len(message.keyframes)
-        if count > most_keyframes:
-            problem = f"expected at most {most_keyframes}, got {count}"
-            raise RequestError("keyframes", problem)
         request = to_request(message)
         duration = f", duration {request.duration}" if request.duration else ""
-        self._say(f"planning {count} keyframes with {request.method}{duration}")
+        self._say(f"planning {len(request.keyframes)} keyframes with {request.method}{duration}")
         planner = self._planners[job.device]
         leave, after = 0, job.after
         if after is not None:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.rpc.wire.large import cut_motion, in_pieces
     from orientd.rpc.wire.limits import limits_message
     from orientd.rpc.wire.motion import from_request
     from orientd.rpc.wire.move import (
@@ -31,10 +30,6 @@ if TYPE_CHECKING:
 __getattr__ = lazily(
     __name__,
     {
-        "orientd.rpc.wire.large": (
-            "cut_motion",
-            "in_pieces",
-        ),
         "orientd.rpc.wire.limits": ("limits_message",),
         "orientd.rpc.wire.motion": ("from_request",),
         "orientd.rpc.wire.move": (

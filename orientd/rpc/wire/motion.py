@@ -64,6 +64,10 @@ def to_request(message: pb.MotionRequest) -> MotionRequest:
                 raise RequestError("velocity_frame", f"expected body or world, for {name}")
     taken = _taken(message, _TAKEN)
     keyframes, notes = taken.pop("keyframes", ((), ()))
+    if message.HasField("columns"):
+        if keyframes:
+            raise RequestError("columns", "expected without keyframes only")
+        keyframes = _from_columns(message.columns)
     taken["notes"] = [*taken.get("notes", ()), *notes]
     request = MotionRequest(keyframes, **taken)
     check_method(request)
@@ -72,7 +76,52 @@ def to_request(message: pb.MotionRequest) -> MotionRequest:
 
 def from_request(request: MotionRequest) -> pb.MotionRequest:
     """Return the message that asks for what *request* does; orientations become quaternions."""
-    return pb.MotionRequest(**_given(request, _MOTION))
+    return pb.MotionRequest(**_given(request, _BESIDE_KEYFRAMES), columns=_columns(request))
+
+
+_COLUMNS: tuple[tuple[str, str, int], ...] = (
+    ("quaternions", "q", 4),
+    ("times", "time", 1),
+    ("positions", "position", 3),
+    ("turns", "turns", 1),
+    ("free_roll", "free_roll", 1),
+    ("relative", "relative", 1),
+    ("frames", "frame", 1),
+    ("names", "name", 1),
+)
+"""Columns, the fields of a keyframe that they are of, and how many entries each keyframe has."""
+
+
+def _columns(request: MotionRequest) -> pb.KeyframeColumns:
+    columns = pb.KeyframeColumns(quaternions=request.keys.ravel().tolist())
+    if request.times is not None:
+        columns.times.extend(request.times.tolist())
+    if request.positions is not None:
+        columns.positions.extend(request.positions.ravel().tolist())
+    for column, name, _ in _COLUMNS[3:]:
+        values = [getattr(keyframe, name) for keyframe in request.keyframes]
+        if any(values):
+            getattr(columns, column).extend(values)
+    return columns
+
+
+def _from_columns(message: pb.KeyframeColumns) -> list[Keyframe]:
+    count = len(message.quaternions) // 4
+    given: dict[str, Any] = {}
+    for column, name, width in _COLUMNS:
+        values = getattr(message, column)
+        if not values:
+            continue
+        if len(values) != width * count:
+            expected = f"expected {width * count} entries for {count} keyframes"
+            raise RequestError(f"columns.{column}", f"{expected}, got {len(values)}")
+        given[name] = values if width == 1 else zip(*[iter(values)] * width, strict=True)
+    if "position" in given:
+        given["position"] = [None if one[0] != one[0] else one for one in given["position"]]
+    return [
+        Keyframe(**dict(zip(given, values, strict=True)))
+        for values in zip(*given.values(), strict=True)
+    ]
 
 
 def _limits_message(limits: Limits) -> pb.Limits:
@@ -103,10 +152,6 @@ def _keyframes(messages: Iterable[pb.Keyframe]) -> tuple[list[Keyframe], list[st
     found = quaternions(written)
     keyframes = [Keyframe(q, **more) for q, more in zip(found, others, strict=True)]
     return keyframes, form_notes(written)
-
-
-def _keyframe_messages(keyframes: Iterable[Keyframe]) -> list[pb.Keyframe]:
-    return [pb.Keyframe(**_given(keyframe, _KEYFRAME)) for keyframe in keyframes]
 
 
 def _orientation(message: pb.Keyframe) -> Written:
@@ -210,7 +255,7 @@ _KINDS: dict[FieldKind, tuple[Taker | None, Giver | None]] = {
     FieldKind.OPTIONS: (_from_struct, _to_struct),
     FieldKind.LIMITS: (_limits, _limits_message),
     FieldKind.ORIENTATION: (_quaternion, quaternion),
-    FieldKind.KEYFRAMES: (_keyframes, _keyframe_messages),
+    FieldKind.KEYFRAMES: (_keyframes, None),
     FieldKind.FRAMES: (_frames, _frame_messages),
 }
 """How a kind is taken from a message and given to one; as it is where nothing is said."""
@@ -259,6 +304,7 @@ def _entry(field: Field, of: Any) -> _Entry:  # noqa: ANN401 - as above
 
 
 _MOTION = tuple(_entries(MOTION, pb.MotionRequest.DESCRIPTOR))
+_BESIDE_KEYFRAMES = tuple(entry for entry in _MOTION if entry.name != "keyframes")
 _KEYFRAME = tuple(_entries(KEYFRAME, pb.Keyframe.DESCRIPTOR))
 _TAKEN = {entry.wire: entry for entry in _MOTION}
 _BESIDE_ORIENTATION = {entry.wire: entry for entry in _KEYFRAME if entry.name == entry.wire}

@@ -143,3 +143,27 @@ def test_options_keep_whole_numbers_and_lists():
     read = to_request(message).device_options
     assert read == options
     assert isinstance(read["order"], int)
+
+
+@pytest.mark.parametrize(
+    ("columns", "error"),
+    [
+        ({"times": [0.0, 1.0, 2.0]}, "columns.times: expected 2 entries for 2 keyframes, got 3"),
+        ({"positions": [0.0] * 5}, "columns.positions: expected 6 entries for 2 keyframes, got 5"),
+        ({"quaternions": [1.0] * 7}, "columns.quaternions: expected 4 entries for 1 keyframes"),
+        ({"quaternions": [1.0, 0.0, 0.0, math.nan]}, r"keyframes\[0\].quaternion: expected finite"),
+        ({"times": [0.0, math.nan]}, r"keyframes\[1\].time: expected finite numbers"),
+        ({"turns": [1, 0]}, r"keyframes\[0\].turns: there is no keyframe before the first"),
+    ],
+)
+def test_columns_that_are_wrong_are_refused_by_name(columns, error):
+    whole = {"quaternions": [1.0, 0.0, 0.0, 0.0, 0.8, 0.6, 0.0, 0.0], **columns}
+    with pytest.raises(RequestError, match=f"^{error}"):
+        to_request(pb.MotionRequest(columns=pb.KeyframeColumns(**whole)))
+
+
+def test_columns_and_keyframes_together_are_refused():
+    columns = pb.KeyframeColumns(quaternions=[1.0, 0.0, 0.0, 0.0])
+    keyframe = pb.Keyframe(quaternion=pb.Quaternion(w=1.0))
+    with pytest.raises(RequestError, match="columns: expected without keyframes only"):
+        to_request(pb.MotionRequest(keyframes=[keyframe], columns=columns))

@@ -40,7 +40,7 @@ ENDLESS = motion(*np.tile([0.1, 0.2], 50_000))
 
 
 def endless(timeout, caller=""):
-    return PlanCall(ENDLESS, caller, timeout, most_keyframes=200_000)
+    return PlanCall(ENDLESS, caller, timeout)
 
 
 def job(content=SMALL, name="arm"):
@@ -250,5 +250,5 @@ def test_records_beyond_the_first_chunk_are_asked_for_while_they_are_fed():
 
     fed = run(test)
     work = DirectPlanners([SETTINGS]).work
-    whole, *_ = work._motion(one, 1000)
+    whole, *_ = work._motion(one)
     assert fed.tobytes() == whole.records(0, whole.record_count).tobytes()

@@ -45,7 +45,7 @@ def test_an_event_has_orientations_and_velocities_only(motion):
     np.testing.assert_array_equal(read.q, meant.q)
     np.testing.assert_array_equal(read.omega_body, meant.omega_body)
     assert not event.samples[0].HasField("position")
-    assert len(event.motion.keyframes) == 2
+    assert len(event.motion.columns.quaternions) == 8
 
 
 def test_more_samples_than_a_message_holds_are_refused(motion):
