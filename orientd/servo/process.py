@@ -157,7 +157,12 @@ def run_cycles(
         servo.cycle(deadline, lateness)
         done = time.monotonic_ns()
         servo.work_ns = done - woken
-        shift_ns = 0 if device is None else device.deadline_shift_ns(deadline)
+        shift_ns = 0
+        if device is not None:
+            try:
+                shift_ns = device.deadline_shift_ns(deadline)
+            except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
+                servo.take_fault(error)
         deadline += period_ns + max(-most_ns, min(most_ns, shift_ns))
         if done > deadline:
             skipped = (done - deadline) // period_ns + 1

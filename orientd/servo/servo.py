@@ -156,7 +156,7 @@ class Servo:
         try:
             self._feedback = self._driver.read() or self._feedback
         except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
-            self._take_fault(error)
+            self.take_fault(error)
         self.reports.note_call(LONGEST_READ_WORD, self._clock.now_ns() - begun_ns)
         if self._taken != self._memory.commands.words[HEAD]:
             self._take_command()
@@ -177,7 +177,7 @@ class Servo:
                 setpoint = tuple.__new__(Setpoint, (deadline_ns, *point[:6]))
                 self._driver.write(setpoint)
             except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
-                self._take_fault(error)
+                self.take_fault(error)
                 is_written = False
             self.reports.note_call(LONGEST_WRITE_WORD, self._clock.now_ns() - begun_ns)
         if before is _STREAMING and self.setpoints.state is _HOLDING:
@@ -198,7 +198,7 @@ class Servo:
                 raise AxisFaultError(problem)
         except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
             arrival.is_awaited = False
-            self._take_fault(error)
+            self.take_fault(error)
 
     def request_end(self, reason: str) -> None:
         """Stop on the path if something moves; the process ends once it holds."""
@@ -262,7 +262,7 @@ class Servo:
 
     # The device
 
-    def _take_fault(self, error: Exception) -> None:
+    def take_fault(self, error: Exception) -> None:
         """Turn what a driver raised into a fault: at once, or after a stop on the path."""
         fault = fault_of(error)
         text = f"{type(error).__name__}: {error}" if fault is Fault.INTERNAL else str(error)
@@ -309,8 +309,8 @@ class Servo:
 
     def _stop(self, *, is_quickest: bool = False) -> None:
         """Come to rest; in a fault have the driver look again that nothing moves."""
-        if self.setpoints.state is ServoState.FAULT and self._is_enabled and self._resting:
-            self._resting.rest_in_fault()
+        if self.setpoints.state is ServoState.FAULT and self._is_enabled:
+            self._rest_in_fault()
         if is_quickest:
             self.setpoints.halt()
         else:
@@ -429,8 +429,16 @@ class Servo:
 
     def _tell_fault(self, fault: Fault, text: str) -> None:
         self._memory.notes.publish(*pack_note(0, NoteKind.FAULT, fault, text))
-        if self._resting:
-            self._resting.rest_in_fault()
+        self.setpoints.fault_text += self._rest_in_fault()
+
+    def _rest_in_fault(self) -> str:
+        """Have the driver hold the device still; return what to add to the fault's text."""
+        try:
+            if self._resting:
+                self._resting.rest_in_fault()
+        except Exception as error:  # noqa: BLE001 - the fault stands, whatever the driver raises
+            return f"; rest_in_fault failed: {error}"
+        return ""
 
     def _publish(
         self, deadline_ns: int, lateness_ns: int, point: PathPoint, *, is_written: bool
@@ -470,4 +478,4 @@ class Servo:
         try:
             self.reports.publish_health(self._cycle_count)
         except Exception as error:  # noqa: BLE001 - a driver's defect must not end the servo
-            self._take_fault(error)
+            self.take_fault(error)

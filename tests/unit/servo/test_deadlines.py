@@ -5,6 +5,7 @@ import itertools
 import pytest
 from rig import PERIOD_NS, Rig
 
+from orientd.errors import Fault
 from orientd.servo.process import LARGEST_SHIFT, run_cycles
 from orientd.stream import Command, ServoState
 
@@ -34,6 +35,18 @@ def test_deadline_moves_by_what_the_driver_asks_and_little_at_a_time(monkeypatch
     steps = {b - a for a, b in itertools.pairwise(timer.deadlines)}
     most = PERIOD_NS // LARGEST_SHIFT
     assert steps == {PERIOD_NS + max(-most, min(most, asked))}
+
+
+def test_a_driver_that_cannot_say_its_deadline_is_in_a_fault_and_the_servo_goes_on(monkeypatch):
+    def fail(_deadline_ns):
+        raise KeyError("tried")
+
+    monkeypatch.setattr("orientd.servo.process.time.monotonic_ns", lambda: 10**9)
+    servo = Rig().servo
+    timer = VirtualTimer(servo, 20)
+    run_cycles(servo, timer, PERIOD_NS, Rig(offers={"deadline_shift_ns": fail}).driver)
+    assert len(timer.deadlines) == 20
+    assert (servo.state, servo.setpoints.fault) == (ServoState.FAULT, Fault.INTERNAL)
 
 
 @pytest.mark.parametrize("phase_ns", [0, 1, PERIOD_NS - 1])

@@ -57,3 +57,18 @@ def test_a_report_that_raises_is_a_fault_and_not_the_end(method):
     assert rig.servo.setpoints.fault_text == f"KeyError: '{method}'"
     rig.run(1000)
     assert not rig.servo.has_ended
+
+
+def test_a_device_that_cannot_rest_in_a_fault_is_in_the_fault_all_the_same():
+    def fail():
+        raise KeyError("tried")
+
+    rig = Rig(offers={"rest_in_fault": fail})
+    rig.start(turn())
+    rig.servo.take_fault(errors.DeviceFaultError("jammed"))
+    rig.run_until(lambda servo: servo.state is ServoState.FAULT)
+    rig.servo.setpoints.stop()
+    rig.run(10)
+    assert rig.servo.setpoints.fault is errors.Fault.DEVICE_FAULT
+    assert rig.servo.setpoints.fault_text.startswith("jammed; rest_in_fault failed: 'tried'")
+    assert not rig.servo.has_ended
