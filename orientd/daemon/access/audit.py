@@ -10,12 +10,8 @@ from __future__ import annotations
 
 import errno
 import fcntl
-import json
 import logging
 import os
-import queue
-import threading
-import time
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -23,6 +19,7 @@ from typing import Any
 from orientd.config import AccessSettings
 from orientd.daemon.access.claim import is_same_file
 from orientd.daemon.devices import report_directory
+from orientd.daemon.observe import DetachedWriter, json_line
 
 _log = logging.getLogger(__name__)
 
@@ -36,51 +33,43 @@ def audit_path(access: AccessSettings) -> Path:
 
 
 class AuditLog:
-    """Write records in a thread of its own: no call waits for a disk."""
+    """Write records in a thread of its own, so that no call waits for a disk."""
 
     def __init__(self, path: Path, *, most_bytes: int, most_files: int) -> None:
-        """Begin to write to the end of *path*.
+        """Append to *path* from now on.
 
         Args:
-            path: where; the directory is made if need be.
-            most_bytes: how large the file becomes.
-            most_files: how many are kept besides it.
+            path: of the file; its directory is made if need be.
+            most_bytes: size at which another file is begun.
+            most_files: older files that are kept.
         """
         self._path = path
         self._most_bytes = most_bytes
         self._most_files = most_files
         self._descriptor = -1
         self._is_failing = False
-        self._left_out = 0
-        self._waiting: queue.Queue[dict[str, Any] | None] = queue.Queue(MOST_WAITING)
-        self._thread = threading.Thread(target=self._write_all, name="audit", daemon=True)
-        self._thread.start()
+        self._writer = DetachedWriter(
+            self._write, self._tell_lost, name="audit", most_waiting=MOST_WAITING
+        )
 
     def record(self, **fields: Any) -> None:  # noqa: ANN401 - whatever JSON can hold
-        """Have *fields* written, with the time; returns at once."""
-        try:
-            self._waiting.put_nowait({"time": time.time(), **fields})
-        except queue.Full:
-            self._left_out += 1
+        """Have *fields* written, with the time; return at once."""
+        now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+        self._writer.put(f"{json_line({'time': now, **fields})}\n".encode())
 
     def close(self) -> None:
         """Write what waits, and end."""
-        self._waiting.put(None)
-        self._thread.join()
+        self._writer.close()
         if self._descriptor >= 0:
             os.close(self._descriptor)
             self._descriptor = -1
 
-    def _write_all(self) -> None:
-        while (record := self._waiting.get()) is not None:
-            left_out, self._left_out = self._left_out, 0
-            if left_out:
-                self._write({"time": record["time"], "event": "left out", "records": left_out})
-            self._write(record)
+    def _tell_lost(self, lost: int) -> None:
+        self.record(event="left out", records=lost)
 
-    def _write(self, record: dict[str, Any]) -> None:
+    def _write(self, line: bytes) -> None:
         try:
-            self._append(_line(record))
+            self._append(line)
         except OSError as error:
             # A full disk must not keep anybody from stopping a robot.
             if not self._is_failing:
@@ -128,14 +117,3 @@ class AuditLog:
 
     def _aside(self, number: int) -> Path:
         return self._path.with_name(f"{self._path.name}.{number}")
-
-
-def _line(record: dict[str, Any]) -> bytes:
-    """Return *record* as a line, with its time as text."""
-    stamp = datetime.fromtimestamp(record["time"], UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
-    content = {**record, "time": stamp}
-    line = json.dumps(content, ensure_ascii=False, default=str)
-    if not line.isprintable():
-        # A terminal must not obey what somebody has put into a text.
-        line = json.dumps(content, default=str)
-    return line.encode() + b"\n"

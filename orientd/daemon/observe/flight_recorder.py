@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import os
 import subprocess
 import sys
@@ -37,12 +38,20 @@ _NOTICE = 0.2  # s from the cycle of a fault until it is told
 _COPYING = 0.3  # s in which cycles have been copied from shared memory
 _MARGIN = 1.0  # s of room, for cycles that come while a file is handed over
 _LONGEST = 60.0  # s that writing a file may take
+_LOOK = 0.1  # s between looks at the process that writes it
+
+FINISHING = 2.0
+"""Time that files may take when the daemon ends, s; their processes then go on without it."""
 
 _FAULTS = (EventKind.FAULT, EventKind.SERVO_DIED)
 
 
 class FlightRecorder:
-    """Writes a recording of each device that falls into a fault."""
+    """Writes a recording of each device that falls into a fault.
+
+    Attributes:
+        unfinished: processes that still write a file when the daemon has ended.
+    """
 
     def __init__(self, settings: Settings, journal: Journal) -> None:
         """Record as *settings* say; events are those of *journal*."""
@@ -51,6 +60,8 @@ class FlightRecorder:
         self._journal = journal
         self._faults: SimpleQueue[DeviceEvent | None] = SimpleQueue()
         self._closing = threading.Event()
+        self._give_up_at = math.inf
+        self.unfinished: list[subprocess.Popen[str]] = []
         self._devices: dict[str, Device] = {}
         self._memories: dict[str, CycleMemory] = {}
         self._thread: threading.Thread | None = None
@@ -84,7 +95,8 @@ class FlightRecorder:
             self._faults.put(event)
 
     def close(self) -> None:
-        """Write what there is to write and end; the devices have ended."""
+        """End once the files are written, or soon; the devices have ended."""
+        self._give_up_at = time.monotonic() + FINISHING
         self._closing.set()
         self._faults.put(None)
         if self._thread is not None:
@@ -134,22 +146,38 @@ class FlightRecorder:
                 file.flush()
                 self._memories[event.device].copy_to(file.fileno())
                 file.seek(0)
-                return _written(file)
-        except (OSError, subprocess.TimeoutExpired) as error:
+                return self._written(file)
+        except OSError as error:
             return EventKind.RECORDING_FAILED, str(error)
 
-
-def _written(recorded: BinaryIO) -> tuple[EventKind, str]:
-    done = subprocess.run(
-        [sys.executable, "-m", "orientd.recorder.flight"],
-        stdin=recorded,
-        capture_output=True,
-        text=True,
-        cwd="/",
-        timeout=_LONGEST,
-        check=False,
-    )
-    if done.returncode == 0:
-        return EventKind.RECORDED, done.stdout.strip()
-    said = (done.stderr.strip() or f"it ended with status {done.returncode}").splitlines()
-    return EventKind.RECORDING_FAILED, said[-1]
+    def _written(self, recorded: BinaryIO) -> tuple[EventKind, str]:
+        """Have a process of its own make the file, and return how that went."""
+        process = subprocess.Popen(
+            [sys.executable, "-m", "orientd.recorder.flight"],
+            stdin=recorded,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd="/",
+            process_group=0,
+        )
+        longest = time.monotonic() + _LONGEST
+        while True:
+            try:
+                path, problem = process.communicate(timeout=_LOOK)
+                break
+            except subprocess.TimeoutExpired:
+                if time.monotonic() > longest:
+                    process.kill()
+                    process.communicate()
+                    return EventKind.RECORDING_FAILED, f"not written within {_LONGEST:g} s"
+                if time.monotonic() > self._give_up_at:
+                    self.unfinished.append(process)
+                    for pipe in (process.stdout, process.stderr):
+                        if pipe is not None:
+                            pipe.close()
+                    return EventKind.RECORDING_FAILED, "not written yet when the daemon ended"
+        if process.returncode == 0:
+            return EventKind.RECORDED, path.strip()
+        said = (problem.strip() or f"it ended with status {process.returncode}").splitlines()
+        return EventKind.RECORDING_FAILED, said[-1]

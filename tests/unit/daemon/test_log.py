@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from orientd.daemon.observe.log_writer import MOST_LINES, LogWriter
+from orientd.daemon.observe.log import MOST_LINES, LogHandler
 
 
 @pytest.fixture
@@ -21,10 +21,10 @@ def pipe():
 def log(pipe):
     """A log to a pipe, with nothing else listening to it."""
     logger = logging.Logger("of a test")
-    writer = LogWriter(pipe[1])
-    logger.addHandler(writer)
+    handler = LogHandler(pipe[1])
+    logger.addHandler(handler)
     yield logger
-    writer.close()
+    handler.close()
 
 
 def read_until(descriptor, word):
@@ -45,7 +45,7 @@ def test_nobody_waits_for_a_reader_and_what_is_lost_is_counted(pipe, log, caplog
     count = 5 * MOST_LINES
     for k in range(count):
         log.warning("%d %s", k, "x" * 200)
-    (writer,) = log.handlers
+    (handler,) = log.handlers
     os.set_blocking(pipe[0], False)
     kept = b""
     while not caplog.messages:
@@ -54,7 +54,7 @@ def test_nobody_waits_for_a_reader_and_what_is_lost_is_counted(pipe, log, caplog
     (complaint,) = caplog.messages
     lost = int(complaint.removesuffix(" log lines are lost: nobody has read the ones before them"))
     assert kept.startswith(b"0 x")
-    writer.close()
+    handler.close()
     with contextlib.suppress(BlockingIOError):
         while True:
             kept += os.read(pipe[0], 65536)
@@ -63,22 +63,22 @@ def test_nobody_waits_for_a_reader_and_what_is_lost_is_counted(pipe, log, caplog
 
 def test_the_end_does_not_wait_for_a_reader_who_never_comes(pipe):
     logger = logging.Logger("of a test")
-    writer = LogWriter(pipe[1])
-    logger.addHandler(writer)
+    handler = LogHandler(pipe[1])
+    logger.addHandler(handler)
     for _ in range(MOST_LINES):
         logger.warning("x" * 1000)
-    writer.close()
-    assert not writer._lines.empty()
+    handler.close()
+    assert not handler.writer.is_empty
     read_until(pipe[0], b"x")
 
 
 def test_a_reader_who_is_gone_is_no_trouble():
     read, write = os.pipe()
     logger = logging.Logger("of a test")
-    writer = LogWriter(write)
-    logger.addHandler(writer)
+    handler = LogHandler(write)
+    logger.addHandler(handler)
     os.close(read)
     logger.warning("to nobody")
-    writer.close()
-    assert writer._lines.empty()
+    handler.close()
+    assert handler.writer.is_empty
     os.close(write)

@@ -1,11 +1,11 @@
-"""The structured log of motions: as lines to read, or as JSON to search.
+"""The daemon's log: lines for people, or JSON for programs.
 
-A record that is about a device, a motion or a caller says so in fields of its own.  Whatever has
-the same ``device`` and ``motion_id`` is one story, from the request to the end.
+A record that is about a device, a motion or a caller has these as fields of its own.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import os
@@ -15,8 +15,19 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import Any
 
-from orientd.daemon.observe.log_writer import LogWriter
+from orientd.daemon.observe.detached_writer import DetachedWriter
 from orientd.one_line import one_line
+
+_log = logging.getLogger(__name__)
+
+MOST_LINES = 1000
+"""Log lines that may wait for a reader."""
+
+PATIENCE = 1.0
+"""Time that the last log lines may take at the end of the process, s."""
+
+MOST = 4000
+"""Characters of a message."""
 
 _FIELD = "about"
 
@@ -33,12 +44,22 @@ class LogFormat(StrEnum):
 
 
 def about(**fields: object) -> Mapping[str, Any]:
-    """Return what to give a log call as ``extra``, with what it is about; nothing is left out.
+    """Return what to give a log call as ``extra``: the fields of the record.
 
     >>> about(device="arm", motion=3)
     {'about': {'device': 'arm', 'motion': 3}}
     """
     return {_FIELD: fields}
+
+
+def json_line(fields: Mapping[str, Any]) -> str:
+    r"""Return *fields* as one line of JSON that no terminal acts on.
+
+    >>> json_line({"text": "\x1b[2J"})
+    '{"text": "\\u001b[2J"}'
+    """
+    line = json.dumps(fields, ensure_ascii=False, default=str)
+    return line if line.isprintable() else json.dumps(fields, default=str)
 
 
 class JsonFormatter(logging.Formatter):
@@ -52,7 +73,7 @@ class JsonFormatter(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
         """Return *record* as a line."""
         stamp = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
-        told: dict[str, Any] = {
+        fields: dict[str, Any] = {
             "time": f"{stamp}.{int(record.msecs):03d}Z",
             "level": record.levelname.lower(),
             "logger": record.name,
@@ -60,11 +81,8 @@ class JsonFormatter(logging.Formatter):
             **getattr(record, _FIELD, {}),
         }
         if record.exc_info:
-            told["error"] = self.formatException(record.exc_info)
-        line = json.dumps(told, ensure_ascii=False, default=str)
-        if not line.isprintable():
-            # Nothing that a terminal would do something about.
-            line = json.dumps(told, default=str)
+            fields["error"] = self.formatException(record.exc_info)
+        line = json_line(fields)
         return f"<{_priority(record.levelno)}>{line}" if self._has_priority else line
 
 
@@ -81,19 +99,48 @@ class LineFormatter(logging.Formatter):
         return super().formatMessage(record)
 
 
-MOST = 4000
-"""Characters of a message."""
+class LogHandler(logging.Handler):
+    """Write log lines to a file descriptor without making the caller wait.
+
+    A terminal held by Ctrl-S or a pipe that nobody reads would otherwise hold up the thread that
+    keeps a servo informed, and with it the motion.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        """Write to *descriptor*, which may block."""
+        super().__init__()
+        self._descriptor = descriptor
+        self.writer = DetachedWriter(
+            self._write, self._tell_lost, name="log", most_waiting=MOST_LINES
+        )
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Have *record* written."""
+        self.writer.put(f"{self.format(record)}\n".encode(errors="replace"))
+
+    def close(self) -> None:
+        """Wait for the last lines, but not for long."""
+        self.writer.close(PATIENCE)
+        super().close()
+
+    def _write(self, line: bytes) -> None:
+        with contextlib.suppress(OSError):  # the reader is gone
+            while line:
+                line = line[os.write(self._descriptor, line) :]
+
+    def _tell_lost(self, lost: int) -> None:
+        _log.warning("%d log lines are lost: nobody has read the ones before them", lost)
 
 
 def set_up_log(chosen: LogFormat, level: str = "info") -> None:
     """Have the daemon log to standard error.
 
     Args:
-        chosen: ``AUTO`` is JSON where journald reads it, lines for people anywhere else.
-        level: of what is logged.
+        chosen: ``AUTO`` is JSON if journald reads it, lines for people otherwise.
+        level: the least level that is logged.
     """
     is_journal = "JOURNAL_STREAM" in os.environ
-    handler = LogWriter(sys.stderr.fileno())
+    handler = LogHandler(sys.stderr.fileno())
     if chosen is LogFormat.JSON or (chosen is LogFormat.AUTO and is_journal):
         handler.setFormatter(JsonFormatter(has_priority=is_journal))
     else:

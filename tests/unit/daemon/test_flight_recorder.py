@@ -1,0 +1,37 @@
+"""The flight recorder holds up nobody, not even the end of the daemon."""
+
+import time
+
+import pytest
+from fake_device import FakeDevice
+
+from orientd import config
+from orientd.daemon.devices import DeviceEvent, EventKind
+from orientd.daemon.observe import flight_recorder as module
+from orientd.daemon.observe.journal import Journal
+
+pytest.importorskip("mcap")
+
+
+def test_a_file_that_takes_its_time_does_not_hold_up_the_end(tmp_path, monkeypatch, caplog):
+    slow = tmp_path / "slow"
+    slow.write_text("#!/bin/sh\nexec sleep 20\n")
+    slow.chmod(0o755)
+    monkeypatch.setattr(module.sys, "executable", str(slow))
+    monkeypatch.setattr(module, "FINISHING", 0.3)
+    settings = config.default_settings()
+    journal = Journal(kept=60.0)
+    recorder = module.FlightRecorder(settings, journal)
+    device = FakeDevice(settings.devices["arm"], planners=None, on_event=lambda event: None)
+    recorder.attach(device)
+    device.memory.append(bytes(64))
+    recorder.start()
+    recorder.hear(DeviceEvent("arm", EventKind.FAULT, 0, "why", time.monotonic_ns()))
+    began = time.monotonic()
+    recorder.close()
+    assert time.monotonic() - began < 2.0
+    assert "not written yet when the daemon ended" in caplog.text
+    journal.close()
+    (process,) = recorder.unfinished
+    process.kill()
+    process.wait()
