@@ -2,22 +2,28 @@
 
 Modules take longer to load than all the rest of bringing a device to rest.  So the word goes out
 before they are loaded; nothing is imported here but what Python has loaded by itself, and its
-built-in sockets.  Whether who listens may be trusted, and what they answer, is seen to afterwards
+built-in sockets.  Whether the servos' answers may be trusted is seen to afterwards
 (:mod:`orientd.rpc.stop_call`): a stop is nothing that a stranger could not be told.
 """
 
-# ruff: noqa: PTH100, PTH110, PTH111, PTH116, SIM105 - pathlib and contextlib take as long to load
+# ruff: noqa: PTH100, PTH110, PTH111, PTH116, PTH208, SIM105 - pathlib and contextlib take as long to load
 
 from __future__ import annotations
 
 import _socket
 import os
+import sys
+
+Answers = dict[str, tuple[str, int]]
+"""What the servo of each device answers to a stop, and the number of its user."""
 
 SYSTEM_SOCKET = "/run/orientd/control.sock"
 """Of the daemon that runs as a service of the system."""
 
-TIMEOUT = 2.0
-"""How long an answer may take, s."""
+TIMEOUT = 1.0
+"""How long the servos' answers may take, s."""
+
+_ANSWER_BYTES = 256
 
 KINDS = ("stop", "halt")
 
@@ -82,41 +88,71 @@ def plain(arguments: list[str]) -> dict[str, str] | None:
     return given | {"socket": given["socket"] or found_socket()}
 
 
-def begin(asked: dict[str, str]) -> int:
+def first(asked: dict[str, str]) -> Answers | None:
     """Send the stop that is plainly asked for, before all else that there is to do.
 
     Returns:
-        As :func:`send` does.
+        As :func:`send` does; ``None`` too where this user may not.
     """
     try:
         os.setpriority(os.PRIO_PROCESS, 0, _FIRST)
     except OSError:
         pass
-    return send(asked["socket"], asked["kind"], asked["device"])
+    try:
+        return send(asked["socket"], asked["kind"], asked["device"])
+    except OSError:
+        return None
 
 
-def send(socket_path: str, kind: str, device: str = "") -> int:
-    """Send a stop to the daemon at *socket_path*, and wait for nothing.
+def stop_folder(socket_path: str) -> str:
+    """Return where the servos listen for stops of the daemon at *socket_path*."""
+    return f"{socket_path}.stop"
+
+
+def send(socket_path: str, kind: str, device: str = "") -> Answers | None:
+    """Send a stop to the servos of the daemon at *socket_path*, and wait for their answers.
 
     Args:
         socket_path: of the daemon.
-        kind: one of :data:`KINDS`.
+        kind: one of :data:`KINDS`, or ``hello``, which stops nothing.
         device: its name; empty for all of them.
 
     Returns:
-        The connection that the answer comes by, a descriptor; -1 where nothing was sent.
+        What the servo of each device answers and the number of its user, -1 of one that does not
+        answer; ``None`` where no servo listens.
+
+    Raises:
+        OSError: this user may not look there.
     """
-    if device and not device.replace("_", "").replace("-", "").isalnum():
-        return -1  # to be spelled by somebody who knows JSON
     try:
-        connection = connected(f"{socket_path}.stop")
-    except OSError:
-        return -1
+        flags = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
+        folder = os.open(stop_folder(socket_path), flags)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    answers: Answers = {}
+    asking = _socket.socket(_socket.AF_UNIX, _socket.SOCK_DGRAM)
     try:
-        connection.sendall(f'{{"kind": "{kind}", "device": "{device}"}}\n'.encode())
-    except OSError:
-        pass  # whoever is refused is answered, and hung up on, before they say anything
-    return connection.detach()
+        asking.bind("")  # to an address of the kernel's choice, for the answers
+        asking.setsockopt(_socket.SOL_SOCKET, _socket.SO_PASSCRED, 1)
+        asking.settimeout(TIMEOUT)
+        for name in os.listdir(folder):
+            if device in ("", name):
+                try:
+                    # By way of its folder: that path is never too long.
+                    asking.sendto(kind.encode(), f"/proc/self/fd/{folder}/{name}")
+                except OSError:
+                    continue  # its servo has ended
+                answers[name] = "", -1
+        for _ in range(len(answers)):
+            answer, ancillary, _, sender = asking.recvmsg(_ANSWER_BYTES, _ANSWER_BYTES)
+            uid = int.from_bytes(ancillary[0][2][4:8], sys.byteorder)
+            answers[str(sender).rpartition("/")[2]] = answer.decode(), uid
+    except TimeoutError:
+        pass
+    finally:
+        asking.close()
+        os.close(folder)
+    return answers or None
 
 
 def connected(path: str) -> _socket.socket:

@@ -23,10 +23,10 @@ def main() -> NoReturn:
         signal.signal(signal.SIGINT, _end)
     asked = first_stop.plain(sys.argv[1:])
     if asked is not None:
-        begun = first_stop.begin(asked)
+        answers = first_stop.first(asked)
         from orientd.cli import urgent
 
-        if urgent.run(asked, begun):
+        if urgent.run(asked, answers):
             sys.exit(0)
     if not sys.warnoptions:
         # Warnings of libraries name their own files: they are for whoever asks for them.

@@ -1,9 +1,9 @@
 """`orientd stop` and `orientd halt`, whose word goes out before the command line is loaded.
 
 Typer takes some 0.2 s to load and gRPC's library 0.1 s, in which what moves would move on.  So
-:mod:`orientd.first_stop` sends what these two commands are plainly asked for.  Here the answer is
-heard and told.  Whatever is not plain, and whatever goes wrong, is left to the command line, which
-asks the daemon again.
+:mod:`orientd.first_stop` sends what these two commands plainly ask for.  This module reports what
+the servos answered.  Whatever is not plain, and whatever goes wrong, is left to the command line,
+which asks again.
 """
 
 from __future__ import annotations
@@ -15,25 +15,28 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from orientd.errors import OrientdError
-from orientd.first_stop import TIMEOUT
+from orientd.first_stop import Answers
 from orientd.rpc import ask_to_stop
 
 if TYPE_CHECKING:
     from orientd.rpc import DeviceReport
 
+_TIMEOUT = 2.0
+"""How long the daemon may take to be reached afterwards, s."""
 
-def run(asked: dict[str, str], begun: int) -> bool:
+
+def run(asked: dict[str, str], answers: Answers | None) -> bool:
     """Tell of a stop that has gone out; return whether that is done.
 
     Args:
         asked: see :func:`orientd.first_stop.plain`.
-        begun: the connection by which the stop has gone out already; -1 where it has not.
+        answers: of the servos; ``None`` where no servo was reached.
     """
-    if begun < 0:
+    if answers is None:
         return False
     path, device, as_json = Path(asked["socket"]), asked["device"], "json" in asked
     try:
-        told = ask_to_stop(path, asked["kind"], device, begun=begun)
+        told = ask_to_stop(path, asked["kind"], device, answers=answers)
     except OrientdError:
         return False
     if told is None:
@@ -44,7 +47,7 @@ def run(asked: dict[str, str], begun: int) -> bool:
     from orientd.rpc import Connection, Way, after_stop
 
     try:
-        with contextlib.closing(Connection(Way(path), timeout=TIMEOUT)) as connection:
+        with contextlib.closing(Connection(Way(path), timeout=_TIMEOUT)) as connection:
             reports = after_stop(connection, device)
     except OrientdError:
         _tell_little(told, as_json=as_json)

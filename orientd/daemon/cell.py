@@ -12,12 +12,12 @@ import logging
 import time
 from collections.abc import Awaitable, Callable, Collection, Iterable
 from concurrent.futures import ThreadPoolExecutor, wait
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from orientd.clock import Clock, MonotonicClock
 from orientd.config import AccessSettings, DeviceSettings, Settings
 from orientd.daemon.device import Device
-from orientd.daemon.devices import DeviceEvent
+from orientd.daemon.devices import DeviceEvent, EventKind
 from orientd.daemon.leases import EXPIRED, Lease, Leases
 from orientd.daemon.motion_starter import MotionStarter
 from orientd.daemon.motions import ActiveMotions, PlanStore
@@ -38,6 +38,9 @@ from orientd.errors import (
 )
 from orientd.one_line import one_line
 from orientd.rpc import Outcome
+
+if TYPE_CHECKING:
+    from orientd.daemon.stops import StopFolder
 
 _log = logging.getLogger(__name__)
 
@@ -60,6 +63,7 @@ class Cell:
         make_device: MakeDevice = Device,
         planners: Planners | None = None,
         clock: Clock | None = None,
+        stops: StopFolder | None = None,
     ) -> None:
         """Make the devices of *settings*, without starting anything.
 
@@ -68,6 +72,7 @@ class Cell:
             make_device: makes a device of its settings, planners and an event handler.
             planners: plan for all of them; by default processes of their own.
             clock: tells when a lease has run out; the machine's monotonic clock by default.
+            stops: where servos listen for stops that the daemon has no part in.
 
         Raises:
             ConfigError: a device's driver is not there, or refuses its options.
@@ -100,10 +105,15 @@ class Cell:
             is_held=lambda token, device: self.leases.owner(token, device) is not None,
         )
         for name, device in settings.devices.items():
-            self.devices[name] = make_device(device, planners=self.planners, on_event=self._hear)
+            self.devices[name] = make_device(
+                device, planners=self.planners, on_event=self._hear, stops=stops
+            )
             self._flight.attach(self.devices[name])
 
     def _hear(self, event: DeviceEvent) -> None:
+        if event.kind is EventKind.STOP:
+            self.runs.note_stop([event.device], event.text)
+            return
         for listen in self.listeners:
             listen(event, self.devices[event.device])
         self.runs.hear(event)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from orientd.config import DeviceSettings
 from orientd.daemon.device_axes import DeviceAxes
@@ -18,6 +19,9 @@ from orientd.planner import State as PlannedState
 from orientd.rpc import control_pb2 as pb
 from orientd.servo import LEFT_OUT_WORD
 from orientd.stream import NOT_GIVEN, Command, Cycle, ServoState, unpack_cycle
+
+if TYPE_CHECKING:
+    from orientd.daemon.stops import StopFolder
 
 _log = logging.getLogger(__name__)
 
@@ -41,6 +45,7 @@ class Device(SupervisedDevice):
         *,
         planners: Planners,
         on_event: Callable[[DeviceEvent], None],
+        stops: StopFolder | None = None,
     ) -> None:
         """Check the driver and its options; start nothing.
 
@@ -48,6 +53,7 @@ class Device(SupervisedDevice):
             settings: the device's part of the configuration.
             planners: plan for it.
             on_event: called from the device's thread, or from a command.
+            stops: where the servo listens for stops, and who records them.
 
         Raises:
             ConfigError: the driver is not installed, or refuses its options.
@@ -57,7 +63,7 @@ class Device(SupervisedDevice):
             settings.name, settings.driver, settings.options, settings.period_ns
         )
         explaining = self._examiner if isinstance(self._examiner, Explaining) else None
-        super().__init__(settings, on_event=on_event, explaining=explaining)
+        super().__init__(settings, on_event=on_event, explaining=explaining, stops=stops)
         self.limits, self._planners = settings.limits.to_limits(), planners
         self._axes = DeviceAxes(self._examiner, self.name)
         self.is_free = self._was_following = False

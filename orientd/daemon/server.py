@@ -27,7 +27,7 @@ from orientd.daemon.access import (
     audit_path,
     claimed,
 )
-from orientd.daemon.stops import StopWay
+from orientd.daemon.stops import StopFolder
 from orientd.daemon.systemd import Watchdog, notify
 from orientd.errors import ConfigError, DaemonError, OrientdError
 from orientd.rpc import control_pb2, target
@@ -117,7 +117,7 @@ class _Daemon:
         self._started = time.monotonic()
         self._stopping = asyncio.Event()
         self._telemetry: Telemetry | None = None
-        self._stops: StopWay | None = None
+        self._stops: StopFolder | None = None
         self._fleet: FleetLink | None = None
 
     async def run(self) -> None:
@@ -150,7 +150,7 @@ class _Daemon:
         loop = asyncio.get_running_loop()
         try:
             await listener.open(self._socket)
-            self._stops = StopWay(
+            self._stops = StopFolder(
                 self._socket, listener.policy, record=partial(audit.record, event="stopped")
             )
             cell, service = await asyncio.to_thread(self._load)
@@ -269,11 +269,9 @@ class _Daemon:
         from orientd.daemon.calls import ControlService
         from orientd.daemon.cell import Cell
 
-        cell = Cell(self._settings)
+        cell = Cell(self._settings, stops=self._stops)
         kernels = processor.level()
         _log.info("daemon: orientd %s with kernels for %s", orientd.__version__, kernels)
-        if self._stops is not None:
-            self._stops.follow(cell)
         cell.launch()
         return cell, ControlService(cell, lambda: self._describe(cell))
 

@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from orientd.config import DeviceSettings
 from orientd.daemon.devices import (
@@ -25,7 +26,10 @@ from orientd.daemon.motions import Motions
 from orientd.driver import Explaining
 from orientd.errors import DaemonError, Fault, PendingError, StateError
 from orientd.floats import difference, norm
-from orientd.stream import STOPS_WORD, Cycle, CycleFlag, ServoState, unpack_cycle
+from orientd.stream import Cycle, CycleFlag, ServoState, unpack_cycle
+
+if TYPE_CHECKING:
+    from orientd.daemon.stops import StopFolder
 
 _log = logging.getLogger(__name__)
 
@@ -64,6 +68,7 @@ class SupervisedDevice:
         *,
         on_event: Callable[[DeviceEvent], None],
         explaining: Explaining | None = None,
+        stops: StopFolder | None = None,
     ) -> None:
         """Start nothing yet.
 
@@ -71,6 +76,7 @@ class SupervisedDevice:
             settings: the device's part of the configuration.
             on_event: called from the device's thread, or from a command.
             explaining: the driver, if it knows what ends the servo process.
+            stops: where the servo listens for stops, and who records them.
 
         Raises:
             ConfigError: the driver is not installed.
@@ -89,7 +95,9 @@ class SupervisedDevice:
             read_ahead=self._read_ahead,
             tell=self._tell_of_servo,
             explaining=explaining,
+            stops=stops,
         )
+        self._stops = stops
         self._lock = threading.RLock()
         self._thread: threading.Thread | None = None
         self._closing = threading.Event()
@@ -115,17 +123,11 @@ class SupervisedDevice:
 
     @property
     def stops_beside(self) -> int:
-        """How many stops this servo process was asked for beside the daemon."""
+        """How many stops this servo process has taken by itself."""
         link = self._servo.link
         with contextlib.suppress(ValueError):  # closed meanwhile
-            return 0 if link is None else link.memory.pulse[STOPS_WORD]
+            return 0 if link is None else link.memory.stops.head
         return 0
-
-    @property
-    def descriptor(self) -> int:
-        """The file of the memory shared with the servo process; -1 where there is none."""
-        link = self._servo.link
-        return -1 if link is None else link.memory.descriptor
 
     @property
     def failure(self) -> str:
@@ -299,9 +301,17 @@ class SupervisedDevice:
             self._lose(link)
             return
         self._servo.hear()
+        self._hear_stops()
         if self._tracked:
             self._look_at_tracking(link)
         self._tend()
+
+    def _hear_stops(self) -> None:
+        """Say who has stopped the device without the daemon."""
+        link = self._servo.link
+        taken = [] if link is None else link.stops()
+        if taken and self._stops is not None:
+            self._tell(EventKind.STOP, 0, f"stopped by {self._stops.hear(self.name, taken)}")
 
     def _tend(self) -> None:
         if self._motions is not None:
@@ -327,6 +337,8 @@ class SupervisedDevice:
             self._motions.drop(text)
 
     def _tell(self, kind: EventKind, number: int, text: str) -> None:
+        if kind is EventKind.MOTION_STOPPED:
+            self._hear_stops()  # the reason comes first
         event = DeviceEvent(self.name, kind, number, text, time.monotonic_ns())
         if kind is EventKind.MOTION_STARTED and self._motions is not None:
             queued = self._motions.queued(number)

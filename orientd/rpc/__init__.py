@@ -33,7 +33,7 @@ if TYPE_CHECKING:
         TrackReport,
         titled,
     )
-    from orientd.rpc.stop_call import ask_to_stop, stop_socket
+    from orientd.rpc.stop_call import ask_to_stop
     from orientd.rpc.tls_problem import verified
     from orientd.rpc.tracking import TARGET_KEYS, target_message
     from orientd.rpc.trust import check_folder
@@ -106,10 +106,7 @@ __getattr__ = lazily(
             "TrackReport",
             "titled",
         ),
-        "orientd.rpc.stop_call": (
-            "ask_to_stop",
-            "stop_socket",
-        ),
+        "orientd.rpc.stop_call": ("ask_to_stop",),
         "orientd.rpc.tls_problem": ("verified",),
         "orientd.rpc.tracking": (
             "TARGET_KEYS",

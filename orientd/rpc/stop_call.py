@@ -1,40 +1,29 @@
-"""A stop by the way of its own: a small socket beside the daemon's, which nothing else can block.
+"""A stop that goes straight to the servos, whatever becomes of the daemon.
 
-What listens there writes into the servos' memory by itself; the daemon may hang.  See
-:mod:`orientd.daemon.stops.process` for what is said.
+:mod:`orientd.servo.stop_socket` says how a servo is asked, and what it answers.
 """
 
 from __future__ import annotations
 
-import contextlib
-import json
 import os
-import socket
 from pathlib import Path
 from typing import Any
 
-from orientd.errors import AccessError, DaemonError, RequestError, UnknownNameError
-from orientd.first_stop import TIMEOUT, connected
-from orientd.rpc.trust import check_folder, check_peer
-
-_ANSWER_BYTES = 1 << 20
-
-
-def stop_socket(socket_path: Path) -> Path:
-    """Return where stops are taken of the daemon that listens at *socket_path*."""
-    return socket_path.with_name(f"{socket_path.name}.stop")
+from orientd.errors import AccessError, DaemonError, UnknownNameError
+from orientd.first_stop import Answers, send, stop_folder
+from orientd.rpc.trust import check_folder, check_uid
 
 
 def ask_to_stop(
-    socket_path: Path, kind: str, device: str = "", *, begun: int = -1
+    socket_path: Path, kind: str, device: str = "", *, answers: Answers | None = None
 ) -> list[dict[str, Any]] | None:
-    """Have devices stopped; return what each was doing, or ``None`` where there is no such way.
+    """Have devices stopped; return what each was doing, or ``None`` where no servo listens.
 
     Args:
         socket_path: of the daemon.
         kind: ``stop``, or ``halt`` for the quickest, off the path.
         device: its name; empty for all of them.
-        begun: the connection by which that was asked already; see :mod:`orientd.first_stop`.
+        answers: of the servos that were asked already; see :mod:`orientd.first_stop`.
 
     Returns:
         Of each device ``name``, ``state`` and ``motion`` as the stop met them.
@@ -42,55 +31,47 @@ def ask_to_stop(
     Raises:
         AccessError: this user is not admitted.
         UnknownNameError: there is no such device.
-        DaemonError: a servo, or what listens there, does not answer.
+        DaemonError: a servo does not answer, or is of somebody who is not trusted.
     """
-    answer = _answer(stop_socket(socket_path), {"kind": kind, "device": device}, begun)
-    if answer is None:
+    folder = Path(stop_folder(str(socket_path)))
+    try:
+        if answers is None:
+            answers = send(str(socket_path), kind, device)
+        names = sorted(path.name for path in folder.iterdir())
+    except PermissionError as error:
+        raise AccessError(f"{folder} does not admit user {os.geteuid()}") from error
+    except FileNotFoundError:
         return None
-    if "refused" in answer:
-        raise AccessError(f"the daemon at {socket_path} refuses: {answer['refused']}")
-    if "unknown" in answer:
-        raise UnknownNameError("device", str(answer["unknown"]))
-    devices = answer.get("devices")
-    if not isinstance(devices, list):
-        raise RequestError("", f"the stop was not understood: {answer}")
-    silent = [one["name"] for one in devices if one["state"] is None]
+    if device and device not in names:
+        raise UnknownNameError("device", f"expected one of {', '.join(names)}, got {device!r}")
+    if answers is None:
+        return None
+    check_folder(folder.absolute())
+    stopped: list[dict[str, Any]] = []
+    silent: list[str] = []
+    for name in sorted(answers):
+        answer, uid = answers[name]
+        if uid < 0:
+            silent.append(name)
+            continue
+        check_uid(folder / name, uid)
+        word, *met = answer.split()
+        if word == "refused":
+            raise AccessError(f"the daemon at {socket_path} refuses: user {met[0]} is not admitted")
+        state, motion = met
+        stopped.append({"name": name, "state": state, "motion": int(motion)})
     if silent:
-        stopped = ", ".join(one["name"] for one in devices if one["state"] is not None)
-        rest = f"; told to stop: {stopped}" if stopped else ""
+        told = ", ".join(one["name"] for one in stopped)
+        rest = f"; told to stop: {told}" if told else ""
         raise DaemonError(f"no servo of {', '.join(silent)} answers the {kind}{rest}")
-    return devices
+    return stopped
 
 
 def refusal(socket_path: Path) -> str:
     """Return why this user is not admitted to the daemon at *socket_path*; empty if they are."""
     try:
-        answer = _answer(stop_socket(socket_path), {"kind": "hello"}) or {}
-    except AccessError as error:
-        return str(error)
-    except DaemonError:
-        return ""  # it is going away itself
-    return str(answer.get("refused", ""))
-
-
-def _answer(path: Path, request: dict[str, str], begun: int = -1) -> dict[str, Any] | None:
-    try:
-        descriptor = begun if begun >= 0 else connected(str(path)).detach()
-    except PermissionError as error:
-        raise AccessError(f"{path} does not admit user {os.geteuid()}") from error
-    except OSError:
-        return None
-    with socket.socket(fileno=descriptor) as connection:
-        connection.settimeout(TIMEOUT)
-        check_folder(path.absolute().parent)
-        check_peer(path, connection)
-        try:
-            if begun < 0:
-                # Whoever is refused is answered, and hung up on, before they say anything.
-                with contextlib.suppress(BrokenPipeError):
-                    connection.sendall(json.dumps(request).encode() + b"\n")
-            with connection.makefile("rb") as incoming:
-                answer = json.loads(incoming.readline(_ANSWER_BYTES))
-        except (OSError, ValueError) as error:
-            raise DaemonError(f"what takes stops at {path} does not answer") from error
-    return answer if isinstance(answer, dict) else None
+        answers = send(str(socket_path), "hello") or {}
+    except PermissionError:
+        return f"{stop_folder(str(socket_path))} does not admit user {os.geteuid()}"
+    is_refused = any(answer.startswith("refused") for answer, _ in answers.values())
+    return f"user {os.geteuid()} is not admitted" if is_refused else ""

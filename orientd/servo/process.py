@@ -12,7 +12,7 @@ import pkgutil
 import signal
 import sys
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from orientd.driver import Driver, PhaseLocked, needs
 from orientd.errors import Fault
 from orientd.servo.realtime import DeadlineTimer, freeze_garbage, lock_memory, set_scheduling
 from orientd.servo.servo import Servo, fault_of
+from orientd.servo.stop_socket import StopSocket
 from orientd.servo.watchdog import SHORTEST_NS, WatchdogTimeouts
 from orientd.stream import NoteKind, SharedMemory, pack_note
 
@@ -47,6 +48,8 @@ class ProcessSettings:
         spin_ns: busy-wait before each deadline.
         daemon_pid: the process that started this one.
         report_path: where to write down why the process ended.
+        stop_path: of the socket where stops arrive; empty for none.
+        admitted: numbers of ``users`` and ``groups`` that may stop.
     """
 
     device: str
@@ -63,6 +66,8 @@ class ProcessSettings:
     spin_ns: int
     daemon_pid: int
     report_path: str
+    stop_path: str = ""
+    admitted: dict[str, list[int]] = field(default_factory=dict)
 
     def to_json(self) -> str:
         """Return the settings as the process reads them."""
@@ -81,6 +86,9 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
     memory = SharedMemory(descriptor, settings.path_capacity, settings.cycle_capacity)
     clock = MonotonicClock()
     try:
+        stop_socket = None
+        if settings.stop_path:
+            stop_socket = StopSocket(settings.stop_path, settings.daemon_pid, settings.admitted)
         kind: type[Driver] = pkgutil.resolve_name(settings.driver)
         driver = kind(settings.options, period_ns=settings.period_ns, clock=clock)
         driver.open()
@@ -101,6 +109,7 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
         ),
         clock=clock,
         parent_is_alive=lambda: os.getppid() == settings.daemon_pid,
+        stop_socket=stop_socket,
     )
     signal.signal(signal.SIGTERM, lambda *_: servo.request_orderly_end("SIGTERM"))
     is_locked = lock_memory()

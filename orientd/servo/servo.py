@@ -38,19 +38,16 @@ from orientd.servo.device_reports import Arrival, DeviceReports
 from orientd.servo.path import PathPart, PathPoint
 from orientd.servo.setpoint_generator import SetpointGenerator
 from orientd.servo.state_table import advance
+from orientd.servo.stop_socket import StopSocket
 from orientd.servo.watchdog import ServoWatchdog, WatchdogTimeouts
 from orientd.stream import (
     CYCLE_RECORD,
     GIVEN_UP_WORD,
-    HALTS_WORD,
     HEAD,
     JOINTS,
     LONGEST_READ_WORD,
     LONGEST_WRITE_WORD,
     NO_JOINTS,
-    STOPS_WORD,
-    TAKEN_AT_WORD,
-    TAKEN_WORD,
     Answer,
     Command,
     CycleFlag,
@@ -59,7 +56,6 @@ from orientd.stream import (
     ServoState,
     SharedMemory,
     pack_note,
-    taken_at,
 )
 
 # Looking a member up in its enumeration takes longer than comparing it.
@@ -98,6 +94,7 @@ class Servo:
         watch: time limits.
         clock: the clock that feedback and heartbeat are stamped with.
         parent_is_alive: whether the daemon that started this process still is.
+        stop_socket: where stops arrive that the daemon has no part in.
     """
 
     def __init__(
@@ -109,6 +106,7 @@ class Servo:
         watch: WatchdogTimeouts,
         clock: Clock,
         parent_is_alive: Callable[[], bool],
+        stop_socket: StopSocket | None = None,
     ) -> None:
         self.ending = ""
         self.overruns = 0
@@ -120,6 +118,7 @@ class Servo:
         self._watchdog = ServoWatchdog(watch, period_ns)
         self._clock = clock
         self._parent_is_alive = parent_is_alive
+        self._stop_socket = stop_socket
         self.setpoints = SetpointGenerator(
             driver, memory, period_ns=period_ns, stall_ns=watch.stall_ns, on_fault=self._tell_fault
         )
@@ -130,7 +129,6 @@ class Servo:
         self._feedback = _NO_FEEDBACK
         self._enabled_ns = 0
         self._taken = 0  # what was asked for before the process was ready counts
-        self._stops = 0
         self._cycle_count = 0
         self.reports = DeviceReports(driver, memory, period_ns)
 
@@ -160,8 +158,8 @@ class Servo:
         self.reports.note_call(LONGEST_READ_WORD, self._clock.now_ns() - begun_ns)
         if self._taken != self._memory.commands.words[HEAD]:
             self._take_command()
-        if self._stops != self._memory.pulse[STOPS_WORD]:
-            self._take_stops()
+        if self._stop_socket is not None:
+            self._take_stops(self._stop_socket)
         self._look_for_life(deadline_ns)
         before = self.setpoints.state
         try:
@@ -299,13 +297,13 @@ class Servo:
             answer, text = Answer.FAILED, str(error) or type(error).__name__
         self._memory.notes.publish(*pack_note(index, NoteKind.ANSWER, answer, text))
 
-    def _take_stops(self) -> None:
-        """Stop as was asked for beside the daemon, and say what that met."""
-        pulse, setpoints = self._memory.pulse, self.setpoints
-        before, self._stops = self._stops, pulse[STOPS_WORD]
-        pulse[TAKEN_AT_WORD] = taken_at(setpoints.state, setpoints.motion)
-        self._stop(is_quickest=pulse[HALTS_WORD] > before)
-        pulse[TAKEN_WORD] = self._stops
+    def _take_stops(self, stop_socket: StopSocket) -> None:
+        """Stop if anybody asks for it, and answer with what the stop met."""
+        for request in stop_socket.requests():
+            met = f"took {self.setpoints.state.name} {self.setpoints.motion}"
+            self._memory.stops.publish(request.is_quickest, request.pid, request.uid, request.gid)
+            self._stop(is_quickest=request.is_quickest)
+            stop_socket.answer(request.sender, met)
 
     def _stop(self, *, is_quickest: bool = False) -> None:
         """Come to rest; in a fault have the driver look again that nothing moves."""

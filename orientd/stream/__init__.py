@@ -2,17 +2,12 @@
 
 from orientd.stream.memory import (
     GIVEN_UP_WORD,
-    HALTS_WORD,
     LONGEST_READ_WORD,
     LONGEST_WRITE_WORD,
     PAGE,
-    STOPS_WORD,
-    TAKEN_AT_WORD,
-    TAKEN_WORD,
     SharedMemory,
     newest_health,
     publish_health,
-    taken_at,
     tuning_text,
 )
 from orientd.stream.records import (
@@ -30,6 +25,7 @@ from orientd.stream.records import (
     NoteKind,
     ServoLimits,
     ServoState,
+    Stop,
     pack_note,
     record_index,
     unpack_cycle,

@@ -24,6 +24,7 @@ from orientd.stream.records import (
     HEALTH_TEXT_BYTES,
     NOTE_RECORD,
     PATH_RECORD,
+    STOP_RECORD,
     TARGET_RECORD,
     TUNING_RECORD,
     TUNING_TEXT_BYTES,
@@ -36,22 +37,11 @@ NOTES = 64
 TARGETS = 4096
 TUNINGS = 4
 HEALTHS = 4
+STOPS = 64
 DIRECTORY = "/dev/shm"
 
-STOPS_WORD, HALTS_WORD, TAKEN_WORD, TAKEN_AT_WORD = 1, 2, 3, 4
-"""Words of the pulse, by which stops come to the servo beside the daemon.
-
-How many were asked for, and which of them was the newest halt; how many the servo has taken, and
-:func:`taken_at` that."""
-
-LONGEST_READ_WORD, LONGEST_WRITE_WORD = 5, 6
+LONGEST_READ_WORD, LONGEST_WRITE_WORD = 1, 2
 """Words of the pulse: how long the driver's longest read and write took so far, ns."""
-
-
-def taken_at(state: int, motion: int) -> int:
-    """Return one word for the state and the motion that a stop met."""
-    return state << 32 | motion
-
 
 GIVEN_UP_WORD = 1
 """Word of the ring of commands: one more than the index of the newest whose sender has given up
@@ -59,7 +49,7 @@ waiting for an answer.  Only stops are still carried out then."""
 
 
 class SharedMemory:
-    """The seven rings between daemon and servo, and the heartbeat.
+    """The eight rings between daemon and servo, and the heartbeat.
 
     ========  ===============  ==========================================================
     ring      written by       holds
@@ -71,13 +61,13 @@ class SharedMemory:
     targets   daemon           what to follow, as it arrives
     tunings   daemon           a driver's options for the motions to come, as JSON
     health    servo            how the device's parts are, as JSON, once a second
+    stops     servo            the stops that it took from its own socket
     ========  ===============  ==========================================================
 
     Attributes:
         descriptor: the file; pass it to the servo process.
         pulse: its first word is when the daemon last said that it is alive, monotonic clock, ns;
-            the next ones are about stops, see :data:`STOPS_WORD`, and about the driver's calls, see
-            :data:`LONGEST_READ_WORD`.
+            the next ones are about the driver's calls, see :data:`LONGEST_READ_WORD`.
     """
 
     def __init__(self, descriptor: int, path_capacity: int, cycle_capacity: int) -> None:
@@ -95,7 +85,7 @@ class SharedMemory:
             self._rings.append(RecordRing(self._view[offset : offset + size], layout, count))
             offset += size
         self.path, self.commands, self.cycles, self.notes, *others = self._rings
-        self.targets, self.tunings, self.health = others
+        self.targets, self.tunings, self.health, self.stops = others
 
     @classmethod
     def create(cls, path_capacity: int, cycle_capacity: int) -> SharedMemory:
@@ -152,6 +142,7 @@ def _rings(path_capacity: int, cycle_capacity: int) -> list[tuple[Struct, int, i
         (TARGET_RECORD, TARGETS),
         (TUNING_RECORD, TUNINGS),
         (HEALTH_RECORD, HEALTHS),
+        (STOP_RECORD, STOPS),
     )
     needed = ((layout, count, RecordRing.bytes_needed(layout, count)) for layout, count in layouts)
     return [(layout, count, (size + PAGE - 1) // PAGE * PAGE) for layout, count, size in needed]

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 from orientd.driver import Quaternion, Vector3
 
@@ -102,6 +102,9 @@ TUNING_RECORD = struct.Struct(f"@QI{TUNING_TEXT_BYTES}s")
 # index, length of the text, text
 HEALTH_TEXT_BYTES = 2000
 HEALTH_RECORD = struct.Struct(f"@QI{HEALTH_TEXT_BYTES}s")
+
+STOP_RECORD = struct.Struct("@Q?III")
+"""A :class:`Stop`."""
 
 
 class NoteKind(IntEnum):
@@ -193,6 +196,24 @@ class ServoLimits:
         f = tuple(floats)
         fields: list[Any] = [*f[:6], f[6:9], f[9:12], f[12:15]]
         return cls(*fields)
+
+
+class Stop(NamedTuple):
+    """A stop that the servo took from its own socket.
+
+    Attributes:
+        number: of the stop.
+        is_quickest: whether it was a halt.
+        pid: of the process that asked for it.
+        uid: of its user.
+        gid: of a group of that process, the one that admits it if its user does not.
+    """
+
+    number: int
+    is_quickest: bool
+    pid: int
+    uid: int
+    gid: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -144,8 +144,7 @@ async def _serve(descriptor: int, port: int, daemon: str, *, is_local: bool) -> 
     async def take(connection: ServerConnection) -> None:
         async for kind in connection:
             if kind in first_stop.KINDS:
-                begun = first_stop.send(daemon, str(kind))
-                await connection.send(await asyncio.to_thread(_outcome, daemon, str(kind), begun))
+                await connection.send(await asyncio.to_thread(_outcome, daemon, str(kind)))
 
     ended = asyncio.Event()
     asyncio.get_running_loop().add_reader(0, ended.set)
@@ -159,15 +158,16 @@ async def _serve(descriptor: int, port: int, daemon: str, *, is_local: bool) -> 
         await ended.wait()
 
 
-def _outcome(daemon: str, kind: str, begun: int) -> str:
-    """Return what the page is told of a stop that was sent."""
-    from orientd.rpc import ask_to_stop
-
+def _outcome(daemon: str, kind: str) -> str:
+    """Send a stop; return what the page is told of it."""
     try:
-        told = None if begun < 0 else ask_to_stop(Path(daemon), kind, begun=begun)
-    except OrientdError:
+        answers = first_stop.send(daemon, kind)
+        from orientd.rpc import ask_to_stop
+
+        told = answers and ask_to_stop(Path(daemon), kind, answers=answers)
+    except (OSError, OrientdError):
         told = None
-    return "" if told is None else _DONE
+    return _DONE if told else ""
 
 
 if __name__ == "__main__":

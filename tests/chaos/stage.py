@@ -289,7 +289,7 @@ class Stage:
         return fault in STARVED and longest_wait(self.daemon.process.pid, waited) > LONGEST
 
     def check_clean(self) -> None:
-        """See that there is the daemon, its planners, what takes stops, one servo, and no more."""
+        """See that there is the daemon, its planners, one servo, and no more."""
         expected = {self.daemon.process.pid, self.servo}
         end = time.monotonic() + FLIGHT_RECORDER
         # The flight recorder ends by itself once it has written its file.
@@ -304,10 +304,8 @@ class Stage:
         assert not {name for name in new if "orientd" in name}, new
 
     def _is_of_daemon(self, pid: int, words: str) -> bool:
-        """Whether a process plans or takes stops for the daemon that runs."""
+        """Whether a process plans for the daemon that runs."""
         parent = parent_of(pid)
-        if "orientd.daemon.stops" in words:
-            return parent == self.daemon.process.pid
         # A planner, or what planners are forked from.
         return "orientd.daemon.planners" in words and self.daemon.process.pid in (
             parent, parent_of(parent),

@@ -35,6 +35,8 @@ class EventKind(Enum):
     RECORDED = "recorded"
     RECORDING_FAILED = "recording failed"
     WARNING = "warning"
+    STOP = "stop"
+    """A servo was stopped without the daemon; the text says by whom."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,7 @@ from orientd.stream import (
     NoteKind,
     ServoLimits,
     SharedMemory,
+    Stop,
     tuning_text,
     unpack_cycle,
     unpack_note,
@@ -85,7 +86,7 @@ class ServoLink:
             raise DaemonError(f"no shared memory for the servo process: {error}") from error
         self.memory.beat(time.monotonic_ns())
         self._lock = threading.Lock()
-        self._note_index = 0
+        self._note_index = self._stop_index = 0
         self._answers: dict[int, Note] = {}
         self._awaited: set[int] = set()
         self._reset = UNKNOWN
@@ -289,6 +290,14 @@ class ServoLink:
             heard = list(self._words)
             self._words.clear()
         return heard
+
+    def stops(self) -> list[Stop]:
+        """Return the stops that the servo took by itself since this was last called."""
+        with self._lock:
+            ring = self.memory.stops
+            first, self._stop_index = ring.oldest(self._stop_index), ring.head
+            taken = [ring.read(index) for index in range(first, self._stop_index)]
+        return [Stop(*fields) for fields in taken if fields is not None]
 
     def newest(self) -> Cycle | None:
         """Return the newest cycle, or ``None`` before the first."""

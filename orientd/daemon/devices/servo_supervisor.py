@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from orientd.config import DeviceSettings
 from orientd.daemon.devices.device_report import EventKind
@@ -34,6 +35,9 @@ _LONGEST_END = 30.0
 """How long a servo may take to stop on its path and to park its device, s."""
 
 _JUST_NOW = 0.5
+
+if TYPE_CHECKING:
+    from orientd.daemon.stops import StopFolder
 
 Tell = Callable[[EventKind, str], None]
 
@@ -72,6 +76,7 @@ class ServoSupervisor:
         read_ahead: int,
         tell: Tell,
         explaining: Explaining | None = None,
+        stops: StopFolder | None = None,
     ) -> None:
         """Start nothing yet.
 
@@ -80,6 +85,7 @@ class ServoSupervisor:
             read_ahead: path records that are kept ahead of the servo, a power of two.
             tell: is told of a servo that is ready, in a fault, or has ended.
             explaining: the driver, if it knows what ends the process.
+            stops: where the servo listens for stops that the daemon has no part in.
 
         Raises:
             ConfigError: the driver is not installed, or its interpreter cannot be used.
@@ -94,6 +100,7 @@ class ServoSupervisor:
         self._read_ahead = read_ahead
         self._tell = tell
         self._explaining = explaining
+        self._stops = stops
         self._ready = threading.Event()
         self._has_ended = False
         self._failed = 0.0
@@ -150,6 +157,8 @@ class ServoSupervisor:
             spin_ns=settings.spin_us * 1000,
             daemon_pid=os.getpid(),
             report_path=str(Path(report_directory()) / f"servo-{settings.name}.json"),
+            stop_path="" if self._stops is None else self._stops.path(settings.name),
+            admitted={} if self._stops is None else self._stops.admitted,
         )
 
     def beat(self) -> None:

@@ -72,12 +72,7 @@ class ActiveMotion:
 
 
 class ActiveMotions:
-    """The motions of every device that have not ended.
-
-    Attributes:
-        hear_stops: called before anybody is told why a motion was stopped: has :meth:`note_stop`
-            called for stops beside the daemon that it has not heard of yet.
-    """
+    """The motions of every device that have not ended."""
 
     def __init__(self, devices: Mapping[str, Device]) -> None:
         """Know of no motion yet.
@@ -94,7 +89,6 @@ class ActiveMotions:
         self._reasons: dict[str, str] = {}
         self._died: dict[str, str] = {}
         self._timed: list[ActiveMotion] = []
-        self.hear_stops: Callable[[], object] = lambda: None
 
     def stops(self, device: Device) -> int:
         """Return how often *device* was told to stop, to give to :meth:`begin` later on."""
@@ -283,7 +277,6 @@ class ActiveMotions:
         snapshot = self._devices[event.device].snapshot()
         if snapshot.fault is not Fault.NONE:
             return Outcome.FAULT, snapshot.fault_text or event.text
-        self.hear_stops()
         with self._lock:
             run = self._runs.get((event.device, event.motion_number))
             reason = (run.reason if run is not None else "") or self._reasons.get(event.device)

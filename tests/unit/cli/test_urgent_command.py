@@ -21,13 +21,7 @@ from orientd.rpc.control_pb2_grpc import ControlServicer, add_ControlServicer_to
 def run(arguments):
     """Do what a command line plainly asks for; return whether that is done."""
     asked = first_stop.plain(arguments)
-    return asked is not None and urgent.run(asked, first_stop.begin(asked))
-
-
-def begin(arguments):
-    """Send what a command line plainly asks for; return the connection, or -1."""
-    asked = first_stop.plain(arguments)
-    return -1 if asked is None else first_stop.begin(asked)
+    return asked is not None and urgent.run(asked, first_stop.first(asked))
 
 
 class Daemon(ControlServicer):
@@ -50,49 +44,56 @@ def there(tmp_path):
 
 
 @pytest.fixture
-def stops(listener):
-    """Answer every stop, and return what was asked for."""
-    asked = []
+def stops(tmp_path, monkeypatch):
+    """Answer every stop as the servo of an arm and that of a leg; return what was asked for."""
+    monkeypatch.setenv("ORIENTD_SOCKET", str(tmp_path / "socket"))
+    asked, ending = [], threading.Event()
+    (tmp_path / "socket.stop").mkdir(mode=0o700)
 
-    ending = threading.Event()
-    listener.settimeout(0.05)
-
-    def answer():
+    def answer(servo, name):
         while not ending.is_set():
             with contextlib.suppress(TimeoutError):
-                connection, _ = listener.accept()
-                with connection, connection.makefile("rw") as both:
-                    said = json.loads(both.readline())
-                    if said["kind"] == "hello":
-                        print('{"admitted": 0}', file=both, flush=True)
-                        continue
-                    asked.append(said)
-                    device = {"name": said["device"] or "arm", "state": "STREAMING", "motion": 3}
-                    print(json.dumps({"devices": [device]}), file=both, flush=True)
+                word, sender = servo.recvfrom(100)
+                asked.append((name, word.decode()))
+                servo.sendto(b"took STREAMING 3", sender)
 
-    thread = threading.Thread(target=answer)
-    thread.start()
-    yield asked
-    ending.set()
-    thread.join()
+    with contextlib.ExitStack() as stack:
+        for name in ("arm", "left_leg-2"):
+            servo = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))
+            servo.bind(str(tmp_path / "socket.stop" / name))
+            servo.settimeout(0.05)
+            thread = threading.Thread(target=answer, args=(servo, name))
+            thread.start()
+            stack.callback(thread.join)
+        stack.callback(ending.set)
+        yield asked
 
 
 def test_a_stop_is_sent_and_how_the_device_is_then_is_told(there, stops, capsys):
     assert run(["stop", "--json"])
-    assert stops == [{"kind": "stop", "device": ""}]
+    assert sorted(stops) == [("arm", "stop"), ("left_leg-2", "stop")]
     (device,) = json.loads(capsys.readouterr().out)["devices"]
     assert (device["name"], device["state"]) == ("arm", "stopping")
 
 
-def test_a_halt_of_one_device_is_sent(there, stops):
-    assert run(["halt", "-d", "leg"])
-    assert stops == [{"kind": "halt", "device": "leg"}]
+def test_a_halt_of_one_device_is_sent_before_all_else(there, stops, priorities):
+    assert run(["halt", "-d", "left_leg-2"])
+    assert stops == [("left_leg-2", "halt")]
+    assert priorities == [(os.PRIO_PROCESS, 0, -20)]
+
+
+def test_an_unknown_device_is_left_to_the_command_line(there, stops):
+    assert not run(["stop", "-d", "tail"])
+    assert not stops
 
 
 def test_where_the_daemon_is_silent_what_was_stopped_is_told(stops, capfd):
     assert run(["stop", "--json"])
     assert json.loads(capfd.readouterr().out) == {
-        "devices": [{"name": "arm", "state": "streaming", "motion": 3}],
+        "devices": [
+            {"name": "arm", "state": "streaming", "motion": 3},
+            {"name": "left_leg-2", "state": "streaming", "motion": 3},
+        ],
         "daemon": "does not answer",
     }
 
@@ -132,47 +133,6 @@ def priorities(monkeypatch):
     asked = []
     monkeypatch.setattr(os, "setpriority", lambda *arguments: asked.append(arguments))
     return asked
-
-
-@pytest.fixture
-def listener(tmp_path, monkeypatch):
-    """Return what listens where stops are taken."""
-    monkeypatch.setenv("ORIENTD_SOCKET", str(tmp_path / "socket"))
-    with socket.socket(socket.AF_UNIX) as it:
-        it.bind(str(tmp_path / "socket.stop"))
-        it.listen(4)
-        it.settimeout(5.0)
-        yield it
-
-
-def said_by(listener):
-    """Return what somebody says, and hang up on them."""
-    connection, _ = listener.accept()
-    with connection, connection.makefile() as incoming:
-        return json.loads(incoming.readline())
-
-
-def test_what_the_command_line_plainly_says_is_sent_first(listener, priorities):
-    for arguments, kind, device in (
-        (["stop"], "stop", ""),
-        (["halt", "--json", "-d", "left_arm-2"], "halt", "left_arm-2"),
-    ):
-        os.close(begin(arguments))
-        assert said_by(listener) == {"kind": kind, "device": device}
-        assert priorities.pop() == (os.PRIO_PROCESS, 0, -20)
-
-
-@pytest.mark.parametrize(
-    "arguments", [[], ["status"], ["stop", "now"], ["stop", "-d", 'a"b'], ["stop", "-d", "a b"]]
-)
-def test_nothing_else_is_sent_first(listener, arguments):
-    assert begin(arguments) == -1
-
-
-def test_nobody_is_told_first_where_nobody_listens_or_over_tcp(tmp_path, monkeypatch):
-    assert begin(["stop", "--socket", str(tmp_path / "nowhere")]) == -1
-    monkeypatch.setenv("ORIENTD_ADDRESS", "there:1")
-    assert begin(["stop"]) == -1
 
 
 def test_next_to_nothing_is_loaded_before_a_stop_is_sent():

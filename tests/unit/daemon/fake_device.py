@@ -39,7 +39,7 @@ def record_of(one):
 class FakeDevice:
     """The parts of a device that a cell needs."""
 
-    def __init__(self, settings, *, planners, on_event):
+    def __init__(self, settings, *, planners, on_event, stops=None):
         self.planners = planners
         self.name = settings.name
         self.driver = settings.driver

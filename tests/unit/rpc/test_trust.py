@@ -120,7 +120,7 @@ def test_what_is_no_socket_is_refused(folder, listening, kind):
     refused(path, "is a symbolic link" if kind == "link" else "is no socket")
 
 
-SERVER = f"""
+LISTENER = f"""
 import contextlib, os, socket, sys
 listener = socket.socket(socket.AF_UNIX)
 os.setgroups([]); os.setgid({OTHER}); os.setuid({OTHER})
@@ -129,14 +129,28 @@ listener.listen(20)
 print("listening", flush=True)
 while True:
     with contextlib.suppress(OSError), listener.accept()[0] as caller:
-        caller.sendall(b'{{"devices": []}}\\n')
+        caller.recv(1)
+"""
+
+SERVO = f"""
+import contextlib, os, socket, sys
+listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+os.setgroups([]); os.setgid({OTHER}); os.setuid({OTHER})
+os.mkdir(sys.argv[1] + ".stop", 0o755)
+listener.bind(sys.argv[1] + ".stop/arm")
+os.chmod(sys.argv[1] + ".stop/arm", 0o666)
+print("listening", flush=True)
+while True:
+    with contextlib.suppress(OSError):
+        _, sender = listener.recvfrom(100)
+        listener.sendto(b"took HOLDING 0", sender)
 """
 
 
 @contextlib.contextmanager
-def served_as_other(path):
+def served_as_other(program, path):
     """Have a process of another user listen at *path*."""
-    command = [sys.executable, "-c", SERVER, str(path)]
+    command = [sys.executable, "-c", program, str(path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as server:
         try:
             assert server.stdout.readline() == b"listening\n"
@@ -146,21 +160,24 @@ def served_as_other(path):
 
 
 @needs_root
-@pytest.mark.parametrize("name", ["control.sock", "control.sock.stop"])
-def test_a_daemon_of_others_is_refused_unless_it_is_named(open_folder, monkeypatch, name):
-    shared = open_folder / name
+@pytest.mark.parametrize(
+    ("program", "talk"),
+    [(LISTENER, check_socket), (SERVO, lambda path: ask_to_stop(path, "stop"))],
+    ids=["listener", "servo"],
+)
+def test_a_daemon_of_others_is_refused_unless_it_is_named(
+    open_folder, monkeypatch, request, program, talk
+):
+    shared = open_folder / request.node.callspec.id
     shared.mkdir()
     shared.chmod(0o777)
-    with served_as_other(shared / name):
+    with served_as_other(program, shared / "control.sock"):
         shared.chmod(0o755)
-        talk = {
-            "control.sock": lambda: check_socket(shared / "control.sock"),
-            "control.sock.stop": lambda: ask_to_stop(shared / "control.sock", "stop"),
-        }[name]
-        with pytest.raises(DaemonError, match=rf"is user {OTHER}'s, and no daemon of yours"):
-            talk()
+        monkeypatch.setenv(trust.DAEMON_USER, "")
+        with pytest.raises(DaemonError, match=rf"user {OTHER}"):
+            talk(shared / "control.sock")
         monkeypatch.setenv(trust.DAEMON_USER, str(OTHER))
-        talk()
+        talk(shared / "control.sock")
 
 
 def test_a_user_that_there_is_not_is_no_daemon_user(folder, monkeypatch):

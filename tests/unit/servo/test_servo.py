@@ -7,15 +7,10 @@ from rig import PERIOD, TERMS, Rig, distance_to_path, peaks, turn
 from orientd.errors import Fault, LinkError, SpentLinkError
 from orientd.servo.state_table import TRANSITIONS, Event, advance
 from orientd.stream import (
-    HALTS_WORD,
-    STOPS_WORD,
-    TAKEN_AT_WORD,
-    TAKEN_WORD,
     Answer,
     Command,
     NoteKind,
     ServoState,
-    taken_at,
 )
 
 
@@ -62,28 +57,6 @@ def test_stop_comes_to_rest_on_the_path_inside_the_limits(rig, moment):
     assert cycles * PERIOD <= 1.0 / TERMS.brake_rate + 3 * PERIOD
     assert_limits_kept(rig)
     assert distance_to_path(rig.sent(), path) < 1e-12
-
-
-@pytest.mark.parametrize("kind", ["stop", "halt"])
-def test_a_stop_beside_the_daemon_is_taken_like_a_command(kind):
-    def rest(begin):
-        rig = Rig()
-        rig.start(turn())
-        rig.run(300)
-        begin(rig)
-        rig.run_until(lambda servo: servo.state is ServoState.HOLDING)
-        assert_limits_kept(rig)
-        return rig, rig.sent()[300:]
-
-    def beside(rig):
-        if kind == "halt":
-            rig.memory.pulse[HALTS_WORD] = 1
-        rig.memory.pulse[STOPS_WORD] = 1
-
-    rig, sent = rest(beside)
-    assert rig.memory.pulse[TAKEN_WORD] == 1
-    assert rig.memory.pulse[TAKEN_AT_WORD] == taken_at(ServoState.STREAMING, rig.cycle.motion)
-    assert np.array_equal(sent, rest(lambda rig: rig.ask(Command[kind.upper()]))[1])
 
 
 def test_pause_and_resume_stay_on_the_path_and_reach_its_end(rig):

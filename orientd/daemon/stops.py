@@ -1,0 +1,106 @@
+"""Stops that reach the servos directly: who may stop, and what is written of each stop.
+
+The servo of each device listens at a socket of its own in a folder beside the control socket, and
+brakes whatever the daemon does (:mod:`orientd.servo.stop_socket`).  The daemon makes the folder,
+says who is admitted, and afterwards reads in the servo's memory who stopped.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import os
+import shutil
+import socket
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from orientd.daemon.access import Process, RolePolicy
+from orientd.errors import DaemonError
+from orientd.first_stop import KINDS, stop_folder
+from orientd.stream import Stop
+
+_log = logging.getLogger(__name__)
+
+_TAKING = 0.5
+"""How long a servo may take to make room for the news of who is admitted, s."""
+
+Record = Callable[..., object]
+"""Records a stop, by keywords: its origin, the identity, the kind, devices and times."""
+
+
+class StopFolder:
+    """The folder where the servos of one daemon listen for stops."""
+
+    def __init__(self, control_socket: Path, policy: RolePolicy, *, record: Record) -> None:
+        """Make the folder, in the place of one that a daemon before has left.
+
+        Args:
+            control_socket: the daemon's socket.
+            policy: who may stop.
+            record: records stops.
+
+        Raises:
+            DaemonError: that is not possible.
+        """
+        self._folder = Path(stop_folder(str(control_socket)))
+        self._policy, self._record = policy, record
+        try:
+            with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+                shutil.rmtree(self._folder)
+            self._folder.unlink(missing_ok=True)  # a socket, of an older version
+            self._folder.mkdir(mode=0o700)
+            self._let_reach()
+        except OSError as error:
+            raise DaemonError(f"cannot make {self._folder}: {error.strerror}") from error
+
+    def path(self, device: str) -> str:
+        """Return where the servo of a device listens."""
+        return str(self._folder / device)
+
+    @property
+    def admitted(self) -> dict[str, list[int]]:
+        """The numbers of the users and the groups that may stop."""
+        return self._policy.tables()
+
+    def admit(self, policy: RolePolicy) -> None:
+        """Let other users and groups stop from now on."""
+        self._policy = policy
+        self._let_reach()
+        news = b"admit " + json.dumps(self.admitted).encode()
+        folder = os.open(self._folder, os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sending:
+                sending.settimeout(_TAKING)
+                for path in self._folder.iterdir():
+                    # A servo that is not there hears of it when it starts.
+                    with contextlib.suppress(OSError):
+                        sending.sendto(news, f"/proc/self/fd/{folder}/{path.name}")
+        finally:
+            os.close(folder)
+
+    def hear(self, device: str, stops: Sequence[Stop]) -> str:
+        """Record stops that the servo of a device took; return who stopped it, in words."""
+        who = ""
+        for (is_quickest, pid, uid, gid), times in Counter(stop[1:] for stop in stops).items():
+            process = Process(pid, uid, (gid,))
+            who, kind = str(self._policy.identify(process) or process), KINDS[is_quickest]
+            self._record(
+                origin=f"unix, process {pid}",
+                identity=str(process),
+                kind=kind,
+                devices=[device],
+                times=times,
+            )
+            again = f", {times} times" if times > 1 else ""
+            _log.info("%s: %s by %s%s", device, kind, who, again)
+        return who
+
+    def close(self) -> None:
+        """Remove the folder; the servos have ended."""
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _let_reach(self) -> None:
+        self._folder.chmod(0o755 if self._policy.admits_others else 0o700)
