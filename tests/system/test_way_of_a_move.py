@@ -20,8 +20,8 @@ MOST_FUNCTIONS = 80
 MOST_TYPES = 25
 
 FIRST_RECORD = "orientd/stream/ring.py:RecordRing.put"
-LEFT_OUT = tuple(f"orientd/{room}/" for room in
-                 ("rotation", "kernels", "curves", "mechanism", "planner")) + ("drivers/", "sim/")  # fmt: skip
+_ROOMS = ("rotation", "kernels", "curves", "mechanism", "planner")
+LEFT_OUT = (*(f"orientd/{room}/" for room in _ROOMS), "drivers/", "sim/")
 QUIET = 1.0
 """How long the daemon is watched doing nothing, s."""
 

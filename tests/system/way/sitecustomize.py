@@ -1,8 +1,8 @@
-"""Write down when each function of orientd is called, in every process that has this folder on its path.
+"""Write down when each function of orientd is called.
 
-Python itself loads it before anything else.  Each process has a file of its own in the folder that
-``ORIENTD_WAY`` names; a line is the time (monotonic clock, ns), the function, and the type whose
-method it is.
+Python itself loads this first, in every process that has this folder on its path.  Each process
+has a file of its own in the folder that ``ORIENTD_WAY`` names.  A line is the time (monotonic, ns),
+the function, and the type whose method it is.
 """
 
 from __future__ import annotations
