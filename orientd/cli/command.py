@@ -1,24 +1,49 @@
-"""What a command is made of: its options, and one line for what goes wrong.
-
-Exit status 0 is done, 1 is refused or failed, 2 is a mistake in the command line itself.
-"""
+"""The options that several commands share, and a command's connection to the daemon."""
 
 from __future__ import annotations
 
 import functools
 import inspect
 import os
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any, ParamSpec
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orientd.cli.completion import SETTINGS, devices, files
-from orientd.cli.output import close_output, complain, plain
-from orientd.errors import LimitError, OrientdError, RequestError
-from orientd.one_line import one_line
+from orientd.errors import OrientdError, RequestError
+
+if TYPE_CHECKING:
+    from orientd.config import DeviceSettings
+    from orientd.rpc import Robot
+
+PATIENCE = 0.5
+"""Seconds that the daemon has to name its devices to a shell that completes a word."""
+
+
+def devices(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the devices of the daemon, or of the configuration where no daemon answers.
+
+    A shell that waits for a word is no place for errors: if something fails, there are none.
+    """
+    from orientd import config
+    from orientd.rpc import connect
+
+    given = context.params.get("config")
+    names: list[str] = []
+    try:
+        try:
+            if given is None:
+                with connect(context.params.get("socket"), timeout=PATIENCE) as robot:
+                    names = [device.name for device in robot.devices()]
+        except OrientdError:
+            pass
+        names = names or list(config.load_or_default(given).devices)
+    except OrientdError:
+        pass
+    return [name for name in names if name.startswith(incomplete)]
+
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Socket = Annotated[
@@ -29,32 +54,26 @@ Partial = Annotated[
     bool, typer.Option("--partial", help="Use what can be read of a cut or damaged recording.")
 ]
 Topic = Annotated[
-    str, typer.Option("--topic", "-t", help="Which orientation, where there are several.")
+    str, typer.Option("--topic", "-t", help="Which orientation, if there are several.")
 ]
 DeviceName = Annotated[
     str,
     typer.Option(
-        "--device", "-d", help="Which device, where there are several.", autocompletion=devices
+        "--device", "-d", help="Which device, if there are several.", autocompletion=devices
     ),
 ]
-
-
-def config_option(text: str) -> Any:  # noqa: ANN401 - as Typer says of its own
-    """Return the option that names a configuration, with *text* for its help."""
-    return typer.Option("--config", "-c", help=text, autocompletion=files(*SETTINGS))
-
-
 ConfigFile = Annotated[
     Path | None,
-    config_option(
-        "The configuration; default: $ORIENTD_CONFIG, ~/.config/orientd/orientd.toml, or "
-        "one loopback device."
+    typer.Option(
+        "--config",
+        "-c",
+        help="The configuration; default: $ORIENTD_CONFIG, ~/.config/orientd/orientd.toml, or "
+        "one loopback device.",
     ),
 ]
-
 Beside = Annotated[
     bool,
-    typer.Option("--lease", help="Command beside your command in another terminal."),
+    typer.Option("--lease", help="Share the lease that your command in another terminal holds."),
 ]
 
 _REMOTE = {
@@ -66,82 +85,96 @@ _REMOTE = {
             help="Reach a daemon over TCP, with TLS; or fleet:NAME of the cell $ORIENTD_CELL.",
         ),
     ],
-    "cert": Annotated[Path | None, typer.Option("--cert", help="For --address: who this is.")],
-    "key": Annotated[Path | None, typer.Option("--key", help="For --address: of --cert.")],
-    "ca": Annotated[Path | None, typer.Option("--ca", help="For --address: of the daemon.")],
+    "cert": Annotated[
+        Path | None, typer.Option("--cert", help="Your certificate (with --address).")
+    ],
+    "key": Annotated[
+        Path | None, typer.Option("--key", help="The key of your certificate (with --address).")
+    ],
+    "ca": Annotated[
+        Path | None,
+        typer.Option("--ca", help="The authority that signs the daemon (with --address)."),
+    ],
 }
 
-LONG = 1.0
-"""What a refused motion took beyond this, s, is told."""
 
-Parameters = ParamSpec("Parameters")
-
-
-def command(run: Callable[Parameters, None]) -> Callable[Parameters, None]:
-    """Make a command of *run*: what goes wrong becomes one line and exit status 1.
-
-    Where the command has ``as_json``, it is one JSON object instead, on standard error too.  Where
-    it has ``socket`` to connect to, it gets the options of a daemon that is reached over TCP.
-    """
+def with_remote(run: Callable[..., None]) -> Callable[..., None]:
+    """Return a command with the options of a daemon over TCP, if it has ``socket`` at all."""
     signature = inspect.signature(run, eval_str=True)
-    remote = _REMOTE if "socket" in signature.parameters else {}
+    if "socket" not in signature.parameters or "address" in signature.parameters:
+        return run
 
     @functools.wraps(run)
-    def reporting(*arguments: Parameters.args, **options: Parameters.kwargs) -> None:
-        as_json = bool(options.get("as_json"))
-        for name in remote:
-            given = options.pop(name, None)
+    def reaching(**options: Any) -> None:  # noqa: ANN401 - those of the command
+        for name in _REMOTE:
+            given = options.pop(name)
             if given is not None:
                 os.environ[f"ORIENTD_{name.upper()}"] = str(given)
                 if name == "address":
                     options["socket"] = None
-        try:
-            run(*arguments, **options)
-            sys.stdout.flush()
-        except OrientdError as error:
-            fail(error, as_json=as_json)
-        except KeyboardInterrupt:
-            fail(OrientdError("interrupted"), as_json=as_json)
-        except BrokenPipeError:
-            close_output()
-            raise typer.Exit(1) from None
-        except OSError as error:  # of a name that no file can have, where nobody else has looked
-            what = f"{one_line(str(error.filename), 100)}: " if error.filename else ""
-            fail(OrientdError(f"{what}{error.strerror or error}"), as_json=as_json)
+        run(**options)
 
-    if remote:
-        more = [
-            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
-            for name, kind in remote.items()
-        ]
-        listed = [*signature.parameters.values(), *more]
-        reporting.__signature__ = signature.replace(parameters=listed)  # type: ignore[attr-defined] # typer reads it
-        reporting.__annotations__ = {**run.__annotations__, **remote}
-    return reporting
+    more = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
+        for name, kind in _REMOTE.items()
+    ]
+    listed = [*signature.parameters.values(), *more]
+    reaching.__signature__ = signature.replace(parameters=listed)  # type: ignore[attr-defined] # typer reads it
+    reaching.__annotations__ = {**run.__annotations__, **_REMOTE}
+    return reaching
 
 
-def fail(error: OrientdError, *, as_json: bool) -> None:
-    """Say what went wrong and exit with status 1."""
-    complain(describe(error), as_json=as_json, more=_took(error))
-    raise typer.Exit(1) from None
+def connect_as(socket: Path | None, command: str) -> Robot:
+    """Connect to the daemon; others are told of the *command* if they are refused because of it."""
+    from orientd.rpc import connect
+
+    return connect(socket, holder=f"orientd {command}, process {os.getpid()}")
 
 
-def _took(error: OrientdError) -> str:
-    """Return how long it took until a motion was refused, where that was long."""
-    if error.planning < LONG:
-        return ""
-    waiting = f"{error.waiting:.1f} s of it waiting for the device"
-    return f" (refused after {error.planning:.1f} s, {waiting})"
+def device_settings(config: Path | None, device: str) -> DeviceSettings:
+    """Return the settings of the device that a plan without a daemon is made for.
+
+    Raises:
+        RequestError: the configuration has no such device.
+    """
+    from orientd.config import load_or_default
+
+    devices = load_or_default(config).devices
+    if device and device not in devices:
+        raise RequestError("device", f"expected one of {', '.join(devices)}, got {device!r}")
+    return devices[device or next(iter(devices))]
 
 
-def describe(error: OrientdError) -> dict[str, Any]:
-    """Return what a program wants to know of *error*."""
-    described: dict[str, Any] = {"kind": type(error).__name__, "message": str(error)}
-    if isinstance(error, RequestError):
-        described["field"] = error.field
-    if error.planning:
-        described |= {"planning": error.planning, "waiting": error.waiting}
-    if isinstance(error, LimitError):
-        for name in ("quantity", "value", "limit", "time", "unit"):
-            described[name] = plain(getattr(error, name))
-    return described
+def check_ending(path: Path, endings: Sequence[str], *, named: str) -> None:
+    """Check how the name of a file to be written ends.
+
+    Raises:
+        typer.BadParameter: it does not end in one of *endings*; *named* is the parameter.
+    """
+    if path.suffix not in endings:
+        raise typer.BadParameter(
+            f"expected a name that ends in {', '.join(endings)}, got {path.name!r}",
+            param_hint=named,
+        )
+
+
+_EXTRAS = {
+    "record": ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf"),
+    "view": ("viser",),
+}
+"""Modules that make an optional part of orientd."""
+
+
+def need_extra(extra: str) -> None:
+    """Check that an optional part of orientd is installed.
+
+    Raises:
+        OrientdError: it is not; the message says how to install it.
+    """
+    if any(find_spec(module) is None for module in _EXTRAS[extra]):
+        raise OrientdError(f"this needs the extra `{extra}`: pip install 'orientd-motion[{extra}]'")
+
+
+def command(run: Callable[..., None]) -> Callable[..., None]:
+    """Return *run* as it is."""
+    return run

@@ -5,19 +5,22 @@ Standard output carries what was asked for, standard error what went wrong.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from orientd.one_line import one_line, shown
 
 _QUATERNIONS = {"q", "feedback_q"}
+
+Item = TypeVar("Item")
 
 
 def say(*lines: str) -> None:
@@ -97,3 +100,28 @@ def is_terminal() -> bool:
 def close_output() -> None:
     """Have nobody hear what is still buffered: whoever read has had enough."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+@contextlib.contextmanager
+def working(title: str, *, is_silent: bool = False) -> Iterator[None]:
+    """Show what is being done while the context lasts, on standard error of a terminal alone."""
+    if is_silent or not sys.stderr.isatty():
+        yield
+        return
+    # Rich takes its time to import, and most commands have no use for it.
+    from rich.console import Console
+    from rich.text import Text
+
+    with Console(stderr=True).status(Text(title)):
+        yield
+
+
+def counted(title: str, items: Sequence[Item], *, is_silent: bool = False) -> Iterator[Item]:
+    """Yield *items*, and show on standard error of a terminal how many of them are done."""
+    if is_silent or not sys.stderr.isatty():
+        yield from items
+        return
+    from rich.console import Console
+    from rich.progress import track
+
+    yield from track(items, description=title, console=Console(stderr=True), transient=True)

@@ -23,6 +23,7 @@ from orientd.config.settings import (
     default_settings,
     find,
     load,
+    load_or_default,
     parse,
     read_table,
 )

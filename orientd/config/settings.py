@@ -105,11 +105,6 @@ def _spread() -> Iterator[float]:
         yield (FIRST_PHASE + int(bits, 2) / 2 ** len(bits)) % 1.0
 
 
-def default_settings() -> Settings:
-    """Return what the daemon runs with when there is no file: one loopback device, ``arm``."""
-    return parse({"devices": {"arm": {"driver": "loopback"}}}, source="default settings")
-
-
 def find() -> Path | None:
     """Return the file to use when none is named on the command line.
 
@@ -132,6 +127,21 @@ def load(path: Path) -> Settings:
             one line names the file, the key, what was expected and what came.
     """
     return parse(read_table(path), source=str(path))
+
+
+def default_settings() -> Settings:
+    """Return what the daemon runs with when there is no file: one loopback device, ``arm``."""
+    return parse({"devices": {"arm": {"driver": "loopback"}}}, source="default settings")
+
+
+def load_or_default(path: Path | None = None) -> Settings:
+    """Return the settings in *path*, or in the file to use, or without one the default.
+
+    Raises:
+        ConfigError: as for :func:`load`.
+    """
+    path = path or find()
+    return load(path) if path else default_settings()
 
 
 def read_table(path: Path) -> dict[str, Any]:

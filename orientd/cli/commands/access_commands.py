@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, ConfigFile, DeviceName, Socket, command
+from orientd.cli.command import AsJson, ConfigFile, DeviceName, Socket, connect_as
 from orientd.cli.output import say, say_json
 from orientd.errors import OrientdError
 
@@ -16,7 +16,6 @@ audit = typer.Typer(name="audit", help="No longer there.", no_args_is_help=True)
 
 
 @lease.command(hidden=True)
-@command
 def give(
     to: Annotated[str, typer.Argument(metavar="WHOM", help="Not used.")],  # noqa: ARG001 - as it was
     device: DeviceName = "",  # noqa: ARG001
@@ -29,7 +28,6 @@ def give(
 
 
 @lease.command()
-@command
 def seize(
     reason: Annotated[str, typer.Option("--reason", help="Recorded, and told to the holder.")],
     device: DeviceName = "",
@@ -40,7 +38,6 @@ def seize(
 
     Of a device, or of all of them; what runs under it stops.  For administrators.
     """
-    from orientd.cli.commander import connect_as
     from orientd.rpc import LeaseReport
 
     with connect_as(socket, "lease seize") as robot:
@@ -61,7 +58,6 @@ def _group() -> None:
 
 
 @audit.command()
-@command
 def verify(
     file: Annotated[Path | None, typer.Argument(metavar="FILE", help="Not used.")] = None,  # noqa: ARG001 - as it was
     config: ConfigFile = None,  # noqa: ARG001 - as it was

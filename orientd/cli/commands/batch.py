@@ -51,7 +51,7 @@ def batch(
     The same command goes on where one was ended.
     """
     from orientd.batch import Batch, Settings, open_requests
-    from orientd.cli.commands.motion_commands import device_settings
+    from orientd.cli.command import device_settings
 
     if jobs == 0 or jobs < -1:
         raise typer.BadParameter(f"expected -1 or at least 1, got {jobs}", param_hint="--jobs")

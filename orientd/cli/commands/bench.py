@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orientd.cli.command import AsJson, command
+from orientd.cli.command import AsJson
 from orientd.cli.output import is_terminal, say, say_json, table
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ bench = typer.Typer(name="bench", rich_markup_mode=None)
 
 
 @bench.callback(invoke_without_command=True)
-@command
 def measure(
     context: typer.Context,
     seconds: Annotated[float, typer.Option(min=0.5, help="Length of one slot, s.")] = 2.0,
@@ -43,7 +42,6 @@ def measure(
 
 
 @bench.command()
-@command
 def retarget(
     count: Annotated[
         int, typer.Option(min=10, help="Retargets for each number of keyframes.")

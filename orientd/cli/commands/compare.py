@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from orientd.cli.command import AsJson, command
+from orientd.cli.command import AsJson
 from orientd.cli.commands.motion_commands import MotionFile
-from orientd.cli.output import answer, table
-from orientd.cli.waiting import counted, working
+from orientd.cli.output import answer, counted, table, working
 from orientd.errors import RequestError
 
 if TYPE_CHECKING:
@@ -48,7 +47,6 @@ Column = Literal[
 """By what the families are sorted."""
 
 
-@command
 def compare(
     file: MotionFile,
     plot: Annotated[

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from orientd.cli.command import AsJson, ConfigFile, Socket, command
+from orientd.cli.command import AsJson, ConfigFile, Socket
 from orientd.cli.output import answer, say, say_json, table
 from orientd.daemon import LogFormat
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from orientd.rpc import control_pb2
 
 
-@command
 def run(
     config: ConfigFile = None,
     listen: Socket = None,
@@ -47,7 +46,7 @@ def run(
     from orientd.rpc import daemon_from_message, default_socket
 
     path = config or configuration.find()
-    settings = configuration.load(path) if path else configuration.default_settings()
+    settings = configuration.load_or_default(path)
     set_up_log(log_format, settings.daemon.log_level)
     if listen and settings.daemon.socket and listen != settings.daemon.socket:
         logging.getLogger(__name__).warning(
@@ -93,7 +92,6 @@ def _end_with_input() -> None:
     os.kill(os.getpid(), signal.SIGTERM)
 
 
-@command
 def status(socket: Socket = None, as_json: AsJson = False) -> None:
     """Show the daemon, the lease, and what each device is doing."""
     from orientd.cli import texts
@@ -136,7 +134,6 @@ def status(socket: Socket = None, as_json: AsJson = False) -> None:
             say(f"  {part.name:<11}  {texts.health(part)}")
 
 
-@command
 def devices(socket: Socket = None, as_json: AsJson = False) -> None:
     """List the devices of the daemon's configuration."""
     from orientd.cli import texts
@@ -158,7 +155,6 @@ def devices(socket: Socket = None, as_json: AsJson = False) -> None:
     answer({"devices": found}, *lines, as_json=as_json)
 
 
-@command
 def methods(
     gallery: Annotated[
         Path | None,

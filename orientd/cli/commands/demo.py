@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, command
+from orientd.cli.command import AsJson
 from orientd.cli.output import say, say_json
 from orientd.cli.own_daemon import begun
 from orientd.errors import OrientdError
@@ -41,7 +41,6 @@ KEYFRAMES = (
 LIMITS = {"velocity": 0.9, "acceleration": 3.0, "jerk": 60.0, "linear_velocity": 0.2}
 
 
-@command
 def demo(
     plot: Annotated[
         Path, typer.Option("--plot", "-p", help="Where to draw the picture (extra plot).")

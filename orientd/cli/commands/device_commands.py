@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
+from orientd.cli.command import AsJson, Beside, DeviceName, Socket, connect_as
 from orientd.cli.output import answer
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ def _of_all(name: str, told: str) -> Callable[..., None]:
     """Return the command that brings devices to rest, whoever holds their leases."""
 
     def act(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
-        from orientd.cli.commander import connect_as
         from orientd.cli.urgent import tell
 
         with connect_as(socket, name) as robot:
@@ -45,7 +44,7 @@ def _of_one(name: str, told: str) -> Callable[..., None]:
 
 def _named(name: str, told: str, act: Callable[..., None]) -> Callable[..., None]:
     act.__name__, act.__doc__ = name, told
-    return command(act)
+    return act
 
 
 def _command(
@@ -57,9 +56,9 @@ def _command(
     act: Callable[[Robot], DeviceReport],
 ) -> None:
     from orientd.cli import texts
-    from orientd.cli.commander import commander
 
-    with commander(socket, name, device, is_beside=is_beside) as robot:
+    with connect_as(socket, name) as robot:
+        robot.acquire_lease(device, beside=is_beside)
         report = act(robot)
     speed = "" if report.speed == 1.0 else f", speed {report.speed:g}"
     answer(report, f"{report.name}: {texts.state(report)}{speed}", as_json=as_json)
@@ -80,7 +79,6 @@ disable = _of_one("disable", "Leave a device at rest, no longer following.")
 reset = _of_one("reset", "Clear a fault; starts the servo process anew if it has ended.")
 
 
-@command
 def speed(
     factor: Annotated[
         float, typer.Argument(metavar="X", help="More than 0, at most 1, which is as planned.")

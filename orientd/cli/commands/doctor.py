@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, command, config_option
-from orientd.cli.completion import devices
-from orientd.cli.output import answer, table
-from orientd.cli.waiting import working
+from orientd.cli.command import AsJson, devices
+from orientd.cli.output import answer, table, working
 from orientd.driver import Finding, Verdict
 from orientd.errors import ConfigError, OrientdError
 
@@ -22,10 +20,10 @@ SLOW_LATENCY = 0.02
 """Seconds behind its setpoints from which a device is said to be slow."""
 
 
-@command
 def doctor(
     config: Annotated[
-        Path | None, config_option("Look at the devices of this configuration too.")
+        Path | None,
+        typer.Option("--config", "-c", help="Look at the devices of this configuration too."),
     ] = None,
     latency: Annotated[
         str,

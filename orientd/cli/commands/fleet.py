@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orientd.cli.command import AsJson, command
+from orientd.cli.command import AsJson, command, need_extra
 from orientd.cli.commands.record import OutFile, Scalars, Seconds, check_output, ending, tell
-from orientd.cli.commands.view import PORT, Dark, Host, NoOpen, Port, need_view, serve_page
+from orientd.cli.commands.view import PORT, Dark, Host, NoOpen, Port, serve_page
 from orientd.cli.output import is_terminal, say, say_json, table
 from orientd.errors import DaemonError, OrientdError
 from orientd.rpc import STALE
@@ -131,7 +131,7 @@ def view(
 
     Prints one line beginning "ready" with the address.  Anybody who can open the page can stop all.
     """
-    need_view()
+    need_extra("view")
     from orientd.fleet import Overview
     from orientd.viewer import CellPage
 

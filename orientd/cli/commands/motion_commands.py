@@ -10,26 +10,26 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, Beside, ConfigFile, DeviceName, Socket, command
-from orientd.cli.completion import MOTIONS, files
-from orientd.cli.output import answer, say
-from orientd.cli.usage import check_ending
-from orientd.cli.waiting import working
+from orientd.cli.command import (
+    AsJson,
+    Beside,
+    ConfigFile,
+    DeviceName,
+    Socket,
+    check_ending,
+    connect_as,
+    device_settings,
+)
+from orientd.cli.output import answer, say, working
 from orientd.errors import OrientdError, PlanError, RequestError
 
 if TYPE_CHECKING:
-    from orientd.config import DeviceSettings
     from orientd.driver import Driver, Feedback
     from orientd.endless_turn import EndlessTurn
     from orientd.planner import MotionRequest, State
     from orientd.rpc import MoveHandle, OnTarget, Summary
 
-MotionFile = Annotated[
-    Path,
-    typer.Argument(
-        metavar="FILE", help="A motion file, YAML or JSON.", autocompletion=files(*MOTIONS)
-    ),
-]
+MotionFile = Annotated[Path, typer.Argument(metavar="FILE", help="A motion file, YAML or JSON.")]
 
 LATEST_START = 3600.0
 """Seconds ahead of now up to which the daemon takes a start time."""
@@ -38,7 +38,6 @@ CANCEL_TIMEOUT = 15.0
 """Seconds in which a motion that was cancelled comes to rest."""
 
 
-@command
 def plan(
     file: MotionFile,
     output: Annotated[
@@ -144,7 +143,6 @@ def _offline_start(request: MotionRequest, stands: Feedback | None) -> State:
     return State.at_rest(request.keys[0], first.position or nowhere)
 
 
-@command
 def move(
     file: MotionFile,
     device: DeviceName = "",
@@ -182,7 +180,6 @@ def move(
     """
     from orientd import motion_file
     from orientd.cli import texts
-    from orientd.cli.commander import commander
     from orientd.rpc import titled
 
     if blend and not queue:
@@ -196,7 +193,8 @@ def move(
         )
     gate = _gate(on_target) if on_target else None
     request = motion_file.load(file)
-    with commander(socket, "move", device, is_beside=lease) as robot:
+    with connect_as(socket, "move") as robot:
+        robot.acquire_lease(device, beside=lease)
         handle = robot.move(
             request,
             device=device,
@@ -217,8 +215,7 @@ def move(
             notes=plan.certificate.notes,
             is_silent=as_json,
         )
-    tell_motion(handle, summary, as_json=as_json)
-    raise_unless_done(summary)
+    conclude(handle, summary, as_json=as_json)
 
 
 def _gate(text: str) -> OnTarget:
@@ -270,15 +267,20 @@ def follow(
             raise OrientdError(str(error)) from error
 
 
-def tell_motion(
+def conclude(
     handle: MoveHandle | EndlessTurn, summary: Summary, *, as_json: bool, **more: object
 ) -> None:
-    """Say how a motion went, with *more* where that is said in JSON."""
+    """Say how a motion went, with *more* for programs.
+
+    Raises:
+        OrientdError: it was not run to its end.
+    """
     from orientd.cli import texts
 
     moved = {"plan": handle.plan, "summary": summary, "speed": handle.speed}
     lines = texts.summary(summary, handle.plan, speed=handle.speed)
     answer({**more, **moved}, *lines, as_json=as_json)
+    raise_unless_done(summary)
 
 
 def raise_unless_done(summary: Summary) -> None:
@@ -287,15 +289,3 @@ def raise_unless_done(summary: Summary) -> None:
 
     if not summary.outcome.is_as_asked:
         raise OrientdError(f"motion {summary.motion_number} {texts.ending(summary)}")
-
-
-def device_settings(config: Path | None, device: str) -> DeviceSettings:
-    """Return the settings of the device that a plan without a daemon is made for."""
-    from orientd import config as configuration
-
-    path = config or configuration.find()
-    settings = configuration.load(path) if path else configuration.default_settings()
-    names = list(settings.devices)
-    if device and device not in names:
-        raise RequestError("device", f"expected one of {', '.join(names)}, got {device!r}")
-    return settings.devices[device or names[0]]

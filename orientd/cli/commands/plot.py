@@ -8,18 +8,26 @@ from typing import Annotated, Literal
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, Partial, Topic, command
+from orientd.cli.command import AsJson, DeviceName, Partial, Topic, need_extra
 from orientd.cli.commands.compare import Ends, Times, need_two
-from orientd.cli.completion import TAKES, drawable
-from orientd.cli.output import answer, table
-from orientd.cli.waiting import working
+from orientd.cli.output import answer, table, working
 from orientd.errors import OrientdError, RequestError
 
 Show = Literal["motion", "triads", "rates", "body"]
 """What of a motion file is drawn."""
 
+RECORDINGS = (".mcap", ".csv", ".tum", ".txt", ".db3")
+"""Endings of files that are no motion files."""
 
-@command
+
+def _names(incomplete: str) -> list[str]:
+    """Return the families and figures that a shell may complete."""
+    from orientd.curves import METHODS
+    from orientd.plots import FIGURES
+
+    return [name for name in (*METHODS, *FIGURES) if name.startswith(incomplete)]
+
+
 def plot(
     what: Annotated[
         str | None,
@@ -27,7 +35,7 @@ def plot(
             metavar="FILE|NAME",
             help="A motion file, a recording (.mcap, .csv, .tum, .txt), or a family or figure by "
             "its name; without it, the names.",
-            autocompletion=drawable,
+            autocompletion=_names,
         ),
     ] = None,
     output: Annotated[
@@ -67,7 +75,7 @@ def plot(
             plots.draw_family(path, what)
         elif what in plots.FIGURES:
             plots.draw_figure(path, what)
-        elif Path(what).suffix in TAKES and Path(what).exists():
+        elif Path(what).suffix in RECORDINGS and Path(what).exists():
             notes = _draw_recording(Path(what), path, device, topic, partial=partial)
         elif Path(what).exists():
             _draw_file(Path(what), path, show, times, ends)
@@ -94,9 +102,8 @@ def _draw_recording(
 ) -> tuple[str, ...]:
     """Draw a recording, ours or somebody else's, and return what there is to say of it."""
     from orientd import plots
-    from orientd.cli.commands.record import need_record
 
-    need_record()
+    need_extra("record")
     from orientd.recorder import NotOursError, load_recording, read_orientations, strands
 
     if file.suffix == ".mcap" and not topic:

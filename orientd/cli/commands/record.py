@@ -6,16 +6,22 @@ import contextlib
 import signal
 import threading
 from collections.abc import Iterator
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, Partial, Socket, command
-from orientd.cli.completion import devices, files
+from orientd.cli.command import (
+    AsJson,
+    DeviceName,
+    Partial,
+    Socket,
+    check_ending,
+    connect_as,
+    devices,
+    need_extra,
+)
 from orientd.cli.output import say, say_json
-from orientd.cli.usage import check_ending
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -30,20 +36,7 @@ Scalars = Annotated[
     bool, typer.Option("--scalars", help="Plain numbers of every cycle too, for tools that plot.")
 ]
 
-NEEDED = ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf")
 
-
-def need_record() -> None:
-    """Say how to install what recordings need, unless it is there.
-
-    Raises:
-        OrientdError: it is not.
-    """
-    if any(find_spec(name) is None for name in NEEDED):
-        raise OrientdError("recordings need an extra: pip install 'orientd-motion[record]'")
-
-
-@command
 def record(
     file: OutFile,
     device: Annotated[
@@ -67,7 +60,6 @@ def record(
     sent and measured are topics of their own.
     """
     check_output(file, seconds)
-    from orientd.cli.commander import connect_as
     from orientd.recorder import RecordingSession
 
     with connect_as(socket, "record") as robot:
@@ -91,7 +83,7 @@ def check_output(file: Path, seconds: float | None) -> None:
     check_ending(file, [".mcap"], named="OUT.mcap")
     if file.is_file():
         raise OrientdError(f"cannot write {file}: it is there already")
-    need_record()
+    need_extra("record")
 
 
 @contextlib.contextmanager
@@ -137,13 +129,10 @@ def tell(session: LiveRecording, file: Path, *, as_json: bool) -> None:
 ENDINGS = (".csv", ".npz", ".parquet")
 
 
-@command
 def export(
     file: Annotated[
         Path,
-        typer.Argument(
-            metavar="RECORDING", help="A recording of orientd.", autocompletion=files(".mcap")
-        ),
+        typer.Argument(metavar="RECORDING", help="A recording of orientd."),
     ],
     output: Annotated[
         Path, typer.Option("--output", "-o", help="A .csv, .npz or .parquet file to write.")
@@ -157,7 +146,7 @@ def export(
     Planned, sent and measured stand side by side.  Parquet needs the extra `parquet`.
     """
     check_ending(output, ENDINGS, named="--output")
-    need_record()
+    need_extra("record")
     from orientd.recorder import export as write
     from orientd.recorder import load_recording
 

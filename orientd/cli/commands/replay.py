@@ -16,13 +16,12 @@ from orientd.cli.command import (
     Partial,
     Socket,
     Topic,
-    command,
+    check_ending,
+    connect_as,
+    device_settings,
+    need_extra,
 )
-from orientd.cli.commands.record import need_record
-from orientd.cli.completion import TAKES, files
-from orientd.cli.output import answer, say
-from orientd.cli.usage import check_ending
-from orientd.cli.waiting import working
+from orientd.cli.output import answer, say, working
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,7 +34,6 @@ Pace = Literal["recorded", "minimum"]
 """How fast a recording is repeated."""
 
 
-@command
 def replay(
     file: Annotated[
         Path,
@@ -43,7 +41,6 @@ def replay(
             metavar="RECORDING",
             help="A .mcap file (ours or not), a .csv file (also of EuRoC), a TUM trajectory "
             "(.tum, .txt), or a ROS 2 bag: its folder or .db3 file.",
-            autocompletion=files(*TAKES),
         ),
     ],
     topic: Topic = "",
@@ -57,7 +54,7 @@ def replay(
     pace: Annotated[
         Pace,
         typer.Option(
-            "--pace", help="As recorded, slowed down where the limits ask for it, or the quickest."
+            "--pace", help="As recorded, slowed down if the limits ask for it, or the quickest."
         ),
     ] = "recorded",
     output: Annotated[
@@ -75,11 +72,12 @@ def replay(
 ) -> None:
     """Repeat a recorded orientation.
 
-    A spline is fitted to it and planned; its certificate is shown before anything moves.  Noise,
-    sign flips, wild samples and gaps are dealt with.  The motion begins with a lead-in from
-    wherever the device is and ends with a stop, both certified with it.
+    The planner fits a spline to it; its certificate is shown before anything moves.  The fit deals
+    with noise, sign flips, wild samples and gaps.  The motion begins with a lead-in from wherever
+    the device is and ends with a stop, both certified with it.
     """
-    need_record()
+    need_extra("record")
+    from orientd.cli.commands.motion_commands import conclude, follow
     from orientd.curves import fit_orientations
     from orientd.recorder import read_orientations
 
@@ -93,44 +91,66 @@ def replay(
         found = read_orientations(file, topic, partial=partial)
     with working(f"fitting {len(found.times)} samples", is_silent=as_json):
         fit = fit_orientations(found.times, found.q, tolerance=math.radians(error))
-    told = _told(found.topic, fit)
-    notes = told["notes"] = [*found.notes, *_lost(fit)]
+    fitted = _figures(found.topic, fit, found.notes)
     if not as_json:
         say(
-            *(f"note: {note}" for note in notes),
-            f"{told['topic'] or 'orientation'}: {told['samples']} samples in "
-            f"{told['seconds']:.2f} s, noise {told['noise_deg']:.3f} deg, "
-            f"{told['left_out']} left out",
-            f"spline with {told['knots']} knots, at most {told['error_deg']:.3f} deg from the "
+            *(f"note: {note}" for note in fitted["notes"]),
+            f"{fitted['topic'] or 'orientation'}: {fitted['samples']} samples in "
+            f"{fitted['seconds']:.2f} s, noise {fitted['noise_deg']:.3f} deg, "
+            f"{fitted['left_out']} left out",
+            f"spline with {fitted['knots']} knots, at most {fitted['error_deg']:.3f} deg from the "
             "filtered samples",
         )
     if dry_run:
-        _plan_offline(fit, told, pace, config, device, output, as_json=as_json)
-    else:
-        _move(fit, told, pace, device, lease, socket, output, as_json=as_json)
+        from orientd.daemon import plan_of
+
+        motion, slower = _planned(fit, pace, _offline_planner(fit, config, device), output)
+        answer(
+            {"fit": fitted, "slower": slower, "plan": plan_of(motion), "output": output},
+            *_lines(motion, slower, output),
+            as_json=as_json,
+        )
+        return
+    with connect_as(socket, "replay") as robot:
+        robot.acquire_lease(device, beside=lease)
+        plan, slower = _planned(fit, pace, lambda one: robot.plan(one, device=device), output)
+        if not as_json:
+            say(*_lines(plan, slower, output))
+        handle = robot.move(plan, device=device)
+        summary = follow(handle, title=f"motion {handle.motion_number}", is_silent=as_json)
+    conclude(handle, summary, as_json=as_json, fit=fitted, slower=slower)
 
 
-def _lost(fit: Fit) -> list[str]:
-    """Return a note where most samples were left out."""
+def _figures(topic: str, fit: Fit, notes: tuple[str, ...]) -> dict[str, Any]:
+    """Return how well a recording was fitted."""
     count, left_out = len(fit.samples.times), fit.samples.left_out
-    if left_out <= count:
-        return []
-    return [f"more than half of the samples are left out: {left_out} of {left_out + count}"]
-
-
-def _told(topic: str, fit: Fit) -> dict[str, Any]:
+    lost = f"more than half of the samples are left out: {left_out} of {left_out + count}"
     return {
         "topic": topic,
-        "samples": len(fit.samples.times),
-        "left_out": fit.samples.left_out,
+        "samples": count,
+        "left_out": left_out,
         "seconds": fit.seconds,
         "noise_deg": math.degrees(fit.samples.noise),
         "knots": fit.knot_count,
         "error_deg": math.degrees(fit.error),
+        "notes": [*notes, *([lost] if left_out > count else [])],
     }
 
 
-def _paced(
+def _offline_planner(fit: Fit, config: Path | None, device: str) -> Callable[[MotionRequest], Any]:
+    """Return what plans for a device of the configuration that stands where the fit begins."""
+    from orientd import planner
+
+    settings = device_settings(config, device)
+    return lambda request: planner.plan(
+        request,
+        start=planner.State.at_rest(fit.control[0]),
+        limits=settings.limits.to_limits(),
+        period=settings.period_ns * 1e-9,
+    )
+
+
+def _planned(
     fit: Fit, pace: Pace, plan: Callable[[MotionRequest], Any], output: Path | None
 ) -> tuple[Any, float]:
     """Plan the replay, and write the motion file of it; return the plan and how much it is slower.
@@ -153,61 +173,7 @@ def _paced(
     return planned, slower
 
 
-def _plan_offline(
-    fit: Fit,
-    told: dict[str, Any],
-    pace: Pace,
-    config: Path | None,
-    device: str,
-    output: Path | None,
-    *,
-    as_json: bool,
-) -> None:
-    from orientd import planner
-    from orientd.cli.commands.motion_commands import device_settings
-    from orientd.daemon import plan_of
-
-    settings = device_settings(config, device)
-    start = planner.State.at_rest(fit.control[0])
-
-    def plan(request: MotionRequest) -> planner.Motion:
-        return planner.plan(
-            request,
-            start=start,
-            limits=settings.limits.to_limits(),
-            period=settings.period_ns * 1e-9,
-        )
-
-    motion, slower = _paced(fit, pace, plan, output)
-    found = {"fit": told, "slower": slower, "plan": plan_of(motion), "output": output}
-    answer(found, *_plan_lines(motion, slower, output), as_json=as_json)
-
-
-def _move(
-    fit: Fit,
-    told: dict[str, Any],
-    pace: Pace,
-    device: str,
-    lease: bool,
-    socket: Path | None,
-    output: Path | None,
-    *,
-    as_json: bool,
-) -> None:
-    from orientd.cli.commander import commander
-    from orientd.cli.commands.motion_commands import follow, raise_unless_done, tell_motion
-
-    with commander(socket, "replay", device, is_beside=lease) as robot:
-        plan, slower = _paced(fit, pace, lambda request: robot.plan(request, device=device), output)
-        if not as_json:
-            say(*_plan_lines(plan, slower, output))
-        handle = robot.move(plan, device=device)
-        summary = follow(handle, title=f"motion {handle.motion_number}", is_silent=as_json)
-    tell_motion(handle, summary, as_json=as_json, fit=told, slower=slower)
-    raise_unless_done(summary)
-
-
-def _plan_lines(planned: Any, slower: float, output: Path | None) -> list[str]:  # noqa: ANN401 - two kinds
+def _lines(planned: Any, slower: float, output: Path | None) -> list[str]:  # noqa: ANN401 - two kinds
     from orientd.cli import texts
 
     first = f"{slower:.3f} times as long as recorded"

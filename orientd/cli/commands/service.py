@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, command, config_option
+from orientd.cli.command import AsJson
 from orientd.cli.output import answer
 from orientd.errors import ConfigError
 
@@ -125,9 +125,8 @@ def unit(*, python: str, config: Path, user: str | None) -> str:
 
 
 @service.command()
-@command
 def install(
-    config: Annotated[Path, config_option("What the daemon runs with.")],
+    config: Annotated[Path, typer.Option("--config", "-c", help="What the daemon runs with.")],
     for_user: Annotated[
         bool, typer.Option("--user", help="A unit of this user, rather than of the system.")
     ] = False,

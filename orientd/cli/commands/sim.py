@@ -10,7 +10,6 @@ from typing import Annotated
 
 import typer
 
-from orientd.cli.command import command
 from orientd.errors import DaemonError
 
 _CARRIED = Path(__file__).parents[2] / "emulators"
@@ -33,7 +32,6 @@ sim = typer.Typer(
 
 
 @sim.command("ur")
-@command
 def ur(
     host: Annotated[str, typer.Option(help="An address of this machine; each robot needs one.")],
     model: Annotated[str, typer.Option(help="Which arm: ur3 to ur10, ur3e to ur30.")] = "ur5e",
@@ -63,7 +61,6 @@ def ur(
 
 
 @sim.command("dynamixel")
-@command
 def dynamixel(
     link: Annotated[Path, typer.Option(help="Where clients find the bus's serial port.")],
     servos: Annotated[

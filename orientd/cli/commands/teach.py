@@ -15,15 +15,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, Socket, command
-from orientd.cli.completion import MOTIONS
+from orientd.cli.command import AsJson, DeviceName, Socket, check_ending, connect_as
 from orientd.cli.output import say, say_json
-from orientd.cli.usage import check_ending
 from orientd.errors import DeviceError, OrientdError, StateError
 
 if TYPE_CHECKING:
     from orientd.planner import Keyframe
     from orientd.teaching import Teaching
+
+ENDINGS = (".yaml", ".yml", ".json")
 
 _REFRESH = 0.1
 """How often the pose is shown anew, s."""
@@ -35,7 +35,6 @@ _CLEAR = "\r\x1b[K"
 _HELP = "space takes the pose, backspace removes the last, n names it, q ends"
 
 
-@command
 def teach(
     file: Annotated[
         Path, typer.Argument(metavar="OUT.yaml", help="The motion file to write, YAML or JSON.")
@@ -57,10 +56,9 @@ def teach(
     Without a terminal each line of standard input is `take`, `take NAME`, `remove`, `name NAME` or
     `end`.
     """
-    check_ending(file, MOTIONS, named="OUT.yaml")
+    check_ending(file, ENDINGS, named="OUT.yaml")
     if file.exists():
         raise OrientdError(f"cannot write {file}: it is there already")
-    from orientd.cli.commander import connect_as
 
     with connect_as(socket, "teach") as robot:
         if not watch:

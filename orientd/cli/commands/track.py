@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
+from orientd.cli.command import AsJson, Beside, DeviceName, Socket, connect_as
 from orientd.cli.output import answer
 from orientd.one_line import one_line
 
@@ -21,7 +21,6 @@ _NAMED = 10
 """Bad lines that are named, at most."""
 
 
-@command
 def track(
     device: DeviceName = "",
     time_to_live: Annotated[
@@ -44,10 +43,10 @@ def track(
     line was bad.
     """
     from orientd.cli import texts
-    from orientd.cli.commander import commander
 
     lines = _Lines(time_to_live)
-    with commander(socket, "track", device, is_beside=lease) as robot:
+    with connect_as(socket, "track") as robot:
+        robot.acquire_lease(device, beside=lease)
         with robot.track(device=device) as tracking:
             for target in lines.targets(sys.stdin.buffer):
                 tracking.hand_over(target)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from orientd.cli.command import AsJson, Beside, DeviceName, Socket, command
-from orientd.cli.commands.motion_commands import follow, raise_unless_done, tell_motion
+from orientd.cli.command import AsJson, Beside, DeviceName, Socket, connect_as
+from orientd.cli.commands.motion_commands import conclude, follow
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from orientd.rpc import MoveHandle, Robot
 
 
-@command
 def home(
     device: DeviceName = "", lease: Beside = False, socket: Socket = None, as_json: AsJson = False
 ) -> None:
@@ -28,7 +27,6 @@ def home(
     _run("home", lambda robot: robot.home(device), device, lease, socket, as_json)
 
 
-@command
 def turn(
     rate: Annotated[
         float, typer.Option("--rate", metavar="RAD/S", help="How fast; negative the other way.")
@@ -75,13 +73,11 @@ def _run(
     socket: Path | None,
     as_json: bool,
 ) -> None:
-    from orientd.cli.commander import commander
-
-    with commander(socket, name, device, is_beside=is_beside) as robot:
+    with connect_as(socket, name) as robot:
+        robot.acquire_lease(device, beside=is_beside)
         handle = begin(robot)
         notes = handle.plan.certificate.notes
         summary = follow(handle, title=name, notes=notes, is_silent=as_json)
-    tell_motion(handle, summary, as_json=as_json)
+    conclude(handle, summary, as_json=as_json)
     if problem := getattr(handle, "problem", ""):
         raise OrientdError(f"the turn could not go on: {problem}")
-    raise_unless_done(summary)

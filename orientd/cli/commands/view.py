@@ -6,14 +6,12 @@ import contextlib
 import os
 import threading
 import webbrowser
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, Beside, Socket, command
+from orientd.cli.command import AsJson, Beside, Socket, connect_as, need_extra
 from orientd.cli.output import answer
-from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
     from orientd.viewer import CellPage, Page
@@ -28,7 +26,6 @@ NoOpen = Annotated[bool, typer.Option("--no-open", help="Open no browser.")]
 Dark = Annotated[bool, typer.Option("--dark", help="Dark pages.")]
 
 
-@command
 def view(
     port: Port = PORT,
     host: Host = "127.0.0.1",
@@ -50,8 +47,7 @@ def view(
     Prints one line beginning "ready" with the address.  Anybody who can open the page can stop
     what moves; who takes the lease there can move it.
     """
-    need_view()
-    from orientd.cli.commander import connect_as
+    need_extra("view")
     from orientd.viewer import Page, is_loopback
 
     page = Page(
@@ -63,16 +59,6 @@ def view(
         is_beside=lease,
     )
     serve_page(page, host, no_open=no_open, as_json=as_json)
-
-
-def need_view() -> None:
-    """Say how to install what pages need, unless it is there.
-
-    Raises:
-        OrientdError: it is not.
-    """
-    if find_spec("viser") is None:
-        raise OrientdError("the view needs the extra `view`: pip install 'orientd-motion[view]'")
 
 
 def serve_page(page: Page | CellPage, host: str, *, no_open: bool, as_json: bool) -> None:

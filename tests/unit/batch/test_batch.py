@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from orientd import motion_file, planner
 from orientd.batch import Batch, Settings, open_requests, run
 from orientd.batch.rows import RECORD
-from orientd.cli.commands.motion_commands import device_settings
+from orientd.cli.command import device_settings
 from orientd.cli.main import app
 from orientd.errors import LimitError, LimitKind, OrientdError, RequestError
 from orientd.planner import offline

@@ -38,9 +38,7 @@ def completed(folder, monkeypatch, capsys):
 
 @pytest.fixture
 def folder(tmp_path):
-    for name in ("turn.yaml", "notes.txt", "cell.toml", ".hidden.yaml"):
-        (tmp_path / name).touch()
-    (tmp_path / "more").mkdir()
+    (tmp_path / "turn.yaml").touch()
     (tmp_path / "two.toml").write_text(
         '[devices.left]\ndriver = "loopback"\n[devices.right]\ndriver = "loopback"\n'
     )
@@ -51,13 +49,12 @@ def folder(tmp_path):
     ("words", "offered"),
     [
         (["mo"], ["move"]),
-        (["move", ""], ["more/", "turn.yaml"]),
-        (["run", "--config", "c"], ["cell.toml"]),
+        (["move", ""], []),  # so the shell completes its files
         (["plan", "--config", "two.toml", "--device", ""], ["left", "right"]),
         (["plot", "kks_h"], [name for name in METHODS if name.startswith("kks_h")]),
     ],
 )
-def test_commands_files_devices_and_families_complete(completed, words, offered):
+def test_commands_devices_and_families_complete(completed, words, offered):
     assert sorted(completed(*words)) == sorted(offered)
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
+from command_line import inside
 
-from orientd.cli.command import AsJson, command
+from orientd.cli.command import AsJson
+from orientd.cli.commands import daemon_commands
 from orientd.cli.output import plain, table
 from orientd.errors import LimitError, LimitKind, OrientdError, RequestError
 from orientd.stream import ServoState
@@ -72,15 +72,18 @@ def test_a_table_is_never_cut_off():
     assert [line.split() for line in lines] == rows
 
 
-def run(error, *arguments):
-    app = typer.Typer()
+@pytest.fixture
+def run(monkeypatch):
+    """Run a command in which an error is raised."""
 
-    @app.command()
-    @command
-    def fail(as_json: AsJson = False) -> None:
-        raise error
+    def run(error, *arguments):
+        def methods(as_json: AsJson = False) -> None:
+            raise error
 
-    return CliRunner().invoke(app, list(arguments))
+        monkeypatch.setattr(daemon_commands, "methods", methods)
+        return inside("methods", *arguments)
+
+    return run
 
 
 @pytest.mark.parametrize(
@@ -89,17 +92,19 @@ def run(error, *arguments):
         (OrientdError("it is\nso"), "orientd: it is so\n"),
         (RequestError("keyframes[1]", "missing"), "orientd: keyframes[1]: missing\n"),
         (KeyboardInterrupt(), "orientd: interrupted\n"),
+        (FileNotFoundError(2, "No such file", "x\ny"), "orientd: x y: No such file\n"),
+        (MemoryError(), "orientd: there is not enough memory for this\n"),
     ],
 )
-def test_what_goes_wrong_is_one_line_and_status_1(error, line):
+def test_what_goes_wrong_is_one_line_and_status_1(run, error, line):
     result = run(error)
-    assert (result.exit_code, result.stdout, result.stderr) == (1, "", line)
+    assert (result.returncode, result.stdout, result.stderr) == (1, "", line)
 
 
-def test_what_goes_wrong_is_one_object_for_programs():
+def test_what_goes_wrong_is_one_object_for_programs(run):
     error = LimitError("angular velocity", 3.0, 2.5, 0.5, "rad/s", kind=LimitKind.VELOCITY)
     result = run(error, "--json")
-    assert (result.exit_code, result.stdout) == (1, "")
+    assert (result.returncode, result.stdout) == (1, "")
     assert json.loads(result.stderr) == {
         "error": {
             "kind": "LimitError",
@@ -115,6 +120,14 @@ def test_what_goes_wrong_is_one_object_for_programs():
     assert field == "device"
 
 
-def test_a_mistake_of_ours_is_not_hidden():
-    result = run(ZeroDivisionError())
-    assert isinstance(result.exception, ZeroDivisionError)
+def test_a_mistake_of_ours_is_one_line_which_says_where_it_was_made(run):
+    result = run(ZeroDivisionError("by zero"))
+    assert (result.returncode, result.stdout) == (1, "")
+    assert result.stderr.startswith("orientd: a mistake of orientd's own, ZeroDivisionError at ")
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_a_mistake_of_ours_is_shown_whole_to_whoever_asks_for_it(run, monkeypatch):
+    monkeypatch.setenv("ORIENTD_TRACEBACK", "1")
+    with pytest.raises(ZeroDivisionError):
+        run(ZeroDivisionError())

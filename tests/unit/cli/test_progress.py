@@ -5,7 +5,7 @@ import time
 import pytest
 import rich
 
-from orientd.cli import progress, waiting
+from orientd.cli import output, progress
 from orientd.rpc.reports import Progress
 from orientd.stream import ServoState
 
@@ -59,11 +59,11 @@ def test_what_is_not_as_planned_is_said(capsys, speed, is_paused):
 
 
 def test_what_is_counted_is_passed_on_and_shown_on_a_terminal_alone(capsys, monkeypatch):
-    assert list(waiting.counted("comparing", ["squad", "slerp"])) == ["squad", "slerp"]
+    assert list(output.counted("comparing", ["squad", "slerp"])) == ["squad", "slerp"]
     assert capsys.readouterr() == ("", "")
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    assert list(waiting.counted("comparing", ["squad", "slerp"])) == ["squad", "slerp"]
-    with waiting.working("planning"):
+    assert list(output.counted("comparing", ["squad", "slerp"])) == ["squad", "slerp"]
+    with output.working("planning"):
         pass
     assert capsys.readouterr().out == ""
 
@@ -89,7 +89,7 @@ def test_a_name_is_shown_as_it_is_whatever_brackets_it_has(capsys, monkeypatch):
     with progress.view("motion 1 'a[b] [/red]'", is_silent=False) as show:
         show(REPORT)
     assert "motion 1 'a[b] [/red]'" in capsys.readouterr().out
-    with waiting.working("planning a[b] [/red].yaml"):
+    with output.working("planning a[b] [/red].yaml"):
         pass
 
 
