@@ -9,20 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import (
-    Field,
-    PlainSerializer,
-    PlainValidator,
-    ValidationInfo,
-    WithJsonSchema,
-    field_validator,
-    model_validator,
-)
+from pydantic import Field, PlainSerializer, PlainValidator, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from orientd.config.table import Name, Table
+from orientd.config.table import Name, Positive, Table, checked
 from orientd.errors import RequestError
 from orientd.plain_values import angular_rate
 
@@ -48,23 +40,27 @@ def _angular_limit(content: object) -> float | tuple[float, float, float]:
         raise PydanticCustomError("limit", "{expected}", {"expected": expected}) from None
 
 
-_POSITIVE: dict[str, Any] = {"type": "number", "exclusiveMinimum": 0}
-
 AngularLimit = Annotated[
     float | tuple[float, float, float],
     PlainValidator(_angular_limit),
     # By itself pydantic takes three numbers for a list that should be a tuple, and warns.
     PlainSerializer(lambda limit: limit, return_type=Any),
-    WithJsonSchema(
-        {
-            "anyOf": [
-                _POSITIVE,
-                {"type": "array", "items": _POSITIVE, "minItems": 3, "maxItems": 3},
-            ]
-        }
-    ),
 ]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+def _interpreter(path: str) -> str:
+    if path and not Path(path).expanduser().is_absolute():
+        raise ValueError
+    return path and str(Path(path).expanduser())
+
+
+def _seconds(value: float) -> float:
+    if isinstance(value, bool) or not 0.0 <= value <= LONGEST_LEAD:
+        raise ValueError
+    return value
+
+
+_SECONDS = f"a number of seconds from 0 to {LONGEST_LEAD:g}"
 
 
 class LimitSettings(Table):
@@ -137,9 +133,11 @@ class DeviceSettings(Table):
         options: the driver's own table.
     """
 
+    implied: ClassVar[frozenset[str]] = frozenset({"name"})
+
     name: Name
     driver: str
-    python: str = ""
+    python: Annotated[str, checked("an absolute path of a Python interpreter", _interpreter)] = ""
     rate_hz: Annotated[float, Field(ge=1.0, le=MAX_RATE_HZ)] = 500.0
     auto_enable: bool = True
     heartbeat_timeout: Positive = 1.0
@@ -148,61 +146,34 @@ class DeviceSettings(Table):
     phase: Annotated[float, Field(ge=0.0, lt=1.0)] = FIRST_PHASE
     spin_us: Annotated[int, Field(ge=0, le=1000)] = SPIN_US
     priority: Annotated[int, Field(ge=0, le=99)] = 80
-    compensate_latency: bool | float = False
-    latency: float | None = None
+    compensate_latency: Annotated[
+        bool | float,
+        checked(
+            f"{_SECONDS}, or true or false",
+            lambda value: value if isinstance(value, bool) else _seconds(value),
+        ),
+    ] = False
+    latency: Annotated[float, checked(_SECONDS, _seconds)] | None = None
     limits: LimitSettings = LimitSettings()
     frames: dict[str, Any] = Field(default_factory=dict)
     options: dict[str, Any] = Field(default_factory=dict)
 
-    @field_validator("python")
-    @classmethod
-    def _expand_python(cls, path: str) -> str:
-        if path and not Path(path).expanduser().is_absolute():
-            raise PydanticCustomError("python", "an absolute path of a Python interpreter")
-        return path and str(Path(path).expanduser())
-
-    @field_validator("compensate_latency", "latency", mode="before")
-    @classmethod
-    def _check_seconds(cls, given: object, checked: ValidationInfo) -> object:
-        may_switch = checked.field_name == "compensate_latency"
-        if isinstance(given, bool):
-            is_allowed = may_switch
-        else:
-            is_allowed = isinstance(given, (int, float)) and 0.0 <= given <= LONGEST_LEAD
-        if not is_allowed:
-            switch = ", or true or false" if may_switch else ""
-            raise ValueError(
-                f"devices.{checked.data.get('name')}.{checked.field_name}: expected a number of "
-                f"seconds from 0 to {LONGEST_LEAD:g}{switch}, got {given!r}"
-            )
-        return given
-
     @model_validator(mode="after")
-    def _need_latency(self) -> DeviceSettings:
+    def _check_together(self) -> DeviceSettings:
         if self.compensate_latency is True and self.latency is None:
             raise ValueError(
-                f"devices.{self.name}.compensate_latency: true needs latency, in seconds; "
+                "compensate_latency: true needs latency, in seconds; "
                 f"`orientd doctor --config FILE --latency {self.name}` finds it"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _check_limits(self) -> DeviceSettings:
-        if self.limits.model_fields_set:
-            try:
+        try:
+            if self.limits.model_fields_set:
                 self.limits.to_limits().check_range(1.0 / self.rate_hz)
-            except RequestError as error:
-                raise ValueError(f"devices.{self.name}.{error.field}: {error.problem}") from error
-        return self
-
-    @model_validator(mode="after")
-    def _read_frames(self) -> DeviceSettings:
+        except RequestError as error:
+            raise ValueError(f"{error.field}: {error.problem}") from error
         try:
             self.to_frames()
         except RequestError as error:
-            raise ValueError(
-                f"devices.{self.name}.frames.{error.field}: {error.problem}"
-            ) from error
+            raise ValueError(f"frames.{error.field}: {error.problem}") from error
         return self
 
     def to_frames(self) -> Mapping[str, Frame]:

@@ -17,28 +17,24 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import BeforeValidator, Field, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import Field, model_validator
 
-from orientd.config.table import Name, SomePath, Table
+from orientd.config.operation import is_host_and_port
+from orientd.config.table import Name, SomePath, Table, checked
 
 UNIX = "unixsock-stream/"
 TLS = "tls/"
 
 
-def _zenoh_endpoint(value: object) -> object:
-    if not isinstance(value, str):
-        return value
-    path, address = value.removeprefix(UNIX), value.removeprefix(TLS)
-    _, colon, port = address.rpartition(":")
-    is_unix = path != value and path.startswith("/")
-    is_tls = address != value and colon and port.isascii() and port.isdigit() and "#" not in value
-    if not (is_unix or (is_tls and int(port) < 65536)):
-        raise PydanticCustomError("endpoint", f"{TLS}HOST:PORT or {UNIX}/PATH")
+def _zenoh_endpoint(value: str) -> str:
+    address = value.removeprefix(TLS)
+    is_tls = value.startswith(TLS) and is_host_and_port(address) and "#" not in address
+    if not (is_tls or value.startswith(f"{UNIX}/")):
+        raise ValueError
     return value
 
 
-ZenohEndpoint = Annotated[str, BeforeValidator(_zenoh_endpoint)]
+ZenohEndpoint = Annotated[str, checked(f"{TLS}HOST:PORT or {UNIX}/PATH", _zenoh_endpoint)]
 
 
 class FleetSettings(Table):
@@ -81,9 +77,7 @@ class FleetSettings(Table):
     def _check_endpoints(self) -> FleetSettings:
         endpoints = self.listen + self.connect
         if not endpoints:
-            raise ValueError(
-                "fleet.listen: expected an endpoint here or in fleet.connect, got none"
-            )
+            raise ValueError("listen: expected an endpoint here or in fleet.connect, got none")
         if self.is_tls and any(endpoint.startswith(UNIX) for endpoint in endpoints):
-            raise ValueError("fleet.listen: expected TLS everywhere, or Unix sockets everywhere")
+            raise ValueError("listen: expected TLS everywhere, or Unix sockets everywhere")
         return self

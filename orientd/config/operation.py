@@ -18,17 +18,13 @@
 
 from __future__ import annotations
 
-import logging
 from enum import IntEnum
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, PlainSerializer, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import Field, PlainSerializer
 
 from orientd.bounded_file import MEBIBYTE
-from orientd.config.table import SomePath, Table
-
-_log = logging.getLogger(__name__)
+from orientd.config.table import Positive, SomePath, Table, checked
 
 
 class Role(IntEnum):
@@ -42,34 +38,34 @@ class Role(IntEnum):
     """Take the lease away from others."""
 
 
-def _role(value: object) -> object:
-    names = [role.name.lower() for role in Role]
-    if value not in names:
-        raise PydanticCustomError("role", f"one of {', '.join(names)}")
-    return Role[str(value).upper()]
+def is_host_and_port(address: str) -> bool:
+    """Return whether *address* is ``HOST:PORT``."""
+    host, _, port = address.rpartition(":")
+    return bool(host) and port.isascii() and port.isdigit() and int(port) < 65536
 
 
-def _endpoint(value: object) -> object:
-    if not isinstance(value, str):
-        return value
-    host, colon, port = value.rpartition(":")
-    if not (host and colon and port.isascii() and port.isdigit() and int(port) < 65536):
-        raise PydanticCustomError("endpoint", "HOST:PORT")
+def _endpoint(value: str) -> str:
+    if not is_host_and_port(value):
+        raise ValueError
     return value
 
 
-def _serial(value: object) -> object:
-    digits = value.replace(":", "") if isinstance(value, str) else ""
-    if not digits or len(digits) > 40 or set(digits) - set("0123456789abcdefABCDEF"):
-        raise PydanticCustomError("serial", "a serial number of at most 40 hexadecimal digits")
-    return digits.upper().lstrip("0")
+def _serial(value: str) -> str:
+    digits = value.replace(":", "").upper()
+    if not 0 < len(digits) <= 40 or set(digits) - set("0123456789ABCDEF"):
+        raise ValueError
+    return digits.lstrip("0")
 
+
+_ROLES = {role.name.lower(): role for role in Role}
 
 SomeRole = Annotated[
-    Role, BeforeValidator(_role), PlainSerializer(lambda role: role.name.lower(), return_type=str)
+    Role,
+    checked(f"one of {', '.join(_ROLES)}", _ROLES.__getitem__),
+    PlainSerializer(lambda role: role.name.lower(), return_type=str),
 ]
-Endpoint = Annotated[str, BeforeValidator(_endpoint)]
-Serial = Annotated[str, BeforeValidator(_serial)]
+Endpoint = Annotated[str, checked("HOST:PORT", _endpoint)]
+Serial = Annotated[str, checked("a serial number of at most 40 hexadecimal digits", _serial)]
 Count = Annotated[int, Field(ge=1)]
 
 
@@ -101,14 +97,7 @@ class RecorderSettings(Table):
     directory: SomePath | None = None
     seconds: Annotated[float, Field(ge=0.0, le=600.0)] = 60.0
     keep_files: Annotated[int, Field(ge=1, le=100_000)] = 20
-    keep_megabytes: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 200.0
-
-
-NO_LONGER_USED = {
-    "streamed_bytes": ", and set message_bytes",
-    "streamed_keyframes": ", and set keyframes",
-    "requests_per_second": "",
-}
+    keep_megabytes: Positive = 200.0
 
 
 class AccessSettings(Table):
@@ -127,9 +116,6 @@ class AccessSettings(Table):
         audit_files: how many of those before it are kept.
         message_bytes: the largest message; 200,000 keyframes with times take 8 MB.
         keyframes: the most keyframes of one motion.
-        streamed_bytes: no longer used; remove it, and set message_bytes.
-        streamed_keyframes: no longer used; remove it, and set keyframes.
-        requests_per_second: no longer used; remove it.
         streams: calls of one identity at the same time; stops and renewals do not count.
         connections: of one identity at the same time; an idle one gives way to a later one.
     """
@@ -142,18 +128,8 @@ class AccessSettings(Table):
     audit_files: Annotated[int, Field(ge=1, le=1000)] = 5
     message_bytes: Annotated[int, Field(ge=4096, le=512 * MEBIBYTE)] = 8 * MEBIBYTE
     keyframes: Count = 200_000
-    streamed_bytes: Count | None = None
-    streamed_keyframes: Count | None = None
-    requests_per_second: Count | None = None
     streams: Count = 128
     connections: Count = 128
-
-    @model_validator(mode="after")
-    def _tell_what_is_not_used(self) -> Self:
-        for name, instead in NO_LONGER_USED.items():
-            if getattr(self, name) is not None:
-                _log.warning("access.%s is no longer used: remove it%s", name, instead)
-        return self
 
 
 class MetricsSettings(Table):

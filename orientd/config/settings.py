@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import count
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any
 
 from pydantic import Field, ValidationError, model_validator
 
 from orientd.bounded_file import MEBIBYTE, read_bounded
-from orientd.config.devices import FIRST_PHASE, DeviceSettings, LimitSettings
+from orientd.config.devices import FIRST_PHASE, DeviceSettings
 from orientd.config.fleet import FleetSettings
 from orientd.config.operation import (
     AccessSettings,
@@ -26,7 +27,8 @@ from orientd.config.operation import (
 from orientd.config.table import Table
 from orientd.errors import ConfigError
 from orientd.one_line import one_line
-from orientd.spelling import unknown_key
+
+_log = logging.getLogger(__name__)
 
 _EXPECTED = {
     "too_short": "at least one table [devices.NAME]",
@@ -37,6 +39,14 @@ _EXPECTED = {
     "bool_type": "true or false",
     "string_type": "a text",
 }
+
+
+RETIRED = {
+    "access.streamed_bytes": ", and set message_bytes",
+    "access.streamed_keyframes": ", and set keyframes",
+    "access.requests_per_second": "",
+}
+"""Keys of earlier versions, and what else to do than to remove them."""
 
 
 class Settings(Table):
@@ -61,6 +71,20 @@ class Settings(Table):
     metrics: MetricsSettings | None = None
     fleet: FleetSettings | None = None
     devices: Annotated[dict[str, DeviceSettings], Field(min_length=1)]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _leave_out_retired(cls, table: object) -> object:
+        if not isinstance(table, Mapping):
+            return table
+        kept = dict(table)
+        for name, more in RETIRED.items():
+            heading, _, key = name.partition(".")
+            if isinstance(kept.get(heading), Mapping) and key in kept[heading]:
+                _log.warning("%s is no longer used: remove it%s", name, more)
+                kept[heading] = {**kept[heading]}
+                del kept[heading][key]
+        return kept
 
     @model_validator(mode="before")
     @classmethod
@@ -177,43 +201,25 @@ def parse(table: Mapping[str, Any], *, source: str) -> Settings:
         raise ConfigError(one_line(f"{source}: {_describe(error)}")) from error
 
 
-def _known_keys(table: Sequence[str]) -> list[str]:
-    """Return the keys of a table of the file."""
-    match table:
-        case []:
-            return list(Settings.model_fields)
-        case ["devices", _]:
-            return [key for key in DeviceSettings.model_fields if key != "name"]
-        case ["devices", _, _]:
-            return list(LimitSettings.model_fields)
-    kind = Settings.model_fields[table[0]].annotation
-    (model,) = (part for part in (kind, *get_args(kind)) if hasattr(part, "model_fields"))
-    return list(model.model_fields)
-
-
 _LONGEST_KEY = 60
 """Characters of a key that are shown."""
 
 
 def _describe(error: ValidationError) -> str:
     """Return the first complaint on one line: key, what was expected, what came."""
-    first, *others = error.errors(include_url=False)
-    if first["type"] == "missing":
-        # A misspelt key says more than that the right one is missing.
-        first = next((one for one in others if one["type"] == "extra_forbidden"), first)
+    first = error.errors(include_url=False)[0]
     place = [str(part)[:_LONGEST_KEY] for part in first["loc"] if part != "[key]"]
+    kind, came, context = first["type"], first["input"], first.get("ctx", {})
     key = ".".join(place)
-    came = first["input"]
-    if first["type"] == "extra_forbidden":
-        *table, last = place
-        return f"{key}: {unknown_key(last, _known_keys(table))}"
-    if first["type"] == "missing":
+    if kind == "unknown_key":
+        return f"{'.'.join([*place, str(context['key'])[:_LONGEST_KEY]])}: {first['msg']}"
+    if kind == "value_error":
+        return ".".join([*place, str(context["error"])])
+    if kind == "missing":
         return f"{key}: missing"
-    if first["type"] == "value_error":
-        return str(first["ctx"]["error"])
-    if first["type"] in ("model_type", "model_attributes_type", "dict_type"):
+    if kind in ("model_type", "model_attributes_type", "dict_type"):
         return f"{key}: expected a table, got {came!r}"
     if isinstance(came, float) and not math.isfinite(came):
         return f"{key}: expected a finite number, got {came!r}"
-    expected = _EXPECTED.get(first["type"]) or first["msg"].removeprefix("Input should be ")
+    expected = _EXPECTED.get(kind) or first["msg"].removeprefix("Input should be ")
     return f"{key}: expected {expected}, got {came!r}"

@@ -1,11 +1,51 @@
-"""What every table of the configuration is."""
+"""What every table of the configuration is, and how its values are checked."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, ClassVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from orientd.spelling import unknown_key
+
+
+class Table(BaseModel):
+    """A table of the settings: unknown keys are errors, and nothing is converted.
+
+    Attributes:
+        implied: fields that are no keys of the file.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    implied: ClassVar[frozenset[str]] = frozenset()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _know_keys(cls, table: object) -> object:
+        if not isinstance(table, Mapping):
+            return table
+        known = [name for name in cls.model_fields if name not in cls.implied]
+        for key in table:
+            if key not in cls.model_fields:
+                told = {"key": key, "problem": unknown_key(key, known)}
+                raise PydanticCustomError("unknown_key", "{problem}", told)
+        return table
+
+
+def checked(expected: str, convert: Callable[[Any], object]) -> BeforeValidator:
+    """Return the check of a value: what *convert* raises on is not as *expected*."""
+
+    def check(value: object) -> object:
+        try:
+            return convert(value)
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+            raise PydanticCustomError("expected", "{expected}", {"expected": expected}) from None
+
+    return BeforeValidator(check)
 
 
 def _expand(value: object) -> object:
@@ -15,9 +55,4 @@ def _expand(value: object) -> object:
 
 SomePath = Annotated[Path, BeforeValidator(_expand)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,31}$")]
-
-
-class Table(BaseModel):
-    """A table of the settings: unknown keys are errors, and nothing is converted."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from orientd import config, motion_file
-from orientd.config.operation import NO_LONGER_USED
 from orientd.daemon.devices.device_report import EventKind
 from orientd.errors import Fault, RequestError
 from orientd.planner import Frame, Keyframe, Limits, MotionRequest, Pose
@@ -208,6 +207,6 @@ def test_every_setting_says_what_it_is_and_is_read(table):
     assert set(attribute_lines(table)) == set(table.model_fields)
     code = "\n".join(path.read_text() for path in ROOT.rglob("*.py"))
     # Limits go to the planner whole.
-    unread = table.model_fields if table is config.LimitSettings else NO_LONGER_USED
+    unread = table.model_fields if table is config.LimitSettings else set()
     for name in table.model_fields.keys() - unread:
         assert re.search(rf"\.{name}\b", code), name
