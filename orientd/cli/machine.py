@@ -12,7 +12,7 @@ import platform
 import resource
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from orientd import processor
@@ -57,64 +57,54 @@ print(json.dumps({
 
 def findings() -> list[Finding]:
     """Return every finding; takes two seconds."""
-    looks: Iterable[Callable[[], Iterable[Finding]]] = (
-        _servo,
-        _kernel,
-        _throttling,
-        _cores,
-        _isolation,
-        _governor,
-        _latency_request,
-        _clock_source,
-        _swap,
-        _shared_memory,
-        _runtime_directory,
-        _python,
-        _kernels,
+    looks = (
+        *(_servo, _kernel, _throttling, _cores, _isolation, _governor, _latency_request),
+        *(_clock_source, _swap, _shared_memory, _runtime_directory, _python, _kernels),
     )
     return [finding for look in looks for finding in look()]
 
 
-def _servo() -> list[Finding]:
+def _judged(
+    name: str, found: str, mend: str = "", *, is_well: bool, is_bad: bool = False
+) -> Finding:
+    """Return a finding that is well, or a problem if *is_bad*, or else can be improved."""
+    if is_well:
+        return Finding(name, found, Verdict.OK)
+    return Finding(name, found, Verdict.PROBLEM if is_bad else Verdict.IMPROVE, mend)
+
+
+def _servo() -> Iterator[Finding]:
     arguments = [sys.executable, "-c", _PROBE, str(PRIORITY), str(PERIOD_NS), str(CYCLES)]
     done = subprocess.run(
         arguments, capture_output=True, text=True, timeout=60, cwd="/", check=False
     )
     if done.returncode != 0:
         last = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
-        return [Finding("servo process", f"does not run: {last}", Verdict.PROBLEM, "reinstall")]
+        yield Finding("servo process", f"does not run: {last}", Verdict.PROBLEM, "reinstall")
+        return
     probe = json.loads(done.stdout)
-    return [
-        _scheduling(probe["scheduling"]),
-        _memory(probe["memory_locked"]),
-        _lateness(probe["p50"], probe["p99"], probe["largest"]),
-    ]
-
-
-def _improvable(name: str, found: str, mend: str, *, is_well: bool) -> Finding:
-    """Return a finding that is well, or that *mend* improves."""
-    return (
-        Finding(name, found, Verdict.OK) if is_well else Finding(name, found, Verdict.IMPROVE, mend)
-    )
+    yield _scheduling(probe["scheduling"])
+    yield _memory(probe["memory_locked"])
+    yield _lateness(probe["p50"], probe["p99"], probe["largest"])
 
 
 def _scheduling(got: str) -> Finding:
     soft, hard = resource.getrlimit(resource.RLIMIT_RTPRIO)
-    if got.startswith("SCHED_FIFO"):
-        return Finding("scheduling", f"{got} granted", Verdict.OK)
-    return Finding(
+    is_granted = got.startswith("SCHED_FIFO")
+    refused = f"SCHED_FIFO {PRIORITY} refused (RLIMIT_RTPRIO is {soft}, at most {hard}); got {got}"
+    return _judged(
         "scheduling",
-        f"SCHED_FIFO {PRIORITY} refused (RLIMIT_RTPRIO is {soft}, at most {hard}); got {got}",
-        Verdict.IMPROVE,
+        f"{got} granted" if is_granted else refused,
         f"`LimitRTPRIO={PRIORITY}` in the systemd unit (`orientd service install` writes it), or "
         f"`@GROUP - rtprio {PRIORITY}` in /etc/security/limits.conf and a new login",
+        is_well=is_granted,
     )
 
 
 def _memory(is_locked: bool) -> Finding:
     soft, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     limit = "unlimited" if soft == resource.RLIM_INFINITY else f"{soft // 1024} KiB"
-    return _improvable(
+    return _judged(
         "memory lock",
         f"{'granted' if is_locked else 'refused'} (RLIMIT_MEMLOCK is {limit})",
         "`LimitMEMLOCK=infinity` in the systemd unit (`orientd service install` writes it), or "
@@ -124,32 +114,30 @@ def _memory(is_locked: bool) -> Finding:
 
 
 def _lateness(p50: float, p99: float, largest: float) -> Finding:
-    found = (
+    return _judged(
+        "lateness",
         f"p50 {1e3 * p50:.3f} ms, p99 {1e3 * p99:.3f} ms, largest {1e3 * largest:.3f} ms in "
-        f"{CYCLES} cycles at 500 Hz"
-    )
-    if p99 <= GOOD_LATENESS:
-        return Finding("lateness", found, Verdict.OK)
-    verdict = Verdict.IMPROVE if p99 <= BAD_LATENESS else Verdict.PROBLEM
-    load = os.getloadavg()[0]
-    return Finding(
-        "lateness", found, verdict, f"see the other rows; the load is {load:.1f} at the moment"
+        f"{CYCLES} cycles at 500 Hz",
+        f"see the other rows; the load is {os.getloadavg()[0]:.1f} at the moment",
+        is_well=p99 <= GOOD_LATENESS,
+        is_bad=p99 > BAD_LATENESS,
     )
 
 
 def _kernel() -> Iterator[Finding]:
     version = platform.version()
-    found = f"{platform.system()} {platform.release()} {version}"
-    if _read("/sys/kernel/realtime") == "1" or "PREEMPT_RT" in version:
-        yield Finding("kernel", found, Verdict.OK)
-    elif "PREEMPT" in version:
-        mode = _read("/sys/kernel/debug/sched/preempt")
-        chosen = f" ({mode})" if mode else ""
-        mend = "a kernel with PREEMPT_RT; without one, boot with preempt=full"
-        yield Finding("kernel", found + chosen, Verdict.IMPROVE, mend)
-    else:
-        mend = "a kernel with PREEMPT_RT or PREEMPT_DYNAMIC"
-        yield Finding("kernel", found, Verdict.PROBLEM, mend)
+    mode = _read("/sys/kernel/debug/sched/preempt")
+    chosen = f" ({mode})" if mode else ""
+    is_preemptive = "PREEMPT" in version
+    yield _judged(
+        "kernel",
+        f"{platform.system()} {platform.release()} {version}{chosen}",
+        "a kernel with PREEMPT_RT; without one, boot with preempt=full"
+        if is_preemptive
+        else "a kernel with PREEMPT_RT or PREEMPT_DYNAMIC",
+        is_well=_read("/sys/kernel/realtime") == "1" or "PREEMPT_RT" in version,
+        is_bad=not is_preemptive,
+    )
 
 
 def _throttling() -> Iterator[Finding]:
@@ -161,19 +149,19 @@ def _throttling() -> Iterator[Finding]:
         share = 100.0 * int(runtime) / int(period)
         found = f"real-time processes get {share:.0f} % of {int(period) / 1e6:g} s"
         mend = "sysctl kernel.sched_rt_runtime_us=950000"
-        yield _improvable("throttling", found, mend, is_well=share >= 50.0)
+        yield _judged("throttling", found, mend, is_well=share >= 50.0)
 
 
 def _cores() -> Iterator[Finding]:
     usable = len(os.sched_getaffinity(0))
     mend = "two at the least: one servo, one for the rest"
-    yield _improvable("cores", f"{usable} usable of {os.cpu_count()}", mend, is_well=usable >= 2)
+    yield _judged("cores", f"{usable} usable of {os.cpu_count()}", mend, is_well=usable >= 2)
 
 
 def _isolation() -> Iterator[Finding]:
     isolated = _read("/sys/devices/system/cpu/isolated")
     is_small = (os.cpu_count() or 1) < 4
-    yield _improvable(
+    yield _judged(
         "isolated cores",
         isolated or ("none, with too few cores to spare one" if is_small else "none"),
         "boot with isolcpus= and nohz_full= for a core, and pin the servo to it",
@@ -186,74 +174,66 @@ def _governor() -> Iterator[Finding]:
     governors = sorted({_read(path) for path in paths} - {""})
     found = f"governor {', '.join(governors)}" if governors else "not scaled by this kernel"
     mend = "cpupower frequency-set -g performance"
-    yield _improvable("frequency", found, mend, is_well=governors in ([], ["performance"]))
+    yield _judged("frequency", found, mend, is_well=governors in ([], ["performance"]))
 
 
 def _latency_request() -> Iterator[Finding]:
-    name, path = "idle states", "/dev/cpu_dma_latency"
+    path = "/dev/cpu_dma_latency"
+    found, is_well = f"{path} can be held open", True
     if not Path("/sys/devices/system/cpu/cpu0/cpuidle").is_dir():
-        yield Finding(name, "not entered by this kernel", Verdict.OK)
-        return
-    try:
-        os.close(os.open(path, os.O_WRONLY))
-    except OSError as error:
-        yield Finding(
-            name,
-            f"{path} cannot be opened: {error.strerror}",
-            Verdict.IMPROVE,
-            "a udev rule that gives your group write access to it: a core that need not wake "
-            "from a deep state is less late",
-        )
+        found = "not entered by this kernel"
     else:
-        yield Finding(name, f"{path} can be held open", Verdict.OK)
+        try:
+            os.close(os.open(path, os.O_WRONLY))
+        except OSError as error:
+            found, is_well = f"{path} cannot be opened: {error.strerror}", False
+    mend = (
+        "a udev rule that gives your group write access to it: a core that need not wake from a "
+        "deep state is less late"
+    )
+    yield _judged("idle states", found, mend, is_well=is_well)
 
 
 def _clock_source() -> Iterator[Finding]:
     source = _read("/sys/devices/system/clocksource/clocksource0/current_clocksource")
     if source:
         is_quick = source not in ("hpet", "acpi_pm", "jiffies", "refined-jiffies")
-        mend = "boot with clocksource=tsc tsc=reliable"
-        yield _improvable("clock", source, mend, is_well=is_quick)
+        yield _judged("clock", source, "boot with clocksource=tsc tsc=reliable", is_well=is_quick)
 
 
 def _swap() -> Iterator[Finding]:
     areas = _read("/proc/swaps").splitlines()[1:]
     used = sum(int(area.split()[3]) for area in areas)
     found = f"{len(areas)} areas, {used // 1024} MiB used" if areas else "none"
-    yield _improvable("swap", found, "more memory, or sysctl vm.swappiness=1", is_well=used == 0)
+    yield _judged("swap", found, "more memory, or sysctl vm.swappiness=1", is_well=used == 0)
 
 
 def _shared_memory() -> Iterator[Finding]:
-    name, mend = "shared memory", "mount a tmpfs on /dev/shm"
+    name = "shared memory"
     try:
         usage = os.statvfs("/dev/shm")
     except OSError as error:
+        mend = "mount a tmpfs on /dev/shm"
         yield Finding(name, f"/dev/shm: {error.strerror}", Verdict.PROBLEM, mend)
         return
     # A servo's memory is in no file system, so what lies in this one takes nothing from it; its
     # size is what the machine, or the container, sets aside.
     size = usage.f_blocks * usage.f_frsize
     found = f"the machine sets {size // 2**20} MiB aside, as the size of /dev/shm says"
-    if size < SHARED_MEMORY_NEEDED:
-        more = f"at least {SHARED_MEMORY_NEEDED // 2**20} MiB: mount -o remount,size=256M /dev/shm"
-        yield Finding(name, found, Verdict.PROBLEM, more)
-    else:
-        yield Finding(name, found, Verdict.OK)
+    mend = f"at least {SHARED_MEMORY_NEEDED // 2**20} MiB: mount -o remount,size=256M /dev/shm"
+    yield _judged(name, found, mend, is_well=size >= SHARED_MEMORY_NEEDED, is_bad=True)
 
 
 def _runtime_directory() -> Iterator[Finding]:
-    name = "runtime directory"
     directory = os.environ.get("XDG_RUNTIME_DIR")
+    found, mend = directory or "", "unset it, or have it point to a directory of yours"
+    is_well = bool(directory) and os.access(directory or "", os.W_OK | os.X_OK)
     if not directory:
         found = f"XDG_RUNTIME_DIR is not set; the socket goes to /tmp/orientd-{os.getuid()}"
         mend = "a login by systemd-logind, or `RuntimeDirectory=` in the systemd unit"
-        yield Finding(name, found, Verdict.IMPROVE, mend)
-    elif not os.access(directory, os.W_OK | os.X_OK):
+    elif not is_well:
         found = f"XDG_RUNTIME_DIR={directory} cannot be written to"
-        mend = "unset it, or have it point to a directory of yours"
-        yield Finding(name, found, Verdict.PROBLEM, mend)
-    else:
-        yield Finding(name, directory, Verdict.OK)
+    yield _judged("runtime directory", found, mend, is_well=is_well, is_bad=bool(directory))
 
 
 def _python() -> Iterator[Finding]:
@@ -273,7 +253,7 @@ def _kernels() -> Iterator[Finding]:
         forced = os.environ.get(processor.FORCED)
         mend = f"unset {processor.FORCED}, unless {forced} is meant"
         found = f"{kernels.LEVEL}, {'as forced' if forced else 'loaded'}"
-        yield _improvable(name, found, mend, is_well=not forced)
+        yield _judged(name, found, mend, is_well=not forced)
 
 
 def _read(path: str | Path) -> str:

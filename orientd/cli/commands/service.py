@@ -21,106 +21,24 @@ service = typer.Typer(
 
 NAME = "orientd.service"
 
+UNITS = Path(__file__).parents[1] / "units"
+"""The units, with braces around what depends on the machine."""
+
 NOBODY = 65534
 """Stands for a user who is yet to be made: one who owns nothing."""
 
-_COMMON = """\
-[Unit]
-Description=orientd, orientation motion for robots
-StartLimitIntervalSec=60
-StartLimitBurst=5
-
-[Service]
-Type=notify
-NotifyAccess=main
-ExecStart={python} -m orientd run --config {config}
-ExecReload=/bin/kill -HUP $MAINPID
-{place}
-# A daemon that fails is started again. No motion is resumed: devices hold until somebody commands.
-Restart=on-failure
-RestartSec=2
-# Fed by the cycles of the servos. A servo may talk to its device for 20 s.
-WatchdogSec=60
-# An orderly end, in which whatever moves stops on its path; servos do so by themselves as well, at
-# SIGTERM or when the daemon dies.
-WatchdogSignal=SIGTERM
-KillMode=control-group
-TimeoutStopSec=30
-
-# Real time by limits rather than as root.
-LimitRTPRIO=90
-LimitMEMLOCK=infinity
-{capabilities}
-NoNewPrivileges=yes
-LockPersonality=yes
-RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_NETLINK
-SystemCallArchitectures=native
-UMask=0077
-# Far beyond what it needs; whatever goes wrong in it leaves the machine to others.
-MemoryMax=4G
-TasksMax=2048
-{sandbox}
-[Install]
-WantedBy={target}
-"""
-
-_SYSTEM_PLACE = """\
-User={user}
-RuntimeDirectory=orientd
-RuntimeDirectoryMode=0755
-StateDirectory=orientd
-StateDirectoryMode=0700
-CacheDirectory=orientd
-CacheDirectoryMode=0700
-Environment=ORIENTD_SOCKET=/run/orientd/control.sock XDG_STATE_HOME=/var/lib
-Environment=XDG_CACHE_HOME=/var/cache
-"""
-
-_SYSTEM_CAPABILITIES = """\
-AmbientCapabilities=
-CapabilityBoundingSet=
-"""
-
-# Not PrivateDevices, which hides serial ports, nor RestrictRealtime.
-_SYSTEM_SANDBOX = """\
-SystemCallFilter=@system-service
-SystemCallErrorNumber=EPERM
-RestrictNamespaces=yes
-RestrictSUIDSGID=yes
-ProtectSystem=strict
-ProtectHome=read-only
-PrivateTmp=yes
-ProtectClock=yes
-ProtectControlGroups=yes
-ProtectHostname=yes
-ProtectKernelLogs=yes
-ProtectKernelModules=yes
-ProtectKernelTunables=yes
-DevicePolicy=closed
-DeviceAllow=char-ttyUSB rw
-DeviceAllow=char-ttyACM rw
-DeviceAllow=char-pts rw
-DeviceAllow=/dev/cpu_dma_latency rw
-SupplementaryGroups=dialout
-"""
-
 
 def unit(*, python: str, config: Path, user: str | None) -> str:
-    """Return the unit, of the system for *user*, or of the user where that is ``None``.
+    """Return the unit, of the system for *user*, or of the user if that is ``None``.
 
     Args:
         python: the interpreter that orientd is installed for.
         config: the configuration.
         user: as whom the daemon runs.
     """
-    is_system = user is not None
-    return _COMMON.format(
-        python=_quoted(python),
-        config=_quoted(str(config)),
-        place=_SYSTEM_PLACE.format(user=user) if is_system else "",
-        capabilities=_SYSTEM_CAPABILITIES if is_system else "",
-        sandbox=_SYSTEM_SANDBOX if is_system else "",
-        target="multi-user.target" if is_system else "default.target",
+    template = UNITS / ("user.service" if user is None else "system.service")
+    return template.read_text(encoding="utf-8").format(
+        python=_quoted(python), config=_quoted(str(config)), user=user
     )
 
 
