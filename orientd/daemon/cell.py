@@ -12,10 +12,10 @@ import logging
 import time
 from collections.abc import Awaitable, Callable, Collection, Iterable
 from concurrent.futures import ThreadPoolExecutor, wait
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TypeVar, TypeVarTuple
 
 from orientd.clock import Clock, MonotonicClock
-from orientd.config import AccessSettings, DeviceSettings, Settings
+from orientd.config import DeviceSettings, Settings
 from orientd.daemon.device import Device
 from orientd.daemon.devices import DeviceEvent, EventKind
 from orientd.daemon.leases import EXPIRED, Lease, Leases
@@ -50,7 +50,9 @@ COMMANDERS = 8
 """Commands under way at the same time; a device may take its time over one."""
 
 MakeDevice = Callable[..., Device]
+OnEvent = Callable[[DeviceEvent, Device], object]
 Result = TypeVar("Result")
+Given = TypeVarTuple("Given")
 
 
 class Cell:
@@ -64,6 +66,7 @@ class Cell:
         planners: Planners | None = None,
         clock: Clock | None = None,
         stops: StopFolder | None = None,
+        on_event: OnEvent = lambda _event, _device: None,
     ) -> None:
         """Make the devices of *settings*, without starting anything.
 
@@ -73,6 +76,7 @@ class Cell:
             planners: plan for all of them; by default processes of their own.
             clock: tells when a lease has run out; the machine's monotonic clock by default.
             stops: where servos listen for stops that the daemon has no part in.
+            on_event: called with every event and its device, from the device's thread.
 
         Raises:
             ConfigError: a device's driver is not there, or refuses its options.
@@ -86,7 +90,7 @@ class Cell:
         self.plans = PlanStore()
         self.is_closing = False
         self.configuration = settings.model_dump_json(exclude_none=True)
-        self.listeners: list[Callable[[DeviceEvent, Device], object]] = []
+        self._on_event = on_event
         self.devices: dict[str, Device] = {}
         self.runs = ActiveMotions(self.devices)
         self.journal = Journal(kept=settings.recorder.seconds)
@@ -96,7 +100,6 @@ class Cell:
             processes=settings.planner.processes or default_processes(),
             timeout=settings.planner.plan_timeout,
         )
-        self.bound(settings.access)
         self._commanders = ThreadPoolExecutor(COMMANDERS, thread_name_prefix="command")
         self.starter = MotionStarter(
             self.runs,
@@ -114,15 +117,10 @@ class Cell:
         if event.kind is EventKind.STOP:
             self.runs.note_stop([event.device], event.text)
             return
-        for listen in self.listeners:
-            listen(event, self.devices[event.device])
+        self._on_event(event, self.devices[event.device])
         self.runs.hear(event)
         self.journal.hear(event)
         self._flight.hear(event)
-
-    def bound(self, access: AccessSettings) -> None:
-        """Take motions of the sizes that *access* permits from now on."""
-        self.keyframes = access.keyframes
 
     def _disown(self, lease: Lease, devices: Collection[str], what: str) -> None:
         """Stop what was started under a lease that is lost.
@@ -181,9 +179,9 @@ class Cell:
         self._flight.close()
         self.journal.close()
 
-    def in_worker(self, work: Callable[[], Result]) -> Awaitable[Result]:
+    def in_worker(self, work: Callable[[*Given], Result], *given: *Given) -> Awaitable[Result]:
         """Do *work*, which may take as long as a device does, in a thread."""
-        return asyncio.get_running_loop().run_in_executor(self._commanders, work)
+        return asyncio.get_running_loop().run_in_executor(self._commanders, work, *given)
 
     def close(self) -> None:
         """Take on no more work."""
@@ -265,38 +263,14 @@ class Cell:
             raise failures[0]
         return devices
 
-    def command(
-        self, token: str, number: int, name: str, what: str, act: Callable[[Device], None]
-    ) -> Device:
-        """Have something done to a device by whoever holds its lease.
-
-        Args:
-            token: the lease.
-            number: of the command under it; 0 where nobody counts.
-            name: of the device.
-            what: is done, for the log.
-            act: does it.
+    def check(self, token: str, device: Device) -> Lease:
+        """Return the lease of *token*, under which somebody commands *device*.
 
         Raises:
-            LeaseError: *token* is not that of the lease.
-            UnknownNameError: there is no such device.
-            StateError: the device's state does not allow it.
-            DaemonError: the servo does not answer.
-        """
-        device = self.device(name)
-        lease = self.check(token, device, number)
-        act(device)
-        _log.info("%s: %s by %s", device.name, what, lease.who)
-        return device
-
-    def check(self, token: str, device: Device, number: int = 0) -> Lease:
-        """Return the lease that *device* is commanded under; see :meth:`Leases.check`.
-
-        Raises:
-            LeaseError: *token* is not that of a lease of it, or the command is an old one.
+            LeaseError: *token* is not that of a lease of the device.
             DaemonError: the daemon is going down.
         """
-        lease = self.leases.check(token, device.name, number)
+        lease = self.leases.check(token, device.name)
         if self.is_closing:
             raise DaemonError(GOING_DOWN)
         return lease

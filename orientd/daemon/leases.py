@@ -79,7 +79,6 @@ class Leases:
         self._lock = threading.Lock()
         self._leases: dict[str, Lease] = {}
         self._ended: OrderedDict[str, Lease] = OrderedDict()
-        self._numbers: dict[tuple[str, str], int] = {}
 
     def held(self) -> list[Lease]:
         """Return the leases that are held now, in the order in which they were taken."""
@@ -93,8 +92,9 @@ class Leases:
             return len(list(self._valid())) < len(self._leases)
 
     def remaining(self, lease: Lease) -> float:
-        """Return for how many seconds *lease* still lasts; never negative."""
-        return max(0, lease.expires_ns - self._clock.now_ns()) / NANOSECONDS
+        """Return for how many seconds *lease*, as last renewed, still lasts; never negative."""
+        newest = self._leases.get(lease.token, lease)
+        return max(0, newest.expires_ns - self._clock.now_ns()) / NANOSECONDS
 
     def owner(self, token: str, device: str = "") -> str | None:
         """Return whose the lease of *token*, of *device* if one is named, is; ``None`` if none."""
@@ -201,35 +201,14 @@ class Leases:
             _log.warning("lease: that of %s has expired", lease.who)
             self._lost(lease, lease.devices, EXPIRED)
 
-    def check(self, token: str, device: str = "", number: int = 0) -> Lease:
-        """Return the lease of *token*.
-
-        Args:
-            token: of a command.
-            device: that is commanded; empty for none in particular.
-            number: of the command, more than that of any before under this lease to this device; 0
-                where nobody counts.
+    def check(self, token: str, device: str = "") -> Lease:
+        """Return the lease of *token*, of *device* if one is named.
 
         Raises:
-            LeaseError: *token* is not that of a lease of the device, or the command is an old one.
+            LeaseError: *token* is not that of a lease of the device.
         """
         with self._lock:
-            lease = self._check(token, device)
-            if number:
-                newest = self._numbers.get((token, device), 0)
-                if number <= newest:
-                    raise LeaseError(
-                        f"an old command: number {number} of its lease, "
-                        f"after number {newest} to {device or 'the daemon'}"
-                    )
-                self._numbers[token, device] = number
-            return lease
-
-    def is_ahead(self, token: str, device: str, number: int) -> bool:
-        """Whether commands to *device* before *number*, of the same lease, have not come yet."""
-        with self._lock:
-            is_known = self._find(token) is not None
-            return is_known and number > self._numbers.get((token, device), 0) + 1
+            return self._check(token, device)
 
     # With the lock held
 
@@ -240,7 +219,6 @@ class Leases:
 
     def _end(self, lease: Lease) -> None:
         self._leases.pop(lease.token, None)
-        self._numbers = {key: last for key, last in self._numbers.items() if key[0] != lease.token}
         self._ended[lease.token] = lease
         while len(self._ended) > _KEPT:
             self._ended.popitem(last=False)

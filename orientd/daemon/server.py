@@ -7,7 +7,6 @@ import contextlib
 import ctypes
 import gc
 import logging
-import os
 import signal
 import time
 from collections.abc import Callable
@@ -24,17 +23,23 @@ from orientd.daemon.access import (
     AuditLog,
     Authorization,
     Listener,
+    RolePolicy,
     audit_path,
     claimed,
 )
+from orientd.daemon.calls import Service
+from orientd.daemon.cell import Cell
+from orientd.daemon.reload import changes
+from orientd.daemon.standard import standard_methods
 from orientd.daemon.stops import StopFolder
 from orientd.daemon.systemd import Watchdog, notify
 from orientd.errors import ConfigError, DaemonError, OrientdError
 from orientd.rpc import control_pb2, target
 
 if TYPE_CHECKING:
-    from orientd.daemon.calls import ControlService, Telemetry
-    from orientd.daemon.cell import Cell
+    from orientd.daemon.calls import Telemetry
+    from orientd.daemon.device import Device
+    from orientd.daemon.devices import DeviceEvent
     from orientd.daemon.fleet import FleetLink
 
 _log = logging.getLogger(__name__)
@@ -87,8 +92,11 @@ def run(
     _share_arenas()
     processor.library()
     target(socket)  # whether the path can be that of a socket
-    with claimed(socket):
-        asyncio.run(_Daemon(settings, socket, configuration, reread, on_ready, needs_devices).run())
+    with claimed(socket), contextlib.ExitStack() as ending:
+        daemon = _Daemon(
+            settings, socket, configuration, reread, on_ready, needs_devices, ending=ending
+        )
+        asyncio.run(daemon.run())
 
 
 def _share_arenas() -> None:
@@ -99,6 +107,8 @@ def _share_arenas() -> None:
 
 
 class _Daemon:
+    """Everything that a daemon is made of, and what happens to it."""
+
     def __init__(
         self,
         settings: Settings,
@@ -107,84 +117,108 @@ class _Daemon:
         reread: Callable[[], Settings] | None,
         on_ready: Callable[[control_pb2.DaemonReport, list[str]], None],
         needs_devices: bool,
+        *,
+        ending: contextlib.ExitStack,
     ) -> None:
-        self._needs_devices = needs_devices
+        """Make all of it and start nothing; see :func:`run`.
+
+        Args:
+            settings: as they are at present.
+            socket: where to listen.
+            configuration: where the settings are from.
+            reread: returns the settings as they are now.
+            on_ready: called once the daemon takes commands.
+            needs_devices: whether to end if a device is not ready.
+            ending: closes what the daemon holds, when it has ended or cannot be made.
+        """
         self._settings = self._initial = settings
+        self._reread, self._on_ready, self._needs_devices = reread, on_ready, needs_devices
         self._socket = socket
-        self._configuration = configuration
-        self._reread = reread
-        self._on_ready = on_ready
-        self._started = time.monotonic()
         self._stopping = asyncio.Event()
+        self._status = ServiceStatus()
+        access = settings.access
+        self._audit = AuditLog(
+            audit_path(access), most_bytes=access.audit_bytes, most_files=access.audit_files
+        )
+        ending.callback(self._audit.close)
+        self._stops = StopFolder(
+            socket, RolePolicy(access), record=partial(self._audit.record, event="stopped")
+        )
+        ending.callback(self._stops.close)
         self._telemetry: Telemetry | None = None
-        self._stops: StopFolder | None = None
-        self._fleet: FleetLink | None = None
+        self._cell = Cell(settings, stops=self._stops, on_event=self._hear)
+        self._service = Service(
+            self._cell,
+            keyframes=access.keyframes,
+            socket=socket,
+            configuration=configuration,
+            began=time.monotonic(),
+        )
+        methods = {**standard_methods(SERVICE, self._status), **self._service.methods()}
+        self._authorization = Authorization(
+            methods,
+            self._audit,
+            owner_of=self._cell.leases.owner,
+            count_call=self._count_call,
+            most_calls=access.streams,
+        )
+        self._listener = Listener(access, settings.tcp, self._authorization.serve, self._audit)
+        self._watchdog = Watchdog(self._cell.devices)
+        self._fleet = self._fleet_link()
+
+    def _fleet_link(self) -> FleetLink | None:
+        """Return what makes this one of the daemons of a cell, if the settings name one.
+
+        Raises:
+            ConfigError: Zenoh cannot be configured so.
+        """
+        if self._settings.fleet is None:
+            return None
+        from orientd.daemon.fleet import FleetLink
+
+        return FleetLink(
+            self._settings, self._socket, service=SERVICE, listener=self._listener,
+            audit=self._audit, serve=self._authorization.serve,
+            state=self._service.present_state, journal=self._cell.journal,
+        )  # fmt: skip
 
     async def run(self) -> None:
         """Serve until told to stop; then bring everything to rest."""
-        from orientd.daemon.standard import standard_methods
-
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, self._stop, number)
-        access, status = self._settings.access, ServiceStatus()
-        status.set(True)
-        audit = AuditLog(
-            audit_path(access), most_bytes=access.audit_bytes, most_files=access.audit_files
-        )
+        _log.info("daemon: orientd %s with kernels for %s", orientd.__version__, processor.level())
+        await self._listener.open(self._socket)
         try:
-            methods = standard_methods(SERVICE, status)
-            authorization = Authorization(audit, methods, most_calls=access.streams)
-            listener = Listener(access, self._settings.tcp, authorization.serve, audit)
-            await self._listen(listener, authorization, audit, status)
+            self._telemetry = self._measured(self._settings)
+            self._cell.planners.start()
+            await asyncio.to_thread(self._cell.launch)
+            self._watchdog.start()
+            loop.add_signal_handler(signal.SIGHUP, self._reload)
+            if self._fleet is not None:
+                self._fleet.start()
+            self._status.set(True)
+            await self._serve()
         finally:
-            audit.close()
+            await self._end()
 
-    async def _listen(
-        self,
-        listener: Listener,
-        authorization: Authorization,
-        audit: AuditLog,
-        status: ServiceStatus,
-    ) -> None:
-        loop = asyncio.get_running_loop()
-        try:
-            await listener.open(self._socket)
-            self._stops = StopFolder(
-                self._socket, listener.policy, record=partial(audit.record, event="stopped")
-            )
-            cell, service = await asyncio.to_thread(self._load)
-            cell.planners.start()
-            watchdog = Watchdog(cell.devices)
-            try:
-                self._measure(cell, authorization)
-                watchdog.start()
-                loop.add_signal_handler(signal.SIGHUP, self._reload, cell, listener, authorization)
-                authorization.open(service.methods(), cell.leases.owner)
-                self._join_fleet(cell, service, listener, authorization, audit)
-                await self._serve(cell)
-            finally:
-                status.set(False)
-                await asyncio.to_thread(cell.shutdown)
-                service.end_calls()
-                if self._fleet is not None:
-                    await self._fleet.close()
-                await cell.planners.close()
-                await listener.close(GRACE)
-                cell.close()
-                watchdog.close()
-                if self._telemetry is not None:
-                    self._telemetry.close()
-                _log.info("daemon: ended")
-        finally:
-            if self._stops is not None:
-                self._stops.close()
-            await listener.close()
+    async def _end(self) -> None:
+        """Bring the devices to rest, then let calls end and close everything."""
+        self._status.set(False)
+        await asyncio.to_thread(self._cell.shutdown)
+        self._service.end_calls()
+        if self._fleet is not None:
+            await self._fleet.close()
+        await self._cell.planners.close()
+        await self._listener.close(GRACE)
+        self._cell.close()
+        self._watchdog.close()
+        if self._telemetry is not None:
+            self._telemetry.close()
+        _log.info("daemon: ended")
 
-    def _reload(self, cell: Cell, listener: Listener, authorization: Authorization) -> None:
-        """Take up what can change of the settings, and say what cannot."""
-        from orientd.daemon.reload import changes
-
+    def _reload(self) -> None:
+        """Apply the settings that can change while the daemon runs, and name those that cannot."""
         if self._reread is None:
             _log.warning("reload: there is no file of settings")
             return
@@ -194,88 +228,55 @@ class _Daemon:
             _, cannot = changes(self._initial, settings)
             begin = None if self._fleet is None else self._fleet.configured(settings)
             # The files that it names may have changed where the settings have not.
-            listener.change(settings.access, settings.tcp)
+            self._listener.change(settings.access, settings.tcp)
         except OrientdError as error:
             _log.error("reload: nothing changed: %s", error)
             return
-        if self._stops is not None:
-            self._stops.admit(listener.policy)
+        self._stops.admit(self._listener.policy)
         if self._fleet is not None and begin is not None:
             self._fleet.change(begin)
         logging.getLogger().setLevel(settings.daemon.log_level.upper())
-        cell.bound(settings.access)
-        authorization.most_calls = settings.access.streams
-        is_wanting = settings.metrics is not None and self._telemetry is None
-        is_measured_anew = is_wanting or settings.metrics != self._settings.metrics
+        self._service.keyframes = settings.access.keyframes
+        self._authorization.most_calls = settings.access.streams
+        if (self._telemetry is None) != (settings.metrics is None) or "metrics.port" in can:
+            self._measure_anew(settings)
         self._settings = settings
-        if is_measured_anew:
-            try:
-                self._measure(cell, authorization)
-            except ConfigError as error:
-                _log.error("reload: %s", error)
         _log.info("reload: changed: %s", ", ".join(can) or "nothing but the files that are named")
         if cannot:
             _log.warning("reload: needs a restart: %s", ", ".join(cannot))
 
-    def _measure(self, cell: Cell, authorization: Authorization) -> None:
-        """Begin to count, where somebody may ask; what counted before ends.
+    def _measure_anew(self, settings: Settings) -> None:
+        before, self._telemetry = self._telemetry, None
+        if before is not None:
+            before.close()
+        try:
+            self._telemetry = self._measured(settings)
+        except ConfigError as error:
+            _log.error("reload: %s", error)
+
+    def _measured(self, settings: Settings) -> Telemetry | None:
+        """Return what counts for Prometheus, if the settings have a port for it.
 
         Raises:
             ConfigError: the port is in use, or the library is not installed.
         """
-        if self._telemetry is not None:
-            cell.listeners.remove(self._telemetry.hear)
-            authorization.count_call = lambda *_: None
-            self._telemetry.close()
-            self._telemetry = None
-        if self._settings.metrics is None:
-            return
+        if settings.metrics is None:
+            return None
         from orientd.daemon.calls import Telemetry
 
-        telemetry = Telemetry()
-        telemetry.serve(self._settings.metrics)
-        telemetry.follow(cell.devices)
-        cell.listeners.append(telemetry.hear)
-        authorization.count_call = telemetry.count_call
-        self._telemetry = telemetry
+        return Telemetry(settings.metrics, self._cell.devices)
 
-    def _join_fleet(
-        self,
-        cell: Cell,
-        service: ControlService,
-        listener: Listener,
-        authorization: Authorization,
-        audit: AuditLog,
-    ) -> None:
-        """Be one of the daemons of a cell, where the settings name one.
+    def _hear(self, event: DeviceEvent, device: Device) -> None:
+        if self._telemetry is not None:
+            self._telemetry.hear(event, device)
 
-        Raises:
-            ConfigError: Zenoh cannot be configured so.
-        """
-        if self._settings.fleet is None:
-            return
-        from orientd.daemon.fleet import FleetLink
+    def _count_call(self, method: str, code: str, seconds: float) -> None:
+        if self._telemetry is not None:
+            self._telemetry.count_call(method, code, seconds)
 
-        self._fleet = FleetLink(
-            self._settings, self._socket, service=SERVICE, listener=listener, audit=audit,
-            serve=authorization.serve,
-            state=service.present_state,
-            journal=cell.journal,
-        )  # fmt: skip
-        self._fleet.start()
-
-    def _load(self) -> tuple[Cell, ControlService]:
-        """Import, and start, what takes its time."""
-        from orientd.daemon.calls import ControlService
-        from orientd.daemon.cell import Cell
-
-        cell = Cell(self._settings, stops=self._stops)
-        kernels = processor.level()
-        _log.info("daemon: orientd %s with kernels for %s", orientd.__version__, kernels)
-        cell.launch()
-        return cell, ControlService(cell, lambda: self._describe(cell))
-
-    async def _serve(self, cell: Cell) -> None:
+    async def _serve(self) -> None:
+        """Wait for the devices, say that the daemon is ready, and serve until it is to stop."""
+        cell = self._cell
         tasks = [asyncio.create_task(_expire_leases(cell))]
         problems = await asyncio.to_thread(
             cell.wait_ready, READY_TIMEOUT, is_cancelled=self._stopping.is_set
@@ -283,10 +284,10 @@ class _Daemon:
         if not self._stopping.is_set():
             if problems and self._needs_devices:
                 raise DaemonError("; ".join(problems))
-            self._on_ready(self._describe(cell), problems)
+            self._on_ready(self._service.daemon_report(), problems)
             notify("READY=1")
             if problems:
-                tasks.append(asyncio.create_task(self._start_again(cell)))
+                tasks.append(asyncio.create_task(self._start_again()))
             # What was loaded stays for good; every full collection would take 20 ms over it.
             gc.collect()
             gc.freeze()
@@ -295,9 +296,9 @@ class _Daemon:
         for task in tasks:
             task.cancel()
 
-    async def _start_again(self, cell: Cell) -> None:
-        """Start again what is not ready, ever more rarely, and say so once everything is."""
-        pause = FIRST_PAUSE
+    async def _start_again(self) -> None:
+        """Start devices that are not ready, ever more rarely, and say so once all of them are."""
+        cell, pause = self._cell, FIRST_PAUSE
         waiting = {name for name, device in cell.devices.items() if not device.wait_ready(0.0)}
         while waiting:
             await asyncio.sleep(pause)
@@ -308,28 +309,7 @@ class _Daemon:
                     await cell.in_worker(device.try_again)
                 if device.wait_ready(0.0):
                     waiting.discard(name)
-        self._on_ready(self._describe(cell), [])
-
-    def _describe(self, cell: Cell) -> control_pb2.DaemonReport:
-        """Return what there is to say about the daemon itself."""
-        leases = [
-            control_pb2.LeaseReport(
-                holder=lease.holder,
-                remaining=cell.leases.remaining(lease),
-                identity=lease.owner,
-                devices=lease.devices,
-            )
-            for lease in cell.leases.held()
-        ]
-        return control_pb2.DaemonReport(
-            version=orientd.__version__,
-            pid=os.getpid(),
-            uptime=time.monotonic() - self._started,
-            socket=str(self._socket),
-            configuration=self._configuration,
-            lease=leases[0] if leases else None,
-            leases=leases,
-        )
+        self._on_ready(self._service.daemon_report(), [])
 
     def _stop(self, number: int) -> None:
         name = signal.Signals(number).name

@@ -112,21 +112,3 @@ def test_a_queued_move_that_ends_early_leaves_the_holders_motion_alone(
         assert f"(user:{os.getuid()})" in errors.partition("stopped by")[2]
     else:
         ana.seize_lease("whoever shared it was killed")
-
-
-def test_commands_that_overtake_one_another_are_done_in_the_order_of_their_numbers(daemon):
-    request = pb.AcquireLeaseRequest(holder="threads", devices=[LEG])
-    token = daemon.stub.AcquireLease(request).lease.token
-
-    def speed(number, speed):
-        return daemon.stub.SetSpeed.future(
-            pb.SetSpeedRequest(lease_token=token, device=LEG, lease_sequence=number, speed=speed)
-        )
-
-    answers = [speed(number, number / 10) for number in (3, 2, 1)]
-    assert [round(10 * answer.result(10.0).device.speed) for answer in answers] == [3, 2, 1]
-    (report,) = daemon.stub.GetState(pb.GetStateRequest(device=LEG)).devices
-    assert report.speed == pytest.approx(0.3)
-    # What never comes is not waited for for long.
-    assert speed(9, 1.0).result(10.0).device.speed == 1.0
-    daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=token))

@@ -6,6 +6,12 @@ from orientd.daemon.access.audit import AuditLog, audit_path
 from orientd.daemon.access.authorization import Authorization, Method
 from orientd.daemon.access.claim import claimed
 from orientd.daemon.access.connection import Serve
-from orientd.daemon.access.identity import Caller, ClientCertificate, Identity, RolePolicy
+from orientd.daemon.access.identity import (
+    Caller,
+    ClientCertificate,
+    Identity,
+    Process,
+    RolePolicy,
+    peer_process,
+)
 from orientd.daemon.access.listener import Listener
-from orientd.daemon.access.peer import Process, peer_process

@@ -77,35 +77,32 @@ class Authorization:
     """Serve the calls that their callers may make.
 
     Attributes:
-        count_call: told of every call that has ended.
         most_calls: of one identity at one time; stops and renewals do not count.
     """
 
-    def __init__(self, audit: AuditLog, methods: Mapping[str, Method], *, most_calls: int) -> None:
-        """Serve *methods* at once, and calls to others once :meth:`open` has brought them.
+    def __init__(
+        self,
+        methods: Mapping[str, Method],
+        audit: AuditLog,
+        *,
+        owner_of: OwnerOf,
+        count_call: CountCall,
+        most_calls: int,
+    ) -> None:
+        """Serve *methods*.
 
         Args:
-            audit: records commands and refusals.
             methods: by their full names, ``/service/Name``.
+            audit: records commands and refusals.
+            owner_of: says whose a lease is.
+            count_call: called with every call that has ended.
             most_calls: of one identity at one time.
         """
         self.most_calls = most_calls
-        self.count_call: CountCall = lambda *_: None
-        self._audit = audit
-        self._methods = dict(methods)
-        self._owner_of: OwnerOf = lambda _: None
-        self._is_open = asyncio.Event()
+        self._methods, self._audit = methods, audit
+        self._owner_of, self._count_call = owner_of, count_call
         self._numbers = itertools.count(1)
         self._calls: Counter[str] = Counter()
-
-    def open(self, methods: Mapping[str, Method], owner_of: OwnerOf) -> None:
-        """Serve *methods* too from now on, and refuse leases of others.
-
-        Calls that came before have waited: the socket answers before NumPy is imported.
-        """
-        self._methods |= methods
-        self._owner_of = owner_of
-        self._is_open.set()
 
     async def serve(
         self, path: str, caller: Caller, requests: AsyncIterator[bytes], send: Send
@@ -119,23 +116,18 @@ class Authorization:
             send: sends an answer.
 
         Returns:
-            Why it failed; ``None`` where it has not.
+            Why it failed; ``None`` if it did not.
         """
-        if path not in self._methods:
-            await self._is_open.wait()
         method = self._methods.get(path)
         if method is None:
-            return status_pb2.Status(
-                code=code_pb2.UNIMPLEMENTED, message=f"there is no call {path[:_MOST_TEXT]}"
-            )
+            problem = f"there is no call {path[:_MOST_TEXT]}"
+            return status_pb2.Status(code=code_pb2.UNIMPLEMENTED, message=problem)
         call = _Call(next(self._numbers), method, rule(path), caller)
-        key = caller.identity.key
+        key, is_counted = caller.identity.key, call.rule.is_limited
         status: status_pb2.Status | None = None
-        is_counted = False
+        self._calls[key] += is_counted
         try:
             self._admit(call)
-            is_counted = call.rule.is_limited
-            self._calls[key] += is_counted
             await self._run(call, requests, send)
         except OrientdError as error:
             status = to_status(error)
@@ -146,8 +138,7 @@ class Authorization:
             _log.exception("call %d: %s failed", call.number, method.name)
             status = status_pb2.Status(code=code_pb2.UNKNOWN, message=repr(error)[:_MOST_TEXT])
         finally:
-            if is_counted:
-                self._calls[key] -= 1
+            self._calls[key] -= is_counted
             self._conclude(call, status)
         return status
 
@@ -166,26 +157,26 @@ class Authorization:
                 f"{call.method.name} needs the role {call.rule.role.name.lower()}, "
                 f"{identity.name} ({identity.key}) is {identity.role.name.lower()}"
             )
-        if call.rule.is_limited and self._calls[identity.key] >= self.most_calls:
+        if call.rule.is_limited and self._calls[identity.key] > self.most_calls:
             raise TooMuchError(f"at most {self.most_calls} calls at the same time")
 
     async def _run(self, call: _Call, requests: AsyncIterator[bytes], send: Send) -> None:
         method = call.method
         asked: Any = (self._read(call, content) async for content in requests)
+        answer = partial(self._send, call, send)
         if method.is_library:
-            await method.run(_LibraryStream(asked, partial(self._send, call, send)))
+            await method.run(_LibraryStream(asked, answer))
             return
         if not method.takes_stream:
-            content = await anext(requests, None)
-            if content is None:
+            asked = await anext(asked, None)
+            if asked is None:
                 raise RequestError("", "expected a request, got none")
-            asked = self._read(call, content)
         if not method.gives_stream:
-            await self._send(call, send, await method.run(asked, call.caller))
+            await answer(await method.run(asked, call.caller))
             return
         async with aclosing(method.run(asked, call.caller)) as answers:
-            async for answer in answers:
-                await self._send(call, send, answer)
+            async for one in answers:
+                await answer(one)
 
     def _read(self, call: _Call, content: bytes) -> Message:
         """Return a request of a call as a message.
@@ -230,10 +221,11 @@ class Authorization:
             call.result["motion_text"] = summary.text[:400]
 
     def _conclude(self, call: _Call, status: status_pb2.Status | None) -> None:
+        """Count, log and, if it is a command or was refused, record a call that has ended."""
         code = "OK" if status is None else code_pb2.Code.Name(status.code)
         text = "" if status is None else status.message
         name, is_command = call.method.name, call.rule.is_command
-        self.count_call(name, code, time.monotonic() - call.began)
+        self._count_call(name, code, time.monotonic() - call.began)
         level = logging.INFO if is_command else logging.DEBUG
         if code != "OK" and is_command:
             level = logging.WARNING
@@ -311,15 +303,14 @@ def describe(request: Message) -> dict[str, Any]:
 
 
 def _parts(request: Message) -> Iterator[Message]:
-    """Yield *request*, and what it wraps where it is one of a stream."""
+    """Yield *request*, and the beginning that it wraps if it is one of a stream."""
     yield request
-    for name in ("start", "request"):
-        part = getattr(request, name, None)
-        if isinstance(part, Message):
-            yield part
+    part = getattr(request, "start", None)
+    if isinstance(part, Message):
+        yield part
 
 
 def _token(part: Message) -> str:
-    """Return the token of the lease that a request is made under; empty where it has none."""
+    """Return the token of the lease that a request is made under; empty if it has none."""
     found = (getattr(part, name, "") for name in SECRETS)
     return next((one for one in found if isinstance(one, str) and one), "")

@@ -71,11 +71,7 @@ class Connection(H2Protocol, AbstractHandler):
 
     Attributes:
         caller: who is at the other end, once that is known.
-        waiting: waits for the first word; ``None`` once that is there.
     """
-
-    caller: Any = None
-    waiting: asyncio.Task[Any] | None = None
 
     def __init__(
         self,
@@ -94,12 +90,14 @@ class Connection(H2Protocol, AbstractHandler):
             ended: called once, when the connection is over.
         """
         super().__init__(self, _CONFIGURATION, _HTTP2)
+        self.caller: Any = None
         self._meet, self._serve = meet, serve
         self._message_bytes = message_bytes
         self._ended = ended
         self._transport: Any = None
         self._calls: dict[Stream, asyncio.Task[None]] = {}
         self._untaken = bytearray()
+        self._has_begun = False
 
     @property
     def is_idle(self) -> bool:
@@ -113,21 +111,19 @@ class Connection(H2Protocol, AbstractHandler):
 
     def hang_up(self) -> None:
         """End the connection and every call over it."""
-        if self.waiting is not None:
-            self.waiting.cancel()
-        elif self._transport is not None:
-            self._transport.abort()
+        self._transport.abort()
 
     # asyncio's protocol
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Begin to speak HTTP/2."""
-        caller = self._meet(transport)
+        """Hang up unless the client is admitted."""
         self._transport = transport
-        if caller is None:
+        self.caller = self._meet(transport)
+        if self.caller is None:
             self.hang_up()
-            return
-        self.caller = caller
+
+    def _begin(self) -> None:
+        """Begin to speak HTTP/2; a client that says nothing is not worth the memory."""
         http2 = H2Connection(config=_HTTP2)
         http2.initiate_connection()
         http2.increment_flow_control_window(WINDOW - http2.local_settings.initial_window_size)
@@ -143,6 +139,7 @@ class Connection(H2Protocol, AbstractHandler):
         self.processor = EventsProcessor(self, self.connection)
         # RFC 9113, 5.5: frames of an unknown type are ignored.
         self.processor.processors[UnknownFrameReceived] = lambda _: None
+        self._has_begun = True
 
     def data_received(self, data: bytes) -> None:
         """Take what has come, a piece in each turn of the event loop.
@@ -150,6 +147,8 @@ class Connection(H2Protocol, AbstractHandler):
         A quarter of a megabyte of the smallest frames would keep everybody waiting for half a
         second.
         """
+        if not self._has_begun:
+            self._begin()
         is_taking = bool(self._untaken)
         self._untaken += data
         if not is_taking:
@@ -178,8 +177,9 @@ class Connection(H2Protocol, AbstractHandler):
 
     def connection_lost(self, exc: BaseException | None) -> None:
         """End every call."""
-        if self.caller is not None:
+        if self._has_begun:
             super().connection_lost(exc)
+        if self.caller is not None:
             self._ended(self)
 
     # grpclib's handler
@@ -223,7 +223,7 @@ class Connection(H2Protocol, AbstractHandler):
                 await stream.send_headers([(":status", "415")], end_stream=True)
                 return
             path = headers.get(b":path", b"").decode(errors="replace")
-            requests = _Requests(stream, self._message_bytes)
+            requests = _messages(stream, self._message_bytes)
             try:
                 async with asyncio.timeout(_timeout(headers)):
                     status = await self._serve(path, self.caller, requests, send)
@@ -264,33 +264,21 @@ class _Gathering:
             self._transport.write(b"".join(gathered))
 
 
-class _Requests:
-    """The messages of a call as they come."""
+async def _messages(stream: Stream, most_bytes: int) -> AsyncIterator[bytes]:
+    """Yield the messages of a call as they come.
 
-    def __init__(self, stream: Stream, most_bytes: int) -> None:
-        self._stream = stream
-        self._most_bytes = most_bytes
-
-    def __aiter__(self) -> _Requests:
-        return self
-
-    async def __anext__(self) -> bytes:
-        """Return the next message.
-
-        Raises:
-            MessageSizeError: it is larger than any may be.
-            RequestError: it is compressed, or cut short.
-        """
-        head = await _read(self._stream, _PREFIX_BYTES)
-        if not head:
-            raise StopAsyncIteration
+    Raises:
+        MessageSizeError: one is larger than any may be.
+        RequestError: one is compressed, or cut short.
+    """
+    while head := await _read(stream, _PREFIX_BYTES):
         size = int.from_bytes(head[1:], "big")
         if head[0]:
             raise RequestError("", "the message is compressed, which is not supported")
-        if size > self._most_bytes:
-            problem = f"the message is too large: {size} bytes, at most {self._most_bytes}"
+        if size > most_bytes:
+            problem = f"the message is too large: {size} bytes, at most {most_bytes}"
             raise MessageSizeError("", problem)
-        return await _read(self._stream, size)
+        yield await _read(stream, size)
 
 
 async def _read(stream: Stream, size: int) -> bytes:

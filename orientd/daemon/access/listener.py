@@ -1,7 +1,7 @@
-"""The listener: clients connect here, and are identified before they are heard.
+"""The listener: clients connect here, and the daemon knows who they are before it serves them.
 
 The kernel says which user is at the other end of a Unix socket (``SO_PEERCRED``), the certificate
-of the TLS handshake who comes over TCP.  Whoever no table admits is hung up on.
+of the TLS handshake who comes over TCP.  The daemon hangs up on everybody whom no table admits.
 """
 
 from __future__ import annotations
@@ -20,36 +20,37 @@ from typing import Any
 
 from orientd.config import AccessSettings, TcpSettings
 from orientd.daemon.access.audit import AuditLog
-from orientd.daemon.access.connection import Connection, Meet, Serve
+from orientd.daemon.access.connection import Connection, Serve
 from orientd.daemon.access.identity import (
     Caller,
     ClientCertificate,
     Credentials,
     RolePolicy,
-    user_name,
+    peer_process,
 )
-from orientd.daemon.access.peer import peer_process
 from orientd.daemon.access.tls import peer_certificate, server_context
 from orientd.errors import AccessError, ConfigError, DaemonError
 
 _log = logging.getLogger(__name__)
 
 HANDSHAKE_TIMEOUT = 5.0
-"""How long a TLS handshake may take from the connection on, s."""
+"""Time that a TLS handshake may take from the connection on, s."""
 
 MOST_HANDSHAKES = 256
-"""Clients over TCP that have not shown a certificate yet; for one more the oldest is given up."""
+"""Clients over TCP without a certificate yet; the oldest gives way to one more."""
 
 SILENCE = 15
-"""After so long a client over TCP that the network has lost is hung up on, s."""
+"""Time after which the daemon hangs up on a client over TCP that the network has lost, s."""
+
+BUSY = 2
+"""So many times the connections of one identity may be open while calls are under way on them."""
 
 _OTHER_DESCRIPTORS = 200
 _BACKLOG = 1024  # a client that finds it full gives up at once
 _AGAIN = 0.1  # s before another is accepted where there was no descriptor for one
 
-
-Receive = Callable[[socket.socket, str], Awaitable[bool]]
-"""Receives a connection from somewhere; says whether it is served."""
+Receive = Callable[[socket.socket, str], Awaitable[None]]
+"""Receives a connection from somewhere."""
 
 
 @dataclass(frozen=True)
@@ -100,8 +101,7 @@ class Listener:
         self._path: Path | None = None
         self._listeners: list[socket.socket] = []
         self._tasks: set[asyncio.Task[None]] = set()
-        self._handshakes: list[asyncio.Task[bool]] = []
-        self._known_users: set[int] = set()
+        self._handshakes: dict[asyncio.Task[Any], None] = {}
         self._connections: dict[Connection, None] = {}
 
     @property
@@ -115,8 +115,6 @@ class Listener:
         Raises:
             DaemonError: that is not possible.
         """
-        self._known_users = {0, os.geteuid(), *self.policy.tables()["users"]}
-        await asyncio.to_thread(lambda: list(map(user_name, self._known_users)))
         listener = socket.socket(socket.AF_UNIX)
         before = os.umask(0o177)
         try:
@@ -141,10 +139,10 @@ class Listener:
             self._accept_at(listener, self._from_tcp)
 
     def change(self, access: AccessSettings, tcp: TcpSettings | None) -> None:
-        """Go by other roles and certificates from now on; what cannot change stays.
+        """Go by other roles and other certificates from now on; the address stays the same.
 
-        This neither opens nor closes the way in over TCP.  If the revocation list is another one,
-        everybody who came in that way is hung up on, and may come again.
+        The daemon hangs up on clients that it admits no more.  A change of the revocation list
+        cuts off every client with a certificate; those that it does not name may come again.
 
         Raises:
             ConfigError: the settings name what is not there; then nothing has changed.
@@ -196,11 +194,10 @@ class Listener:
         self._listeners.append(listener)
         self._spawn(self._accept(listener, receive))
 
-    def _spawn(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
-        return task
 
     async def _accept(self, listener: socket.socket, receive: Receive) -> None:
         loop = asyncio.get_running_loop()
@@ -215,81 +212,68 @@ class Listener:
 
     async def _receive(self, accepted: socket.socket, receive: Receive) -> None:
         """Have a connection received, and close it unless it is served."""
-        is_served, origin = False, _origin(accepted)
+        origin = _origin(accepted)
         try:
-            is_served = await receive(accepted, origin)
-        except ssl.SSLError as error:
-            reason = getattr(error, "verify_message", "") or error.reason or str(error)
-            self._refuse(origin, f"handshake: {reason}")
-        except (OSError, AccessError) as error:
-            self._refuse(origin, str(error) or type(error).__name__)
-        finally:
-            if not is_served:
-                accepted.close()
+            await receive(accepted, origin)
+        except BaseException as error:
+            accepted.close()
+            if isinstance(error, ssl.SSLError):
+                reason = getattr(error, "verify_message", "") or error.reason or str(error)
+                self._refuse(origin, f"handshake: {reason}")
+            elif isinstance(error, OSError | AccessError):
+                self._refuse(origin, str(error) or type(error).__name__)
+            else:
+                raise
 
-    async def _from_unix(self, accepted: socket.socket, origin: str) -> bool:
-        process = peer_process(accepted)
-        if process.uid not in self._known_users:
-            # A directory of users may be asked for the name, which may take its time.
-            await asyncio.to_thread(user_name, process.uid)
-            self._known_users.add(process.uid)
-        caller = self._caller(process, origin)
-        connection = self._connection(lambda _: caller)
-        connection.waiting = asyncio.current_task()
-        self._enter(connection, caller)
-        is_served = False
-        try:
-            if await _has_spoken(accepted):
-                connection.waiting = None
-                loop = asyncio.get_running_loop()
-                await loop.connect_accepted_socket(lambda: connection, accepted)
-                is_served = True
-        finally:
-            if not is_served:
-                self._connections.pop(connection, None)
-        return is_served
+    async def _from_unix(self, accepted: socket.socket, origin: str) -> None:
+        process, loop = peer_process(accepted), asyncio.get_running_loop()
+        # A directory of users may be asked for the name, which may take its time.
+        await asyncio.to_thread(self.policy.identify, process)
+        connection = self._connection(lambda _: process, origin)
+        await loop.connect_accepted_socket(lambda: connection, accepted)
 
-    async def _from_tcp(self, accepted: socket.socket, origin: str) -> bool:
-        loop = asyncio.get_running_loop()
+    async def _from_tcp(self, accepted: socket.socket, origin: str) -> None:
         if len(self._handshakes) >= MOST_HANDSHAKES:
-            self._handshakes.pop(0).cancel()
+            next(iter(self._handshakes)).cancel()
         task: Any = asyncio.current_task()
-        self._handshakes.append(task)
+        self._handshakes[task] = None
+        connection, loop = self._connection(peer_certificate, origin), asyncio.get_running_loop()
         try:
             async with asyncio.timeout(HANDSHAKE_TIMEOUT):
                 # TLS takes a quarter of a megabyte for each connection, which silence is not worth.
                 if not await _has_spoken(accepted):
-                    return False
+                    accepted.close()
+                    return
                 _keep_alive(accepted)
-
-                def meet(transport: asyncio.BaseTransport) -> Caller | None:
-                    try:
-                        certificate = peer_certificate(transport.get_extra_info("ssl_object"))
-                        caller = self._caller(certificate, origin)
-                        self._enter(connection, caller)
-                    except (AccessError, ValueError) as error:
-                        self._refuse(origin, str(error))
-                        return None
-                    return caller
-
-                connection = self._connection(meet)
                 await loop.connect_accepted_socket(
                     lambda: connection, accepted, ssl=self._tables.context
                 )
         except TimeoutError as error:
             raise OSError(f"handshake: not done within {HANDSHAKE_TIMEOUT:g} s") from error
         finally:
-            with contextlib.suppress(ValueError):  # given up for a later one
-                self._handshakes.remove(task)
-        return True
+            self._handshakes.pop(task, None)
 
-    def _connection(self, meet: Meet) -> Connection:
-        return Connection(
+    def _connection(
+        self, credentials_of: Callable[[asyncio.BaseTransport], Credentials], origin: str
+    ) -> Connection:
+        """Return what serves a connection, once it is made and its client is admitted."""
+
+        def meet(transport: asyncio.BaseTransport) -> Caller | None:
+            try:
+                caller = self._caller(credentials_of(transport), origin)
+                self._enter(connection, caller)
+            except (AccessError, ValueError) as error:
+                self._refuse(origin, str(error))
+                return None
+            return caller
+
+        connection = Connection(
             meet,
             self._serve,
             message_bytes=self._access.message_bytes,
             ended=lambda ended: self._connections.pop(ended, None),
         )
+        return connection
 
     def _caller(self, credentials: Credentials, origin: str) -> Caller:
         """Return who has *credentials*.
@@ -305,20 +289,23 @@ class Listener:
     def _enter(self, connection: Connection, caller: Caller) -> None:
         """Count *connection*; an idle one of the same identity gives way if there are too many.
 
+        If all of them are busy, the new one comes in as well: its caller may stop devices, and gets
+        an answer to a call that is one too many.
+
         Raises:
-            AccessError: all of them are busy.
+            AccessError: far too many are busy.
         """
-        key = caller.identity.key
-        own = [one for one in self._connections if one.caller.identity.key == key]
+        name, most = caller.identity.name, self._access.connections
+        own = [one for one in self._connections if one.caller.identity.key == caller.identity.key]
         is_full = len(self._connections) >= most_together()
-        if is_full or len(own) >= self._access.connections:
+        if is_full or len(own) >= most:
             oldest = next((one for one in own if one.is_idle), None)
-            if oldest is None:
-                name = caller.identity.name
+            if oldest is not None:
+                del self._connections[oldest]
+                _log.info("%s: was idle, and gave way to a later one", oldest.caller.origin)
+                oldest.hang_up()
+            elif is_full or len(own) >= BUSY * most:
                 raise AccessError(f"{name} has {len(own)} connections already, all in use")
-            del self._connections[oldest]
-            _log.info("%s: was idle, and gave way to a later one", oldest.caller.origin)
-            oldest.hang_up()
         connection.caller = caller
         self._connections[connection] = None
 

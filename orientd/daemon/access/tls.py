@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import ssl
 from typing import Any
 
@@ -39,13 +40,13 @@ def server_context(settings: TcpSettings) -> ssl.SSLContext:
     return context
 
 
-def peer_certificate(transport: ssl.SSLObject) -> ClientCertificate:
+def peer_certificate(transport: asyncio.BaseTransport) -> ClientCertificate:
     """Return the certificate at the other end, which OpenSSL has verified.
 
     Raises:
         ValueError: it has not exactly one common name.
     """
-    found: dict[str, Any] = dict(transport.getpeercert() or {})
+    found: dict[str, Any] = transport.get_extra_info("peercert") or {}
     fields = [pair for part in found.get("subject", ()) for pair in part]
     names = [value for key, value in fields if key == "commonName"]
     if len(names) != 1:

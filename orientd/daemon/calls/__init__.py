@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.daemon.calls.service import ControlService
+    from orientd.daemon.calls.service import Service
     from orientd.daemon.calls.telemetry import Telemetry
 
 __getattr__ = lazily(
     __name__,
     {
-        "orientd.daemon.calls.service": ("ControlService",),
+        "orientd.daemon.calls.service": ("Service",),
         "orientd.daemon.calls.telemetry": ("Telemetry",),
     },
 )

@@ -1,27 +1,98 @@
-"""The gRPC service ``orientd.v1.Control`` in front of a cell.
+"""The gRPC service ``orientd.v1.Control``: every call, straight down to the devices.
 
-Nothing that plans, commands or waits for a device happens in the event loop.
+Nothing that plans, commands or waits for a device happens in the event loop.  A call that the
+daemon refuses raises an :class:`~orientd.errors.OrientdError`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import asyncio
+import contextlib
+import logging
+import os
+import time
+from collections import defaultdict
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 from google.protobuf import message_factory
 
-from orientd.daemon.access import Method
-from orientd.daemon.calls.commanding import CommandingCalls
-from orientd.daemon.calls.leasing import LeasingCalls
-from orientd.daemon.calls.moving import MovingCalls
-from orientd.daemon.calls.tracking import TrackingCalls
-from orientd.daemon.calls.watching import WatchingCalls
+import orientd
+from orientd.daemon.access import Caller, Method
+from orientd.daemon.calls import report
+from orientd.daemon.calls.following import Following, read_targets
+from orientd.daemon.calls.requests import (
+    interval,
+    move_options,
+    moving,
+    planning_timeout,
+    sample_rate,
+)
+from orientd.daemon.cell import Cell
+from orientd.daemon.device import Device
+from orientd.daemon.leases import Lease
+from orientd.daemon.motion_starter import GONE
+from orientd.daemon.motions import ActiveMotion
+from orientd.daemon.planners import PlanCall, PlannedMotion
+from orientd.daemon.supervised_device import TICK
+from orientd.errors import (
+    GOING_DOWN,
+    DaemonError,
+    LeaseError,
+    OrientdError,
+    RequestError,
+    StateError,
+)
+from orientd.rpc import Outcome, limits_to_wish
 from orientd.rpc import control_pb2 as pb
+from orientd.stream import CYCLE_RECORD, record_index
+
+_log = logging.getLogger(__name__)
 
 CONTROL = pb.DESCRIPTOR.services_by_name["Control"]
 
+_LOOKS = 10
+"""How often to look again for the reason of a fault that the device's thread has not heard yet."""
 
-class ControlService(WatchingCalls, MovingCalls, TrackingCalls, CommandingCalls, LeasingCalls):
+_BATCH = 256
+"""Cycles made into messages at a time: other calls get their turn before a watcher far behind."""
+
+_RENEWALS = 3
+"""Renewals within the time of a lease that a move has taken itself, until it has begun."""
+
+_CommandRequest = (
+    pb.PauseRequest
+    | pb.ResumeRequest
+    | pb.SetSpeedRequest
+    | pb.EnableRequest
+    | pb.DisableRequest
+    | pb.ResetRequest
+)
+"""A command names a device and its lease."""
+
+
+class Service:
     """What the control socket offers."""
+
+    def __init__(
+        self, cell: Cell, *, keyframes: int, socket: Path, configuration: str, began: float
+    ) -> None:
+        """Serve *cell*.
+
+        Args:
+            cell: devices, leases and motions.
+            keyframes: the most of one motion.
+            socket: where the daemon listens.
+            configuration: path of its configuration; empty for the built-in one.
+            began: when it started, monotonic clock, s.
+        """
+        self.keyframes = keyframes
+        self._cell, self._leases, self._runs = cell, cell.leases, cell.runs
+        self._socket, self._configuration, self._began = socket, configuration, began
+        self._closing = asyncio.Event()
+        self._turns: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
 
     def methods(self) -> Mapping[str, Method]:
         """Return every call by its full name."""
@@ -35,3 +106,465 @@ class ControlService(WatchingCalls, MovingCalls, TrackingCalls, CommandingCalls,
             )
             for one in CONTROL.methods
         }
+
+    def end_calls(self) -> None:
+        """Let every WatchState and WatchEvents come to its end."""
+        self._closing.set()
+
+    def daemon_report(self) -> pb.DaemonReport:
+        """Return the daemon itself as it is now."""
+        leases = [
+            pb.LeaseReport(
+                holder=lease.holder,
+                remaining=self._leases.remaining(lease),
+                identity=lease.owner,
+                devices=lease.devices,
+            )
+            for lease in self._leases.held()
+        ]
+        return pb.DaemonReport(
+            version=orientd.__version__,
+            pid=os.getpid(),
+            uptime=time.monotonic() - self._began,
+            socket=str(self._socket),
+            configuration=self._configuration,
+            lease=leases[0] if leases else None,
+            leases=leases,
+        )
+
+    # Looking on
+
+    async def GetState(self, request: pb.GetStateRequest, caller: Caller) -> pb.GetStateResponse:
+        """Report on the daemon and its devices."""
+        if request.device:
+            return await self._state_of([self._cell.device(request.device)])
+        return await self.present_state()
+
+    async def present_state(self) -> pb.GetStateResponse:
+        """Return the daemon and all of its devices as they are now."""
+        return await self._state_of(self._cell.devices.values())
+
+    async def _state_of(self, devices: Iterable[Device]) -> pb.GetStateResponse:
+        reports = [await _with_reason(device) for device in devices]
+        return pb.GetStateResponse(daemon=self.daemon_report(), devices=reports)
+
+    async def WatchState(
+        self, request: pb.WatchStateRequest, caller: Caller
+    ) -> AsyncIterator[pb.WatchStateResponse]:
+        """Report cycles until the caller goes."""
+        device = self._cell.device(request.device)
+        pause = interval("rate_hz", request.rate_hz)
+        reader = report.CycleReader(device)
+        step = max(1, request.decimation)
+        wait = pause
+        while not await self._ends_within(wait):
+            wait = pause
+            response = pb.WatchStateResponse()
+            records, response.lost = reader.read_records(None if request.as_records else _BATCH)
+            if request.as_records:
+                response.records, response.layout = b"".join(records), CYCLE_RECORD.format
+            else:
+                wait = 0.0 if len(records) == _BATCH else pause
+                response.cycles.extend(
+                    report.record_message(one) for one in records if record_index(one) % step == 0
+                )
+            if not (response.records or response.cycles or response.lost):
+                continue
+            if request.with_outline:
+                response.outline.extend(
+                    pb.Polyline(coordinates=[x for point in line for x in point])
+                    for line in device.outline()
+                )
+            yield response
+
+    async def WatchEvents(
+        self, request: pb.WatchEventsRequest, caller: Caller
+    ) -> AsyncIterator[pb.WatchEventsResponse]:
+        """Report events until the caller goes."""
+        device = self._cell.device(request.device).name if request.device else ""
+        wake, loop = asyncio.Event(), asyncio.get_running_loop()
+        subscription = self._cell.journal.subscribe(
+            device, partial(loop.call_soon_threadsafe, wake.set)
+        )
+        ending = asyncio.ensure_future(self._closing.wait())
+        try:
+            yield pb.WatchEventsResponse()
+            while not self._closing.is_set():
+                waking = asyncio.ensure_future(wake.wait())
+                await asyncio.wait((waking, ending), return_when=asyncio.FIRST_COMPLETED)
+                waking.cancel()
+                wake.clear()
+                if not self._closing.is_set():
+                    yield subscription.take()
+        finally:
+            ending.cancel()
+            subscription.close()
+
+    async def _ends_within(self, seconds: float) -> bool:
+        """Wait *seconds*; return at once, and whether that is so, if the daemon ends."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(seconds):
+                await self._closing.wait()
+        return self._closing.is_set()
+
+    async def GetConfiguration(
+        self, request: pb.GetConfigurationRequest, caller: Caller
+    ) -> pb.GetConfigurationResponse:
+        """Report the settings."""
+        answer = pb.GetConfigurationResponse(json=self._cell.configuration)
+        answer.monotonic_ns = time.monotonic_ns()
+        answer.time.FromNanoseconds(time.time_ns())
+        return answer
+
+    async def ListMethods(self, request: pb.ListMethodsRequest, caller: Caller) -> bytes:
+        """List the families of curves."""
+        return await self._cell.planners.methods(caller.key)
+
+    async def ListDevices(
+        self, request: pb.ListDevicesRequest, caller: Caller
+    ) -> pb.ListDevicesResponse:
+        """List the devices."""
+        devices = self._cell.devices.values()
+        return pb.ListDevicesResponse(devices=map(report.device_description, devices))
+
+    # Planning
+
+    async def Plan(self, request: pb.PlanRequest, caller: Caller) -> bytes:
+        """Plan a motion and keep it."""
+        received_ns = time.monotonic_ns()
+        with self._refused_after(received_ns):
+            device = self._cell.device(request.device)
+            rate_hz = sample_rate(request.sample_rate_hz, device)
+            motion = await self._cell.plan(device, self._plan_call(request, caller, rate_hz))
+        # Messages put one behind the other are merged.
+        took = pb.PlanResponse(plan=pb.Plan(planning=_seconds_since(received_ns)))
+        return (motion.response or _unsampled(motion)) + took.SerializeToString()
+
+    async def GetPlan(
+        self, request: pb.GetPlanRequest, caller: Caller
+    ) -> pb.GetPlanResponse | bytes:
+        """Report the plan of a motion."""
+        with self._refused_after():
+            device = self._cell.device(request.device)
+            rate_hz = sample_rate(request.sample_rate_hz, device)
+            motion = self._cell.present(device, request.motion_id)
+            if motion is None:
+                return pb.GetPlanResponse()
+            if not rate_hz:
+                return _unsampled(motion)
+            call = PlanCall(motion.job.motion, caller.key, self._cell.planners.timeout)
+            return await self._cell.planners.report(motion.job, call, rate_hz)
+
+    def _plan_call(
+        self, request: pb.PlanRequest | pb.MoveRequest, caller: Caller, rate_hz: float = 0.0
+    ) -> PlanCall:
+        """Return what is to be planned, for whom, and for how long at the most.
+
+        Raises:
+            RequestError: the time is none, or the motion has too many keyframes.
+        """
+        timeout = planning_timeout(request.plan_timeout, self._cell.planners.timeout)
+        motion = request.motion
+        count = max(len(motion.keyframes), len(motion.columns.quaternions) // 4)
+        if count > self.keyframes:
+            raise RequestError("keyframes", f"expected at most {self.keyframes}, got {count}")
+        # The planner reads the rest: that takes as long as planning a small motion.
+        return PlanCall(motion.SerializeToString(), caller.key, timeout, rate_hz)
+
+    @contextlib.contextmanager
+    def _refused_after(self, received_ns: int = 0) -> Iterator[None]:
+        """Note in a refusal how long it took; once the daemon ends, refuse because of that."""
+        try:
+            yield
+        except OrientdError as error:
+            if self._cell.is_closing:
+                raise DaemonError(GOING_DOWN) from None
+            if received_ns:
+                error.planning = _seconds_since(received_ns)
+            raise
+
+    # Moving
+
+    async def Move(self, request: pb.MoveRequest, caller: Caller) -> AsyncIterator[pb.MoveResponse]:
+        """Run a motion and report until it ends; a caller that goes away stops it."""
+        received_ns = time.monotonic_ns()
+        run: ActiveMotion | None = None
+        try:
+            with self._refused_after(received_ns):
+                pause = interval("progress_rate_hz", request.progress_rate_hz)
+                device = self._cell.device(request.device)
+                stops = self._runs.stops(device)
+                async with self._lease_for(request, device, caller) as lease:
+                    run, timing = await self._begin(
+                        request, lease.token, device, caller, stops, received_ns
+                    )
+                    taken = None if request.lease_token else self._lease_message(lease)
+            yield _started(run, timing, taken)
+            reader = report.ProgressReader(run)
+            ended = asyncio.wrap_future(run.ended)
+            while not (await asyncio.wait({ended}, timeout=pause))[0]:
+                progress = reader.read()
+                if progress is not None:
+                    yield pb.MoveResponse(progress=progress)
+            summary = await self._cell.in_worker(report.summary, run, self._runs)
+            yield pb.MoveResponse(summary=summary)
+        finally:
+            self._abandon(run)
+
+    async def _begin(
+        self,
+        request: pb.MoveRequest,
+        token: str,
+        device: Device,
+        caller: Caller,
+        stops: int,
+        received_ns: int,
+    ) -> tuple[ActiveMotion, pb.MoveTiming]:
+        """Begin the motion of *request*, planned now or before."""
+        options, what = move_options(request), request.WhichOneof("what")
+        if what == "motion":
+            call = self._plan_call(request, caller)
+            return await self._cell.starter.move(
+                token, device, call, options, stops=stops, received_ns=received_ns
+            )
+        if what == "motion_id":
+            motion = self._cell.plans.find(device.name, request.motion_id)
+            planned_ns = time.monotonic_ns()
+            run = await self._cell.starter.start(token, device, motion, options, stops=stops)
+            return run, pb.MoveTiming(
+                planning=(planned_ns - received_ns) * 1e-9,
+                splicing=_seconds_since(planned_ns),
+                received_ns=received_ns,
+            )
+        raise RequestError("motion", "expected a motion or a motion_id, got neither")
+
+    @contextlib.asynccontextmanager
+    async def _lease_for(
+        self, request: pb.MoveRequest, device: Device, caller: Caller
+    ) -> AsyncIterator[Lease]:
+        """Return the lease of a move: that of its token, or one that it takes itself.
+
+        A lease that it takes lasts until the motion has begun, and for its full time from then on.
+        If the motion does not begin, the lease ends.
+        """
+        if request.lease_token or not request.holder:
+            yield self._cell.check(request.lease_token, device)
+            return
+        lease = await self._acquire(request.holder, [device.name], caller, beside=request.beside)
+        renewing = asyncio.create_task(self._keep_renewing(lease))
+        try:
+            yield lease
+        except BaseException:
+            with contextlib.suppress(LeaseError):  # lost already
+                await asyncio.shield(self._cell.in_worker(self._leases.release, lease.token))
+            raise
+        finally:
+            renewing.cancel()
+
+    async def _keep_renewing(self, lease: Lease) -> None:
+        with contextlib.suppress(LeaseError):  # lost: the move finds that out
+            while True:
+                self._leases.renew(lease.token)
+                await asyncio.sleep(self._leases.seconds / _RENEWALS)
+
+    def _abandon(self, run: ActiveMotion | None) -> None:
+        """Stop a motion whose caller has gone away; return at once."""
+        if run is not None and not run.ended.done():
+            self._cell.in_worker(self._runs.abandon, run, GONE)
+
+    async def Track(
+        self, request_iterator: AsyncIterator[pb.TrackRequest], caller: Caller
+    ) -> AsyncIterator[pb.TrackResponse]:
+        """Follow the caller's targets until there are no more."""
+        run: ActiveMotion | None = None
+        reading: asyncio.Task[None] | None = None
+        try:
+            first = await anext(request_iterator, None)
+            if first is None or first.WhichOneof("what") != "start":
+                raise RequestError("start", "expected as the first message")
+            begin = first.start
+            pause = interval("start.report_rate_hz", begin.report_rate_hz)
+            device = self._cell.device(begin.device)
+            limits = limits_to_wish(begin.limits)
+            self._cell.check(begin.lease_token, device)
+            stops = self._runs.stops(device)
+            track = partial(self._cell.starter.track, stops=stops)
+            run = await self._cell.in_worker(track, begin.lease_token, device, limits)
+            following = Following(device)
+            reading = asyncio.create_task(read_targets(request_iterator, following))
+            ended = asyncio.wrap_future(run.ended)
+            waiting: set[asyncio.Future[Any]] = {ended, reading}
+            while not ended.done():
+                await asyncio.wait(waiting, timeout=pause)
+                if reading in waiting and reading.done():
+                    waiting.discard(reading)
+                    text = "the targets have ended"
+                    await self._cell.in_worker(self._runs.abandon, run, text)
+                now = following.report()
+                if now is not None:
+                    yield now
+            outcome, text = run.ended.result(timeout=0)
+            if outcome is Outcome.FAULT:
+                raise StateError(text)
+        finally:
+            if reading is not None:
+                reading.cancel()
+            self._abandon(run)
+
+    # Commands
+
+    async def Stop(self, request: pb.StopRequest, caller: Caller) -> pb.StopResponse:
+        """Stop devices on their paths."""
+        stop = partial(self._cell.stop, motion=request.motion_number)
+        devices = await self._cell.in_worker(stop, request.device, str(caller.identity))
+        return pb.StopResponse(devices=map(report.device_report, devices))
+
+    async def Halt(self, request: pb.HaltRequest, caller: Caller) -> pb.HaltResponse:
+        """Stop devices as quickly as the limits allow."""
+        halt = partial(self._cell.stop, is_quickest=True)
+        devices = await self._cell.in_worker(halt, request.device, str(caller.identity))
+        return pb.HaltResponse(devices=map(report.device_report, devices))
+
+    async def Pause(self, request: pb.PauseRequest, caller: Caller) -> pb.PauseResponse:
+        """Pause a motion."""
+        async with self._commanded(request) as (device, lease):
+            moving(device, "pause")
+            return pb.PauseResponse(device=await self._done(device, lease, "pause", device.pause))
+
+    async def Resume(self, request: pb.ResumeRequest, caller: Caller) -> pb.ResumeResponse:
+        """Go on with a paused motion."""
+        async with self._commanded(request) as (device, lease):
+            moving(device, "resume")
+            now = await self._done(device, lease, "resume", device.resume)
+            return pb.ResumeResponse(device=now)
+
+    async def SetSpeed(self, request: pb.SetSpeedRequest, caller: Caller) -> pb.SetSpeedResponse:
+        """Set the rate at which motions run."""
+        speed = request.speed
+        if not 0.0 < speed <= 1.0:
+            raise RequestError("speed", f"expected more than 0 and at most 1, got {speed:g}")
+        async with self._commanded(request) as (device, lease):
+            set_speed = partial(device.set_speed, speed)
+            now = await self._done(device, lease, f"speed {speed:g}", set_speed)
+            return pb.SetSpeedResponse(device=now)
+
+    async def Enable(self, request: pb.EnableRequest, caller: Caller) -> pb.EnableResponse:
+        """Make a device follow."""
+        async with self._commanded(request) as (device, lease):
+            now = await self._done(device, lease, "enable", device.enable)
+            return pb.EnableResponse(device=now)
+
+    async def Disable(self, request: pb.DisableRequest, caller: Caller) -> pb.DisableResponse:
+        """Leave a device at rest, no longer following."""
+        what = "disable, to be moved by hand" if request.by_hand else "disable"
+        async with self._commanded(request) as (device, lease):
+            disable = partial(device.disable, is_freed=request.by_hand)
+            return pb.DisableResponse(device=await self._done(device, lease, what, disable))
+
+    async def Reset(self, request: pb.ResetRequest, caller: Caller) -> pb.ResetResponse:
+        """Clear a fault."""
+        async with self._commanded(request) as (device, lease):
+            return pb.ResetResponse(device=await self._done(device, lease, "reset", device.reset))
+
+    @contextlib.asynccontextmanager
+    async def _commanded(self, request: _CommandRequest) -> AsyncIterator[tuple[Device, Lease]]:
+        """Return the device of a command and its lease, once it is the turn of the command."""
+        device = self._cell.device(request.device)
+        async with self._turns[device.name]:
+            yield device, self._cell.check(request.lease_token, device)
+
+    async def _done(
+        self, device: Device, lease: Lease, what: str, act: Callable[[], object]
+    ) -> pb.DeviceReport:
+        """Have *act* done in a thread, and return the device as it is then."""
+        await self._cell.in_worker(act)
+        _log.info("%s: %s by %s", device.name, what, lease.who)
+        return report.device_report(device)
+
+    # Leases
+
+    async def AcquireLease(
+        self, request: pb.AcquireLeaseRequest, caller: Caller
+    ) -> pb.AcquireLeaseResponse:
+        """Take the lease of devices that nobody else has."""
+        devices = self._cell.named(request.devices)
+        lease = await self._acquire(request.holder, devices, caller, beside=request.beside)
+        return pb.AcquireLeaseResponse(lease=self._lease_message(lease))
+
+    async def _acquire(
+        self, holder: str, devices: Sequence[str], caller: Caller, *, beside: bool
+    ) -> Lease:
+        # Whoever had the lease before may have let it run out: then a motion of theirs is stopped.
+        name = caller.identity.name
+        acquire = partial(self._leases.acquire, name=name, devices=devices, beside=beside)
+        return await self._cell.in_worker(acquire, holder, caller.identity.key)
+
+    async def RenewLease(
+        self, request: pb.RenewLeaseRequest, caller: Caller
+    ) -> pb.RenewLeaseResponse:
+        """Hold the lease for its full time again."""
+        # At once and not in a worker, which might be busy until the lease has run out.
+        lease = self._leases.renew(request.token)
+        return pb.RenewLeaseResponse(lease=self._lease_message(lease))
+
+    async def ReleaseLease(
+        self, request: pb.ReleaseLeaseRequest, caller: Caller
+    ) -> pb.ReleaseLeaseResponse:
+        """Give the lease back."""
+        await self._cell.in_worker(self._leases.release, request.token)
+        return pb.ReleaseLeaseResponse()
+
+    async def SeizeLease(
+        self, request: pb.SeizeLeaseRequest, caller: Caller
+    ) -> pb.SeizeLeaseResponse:
+        """Take the lease whoever holds it."""
+        who, devices = caller.identity, self._cell.named(request.devices)
+        seize = partial(self._leases.seize, name=who.name, devices=devices)
+        lease = await self._cell.in_worker(seize, request.holder, who.key, request.reason)
+        return pb.SeizeLeaseResponse(lease=self._lease_message(lease))
+
+    def _lease_message(self, lease: Lease) -> pb.Lease:
+        return pb.Lease(
+            token=lease.token,
+            holder=lease.holder,
+            seconds=self._leases.remaining(lease),
+            devices=lease.devices,
+        )
+
+
+async def _with_reason(device: Device) -> pb.DeviceReport:
+    """Return a device as it is now, in a fault with its reason.
+
+    The device's thread hears the reason only when it is done with what it was about, which takes
+    its time after the daemon itself stood still.
+    """
+    now = report.device_report(device)
+    for _ in range(_LOOKS):
+        if now.state != pb.STATE_FAULT or now.fault_text:
+            break
+        await asyncio.sleep(TICK)
+        now = report.device_report(device)
+    return now
+
+
+def _started(run: ActiveMotion, timing: pb.MoveTiming, lease: pb.Lease | None) -> pb.MoveResponse:
+    if run.motion is None:
+        raise ValueError("the run has no motion")
+    return pb.MoveResponse(
+        started=pb.MoveStarted(
+            motion_number=run.number,
+            plan=pb.Plan.FromString(run.motion.plan),
+            timing=timing,
+            speed=run.device.snapshot().speed,
+            lease=lease,
+        )
+    )
+
+
+def _unsampled(motion: PlannedMotion) -> bytes:
+    """Return a serialised answer with the plan of a motion alone."""
+    return pb.PlanResponse(plan=pb.Plan.FromString(motion.plan)).SerializeToString()
+
+
+def _seconds_since(instant_ns: int) -> float:
+    return (time.monotonic_ns() - instant_ns) * 1e-9

@@ -6,12 +6,11 @@ that reads what the servos have published anyhow; no servo and no call waits for
 
 from __future__ import annotations
 
-import functools
 import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import orientd
@@ -42,14 +41,74 @@ _OUTCOMES = {
 }
 
 
-class Telemetry:
-    """Every metric of one daemon, in a registry of its own."""
+_DEVICE, _PART = ("device",), ("device", "part")
 
-    def __init__(self) -> None:
-        """Make the metrics, all of them at nothing.
+METRICS: Sequence[tuple[str, str, str, Sequence[str]]] = (
+    ("cycles", "counter", "Cycles of the servo.", _DEVICE),
+    ("cycle_overruns", "counter", "Cycles that began more than half a period late.", _DEVICE),
+    ("cycle_missed_deadlines", "counter", "Deadlines that were left out altogether.", _DEVICE),
+    ("faults", "counter", "Faults of a device.", ("device", "kind")),
+    ("motions", "counter", "Motions that have ended.", ("device", "outcome")),
+    ("rpcs", "counter", "Calls that were answered.", ("method", "code")),
+    ("cycle_lateness_seconds", "histogram", "How late cycles began.", _DEVICE),
+    ("rpc_duration_seconds", "histogram", "From a call to the end of its answer.", ("method",)),
+    (
+        "driver_call_longest_seconds",
+        "gauge",
+        "Longest read or write of the driver since its servo process started.",
+        ("device", "call"),
+    ),
+    (
+        "feedback_age_seconds",
+        "gauge",
+        "How old the newest feedback was when its cycle was due.",
+        _DEVICE,
+    ),
+    ("cycle_age_seconds", "gauge", "How long ago the newest cycle was due.", _DEVICE),
+    (
+        "cycle_success_ratio",
+        "gauge",
+        f"Of the last {RECENT} cycles, those that were in time.",
+        _DEVICE,
+    ),
+    (
+        "tracking_error_radians",
+        "gauge",
+        "Angle between where a device is and is to be.",
+        _DEVICE,
+    ),
+    ("device_state", "gauge", "1 for the state that a device is in.", ("device", "state")),
+    ("part_voltage_volts", "gauge", "Supply of a servo.", _PART),
+    ("part_temperature_celsius", "gauge", "Temperature of a servo.", _PART),
+    ("part_current_amperes", "gauge", "Current of a servo.", _PART),
+    ("part_health_age_seconds", "gauge", "How long ago these were measured.", _PART),
+    ("warnings", "counter", "Warnings of a device.", _DEVICE),
+    ("build_info", "gauge", "1, with the version.", ("version",)),
+)
+"""Name, kind, description and labels of every metric."""
+
+_BUCKETS = {"cycle_lateness_seconds": LATENESS_BUCKETS, "rpc_duration_seconds": CALL_BUCKETS}
+
+
+class Telemetry:
+    """Every metric of one daemon, in a registry of its own.
+
+    Attributes:
+        registry: of the library.
+        port: where Prometheus finds it; 0 if it is not served.
+    """
+
+    def __init__(
+        self, settings: MetricsSettings | None = None, devices: Mapping[str, Device] | None = None
+    ) -> None:
+        """Count the cycles of *devices* from now on.
+
+        Args:
+            settings: the port at which to serve the metrics; ``None`` to serve them nowhere.
+            devices: by name.
 
         Raises:
-            ConfigError: ``prometheus-client`` is not installed.
+            ConfigError: the port is in use, or ``prometheus-client`` is not installed.
         """
         try:
             import prometheus_client as prometheus
@@ -57,119 +116,70 @@ class Telemetry:
             raise ConfigError(
                 "metrics need `prometheus-client`: pip install 'orientd-motion[metrics]'"
             ) from error
-        self._prometheus = prometheus
         self.registry = prometheus.CollectorRegistry()
-        kept: dict[str, Any] = {"namespace": "orientd", "registry": self.registry}
-        counter: Any = functools.partial(prometheus.Counter, **kept)
-        gauge: Any = functools.partial(prometheus.Gauge, **kept)
-        histogram: Any = functools.partial(prometheus.Histogram, **kept)
-        device = ["device"]
-        self._cycles = counter("cycles", "Cycles of the servo.", device)
-        self._overruns = counter(
-            "cycle_overruns", "Cycles that began more than half a period late.", device
-        )
-        self._missed = counter(
-            "cycle_missed_deadlines", "Deadlines that were left out altogether.", device
-        )
-        self._faults = counter("faults", "Faults of a device.", ["device", "kind"])
-        self._motions = counter("motions", "Motions that have ended.", ["device", "outcome"])
-        self._calls = counter("rpcs", "Calls that were answered.", ["method", "code"])
-        self._lateness = histogram(
-            "cycle_lateness_seconds", "How late cycles began.", device, buckets=LATENESS_BUCKETS
-        )
-        self._call_times = histogram(
-            "rpc_duration_seconds",
-            "From a call to the end of its answer.",
-            ["method"],
-            buckets=CALL_BUCKETS,
-        )
-        self._driver_calls = gauge(
-            "driver_call_longest_seconds",
-            "Longest read or write of the driver since its servo process started.",
-            ["device", "call"],
-        )
-        self._age = gauge(
-            "feedback_age_seconds",
-            "How old the newest feedback was when its cycle was due.",
-            device,
-        )
-        self._cycle_age = gauge(
-            "cycle_age_seconds", "How long ago the newest cycle was due.", device
-        )
-        self._success = gauge(
-            "cycle_success_ratio", f"Of the last {RECENT} cycles, those that were in time.", device
-        )
-        self._error = gauge(
-            "tracking_error_radians", "Angle between where a device is and is to be.", device
-        )
-        self._state = gauge(
-            "device_state", "1 for the state that a device is in.", ["device", "state"]
-        )
-        part = ["device", "part"]
-        self._voltage = gauge("part_voltage_volts", "Supply of a servo.", part)
-        self._temperature = gauge("part_temperature_celsius", "Temperature of a servo.", part)
-        self._current = gauge("part_current_amperes", "Current of a servo.", part)
-        self._part_age = gauge("part_health_age_seconds", "How long ago these were measured.", part)
-        self._warnings = counter("warnings", "Warnings of a device.", device)
-        build = gauge("build_info", "1, with the version.", ["version"])
-        build.labels(orientd.__version__).set(1)
-        self._followed: list[_Followed] = []
+        kinds: dict[str, Any] = {
+            "counter": prometheus.Counter,
+            "gauge": prometheus.Gauge,
+            "histogram": prometheus.Histogram,
+        }
+        self._metrics: dict[str, Any] = {}
+        for name, kind, text, labels in METRICS:
+            more = {"buckets": _BUCKETS[name]} if name in _BUCKETS else {}
+            self._metrics[name] = kinds[kind](
+                name, text, labels, namespace="orientd", registry=self.registry, **more
+            )
+        self._of("build_info", orientd.__version__).set(1)
+        self.port, self._server = 0, None
+        if settings is not None:
+            self._server = self._serve(prometheus, settings)
+            self.port = int(self._server.server_port)
+            _log.info("metrics: http://127.0.0.1:%d/metrics", self.port)
+        self._followed = [_Followed(device) for device in (devices or {}).values()]
         self._done = threading.Event()
-        self._thread: threading.Thread | None = None
-        self._server: Any = None
-
-    def follow(self, devices: Mapping[str, Device]) -> None:
-        """Count the cycles of *devices* from now on."""
-        self._followed = [_Followed(device) for device in devices.values()]
         self._thread = threading.Thread(target=self._watch, name="telemetry", daemon=True)
         self._thread.start()
 
-    def serve(self, settings: MetricsSettings) -> int:
-        """Answer Prometheus at a port of the loopback interface; return the port.
-
-        Raises:
-            ConfigError: the port is in use.
-        """
+    def _serve(self, prometheus: Any, settings: MetricsSettings) -> Any:  # noqa: ANN401 - optional
+        """Answer Prometheus at a port of the loopback interface."""
         try:
-            self._server, _ = self._prometheus.start_http_server(
+            server, _ = prometheus.start_http_server(
                 settings.port, addr="127.0.0.1", registry=self.registry
             )
         except OSError as error:
             raise ConfigError(
                 f"metrics.port: cannot listen at 127.0.0.1:{settings.port}: {error.strerror}"
             ) from error
-        port = int(self._server.server_port)
-        _log.info("metrics: http://127.0.0.1:%d/metrics", port)
-        return port
+        return server
 
     def close(self) -> None:
         """Answer no more, and count no more."""
         self._done.set()
-        if self._thread is not None:
-            self._thread.join()
+        self._thread.join()
         if self._server is not None:
             self._server.shutdown()
             self._server.server_close()
+
+    def _of(self, name: str, *labels: str) -> Any:  # noqa: ANN401 - of the library
+        return self._metrics[name].labels(*labels)
 
     # What is told
 
     def hear(self, event: DeviceEvent, device: Device) -> None:
         """Count an event of *device*."""
         if event.kind in (EventKind.FAULT, EventKind.SERVO_DIED):
-            kind = device.snapshot().fault.name.lower()
-            self._faults.labels(event.device, kind).inc()
+            self._of("faults", event.device, device.snapshot().fault.name.lower()).inc()
         if event.kind is EventKind.WARNING:
-            self._warnings.labels(event.device).inc()
+            self._of("warnings", event.device).inc()
         outcome = _OUTCOMES.get(event.kind)
         if outcome is not None:
             if outcome == "stopped" and device.snapshot().state is ServoState.FAULT:
                 outcome = "fault"
-            self._motions.labels(event.device, outcome).inc()
+            self._of("motions", event.device, outcome).inc()
 
     def count_call(self, method: str, code: str, seconds: float) -> None:
         """Count a call that took *seconds* and ended with *code*."""
-        self._calls.labels(method, code).inc()
-        self._call_times.labels(method).observe(seconds)
+        self._of("rpcs", method, code).inc()
+        self._of("rpc_duration_seconds", method).observe(seconds)
 
     # What is looked at
 
@@ -180,37 +190,44 @@ class Telemetry:
     def sample(self) -> None:
         """Count the cycles since the last look."""
         for followed in self._followed:
-            name = followed.device.name
-            lateness = self._lateness.labels(name)
-            cycles, lost = followed.reader.read()
-            overruns, missed = followed.count(cycles)
-            for cycle in cycles:
-                lateness.observe(cycle.lateness_ns * 1e-9)
-            self._cycles.labels(name).inc(len(cycles) + lost)
-            self._overruns.labels(name).inc(overruns)
-            self._missed.labels(name).inc(missed)
-            if followed.recent:
-                self._success.labels(name).set(sum(followed.recent) / len(followed.recent))
-            now = followed.device.snapshot()
-            for state in ServoState:
-                self._state.labels(name, state.name.lower()).set(state is now.state)
-            self._cycle_age.labels(name).set(cycle_age(now.cycle))
-            if now.cycle is not None and now.cycle.has_feedback:
-                self._age.labels(name).set(now.cycle.feedback_age_ns * 1e-9)
-            if now.tracking_error is not None:
-                self._error.labels(name).set(now.tracking_error)
-            for call, seconds in now.longest_calls.items():
-                self._driver_calls.labels(name, call).set(seconds)
-            for part in now.health:
-                measured = (
-                    (self._voltage, part.voltage),
-                    (self._temperature, part.temperature),
-                    (self._current, part.current),
-                    (self._part_age, (time.monotonic_ns() - part.time_ns) * 1e-9),
-                )
-                for gauge, value in measured:
-                    if value is not None:
-                        gauge.labels(name, part.name).set(value)
+            self._count(followed)
+            self._measure(followed.device)
+
+    def _count(self, followed: _Followed) -> None:
+        name = followed.device.name
+        cycles, lost = followed.reader.read()
+        overruns, missed = followed.count(cycles)
+        lateness = self._of("cycle_lateness_seconds", name)
+        for cycle in cycles:
+            lateness.observe(cycle.lateness_ns * 1e-9)
+        self._of("cycles", name).inc(len(cycles) + lost)
+        self._of("cycle_overruns", name).inc(overruns)
+        self._of("cycle_missed_deadlines", name).inc(missed)
+        if followed.recent:
+            ratio = sum(followed.recent) / len(followed.recent)
+            self._of("cycle_success_ratio", name).set(ratio)
+
+    def _measure(self, device: Device) -> None:
+        now, name = device.snapshot(), device.name
+        for state in ServoState:
+            self._of("device_state", name, state.name.lower()).set(state is now.state)
+        self._of("cycle_age_seconds", name).set(cycle_age(now.cycle))
+        if now.cycle is not None and now.cycle.has_feedback:
+            self._of("feedback_age_seconds", name).set(now.cycle.feedback_age_ns * 1e-9)
+        if now.tracking_error is not None:
+            self._of("tracking_error_radians", name).set(now.tracking_error)
+        for call, seconds in now.longest_calls.items():
+            self._of("driver_call_longest_seconds", name, call).set(seconds)
+        for part in now.health:
+            measured = {
+                "part_voltage_volts": part.voltage,
+                "part_temperature_celsius": part.temperature,
+                "part_current_amperes": part.current,
+                "part_health_age_seconds": (time.monotonic_ns() - part.time_ns) * 1e-9,
+            }
+            for metric, value in measured.items():
+                if value is not None:
+                    self._of(metric, name, part.name).set(value)
 
 
 class _Followed:

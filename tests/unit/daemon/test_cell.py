@@ -9,7 +9,7 @@ from fake_device import FakeDevice
 
 from orientd import config
 from orientd.clock import ManualClock
-from orientd.daemon.calls.commanding import moving
+from orientd.daemon.calls.requests import moving
 from orientd.daemon.cell import Cell
 from orientd.daemon.motions.options import AT_ONCE, MoveOptions
 from orientd.daemon.motions.plan_store import KEPT_PLANS
@@ -293,14 +293,6 @@ def test_a_name_may_be_left_out_where_there_is_one_device(cell):
     assert alone.device("").name == "arm"
 
 
-def test_commands_need_the_lease(cell, arm):
-    with pytest.raises(LeaseError):
-        cell.command("", 0, "arm", "enable", lambda device: device.enable())
-    token = cell.leases.acquire("ana").token
-    assert cell.command(token, 0, "arm", "enable", lambda device: device.enable()) is arm
-    assert arm.calls == ["enable"]
-
-
 def test_only_a_motion_can_be_paused_and_resumed(cell, arm):
     for name in ("pause", "resume"):
         with pytest.raises(StateError, match=f"device arm is holding: no motion to {name}"):
@@ -325,7 +317,7 @@ def test_shutdown_stops_what_runs_and_takes_no_more(cell, arm):
     with pytest.raises(DaemonError, match="going down"):
         start(cell, token, arm, motion, stops=cell.runs.stops(arm))
     with pytest.raises(DaemonError, match="going down"):
-        cell.command(token, 0, "arm", "enable", lambda device: device.enable())
+        cell.check(token, arm)
 
 
 def test_shutdown_ends_what_a_dead_servo_cannot(cell, arm):

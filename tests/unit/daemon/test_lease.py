@@ -257,34 +257,3 @@ def test_who_has_none_of_what_is_seized_loses_nothing(pair):
     pair.seize("chief", "user:0", "a test", devices=["leg"])
     assert [lease for lease, _, _ in pair.lost] == [ben]
     assert pair.check(ana.token, "arm") == ana
-
-
-def test_a_command_that_was_overtaken_is_refused(pair):
-    token = pair.acquire("ana").token
-    pair.check(token, "arm", 1)
-    assert not pair.is_ahead(token, "arm", 2)
-    assert pair.is_ahead(token, "arm", 3)
-    pair.check(token, "arm", 3)
-    for old in (1, 2, 3):
-        with pytest.raises(LeaseError, match=f"an old command: number {old} of its lease"):
-            pair.check(token, "arm", old)
-    pair.check(token, "leg", 1)
-    pair.check(token, "arm")  # of a client that does not count
-    pair.check(token, "arm", 4)
-    assert not pair.is_ahead("nonsense", "arm", 9)
-
-
-def test_the_first_command_of_a_lease_has_the_number_one(pair):
-    token = pair.acquire("ana").token
-    assert not pair.is_ahead(token, "arm", 1)
-    assert pair.is_ahead(token, "arm", 2)
-
-
-def test_numbers_are_forgotten_with_their_lease_and_no_others(pair):
-    ana, ben = pair.acquire("ana", devices=["arm"]), pair.acquire("ben", devices=["leg"])
-    pair.check(ana.token, "arm", 7)
-    pair.check(ben.token, "leg", 8)
-    pair.release(ben.token)
-    with pytest.raises(LeaseError, match="an old command: number 7"):
-        pair.check(ana.token, "arm", 7)
-    assert pair._numbers == {(ana.token, "arm"): 7}

@@ -1,5 +1,6 @@
 """What can change while the daemon runs is told from what cannot."""
 
+import contextlib
 import logging
 import socket
 from pathlib import Path
@@ -80,27 +81,36 @@ def test_a_certificate_that_was_renewed_in_its_place_is_taken_up_in_the_cell(tmp
     assert link.configured(given) != before
 
 
-def test_settings_that_the_cell_refuses_change_nothing(caplog):
+@pytest.fixture
+def daemon_of(tmp_path):
+    """Make a daemon that starts nothing, of what it reads at a reload."""
+    with contextlib.ExitStack() as ending:
+        tmp_path.chmod(0o700)
+        yield lambda reread: _Daemon(
+            settings(access={"audit": str(tmp_path / "audit")}), tmp_path / "x", "", reread,
+            on_ready=None, needs_devices=False, ending=ending,
+        )  # fmt: skip
+
+
+def test_settings_that_the_cell_refuses_change_nothing(daemon_of, caplog):
     def refuse(_):
         raise ConfigError("fleet.key: missing")
 
-    daemon = _Daemon(settings(), Path("x"), "", settings, lambda *_: None, needs_devices=False)
+    daemon = daemon_of(settings)
     daemon._fleet = SimpleNamespace(configured=refuse)
     with caplog.at_level(logging.ERROR):
-        daemon._reload(cell=None, listener=None, authorization=None)
+        daemon._reload()
     assert caplog.messages == ["reload: nothing changed: fleet.key: missing"]
 
 
-def test_a_port_of_metrics_that_was_in_use_is_tried_again_by_the_next_reload(caplog):
+def test_a_port_of_metrics_that_was_in_use_is_tried_again_by_the_next_reload(daemon_of, caplog):
     pytest.importorskip("prometheus_client")
-    cell = SimpleNamespace(bound=lambda _: None, devices={}, listeners=[])
-    listener = SimpleNamespace(change=lambda *_: None)
     with caplog.at_level(logging.ERROR), socket.create_server(("127.0.0.1", 0)) as taken:
         after = settings(metrics={"port": taken.getsockname()[1]})
-        daemon = _Daemon(settings(), Path("x"), "", lambda: after, lambda *_: None, False)
-        daemon._reload(cell, listener, SimpleNamespace())
+        daemon = daemon_of(lambda: after)
+        daemon._reload()
         assert "cannot listen" in caplog.text
         taken.close()
-        daemon._reload(cell, listener, SimpleNamespace())
+        daemon._reload()
     assert daemon._telemetry is not None
     daemon._telemetry.close()

@@ -89,8 +89,7 @@ def device():
 
 @pytest.fixture
 def telemetry(device):
-    made = Telemetry()
-    made.follow({"arm": device})
+    made = Telemetry(devices={"arm": device})
     yield made
     made.close()
 
@@ -155,14 +154,16 @@ def test_motions_and_faults_are_counted_by_what_they_were(telemetry, device):
     assert value(telemetry, "faults_total", device="arm", kind="link_lost") == 1
 
 
-def test_it_is_served_at_the_loopback_interface(telemetry):
+def test_it_is_served_at_the_loopback_interface():
+    telemetry = Telemetry(MetricsSettings(port=0))
     telemetry.count_call("Move", "OK", 0.02)
-    port = telemetry.serve(MetricsSettings(port=0))
+    port = telemetry.port
     with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics") as answer:
         text = answer.read().decode()
     assert 'orientd_rpcs_total{code="OK",method="Move"} 1.0' in text
     with pytest.raises(ConfigError, match=f"cannot listen at 127.0.0.1:{port}"):
-        Telemetry().serve(MetricsSettings(port=port))
+        Telemetry(MetricsSettings(port=port))
+    telemetry.close()
 
 
 def names(telemetry):

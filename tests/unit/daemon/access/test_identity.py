@@ -7,8 +7,7 @@ import time
 import pytest
 
 from orientd.config import AccessSettings, Role
-from orientd.daemon.access.identity import ClientCertificate, Process, RolePolicy
-from orientd.daemon.access.peer import peer_process
+from orientd.daemon.access.identity import ClientCertificate, Process, RolePolicy, peer_process
 from orientd.errors import ConfigError
 
 LATER = time.time() + 3600.0

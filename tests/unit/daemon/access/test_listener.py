@@ -19,6 +19,7 @@ from orientd.rpc import control_pb2 as pb
 SOON = 0.2
 PATH = "/orientd.v1.Control/GetState"
 WATCH = "/orientd.v1.Control/WatchState"
+STOP = "/orientd.v1.Control/Stop"
 
 
 class Audit:
@@ -38,12 +39,19 @@ class Daemon:
     def __init__(self, path, access, *, most_calls=128, tcp=None):
         self.path, self.audit = path, Audit()
         self.ended = []
-        self.authorization = Authorization(self.audit, {}, most_calls=most_calls)
-        self.listener = Listener(access, tcp, self.authorization.serve, self.audit)
-        self.methods = {
+        methods = {
             PATH: Method("GetState", self.get, pb.GetStateRequest),
             WATCH: Method("WatchState", self.watch, pb.WatchStateRequest, gives_stream=True),
+            STOP: Method("Stop", self.stop, pb.StopRequest),
         }
+        self.authorization = Authorization(
+            methods,
+            self.audit,
+            owner_of=lambda token: None,
+            count_call=lambda *_: None,
+            most_calls=most_calls,
+        )
+        self.listener = Listener(access, tcp, self.authorization.serve, self.audit)
 
     async def get(self, request, caller):
         if request.device == "slow":
@@ -53,6 +61,9 @@ class Daemon:
         if request.device == "broken":
             raise ZeroDivisionError("a mistake")
         return pb.GetStateResponse(devices=[pb.DeviceReport(fault_text=caller.identity.key)])
+
+    async def stop(self, request, caller):
+        return pb.StopResponse()
 
     async def watch(self, request, caller):
         try:
@@ -68,9 +79,6 @@ class Daemon:
 
     async def __aexit__(self, *_):
         await self.listener.close()
-
-    def open(self):
-        self.authorization.open(self.methods, lambda token: None)
 
     def channel(self):
         return contextlib.closing(Channel(path=str(self.path)))
@@ -98,22 +106,9 @@ async def until(condition):
 
 def test_a_caller_is_known_by_what_the_kernel_says(tmp_path):
     async def work(daemon):
-        daemon.open()
         with daemon.channel() as channel:
             answer = await get(channel)
         assert answer.devices[0].fault_text == f"user:{os.geteuid()}"
-
-    run(tmp_path, work)
-
-
-def test_calls_that_come_early_wait_for_the_service(tmp_path):
-    async def work(daemon):
-        with daemon.channel() as channel:
-            early = asyncio.create_task(get(channel))
-            await asyncio.sleep(SOON)
-            assert not early.done()
-            daemon.open()
-            assert await early
 
     run(tmp_path, work)
 
@@ -129,7 +124,6 @@ def test_calls_that_come_early_wait_for_the_service(tmp_path):
 )
 def test_a_call_that_fails_says_why_and_the_next_one_is_served(tmp_path, device, status, text):
     async def work(daemon):
-        daemon.open()
         with daemon.channel() as channel:
             with pytest.raises(GRPCError) as caught:
                 await get(channel, device)
@@ -141,7 +135,6 @@ def test_a_call_that_fails_says_why_and_the_next_one_is_served(tmp_path, device,
 
 def test_a_call_ends_by_its_deadline(tmp_path):
     async def work(daemon):
-        daemon.open()
         with daemon.channel() as channel:
             with pytest.raises((asyncio.TimeoutError, GRPCError)):
                 await get(channel, "slow", timeout=SOON)
@@ -153,7 +146,6 @@ def test_a_call_ends_by_its_deadline(tmp_path):
 @pytest.mark.parametrize("how", ["cancelled", "hung up"])
 def test_a_call_ends_with_its_client(tmp_path, how):
     async def work(daemon):
-        daemon.open()
         with daemon.channel() as channel:
             method = UnaryStreamMethod(channel, WATCH, pb.WatchStateRequest, pb.WatchStateResponse)
             async with method.open() as stream:
@@ -170,7 +162,6 @@ def test_a_call_ends_with_its_client(tmp_path, how):
 
 def test_whoever_is_admitted_no_more_is_hung_up_on(tmp_path, monkeypatch):
     async def work(daemon):
-        daemon.open()
         with daemon.channel() as channel:
             await get(channel)
             monkeypatch.setattr(listener.RolePolicy, "identify", lambda self, credentials: None)
@@ -194,7 +185,6 @@ def test_a_change_that_is_refused_changes_nothing(tmp_path):
 
 def test_so_many_calls_of_one_identity_are_served_at_a_time(tmp_path):
     async def work(daemon):
-        daemon.open()
         with daemon.channel() as channel, daemon.channel() as other:
             slow = [asyncio.create_task(get(channel, "slow")) for _ in range(2)]
             await until(lambda: daemon.authorization._calls.total() == 2)
@@ -213,13 +203,52 @@ def test_an_idle_connection_gives_way_to_a_later_one(tmp_path, caplog):
     caplog.set_level("INFO")
 
     async def work(daemon):
-        daemon.open()
         silent = [await asyncio.open_unix_connection(daemon.path) for _ in range(5)]
         with daemon.channel() as channel:
             assert await get(channel)
             await until(lambda: caplog.text.count("was idle, and gave way to a later one") == 4)
         for _, writer in silent:
             writer.close()
+
+    run(tmp_path, work, access={"connections": 2})
+
+
+async def stop(channel):
+    call = UnaryUnaryMethod(channel, STOP, pb.StopRequest, pb.StopResponse)
+    return await call(pb.StopRequest(), timeout=10.0)
+
+
+def test_where_every_connection_is_busy_one_may_stop_and_is_told_what_is_too_much(tmp_path):
+    async def work(daemon):
+        with contextlib.ExitStack() as opened:
+            channels = [opened.enter_context(daemon.channel()) for _ in range(3)]
+            busy = [asyncio.create_task(get(one, "slow")) for one in channels]
+            await until(lambda: daemon.authorization._calls.total() == 3)
+            later = opened.enter_context(daemon.channel())
+            assert await stop(later) == pb.StopResponse()
+            with pytest.raises(GRPCError, match="at most 3 calls at the same time"):
+                await get(later)
+            for one in busy:
+                one.cancel()
+            await asyncio.gather(*busy, return_exceptions=True)
+
+    run(tmp_path, work, most_calls=3, access={"connections": 3})
+
+
+def test_far_too_many_busy_connections_are_refused(tmp_path):
+    async def work(daemon):
+        with contextlib.ExitStack() as opened:
+            busy = []
+            for count in range(1, 5):
+                channel = opened.enter_context(daemon.channel())
+                busy.append(asyncio.create_task(get(channel, "slow")))
+                await until(lambda: daemon.authorization._calls.total() == count)  # noqa: B023
+            with pytest.raises((StreamTerminatedError, ConnectionError)):
+                await get(opened.enter_context(daemon.channel()))
+            for one in busy:
+                one.cancel()
+            await asyncio.gather(*busy, return_exceptions=True)
+        assert "has 4 connections already, all in use" in daemon.audit.refusals()[0]
 
     run(tmp_path, work, access={"connections": 2})
 
@@ -235,7 +264,6 @@ def test_what_is_no_http2_is_hung_up_on(tmp_path, said, caplog):
         with contextlib.suppress(ConnectionError):
             await asyncio.wait_for(reader.read(), 10.0)
         writer.close()
-        daemon.open()
         with daemon.channel() as channel:
             assert await get(channel)
 
@@ -278,7 +306,6 @@ def test_a_client_that_never_reads_is_hung_up_on(tmp_path, monkeypatch, caplog):
         _, writer = await asyncio.open_unix_connection(daemon.path, limit=1)
         writer.write(SPOKEN + PINGS * PING)
         await until(lambda: "does not read what it asks for" in caplog.text)
-        daemon.open()
         with daemon.channel() as channel:
             assert await get(channel)
         writer.close()
