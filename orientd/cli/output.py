@@ -14,13 +14,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from orientd.one_line import one_line, shown
 
 _QUATERNIONS = {"q", "feedback_q"}
-
-Item = TypeVar("Item")
 
 
 def say(*lines: str) -> None:
@@ -103,9 +101,9 @@ def close_output() -> None:
 
 
 @contextlib.contextmanager
-def working(title: str, *, is_silent: bool = False) -> Iterator[None]:
+def working(title: str) -> Iterator[None]:
     """Show what is being done while the context lasts, on standard error of a terminal alone."""
-    if is_silent or not sys.stderr.isatty():
+    if not sys.stderr.isatty():
         yield
         return
     # Rich takes its time to import, and most commands have no use for it.
@@ -114,14 +112,3 @@ def working(title: str, *, is_silent: bool = False) -> Iterator[None]:
 
     with Console(stderr=True).status(Text(title)):
         yield
-
-
-def counted(title: str, items: Sequence[Item], *, is_silent: bool = False) -> Iterator[Item]:
-    """Yield *items*, and show on standard error of a terminal how many of them are done."""
-    if is_silent or not sys.stderr.isatty():
-        yield from items
-        return
-    from rich.console import Console
-    from rich.progress import track
-
-    yield from track(items, description=title, console=Console(stderr=True), transient=True)

@@ -15,6 +15,9 @@ from orientd.stream import ServoState
 PLAIN_INTERVAL = 0.5
 """Seconds between two plain lines."""
 
+BAR = 20
+"""Characters of the bar."""
+
 
 Show = Callable[[Progress], None]
 """Shows one report."""
@@ -49,47 +52,31 @@ def _lines() -> Show:
 
 @contextlib.contextmanager
 def _live_line(title: str) -> Iterator[Show]:
-    """Yield what changes one line, with a bar.
+    """Yield what changes one line, which says how old it is once that is worth a word.
 
-    Where the terminal is too narrow the figures are cut off first, and the bar is.
+    If the terminal is too narrow the figures at its end are cut off.
     """
     # Rich takes its time to import, and most commands have no use for it.
-    from rich.progress import BarColumn, ProgressColumn, Task, TextColumn
-    from rich.progress import Progress as Bar
-    from rich.table import Column
+    from rich.live import Live
     from rich.text import Text
 
-    class Age(ProgressColumn):
-        """How old the line is, once that is worth a word."""
+    line, heard = Text(title), time.monotonic()
 
-        def render(self, task: Task) -> Text:
-            age = time.monotonic() - task.fields["heard"]
-            return Text(f"{age:.0f} s old" if age > STALE else "", "bold red", no_wrap=True)
+    def shown() -> Text:
+        age = time.monotonic() - heard
+        old = Text(f"{age:.0f} s old  " if age > STALE else "", "bold red")
+        return Text.assemble(old, line, no_wrap=True, overflow="ellipsis")
 
-    class Figures(ProgressColumn):
-        """What becomes narrower before other columns do."""
+    def show(progress: Progress) -> None:
+        nonlocal line, heard
+        heard = time.monotonic()
+        times = f"{progress.path_time:.2f}/{progress.duration:.2f} s{_pace(progress)}"
+        done = int(BAR * progress.path_time / max(progress.duration, 1e-9))
+        bar = ("-" * done).ljust(BAR)
+        line = Text.assemble(f"{title} {times} |{bar}| ", (_figures(progress), "dim"))
 
-        def render(self, task: Task) -> Text:
-            return Text(task.fields["figures"], "dim", no_wrap=True, overflow="ellipsis")
-
-    columns = (
-        Age(Column(no_wrap=True)),
-        TextColumn("{task.description}", markup=False),
-        BarColumn(bar_width=20),
-        TextColumn("{task.fields[times]}", markup=False),
-        Figures(),
-    )
-    with Bar(*columns) as bar:
-        now = time.monotonic()
-        task = bar.add_task(title, total=1.0, times="", figures="", heard=now)
-        yield lambda progress: bar.update(
-            task,
-            total=progress.duration,
-            completed=progress.path_time,
-            times=f"{progress.path_time:.2f}/{progress.duration:.2f} s{_pace(progress)}",
-            figures=_figures(progress),
-            heard=time.monotonic(),
-        )
+    with Live(get_renderable=shown):
+        yield show
 
 
 def _figures(progress: Progress) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -12,7 +11,7 @@ import typer
 
 from orientd.cli.command import AsJson
 from orientd.cli.commands.motion_commands import MotionFile
-from orientd.cli.output import answer, counted, table, working
+from orientd.cli.output import answer, table, working
 from orientd.errors import RequestError
 
 if TYPE_CHECKING:
@@ -85,16 +84,11 @@ def compare(
     need_two(request)
     task = task_of(request, times, ends)
     options = {request.method: dict(request.options)}
-    tried = compared(
-        task,
-        inertia=moments,
-        options=options,
-        watch=partial(counted, "comparing", is_silent=as_json),
-    )
-    candidates = ranked(tried, sort)
+    with working("comparing"):
+        candidates = ranked(compared(task, inertia=moments, options=options), sort)
     if plot is not None:
         title = f"{file.name}: every family"
-        with working(f"drawing {plot}", is_silent=as_json):
+        with working(f"drawing {plot}"):
             plots.draw_sheet(plot, task, candidates, limits=request.limits, title=title)
     answer(
         {"times": task.times, "families": list(map(_row, candidates)), "plot": plot},

@@ -59,20 +59,16 @@ def run(
         threading.Thread(target=_end_with_input, name="input", daemon=True).start()
 
     def ready(report: control_pb2.DaemonReport, problems: list[str]) -> None:
-        if as_json:
-            say_json(
-                {"ready": not problems, "problems": problems, "daemon": daemon_from_message(report)}
-            )
-        else:
-            devices = ", ".join(
-                f"{device.name} ({device.driver}, {device.rate_hz:g} Hz)"
-                for device in settings.devices.values()
-            )
-            if problems:
-                say(f"not ready at {report.socket}: {'; '.join(problems)}; tried again")
-                return
-            simulated = "" if path else "; no configuration: a simulated device, no robot"
-            say(f"ready at {report.socket}: {devices}{simulated}")
+        devices = ", ".join(
+            f"{device.name} ({device.driver}, {device.rate_hz:g} Hz)"
+            for device in settings.devices.values()
+        )
+        simulated = "" if path else "; no configuration: a simulated device, no robot"
+        line = f"ready at {report.socket}: {devices}{simulated}"
+        if problems:
+            line = f"not ready at {report.socket}: {'; '.join(problems)}; tried again"
+        content = {"ready": not problems, "problems": problems}
+        answer({**content, "daemon": daemon_from_message(report)}, line, as_json=as_json)
 
     serve(
         settings,
@@ -177,23 +173,17 @@ def methods(
             pictures.append(path)
             if not as_json:
                 say(f"wrote {path}")
-    if as_json:
-        say_json({"methods": found, "gallery": pictures})
-        return
-    if gallery is not None:
-        return
-
-    def yes(claim: bool) -> str:
-        return "yes" if claim else "no"
-
     rows = [
         [
             method.name,
-            yes(method.interpolates),
-            yes(method.is_local),
-            yes(method.meets_end_velocities),
+            *(
+                "yes" if claim else "no"
+                for claim in (method.interpolates, method.is_local, method.meets_end_velocities)
+            ),
             method.summary,
         ]
         for method in found
     ]
-    say(*table(["name", "interpolates", "local", "end velocities", "what it is"], rows))
+    header = ["name", "interpolates", "local", "end velocities", "what it is"]
+    lines = table(header, rows) if gallery is None else []
+    answer({"methods": found, "gallery": pictures}, *lines, as_json=as_json)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orientd.cli.command import AsJson
-from orientd.cli.output import say, say_json
+from orientd.cli.output import answer, say
 from orientd.cli.own_daemon import begun
 from orientd.errors import OrientdError
 
@@ -57,13 +57,20 @@ def demo(
     from orientd.cli import texts
     from orientd.cli.commands.motion_commands import follow, raise_unless_done
     from orientd.rpc import Outcome, connect
+    from orientd.stream import ServoState
 
     plots.check_format(plot)
     if not plot.absolute().parent.is_dir():
         raise OrientdError(f"cannot write {plot}: {os.strerror(errno.ENOENT)}")
     with _daemon() as socket, connect(socket, holder="orientd demo") as robot:
         if not as_json:
-            _introduce(robot)
+            (device,) = robot.state().devices.values()
+            say(
+                f"device {device.name}: {device.driver} at {device.rate_hz:g} Hz, servo process "
+                f"{device.servo_pid}, {device.scheduling}",
+                f"motion: {len(KEYFRAMES)} keyframes, begins with {START_VELOCITY} rad/s, "
+                f"ends with {END_VELOCITY} rad/s",
+            )
         with _recorded(robot) as cycles:
             handle = robot.move(
                 [{"rotation_vector": turn, "position": place} for turn, place in KEYFRAMES],
@@ -74,14 +81,23 @@ def demo(
             )
             summary = follow(handle, title="demo", is_silent=as_json)
         plan = handle.plan
-    picture: dict[str, str | None] = {"path": None, "why_not": "none of a part of the motion"}
-    if summary.outcome is Outcome.DONE:
-        picture = _draw(plot, cycles, plan)
-    if as_json:
-        say_json({"plan": plan, "summary": summary, "picture": picture["path"]})
+    moving = [cycle for cycle in cycles if cycle.state is ServoState.STREAMING]
+    why_not = ""
+    if summary.outcome is not Outcome.DONE:
+        why_not = "none of a part of the motion"
+    elif not plots.is_available():
+        why_not = "none: pip install 'orientd-motion[plot]' for one"
+    elif not moving:
+        why_not = "none: no cycle of the motion was reported"
     else:
-        say("", *texts.summary(summary, plan))
-        say(f"  picture              {picture['path'] or picture['why_not']}")
+        _draw(plot, moving, plan)
+    answer(
+        {"plan": plan, "summary": summary, "picture": None if why_not else plot.absolute()},
+        "",
+        *texts.summary(summary, plan),
+        f"  picture              {why_not or plot.absolute()}",
+        as_json=as_json,
+    )
     raise_unless_done(summary)
 
 
@@ -101,16 +117,6 @@ def _daemon() -> Iterator[Path]:
         with begun(config) as wait_ready:
             wait_ready()
             yield socket
-
-
-def _introduce(robot: Robot) -> None:
-    (device,) = robot.state().devices.values()
-    say(
-        f"device {device.name}: {device.driver} at {device.rate_hz:g} Hz, servo process "
-        f"{device.servo_pid}, {device.scheduling}",
-        f"motion: {len(KEYFRAMES)} keyframes, begins with {START_VELOCITY} rad/s, "
-        f"ends with {END_VELOCITY} rad/s",
-    )
 
 
 @contextlib.contextmanager
@@ -135,24 +141,17 @@ def _recorded(robot: Robot) -> Iterator[list[Cycle]]:
         thread.join()
 
 
-def _draw(path: Path, cycles: list[Cycle], plan: Plan) -> dict[str, str | None]:
-    """Draw what was sent, where Matplotlib is installed; return where, or why not."""
-    from orientd import plots
-
-    if not plots.is_available():
-        return {"path": None, "why_not": "none: pip install 'orientd-motion[plot]' for one"}
+def _draw(path: Path, moving: list[Cycle], plan: Plan) -> None:
+    """Draw what was sent, and how punctually."""
     import numpy as np
 
+    from orientd import plots
     from orientd.rpc import tracking_error
-    from orientd.stream import ServoState
 
-    moving = [cycle for cycle in cycles if cycle.state is ServoState.STREAMING]
-    if not moving:
-        return {"path": None, "why_not": "none: no cycle of the motion was reported"}
     period = 1.0 / RATE_HZ
     first = moving[0].path_index
-    times = (
-        np.array([(cycle.path_index - first + cycle.path_fraction) for cycle in moving]) * period
+    times = period * np.array(
+        [(cycle.path_index - first + cycle.path_fraction) for cycle in moving]
     )
     q = np.array([cycle.q for cycle in moving])
     keyframe_times = np.array(plan.keyframe_times)
@@ -172,12 +171,10 @@ def _draw(path: Path, cycles: list[Cycle], plan: Plan) -> dict[str, str | None]:
         ),
         plots.Timing(
             times=times,
-            lateness=np.array([cycle.lateness_ns for cycle in moving]) * 1e-9,
-            tracking_error=np.array(
-                [np.nan if (error := tracking_error(c)) is None else error for c in moving]
-            ),
+            lateness=1e-9 * np.array([cycle.lateness_ns for cycle in moving]),
+            # An error that is not known is not a number.
+            tracking_error=np.array([tracking_error(cycle) for cycle in moving], dtype=float),
             period=period,
         ),
         title=f"orientd demo: {len(keyframe_times)} keyframes at {RATE_HZ} Hz, as sent",
     )
-    return {"path": str(path.absolute()), "why_not": None}

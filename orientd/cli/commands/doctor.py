@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -43,15 +46,15 @@ def doctor(
     from orientd.cli.machine import findings
 
     settings = _settings(config, latency)
-    with working("measuring this machine", is_silent=as_json):
+    with working("measuring this machine"):
         found = findings()
     if settings is not None:
         for device in settings.devices.values():
-            with working(f"looking at {device.name}", is_silent=as_json):
+            with working(f"looking at {device.name}"):
                 seen = device_findings(device)
             found += [replace(one, name=f"{device.name}: {one.name}") for one in seen]
         if latency:
-            with working(f"moving {latency}", is_silent=as_json):
+            with working(f"moving {latency}"):
                 found.append(latency_finding(settings.devices[latency]))
     _report(found, as_json=as_json)
     if any(one.verdict is Verdict.PROBLEM for one in found):
@@ -78,27 +81,19 @@ def device_findings(device: DeviceSettings) -> list[Finding]:
     """Return what the driver of *device* sees of it, in the environment that it runs in.
 
     Raises:
-        ConfigError: the driver is not installed, refuses its options, or its interpreter cannot be
-            used.
+        ConfigError: the driver is not installed or refuses its options.
     """
-    from orientd.driver import findings_of, make_driver
+    from orientd.driver import driver_target, make_driver, python_command, python_version
 
-    driver = make_driver(device.name, device.driver, device.options, device.period_ns)
-    return _foreign_findings(device) if device.python else findings_of(driver)
-
-
-def _foreign_findings(device: DeviceSettings) -> list[Finding]:
-    """Return what the driver sees with the interpreter of another environment."""
-    import json
-    import subprocess
-
-    from orientd.driver import driver_target, python_command, python_version
-
-    try:
-        found = f"{device.python}, Python {python_version(device.python)}"
-    except ConfigError as error:
-        mend = f"`python` in [devices.{device.name}] must be a Python of the driver's environment"
-        return [Finding("interpreter", str(error), Verdict.PROBLEM, mend)]
+    make_driver(device.name, device.driver, device.options, device.period_ns)
+    found: list[Finding] = []
+    if device.python:
+        try:
+            version = f"{device.python}, Python {python_version(device.python)}"
+        except ConfigError as error:
+            mend = f"name a Python of the driver's environment as devices.{device.name}.python"
+            return [Finding("interpreter", str(error), Verdict.PROBLEM, mend)]
+        found.append(Finding("interpreter", version, Verdict.OK))
     target = driver_target(device.driver)
     asked = {"driver": target, "options": device.options, "period_ns": device.period_ns}
     done = subprocess.run(
@@ -106,13 +101,11 @@ def _foreign_findings(device: DeviceSettings) -> list[Finding]:
         input=json.dumps(asked), capture_output=True, text=True, check=False,
     )  # fmt: skip
     if done.returncode:
+        python = device.python or sys.executable
         *_, problem = done.stderr.strip().splitlines() or ["it said nothing"]
-        mend = f"install what the driver needs: {device.python} -m pip install ..."
-        return [Finding("interpreter", f"{found}: {problem}", Verdict.PROBLEM, mend)]
-    return [
-        Finding("interpreter", found, Verdict.OK),
-        *(Finding(a, b, Verdict(c), d) for a, b, c, d in json.loads(done.stdout)),
-    ]
+        mend = f"install what the driver needs: {python} -m pip install ..."
+        return [Finding("interpreter", f"{python}: {problem}", Verdict.PROBLEM, mend)]
+    return found + [Finding(a, b, Verdict(c), d) for a, b, c, d in json.loads(done.stdout)]
 
 
 def latency_finding(device: DeviceSettings) -> Finding:

@@ -93,7 +93,7 @@ def plan(
     frame = device_planner.report_frame(request)
     at = None if stands is None else State.at_rest(stands.q, stands.position)
     request = device_planner.placed(request, at)
-    with working(f"planning {file.name}", is_silent=as_json):
+    with working(f"planning {file.name}"):
         motion = device_planner.plan(
             request,
             start=_offline_start(request, stands),
@@ -104,7 +104,7 @@ def plan(
     if output is not None:
         sample_files.write(output, samples, motion.certificate)
     if plot is not None:
-        with working(f"drawing {plot}", is_silent=as_json):
+        with working(f"drawing {plot}"):
             motion.plot(plot, title=f"{file.name}: {request.method}")
     answer(
         {"plan": plan_of(motion), "output": output, "plot": plot},

@@ -70,7 +70,7 @@ def plot(
     path = output or Path(f"{Path(what).stem}.svg")
     plots.check_format(path)
     notes: tuple[str, ...] = ()
-    with working(f"drawing {path}", is_silent=as_json):
+    with working(f"drawing {path}"):
         if what in METHODS:
             plots.draw_family(path, what)
         elif what in plots.FIGURES:

@@ -21,7 +21,7 @@ from orientd.cli.command import (
     devices,
     need_extra,
 )
-from orientd.cli.output import say, say_json
+from orientd.cli.output import answer, say
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -109,21 +109,13 @@ def ending(session: LiveRecording, seconds: float | None) -> Iterator[None]:
 def tell(session: LiveRecording, file: Path, *, as_json: bool) -> None:
     """Say what was recorded to *file*."""
     size = file.stat().st_size
-    if as_json:
-        say_json(
-            {
-                "recording": file,
-                "bytes": size,
-                "cycles": session.cycles,
-                "lost": session.lost,
-                "events": session.events,
-            }
-        )
-        return
-    for name, cycles in session.cycles.items():
-        lost = f", {session.lost[name]} lost" if session.lost[name] else ""
-        say(f"{name}: {cycles} cycles{lost}")
-    say(f"wrote {file}: {session.events} events, {size / 1e6:.2f} MB")
+    figures = {"cycles": session.cycles, "lost": session.lost, "events": session.events}
+    lines = [
+        f"{name}: {cycles} cycles{f', {session.lost[name]} lost' if session.lost[name] else ''}"
+        for name, cycles in session.cycles.items()
+    ]
+    lines.append(f"wrote {file}: {session.events} events, {size / 1e6:.2f} MB")
+    answer({"recording": file, "bytes": size, **figures}, *lines, as_json=as_json)
 
 
 ENDINGS = (".csv", ".npz", ".parquet")
@@ -152,9 +144,10 @@ def export(
 
     recording = load_recording(file, partial=partial)
     rows = write(recording, recording.device(device), output)
-    if as_json:
-        say_json({"output": output, "rows": rows, "is_complete": recording.is_complete})
-    else:
-        if not recording.is_complete:
-            say(f"{file} is not whole: {recording.damages.told()}")
-        say(f"wrote {output}: {rows} cycles")
+    cut = [] if recording.is_complete else [f"{file} is not whole: {recording.damages.told()}"]
+    answer(
+        {"output": output, "rows": rows, "is_complete": recording.is_complete},
+        *cut,
+        f"wrote {output}: {rows} cycles",
+        as_json=as_json,
+    )

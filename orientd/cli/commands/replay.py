@@ -87,9 +87,9 @@ def replay(
         )
     if output is not None:
         check_ending(output, [".json"], named="--output")
-    with working(f"reading {file}", is_silent=as_json):
+    with working(f"reading {file}"):
         found = read_orientations(file, topic, partial=partial)
-    with working(f"fitting {len(found.times)} samples", is_silent=as_json):
+    with working(f"fitting {len(found.times)} samples"):
         fit = fit_orientations(found.times, found.q, tolerance=math.radians(error))
     fitted = _figures(found.topic, fit, found.notes)
     if not as_json:

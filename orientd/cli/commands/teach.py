@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from orientd.cli.command import AsJson, DeviceName, Socket, check_ending, connect_as
-from orientd.cli.output import say, say_json
+from orientd.cli.output import answer, say
 from orientd.errors import DeviceError, OrientdError, StateError
 
 if TYPE_CHECKING:
@@ -83,11 +83,12 @@ def _conclude(teaching: Teaching, file: Path, name: str, *, as_json: bool) -> No
         file.unlink(missing_ok=True)
         raise OrientdError("no keyframe was taken; nothing is written")
     request = teaching.save(file, name)
-    duration = request.keyframes[-1].time or 0.0
-    if as_json:
-        say_json({"file": file, "keyframes": len(request.keyframes), "duration": duration})
-        return
-    say(f"wrote {file}: {len(request.keyframes)} keyframes in {duration:.2f} s")
+    count, duration = len(request.keyframes), request.keyframes[-1].time or 0.0
+    answer(
+        {"file": file, "keyframes": count, "duration": duration},
+        f"wrote {file}: {count} keyframes in {duration:.2f} s",
+        as_json=as_json,
+    )
 
 
 def _follow(teaching: Teaching, orders: _Orders, file: Path, name: str, *, is_silent: bool) -> None:

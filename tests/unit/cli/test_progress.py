@@ -58,14 +58,16 @@ def test_what_is_not_as_planned_is_said(capsys, speed, is_paused):
     assert "tracking unknown" in line
 
 
-def test_what_is_counted_is_passed_on_and_shown_on_a_terminal_alone(capsys, monkeypatch):
-    assert list(output.counted("comparing", ["squad", "slerp"])) == ["squad", "slerp"]
-    assert capsys.readouterr() == ("", "")
-    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    assert list(output.counted("comparing", ["squad", "slerp"])) == ["squad", "slerp"]
+def test_work_is_shown_on_a_terminal_alone_and_never_on_standard_output(capsys, monkeypatch):
     with output.working("planning"):
         pass
-    assert capsys.readouterr().out == ""
+    assert capsys.readouterr() == ("", "")
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    with output.working("planning"):
+        pass
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert "planning" in told.err
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 120])
