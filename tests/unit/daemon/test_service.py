@@ -1,0 +1,147 @@
+"""The calls of the service, from a request to a device without a servo."""
+
+import asyncio
+import contextlib
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from direct_planners import DirectPlanners
+from fake_device import FakeDevice
+
+from orientd import config
+from orientd.clock import ManualClock
+from orientd.config import Role
+from orientd.daemon.access import Caller, Identity
+from orientd.daemon.calls import Service
+from orientd.daemon.cell import Cell
+from orientd.errors import LeaseError, RequestError, UnknownNameError
+from orientd.rpc import control_pb2 as pb
+
+SETTINGS = {
+    "daemon": {"lease_seconds": 5.0},
+    "devices": {"arm": {"driver": "loopback"}, "leg": {"driver": "loopback"}},
+}
+ANA = Caller(SimpleNamespace(), "test", Identity("user:1", "ana", Role.OPERATOR))
+BEN = Caller(SimpleNamespace(), "test", Identity("user:2", "ben", Role.OPERATOR))
+TURN = pb.MotionRequest(
+    keyframes=[pb.Keyframe(rotation_vector=pb.Vector3(z=angle)) for angle in (0.0, 0.1)]
+)
+
+
+@pytest.fixture(scope="module")
+def planners():
+    return DirectPlanners(config.parse(SETTINGS, source="test").devices.values())
+
+
+@pytest.fixture
+def cell(planners):
+    settings = config.parse(SETTINGS, source="test")
+    made = Cell(settings, make_device=FakeDevice, planners=planners, clock=ManualClock(1))
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def service(cell):
+    return Service(cell, keyframes=3, socket=Path("/run/x"), configuration="", began=0.0)
+
+
+def lease_of(service, caller=ANA, **more):
+    request = pb.AcquireLeaseRequest(holder="test", **more)
+    return asyncio.run(service.AcquireLease(request, caller)).lease
+
+
+def started(service, request, caller=ANA):
+    """Return the first answer of a move, and let the caller go away."""
+
+    async def first():
+        async with contextlib.aclosing(service.Move(request, caller)) as answers:
+            return (await anext(answers)).started
+
+    return asyncio.run(first())
+
+
+def test_commands_need_the_lease(service, cell):
+    with pytest.raises(LeaseError, match="needs the lease"):
+        asyncio.run(service.Enable(pb.EnableRequest(device="arm"), ANA))
+    token = lease_of(service).token
+    answer = asyncio.run(service.Enable(pb.EnableRequest(device="arm", lease_token=token), ANA))
+    assert answer.device.device.name == "arm"
+    assert cell.device("arm").calls == ["enable"]
+
+
+def test_commands_to_a_device_are_done_in_the_order_in_which_they_come(service, cell):
+    token = lease_of(service).token
+
+    async def commands():
+        requests = [
+            pb.SetSpeedRequest(lease_token=token, device="arm", speed=speed)
+            for speed in (0.3, 0.5, 0.7)
+        ]
+        await asyncio.gather(*[service.SetSpeed(one, ANA) for one in requests])
+
+    asyncio.run(commands())
+    assert cell.device("arm").calls == ["speed 0.3", "speed 0.5", "speed 0.7"]
+
+
+def test_a_move_without_a_token_takes_the_lease_of_its_device_and_returns_it(service, cell):
+    request = pb.MoveRequest(device="arm", motion=TURN, holder="ana's program")
+    begun = started(service, request)
+    assert (begun.motion_number, begun.lease.devices) == (1, ["arm"])
+    assert begun.lease.seconds == 5.0
+    (held,) = cell.leases.held()
+    assert (held.token, held.holder, held.owner) == (begun.lease.token, "ana's program", "user:1")
+
+
+def test_a_move_with_a_token_returns_no_lease(service):
+    request = pb.MoveRequest(device="arm", motion=TURN, lease_token=lease_of(service).token)
+    assert not started(service, request).HasField("lease")
+
+
+def test_a_move_takes_no_lease_that_somebody_holds_but_beside_its_own_on_purpose(service, cell):
+    lease_of(service, devices=["arm"])
+    request = pb.MoveRequest(device="arm", motion=TURN, holder="another")
+    for caller in (ANA, BEN):
+        with pytest.raises(LeaseError, match="the lease of arm is held by 'test'"):
+            started(service, request, caller)
+    request.beside = True
+    with pytest.raises(LeaseError, match="held by 'test'"):
+        started(service, request, BEN)
+    assert started(service, request, ANA).lease.token
+    assert len(cell.leases.held()) == 2
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"motion": pb.MotionRequest()},
+        {"motion_id": "nonsense"},
+        {},
+        {"motion": TURN, "blend_tolerance": 0.1},
+        {"motion": pb.MotionRequest(keyframes=[TURN.keyframes[0]] * 4)},
+    ],
+    ids=["empty", "no such plan", "nothing", "a wrong option", "too many keyframes"],
+)
+def test_a_move_that_does_not_begin_gives_the_lease_back_that_it_took(service, cell, wrong):
+    with pytest.raises((RequestError, UnknownNameError)):
+        started(service, pb.MoveRequest(device="arm", holder="ana", **wrong))
+    assert cell.leases.held() == []
+
+
+def test_more_keyframes_than_the_settings_permit_are_refused(service):
+    motion = pb.MotionRequest(keyframes=[TURN.keyframes[0]] * 4)
+    with pytest.raises(RequestError, match=r"^keyframes: expected at most 3, got 4"):
+        asyncio.run(service.Plan(pb.PlanRequest(device="arm", motion=motion), ANA))
+    columns = pb.MotionRequest()
+    columns.columns.quaternions.extend([1.0, 0.0, 0.0, 0.0] * 5)
+    with pytest.raises(RequestError, match=r"^keyframes: expected at most 3, got 5"):
+        asyncio.run(service.Plan(pb.PlanRequest(device="arm", motion=columns), ANA))
+
+
+def test_the_daemon_reports_its_leases_in_the_order_in_which_they_were_taken(service):
+    lease_of(service, devices=["leg"])
+    lease_of(service, BEN, devices=["arm"])
+    report = service.daemon_report()
+    assert [one.identity for one in report.leases] == ["user:1", "user:2"]
+    assert report.lease == report.leases[0]
