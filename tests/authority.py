@@ -32,11 +32,12 @@ class Authority:
             text=True,
         ).stdout
 
-    def issue(self, name, *, hosts="", dates=(), use=""):
+    def issue(self, name, *, hosts="", dates=(), use="", subject="", alternative=""):
         """Sign a certificate; *hosts*, for a daemon, as OpenSSL writes alternative names."""
-        names = ("-addext", f"subjectAltName={hosts}") if hosts else ()
+        other = hosts or alternative
+        names = ("-addext", f"subjectAltName={other}") if other else ()
         files = ("-keyout", f"{name}.key", "-out", f"{name}.csr")
-        self.run("req", "-new", "-subj", f"/CN={name}", *names, *QUICK_KEY, *files)
+        self.run("req", "-new", "-subj", subject or f"/CN={name}", *names, *QUICK_KEY, *files)
         use = use or ("server" if hosts else "client")
         self.run(
             "ca", "-batch", "-extensions", use, *dates, "-in", f"{name}.csr", "-out", f"{name}.pem"
