@@ -11,9 +11,8 @@ from typing import Any
 from orientd import motion_file
 from orientd.batch.requests import mapping_of
 from orientd.config import DeviceSettings
-from orientd.driver import make_driver
-from orientd.errors import OrientdError, RequestError
-from orientd.planner import DevicePlanner, Motion, MotionRequest, State
+from orientd.errors import OrientdError
+from orientd.planner import DevicePlanner, Motion
 from orientd.rotation import Floats
 
 _PEAKS = ("velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration")
@@ -72,12 +71,7 @@ class Outcomes:
 @functools.lru_cache(maxsize=4)
 def _planner(pickled: bytes) -> DevicePlanner:
     device: DeviceSettings = pickle.loads(pickled)
-    return DevicePlanner(
-        make_driver(device.name, device.driver, device.options, device.period_ns),
-        limits=device.limits.to_limits(),
-        period=device.period_ns * 1e-9,
-        frames=device.to_frames(),
-    )
+    return device.planner()
 
 
 def plan_part(part: Part) -> Outcomes:
@@ -90,7 +84,7 @@ def plan_part(part: Part) -> Outcomes:
             mapping = mapping_of(given) if isinstance(given, str) else given
             name = _name(mapping)
             request = motion_file.parse(mapping)
-            motion = _plan(planner, request)
+            motion = planner.plan_offline(request)
         except OrientdError as error:
             refused = {"outcome": "refused", "refusal": str(error)}
             outcomes.rows.append({"row": row, "name": name, **refused})
@@ -104,16 +98,6 @@ def plan_part(part: Part) -> Outcomes:
 def _name(mapping: object) -> str:
     name = mapping.get("name") if isinstance(mapping, Mapping) else None
     return name if isinstance(name, str) else ""
-
-
-def _plan(planner: DevicePlanner, request: MotionRequest) -> Motion:
-    if len(request.keyframes) == 1:
-        raise RequestError(
-            "keyframes", "expected at least 2: where a single one is gone to from is not known"
-        )
-    request = planner.placed(request, None)
-    position = request.keyframes[0].position or (0.0, 0.0, 0.0)
-    return planner.plan(request, start=State.at_rest(request.keys[0], position), joints=())
 
 
 def _certified(motion: Motion) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from orientd.errors import RequestError
 from orientd.plain_values import angular_rate
 
 if TYPE_CHECKING:
-    from orientd.planner import Frame, Limits
+    from orientd.planner import DevicePlanner, Frame, Limits
 
 NANOSECONDS = 1_000_000_000
 MAX_RATE_HZ = 4000.0
@@ -189,6 +189,22 @@ class DeviceSettings(Table):
         from orientd.schema import read_frames
 
         return dict(named_frames(read_frames(self.frames)))
+
+    def planner(self) -> DevicePlanner:
+        """Return what plans for this device, without a daemon.
+
+        Raises:
+            ConfigError: the driver is not installed, or refuses its options.
+        """
+        from orientd.driver import make_driver
+        from orientd.planner import DevicePlanner
+
+        return DevicePlanner(
+            make_driver(self.name, self.driver, self.options, self.period_ns),
+            limits=self.limits.to_limits(),
+            period=self.period_ns * 1e-9,
+            frames=self.to_frames(),
+        )
 
     @property
     def lead(self) -> float:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from orientd.driver import Driver, switch, tune
+from orientd.driver import Driver, Feedback, Locatable, switch, tune
 from orientd.errors import LimitError, LimitKind, LinkError, PlanError, RequestError
 from orientd.mechanism import Gimbal, Mechanical, Mechanism, pointed
 from orientd.planner.blending import blend
@@ -109,6 +109,44 @@ class DevicePlanner:
             if other is None or error.kind is not LimitKind.RANGE:
                 raise
             return fitting.plan(other)
+
+    def plan_offline(self, request: MotionRequest, *, from_device: bool = False) -> Motion:
+        """Plan a motion without a daemon, from rest.
+
+        A motion that leads in begins where the device stands, if that is known; else a motion
+        begins at its first keyframe.
+
+        Args:
+            request: what to do.
+            from_device: ask the device where it stands; without it, its options say so.
+
+        Raises:
+            RequestError: the request is not one that its method or the device allows.
+            PlanError: it cannot be planned, or the device cannot be asked where it is.
+            LinkError: the device is asked, and does not answer.
+        """
+        stands: Feedback | None = None
+        if isinstance(self._examiner, Locatable):
+            stands = self._examiner.offline_start(from_device=from_device)
+        elif from_device:
+            name = self._examiner.name
+            raise PlanError(f"the driver {name!r} cannot ask its device where it is")
+        is_single = len(request.keyframes) == 1
+        if is_single and stands is None:
+            raise RequestError(
+                "keyframes",
+                "expected at least 2, got 1: a single one needs a start, which is not known "
+                "without a daemon",
+            )
+        here = None if stands is None else State.at_rest(stands.q, stands.position)
+        request = self.placed(request, here)
+        if here is None or not (request.approach or is_single):
+            elsewhere = stands.position if stands is not None else (0.0, 0.0, 0.0)
+            position = request.keyframes[0].position or elsewhere
+            here = State.at_rest(request.keys[0], position)
+        # If nothing says where the axes are, the mechanism chooses.
+        joints = stands.joints if stands is not None else ()
+        return self.plan(request, start=here, joints=joints, is_offline=not from_device)
 
     def _mechanism(self, *, may_ask: bool) -> Mechanism | None:
         """Return the device's mechanism, if its driver knows one.

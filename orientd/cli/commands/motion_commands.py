@@ -21,12 +21,10 @@ from orientd.cli.command import (
     device_settings,
 )
 from orientd.cli.output import answer, say, working
-from orientd.errors import OrientdError, PlanError, RequestError
+from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.driver import Driver, Feedback
     from orientd.endless_turn import EndlessTurn
-    from orientd.planner import MotionRequest, State
     from orientd.rpc import MoveHandle, OnTarget, Summary
 
 MotionFile = Annotated[Path, typer.Argument(metavar="FILE", help="A motion file, YAML or JSON.")]
@@ -58,14 +56,12 @@ def plan(
 
     The device is taken to stand at the first keyframe; an arm, where its options or --from-robot
     say.
-    Rate and limits are those of the device in the configuration; the samples are what its servo
-    would send, along the path that its driver makes of the motion where its axes need another.
+    Rate and limits are those of the device in the configuration.  The samples are the setpoints
+    that its servo would send, along the path that its axes can follow.
     """
     from orientd import motion_file
     from orientd.cli import sample_files, texts
     from orientd.daemon import plan_of, samples_of
-    from orientd.driver import make_driver
-    from orientd.planner import DevicePlanner, State
 
     if output is not None:
         check_ending(output, sample_files.ENDINGS, named="--output")
@@ -75,32 +71,10 @@ def plan(
 
         plots.check_format(plot)
     settings = device_settings(config, device)
-    driver = make_driver(settings.name, settings.driver, settings.options, settings.period_ns)
-    stands = where_it_stands(driver, from_device=from_robot)
-    if len(request.keyframes) == 1 and stands is None:
-        raise RequestError(
-            "keyframes",
-            "a single one says where to go from wherever the device is, which is not known "
-            "without a daemon; expected at least 2",
-        )
-    # Where nothing says where the axes are, the driver chooses.
-    device_planner = DevicePlanner(
-        driver,
-        limits=settings.limits.to_limits(),
-        period=settings.period_ns * 1e-9,
-        frames=settings.to_frames(),
-    )
-    frame = device_planner.report_frame(request)
-    at = None if stands is None else State.at_rest(stands.q, stands.position)
-    request = device_planner.placed(request, at)
+    planner = settings.planner()
     with working(f"planning {file.name}"):
-        motion = device_planner.plan(
-            request,
-            start=_offline_start(request, stands),
-            joints=stands.joints if stands else (),
-            is_offline=not from_robot,
-        )
-    samples = samples_of(motion, settings.rate_hz, frame)
+        motion = planner.plan_offline(request, from_device=from_robot)
+    samples = samples_of(motion, settings.rate_hz, planner.report_frame(request))
     if output is not None:
         sample_files.write(output, samples, motion.certificate)
     if plot is not None:
@@ -114,33 +88,6 @@ def plan(
         *(f"wrote {written}" for written in (output, plot) if written is not None),
         as_json=as_json,
     )
-
-
-def where_it_stands(driver: Driver, *, from_device: bool) -> Feedback | None:
-    """Return where the device of *driver* is, if that is known without a daemon.
-
-    Raises:
-        LinkError: the device is asked, and does not answer.
-        PlanError: it cannot be asked, or the options do not say enough.
-    """
-    from orientd.driver import Locatable
-
-    if isinstance(driver, Locatable):
-        return driver.offline_start(from_device=from_device)
-    if from_device:
-        raise PlanError(f"the driver {driver.name!r} cannot ask its device where it is")
-    return None
-
-
-def _offline_start(request: MotionRequest, stands: Feedback | None) -> State:
-    """Return where an offline plan begins: where the device stands, else at the first keyframe."""
-    from orientd.planner import State
-
-    first = request.keyframes[0]
-    if stands is not None and (request.approach or len(request.keyframes) == 1):
-        return State.at_rest(stands.q, stands.position)
-    nowhere = stands.position if stands is not None else (0.0, 0.0, 0.0)
-    return State.at_rest(request.keys[0], first.position or nowhere)
 
 
 def move(

@@ -104,7 +104,8 @@ def replay(
     if dry_run:
         from orientd.daemon import plan_of
 
-        motion, slower = _planned(fit, pace, _offline_planner(fit, config, device), output)
+        planner = device_settings(config, device).planner()
+        motion, slower = _planned(fit, pace, planner.plan_offline, output)
         answer(
             {"fit": fitted, "slower": slower, "plan": plan_of(motion), "output": output},
             *_lines(motion, slower, output),
@@ -135,19 +136,6 @@ def _figures(topic: str, fit: Fit, notes: tuple[str, ...]) -> dict[str, Any]:
         "error_deg": math.degrees(fit.error),
         "notes": [*notes, *([lost] if left_out > count else [])],
     }
-
-
-def _offline_planner(fit: Fit, config: Path | None, device: str) -> Callable[[MotionRequest], Any]:
-    """Return what plans for a device of the configuration that stands where the fit begins."""
-    from orientd import planner
-
-    settings = device_settings(config, device)
-    return lambda request: planner.plan(
-        request,
-        start=planner.State.at_rest(fit.control[0]),
-        limits=settings.limits.to_limits(),
-        period=settings.period_ns * 1e-9,
-    )
 
 
 def _planned(
