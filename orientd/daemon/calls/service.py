@@ -218,7 +218,7 @@ class Service:
 
     async def ListMethods(self, request: pb.ListMethodsRequest, caller: Caller) -> bytes:
         """List the families of curves."""
-        return await self._cell.planners.methods(caller.key)
+        return await self._cell.planners.methods()
 
     async def ListDevices(
         self, request: pb.ListDevicesRequest, caller: Caller
@@ -252,8 +252,8 @@ class Service:
                 return pb.GetPlanResponse()
             if not rate_hz:
                 return _unsampled(motion)
-            call = PlanCall(motion.job.motion, caller.key, self._cell.planners.timeout)
-            return await self._cell.planners.report(motion.job, call, rate_hz)
+            call = PlanCall(motion.input.motion, caller.key, self._cell.planners.timeout)
+            return await self._cell.planners.report(motion.input, call, rate_hz)
 
     def _plan_call(
         self, request: pb.PlanRequest | pb.MoveRequest, caller: Caller, rate_hz: float = 0.0

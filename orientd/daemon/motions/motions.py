@@ -22,7 +22,7 @@ from orientd.daemon.motions.motion_queue import MotionQueue
 from orientd.daemon.motions.options import Kind, MoveOptions, Prepared
 from orientd.daemon.motions.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.motions.takeover import Takeover
-from orientd.daemon.planners import Continuation, PlanCall, PlanInput, PlannedMotion, Planners, Rank
+from orientd.daemon.planners import PlanCall, PlanInput, PlannedMotion, Planners, Rank
 from orientd.errors import LateError, NotYetError, StateError
 from orientd.planner import HISTORY, RecordedMotion
 from orientd.planner import State as PlannedState
@@ -90,8 +90,8 @@ class Motions:
             tail = await self._tail(last.motion, last.motion.last_record)
             start = tail.state_at(last.motion.last_record)
             joints = last.motion.facts.last_joints or self._joints()
-        job = PlanInput(self._name, order.motion, start=start, joints=joints)
-        return await self._planners.plan(job, order)
+        plan_input = PlanInput(self._name, order.motion, start=start, joints=joints)
+        return await self._planners.plan(plan_input, order)
 
     async def prepare(
         self, order: PlanCall, move_options: MoveOptions, *, attempt: int
@@ -117,9 +117,14 @@ class Motions:
         if leave is not None and move_options.is_queued:
             left = self._takeover.left(leave)
             tail = await self._tail(left, leave.record)
-            after = Continuation(tail, move_options.blend, leave.record)
-            job = PlanInput(self._name, order.motion, after=after)
-            motion = await self._planners.plan(job, order, rank=Rank.URGENT)
+            plan_input = PlanInput(
+                self._name,
+                order.motion,
+                after=tail,
+                tolerance=move_options.blend,
+                earliest=leave.record,
+            )
+            motion = await self._planners.plan(plan_input, order, rank=Rank.URGENT)
             leave = replace(leave, record=motion.leave)
         elif leave is not None:
             choose = partial(self._leave, order, move_options, kind, attempt)
@@ -132,8 +137,8 @@ class Motions:
                 with order.waiting():
                     await stop_on_path(self._link, self._period)
             start, joints = self.held(), self._joints()
-            job = PlanInput(self._name, order.motion, start=start, joints=joints)
-            motion = await self._planners.plan(job, order)
+            plan_input = PlanInput(self._name, order.motion, start=start, joints=joints)
+            motion = await self._planners.plan(plan_input, order)
         await motion.arrive(self._queue.needed(motion.facts))
         return Prepared(motion, leave, move_options, chosen, kind)
 

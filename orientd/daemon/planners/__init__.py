@@ -1,7 +1,7 @@
 """Planner processes: warm, few, and each of them may be killed.
 
 The daemon waits for many, a planner calculates: under one interpreter's lock each would spoil the
-other.  A :class:`PlanInput` says everything that a plan depends on, so whichever process does it,
+other.  A :class:`PlanInput` holds everything that a plan depends on, so whichever process does it,
 and however often, the motion is the same to the last bit; no process keeps anything that matters.
 """
 
@@ -12,27 +12,15 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.daemon.planners.jobs import Continuation, PlanInput, PlannerDevice
-    from orientd.daemon.planners.lanes import PlanCall, Rank
     from orientd.daemon.planners.planned_motion import PlannedMotion
     from orientd.daemon.planners.pool import Planners, default_processes
+    from orientd.daemon.planners.task import PlanCall, PlanInput, PlannerDevice, Rank
 
 __getattr__ = lazily(
     __name__,
     {
-        "orientd.daemon.planners.jobs": (
-            "Continuation",
-            "PlanInput",
-            "PlannerDevice",
-        ),
-        "orientd.daemon.planners.lanes": (
-            "PlanCall",
-            "Rank",
-        ),
         "orientd.daemon.planners.planned_motion": ("PlannedMotion",),
-        "orientd.daemon.planners.pool": (
-            "Planners",
-            "default_processes",
-        ),
+        "orientd.daemon.planners.pool": ("Planners", "default_processes"),
+        "orientd.daemon.planners.task": ("PlanCall", "PlanInput", "PlannerDevice", "Rank"),
     },
 )

@@ -1,43 +1,47 @@
-"""The planners of a daemon: who is served next, for how long, and what becomes of the rest.
+"""The planners of a daemon: which task is next, for how long, and what becomes of the others.
 
-Three lanes keep what is short from waiting behind what is long: planner 0 serves moving devices
+Three ranks keep what is short from waiting behind what is long: planner 0 serves moving devices
 alone, planner 1 these and small requests, all others whatever there is.
 """
 
 from __future__ import annotations
 
 import asyncio
-import functools
 import logging
 import os
 from collections.abc import Coroutine, Sequence
 from concurrent.futures import Future
+from dataclasses import dataclass, field
 
-from orientd.daemon.planners.jobs import (
-    Methods,
-    PlanInput,
-    PlannedRecords,
-    PlannerDevice,
-    Question,
-    Records,
-    RemainingRecords,
-    Report,
-)
-from orientd.daemon.planners.lanes import Lanes, PlanCall, Rank, Waiting
 from orientd.daemon.planners.planned_motion import PlannedMotion
-from orientd.daemon.planners.process import GIVE_UP, ForkServer, PlannerProcess
-from orientd.daemon.planners.record_file import Chunk
-from orientd.errors import GOING_DOWN, DaemonError, DeadlineError
+from orientd.daemon.planners.process import ForkServer, PlannerProcess
+from orientd.daemon.planners.task import (
+    CHUNK,
+    PlanCall,
+    PlanInput,
+    Planned,
+    PlannerDevice,
+    Rank,
+    RecordFile,
+    Rest,
+)
+from orientd.errors import GOING_DOWN, DaemonError, DeadlineError, OrientdError, TooMuchError
 from orientd.rotation import Floats
 
 _log = logging.getLogger(__name__)
 
+MOST_WAITING = 32
+"""Requests of one caller that may wait for their turn."""
+
+MOST_BYTES = 64 * 2**20
+"""Of all requests that wait; of each caller one may wait in any case."""
+
 RETIRED_BYTES = 128 * 2**20
 """A planner that still uses so much after its work makes room for a new one."""
 
-_RESTART = 0.1  # s before another process is tried where one did not start
+_RESTART = 0.1  # s before another process is tried after one that did not start
 _MORE = 5.0
-"""How long a planner may take over the rest of a chunk and what the journal tells, s."""
+"""How long a planner may take over the rest of a chunk and what the journal reports, s."""
 
 _ENDING = 0.5
 """How long whatever serves may take to notice that the planners have ended, s."""
@@ -46,11 +50,32 @@ _NICE = {0: 0, 1: 5}
 _NICEST = 10
 
 
-def _chunk(answered: Waiting) -> tuple[PlannedRecords, Chunk]:
-    what, planned, file = answered.question.what, answered.content, answered.file
-    if not isinstance(what, Records) or not isinstance(planned, PlannedRecords) or file is None:
-        raise DaemonError("the planner said something else")
-    return planned, Chunk(what.first, *planned.shape, file)
+@dataclass(eq=False, slots=True)
+class Task:
+    """A motion to plan, who waits for it, and the planner that works on it.
+
+    Attributes:
+        input: what to plan.
+        call: who asks, and until when it is waited for.
+        rank: what it may wait for.
+        first, count: the records that are wanted.
+        rate_hz: samples a second to report; 0 for none.
+        file: for the records.
+        answer: what the planner answers.
+        rest: what follows the answer.
+        planner: works on the answer; ``None`` before and afterwards.
+    """
+
+    input: PlanInput
+    call: PlanCall
+    rank: Rank
+    first: int = 0
+    count: int = CHUNK
+    rate_hz: float = 0.0
+    file: RecordFile = field(default_factory=RecordFile)
+    answer: asyncio.Future[Planned] = field(default_factory=lambda: asyncio.Future())
+    rest: Future[Rest] = field(default_factory=Future)
+    planner: PlannerProcess | None = None
 
 
 class Planners:
@@ -77,15 +102,15 @@ class Planners:
         self.timeout = timeout
         self._devices = devices
         self._count = processes
-        self._lanes = Lanes()
-        self._idle: list[PlannerProcess] = []
-        self._all: set[PlannerProcess] = set()
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._waiting: list[Task] = []
+        self._planners: dict[int, PlannerProcess] = {}
+        self._idle: dict[int, PlannerProcess] = {}
+        self._work: set[asyncio.Task[None]] = set()
+        self._server: ForkServer | None = None
+        self._has_methods = asyncio.Event()
+        self._methods = b""
         self._is_closing = False
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._started: set[int] = set()
-        self._server: ForkServer | None = None
-        self._turn = asyncio.Lock()
 
     def start(self) -> None:
         """Start the processes and return at once; to be called in the event loop."""
@@ -95,168 +120,167 @@ class Planners:
     async def close(self) -> None:
         """End every process; whoever waits is told that the daemon is going down."""
         self._is_closing = True
-        while (waiting := self._lanes.take()) is not None:
-            waiting.answer.set_exception(DaemonError(GOING_DOWN))
+        for task in self._waiting:
+            task.answer.set_exception(DaemonError(GOING_DOWN))
+        self._waiting.clear()
         # Whoever is being served hears of it by the end of their planner.
-        for process in self._all:
-            process.kill()
-        if self._tasks:
-            await asyncio.wait(self._tasks, timeout=_ENDING)
-        for task in self._tasks:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
-        for process in list(self._all):
-            self._remove(process)
+        for planner in self._planners.values():
+            planner.kill()
+        if self._work:
+            await asyncio.wait(self._work, timeout=_ENDING)
+        for work in self._work:
+            work.cancel()
+        await asyncio.gather(*self._work, return_exceptions=True)
+        for planner in self._planners.values():
+            planner.end()
         self._end_server()
 
     # What can be asked
 
     async def plan(
-        self, job: PlanInput, order: PlanCall, *, rank: Rank | None = None
+        self, plan_input: PlanInput, call: PlanCall, *, rank: Rank | None = None
     ) -> PlannedMotion:
         """Plan a motion.
 
         Args:
-            job: what to plan.
-            order: who asks, and how long it may take.
+            plan_input: what to plan.
+            call: who asks, and how long it may take.
             rank: what it may wait for; by default by its size.
 
         Raises:
             RequestError: it is not well formed.
             PlanError: it cannot be planned.
             DeadlineError: it takes too long.
-            TooMuchError: too much of the same caller waits already.
+            TooMuchError: too much waits already.
             DaemonError: the planner has ended.
         """
-        chosen = order.rank if rank is None else rank
-        question = Question(Records(rate_hz=order.rate_hz), job)
-        answered = await self._ask(question, chosen, order)
-        planned, chunk = _chunk(answered)
-        fetch = functools.partial(self._more, job)
-        return PlannedMotion(planned, job, chunk, fetch=fetch, rest=answered.rest)
+        chosen = call.rank if rank is None else rank
+        task = Task(plan_input, call, chosen, rate_hz=call.rate_hz)
+        planned = await self._answer(task)
+        return PlannedMotion(planned, plan_input, task.file, more=self._more, rest=task.rest)
 
-    async def report(self, job: PlanInput, order: PlanCall, rate_hz: float) -> bytes:
+    async def report(self, plan_input: PlanInput, call: PlanCall, rate_hz: float) -> bytes:
         """Return a serialised ``PlanResponse`` of a motion; arguments and errors as of a plan."""
-        content = (await self._ask(Question(Report(rate_hz), job), order.rank, order)).content
-        return content if isinstance(content, bytes) else b""
+        task = Task(plan_input, call, call.rank, count=0, rate_hz=rate_hz)
+        return (await self._answer(task)).response
 
-    async def methods(self, caller: str) -> bytes:
-        """Return a serialised ``ListMethodsResponse``."""
-        order = PlanCall(b"", caller, self.timeout)
-        content = (await self._ask(Question(Methods()), Rank.SMALL, order)).content
-        return content if isinstance(content, bytes) else b""
-
-    def _more(self, job: PlanInput, first: int, count: int) -> Future[Chunk]:
-        """Ask for more records of a motion, from any thread."""
-        if self._loop is None:
-            raise DaemonError(GOING_DOWN)
-        return asyncio.run_coroutine_threadsafe(self._records(job, first, count), self._loop)
-
-    async def _records(self, job: PlanInput, first: int, count: int) -> Chunk:
-        order = PlanCall(job.motion, "", self.timeout)
-        answered = await self._ask(Question(Records(first, count), job), Rank.URGENT, order)
-        return _chunk(answered)[1]
+    async def methods(self) -> bytes:
+        """Return a serialised ``ListMethodsResponse``, once there is a planner."""
+        try:
+            async with asyncio.timeout(self.timeout):
+                await self._has_methods.wait()
+        except TimeoutError:
+            raise DeadlineError(f"no planner has started within {self.timeout:g} s") from None
+        return self._methods
 
     async def records(self, motion: PlannedMotion, first: int) -> Floats:
         """Return the records of a motion from one on to its end."""
         count = motion.facts.record_count - first
-        chunk = await self._records(motion.job, first, count)
-        return chunk.read(first, chunk.count)
+        file = RecordFile()
+        planned = await self._answer(self._records(motion.input, file, first, count))
+        return file.read(first, planned.end - first, planned.columns)
+
+    def _more(self, plan_input: PlanInput, file: RecordFile, first: int) -> Future[int]:
+        """Have more records of a motion added to its file, from any thread; return the end."""
+        if self._loop is None:
+            raise DaemonError(GOING_DOWN)
+
+        async def end() -> int:
+            return (await self._answer(self._records(plan_input, file, first, CHUNK))).end
+
+        return asyncio.run_coroutine_threadsafe(end(), self._loop)
+
+    def _records(self, plan_input: PlanInput, file: RecordFile, first: int, count: int) -> Task:
+        call = PlanCall(plan_input.motion, timeout=self.timeout)
+        return Task(plan_input, call, Rank.URGENT, first, count, file=file)
 
     # How
 
-    async def _ask(self, question: Question, rank: Rank, order: PlanCall) -> Waiting:
-        """Return what waited for the answer, once it is there."""
+    async def _answer(self, task: Task) -> Planned:
+        """Have a planner work on *task*; return its answer."""
         if self._is_closing:
             raise DaemonError(GOING_DOWN)
-        waiting = self._lanes.enter(question, rank, order)
+        self._enter(task)
         self._dispatch()
         try:
-            async with asyncio.timeout(order.time_left):
-                answer = await waiting.answer
-        except (TimeoutError, DaemonError) as error:
-            if self._is_closing:
-                raise DaemonError(GOING_DOWN) from None
-            if isinstance(error, DaemonError):
-                raise
-            raise DeadlineError(self._too_long(waiting, order.timeout)) from None
+            async with asyncio.timeout(task.call.time_left):
+                return await task.answer
+        except TimeoutError:
+            raise DeadlineError(_too_long(task)) from None
         finally:
-            waiting.answer.cancel()
-            self._give_up(waiting)
-        if answer.error is not None:
-            raise answer.error.error()
-        return waiting
+            task.answer.cancel()
+            if task in self._waiting:
+                self._waiting.remove(task)
+            elif task.planner is not None:
+                # Nobody waits any more for what it is doing.
+                _log.info("planner %d: killed while %s", task.planner.pid, task.file.stage)
+                task.planner.kill()
+
+    def _enter(self, task: Task) -> None:
+        """Have *task* wait behind those of its rank.
+
+        Raises:
+            TooMuchError: too much of the same caller, or of all, waits already.
+        """
+        caller = task.call.caller
+        own = sum(one.call.caller == caller for one in self._waiting)
+        if caller and own >= MOST_WAITING:
+            problem = f"at most {MOST_WAITING} requests of one caller may wait to be planned"
+            raise TooMuchError(problem)
+        size = sum(len(one.input.motion) for one in [task, *self._waiting])
+        if caller and own and size > MOST_BYTES:
+            raise TooMuchError(f"at most {MOST_BYTES >> 20} MiB of requests may wait")
+        self._waiting.append(task)
+        self._waiting.sort(key=lambda one: one.rank)
 
     def _dispatch(self) -> None:
-        """Give every planner that has nothing to do the first of what it may do.
+        """Give idle planners the first tasks that they may serve.
 
-        A moving device is served by the first of them, which give way to nobody and have done the
+        A moving device is served by the first planner, which gives way to nobody and has done the
         same lately; all else by the last, so that the first stay free.
         """
-        order = sorted(self._idle, key=lambda idle: idle.number)
-        for process in order:
-            self._give(process, Rank.URGENT)
-        for process in reversed(order):
-            # Until all are there, the last of those that are takes everything.
-            is_last = process.number == max(self._started, default=0)
-            self._give(process, Rank.LARGE if is_last else Rank(min(process.number, Rank.LARGE)))
+        for task in list(self._waiting):
+            able = [one for one in self._idle if task.rank <= self._slowest(one)]
+            if able:
+                number = min(able) if task.rank is Rank.URGENT else max(able)
+                self._waiting.remove(task)
+                task.planner = self._idle.pop(number)
+                self._spawn(self._serve(task, task.planner))
 
-    def _give(self, process: PlannerProcess, slowest: Rank) -> None:
-        """Give a planner the first of what waits, unless it is slower than what it may do."""
-        waiting = self._lanes.take(slowest) if process in self._idle else None
-        if waiting is not None:
-            self._idle.remove(process)
-            waiting.process = process
-            self._spawn(self._serve(process, waiting))
+    def _slowest(self, number: int) -> Rank:
+        """Return the rank up to which a planner serves: the last of those that are there, all."""
+        return Rank.LARGE if number == max(self._planners) else Rank(min(number, Rank.LARGE))
 
-    async def _serve(self, process: PlannerProcess, waiting: Waiting) -> None:
-        what = waiting.question.what
+    async def _serve(self, task: Task, planner: PlannerProcess) -> None:
         try:
-            answer = await process.ask(waiting.question, waiting.file)
-            waiting.process = None
-            if not waiting.answer.done():
-                waiting.answer.set_result(answer)
-            if answer.error is None and isinstance(what, Records) and what.is_first:
-                async with asyncio.timeout(_MORE):
-                    answer = await process.hear()
-                if isinstance(answer.content, RemainingRecords):
-                    waiting.rest.set_result(answer.content)
-        except (DaemonError, TimeoutError) as error:
-            waiting.process = None
-            if not waiting.answer.done():
-                waiting.answer.set_exception(error)
-            waiting.rest.cancel()
-            if self._is_closing:
+            answer = await planner.plan(task.input, task.first, task.count, task.rate_hz, task.file)
+            task.planner = None
+            if task.answer.done():
+                pass  # nobody waits for it
+            elif isinstance(answer, OrientdError):
+                task.answer.set_exception(answer)
+            else:
+                task.answer.set_result(answer)
+            async with asyncio.timeout(_MORE):
+                rest = await planner.rest()
+            task.rest.set_result(rest)
+            if rest.resident <= RETIRED_BYTES:
+                self._idle[planner.number] = planner
+                self._dispatch()
                 return
-            _log.warning("%s", error or f"planner {process.pid}: it does not answer")
-            await self._replace(process)
-            return
-        if answer.resident > RETIRED_BYTES:
-            _log.info("planner %s uses %d MiB: replaced", process.pid, answer.resident >> 20)
-            await self._replace(process)
-            return
-        self._idle.append(process)
-        self._dispatch()
-
-    def _give_up(self, waiting: Waiting) -> None:
-        """Have a planner end what nobody waits for any more, or be ended itself."""
-        process, waiting.process = waiting.process, None
-        if process is not None:
-            process.give_up()
-            self._spawn(self._kill_late(process))
-
-    async def _kill_late(self, process: PlannerProcess) -> None:
-        questions = process.questions
-        await asyncio.sleep(GIVE_UP)
-        is_at_it = process not in self._idle and process.questions == questions
-        if process in self._all and is_at_it:
-            _log.warning("planner %s: killed while %s", process.pid, process.stage)
-            process.kill()
-
-    def _too_long(self, waiting: Waiting, timeout: float) -> str:
-        if waiting.process is None:
-            return f"planning did not begin within {timeout:g} s: the planners are busy"
-        return f"planning took longer than {timeout:g} s: {waiting.process.stage}"
+            _log.info("planner %d uses %d MiB: replaced", planner.pid, rest.resident >> 20)
+        except (DaemonError, TimeoutError) as error:
+            task.planner = None
+            task.rest.cancel()
+            if not task.answer.done():
+                problem = GOING_DOWN if self._is_closing else str(error)
+                task.answer.set_exception(DaemonError(problem))
+                _log.warning("%s", problem)
+        if not self._is_closing:
+            del self._planners[planner.number]
+            planner.end()
+            self._dispatch()
+            await self._start(planner.number)
 
     # Life
 
@@ -266,38 +290,21 @@ class Planners:
 
     async def _start(self, number: int) -> None:
         while not self._is_closing:
-            process = PlannerProcess(number)
-            self._all.add(process)
+            server = None
             try:
-                await process.start(await self._forking(), nice=_NICE.get(number, _NICEST))
+                server = self._server = self._server or ForkServer(self._devices)
+                planner = await server.fork(number, _NICE.get(number, _NICEST))
             except DaemonError as error:
                 _log.error("a planner did not start: %s", error)
-                self._remove(process)
-                self._end_server()
+                if server is self._server:
+                    self._end_server()
                 await asyncio.sleep(_RESTART)
                 continue
-            self._idle.append(process)
-            self._started.add(number)
+            self._methods = server.methods
+            self._has_methods.set()
+            self._planners[number] = self._idle[number] = planner
             self._dispatch()
             return
-
-    async def _forking(self) -> ForkServer:
-        """Return what planners are forked from, started anew where it has ended."""
-        async with self._turn:
-            if self._server is None:
-                self._server = ForkServer()
-                await self._server.start(self._devices)
-            return self._server
-
-    async def _replace(self, process: PlannerProcess) -> None:
-        self._started.discard(process.number)
-        self._remove(process)
-        self._dispatch()
-        await self._start(process.number)
-
-    def _remove(self, process: PlannerProcess) -> None:
-        self._all.discard(process)
-        process.end()
 
     def _end_server(self) -> None:
         if self._server is not None:
@@ -306,8 +313,15 @@ class Planners:
 
     def _spawn(self, work: Coroutine[None, None, None]) -> None:
         task = asyncio.get_running_loop().create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        self._work.add(task)
+        task.add_done_callback(self._work.discard)
+
+
+def _too_long(task: Task) -> str:
+    timeout = task.call.timeout
+    if task.planner is None:
+        return f"planning did not begin within {timeout:g} s: the planners are busy"
+    return f"planning took longer than {timeout:g} s: {task.file.stage}"
 
 
 def default_processes() -> int:

@@ -1,4 +1,4 @@
-"""The planner process: it plans what it is asked to, one request after the other.
+"""The planner process: it plans what it is asked to, one task after the other.
 
 It knows the devices by their settings and their drivers, which it never opens.  Planners are forked
 from a process that has loaded everything and plans nothing, so that each is there within
@@ -16,30 +16,22 @@ import signal
 import socket
 from collections import OrderedDict
 from collections.abc import Iterable
-from types import FrameType
 from typing import Any
 
 from google.protobuf.message import DecodeError
 
 from orientd.daemon.planners import reporting
-from orientd.daemon.planners.jobs import (
+from orientd.daemon.planners.task import (
     FIRST,
     HEADER,
-    PID,
-    STAGE_BYTES,
-    Failure,
-    Methods,
     PlanInput,
-    PlannedRecords,
-    PlannerAnswer,
+    Planned,
     PlannerDevice,
-    Question,
-    Records,
-    RemainingRecords,
-    frame,
-    unframed,
+    RecordFile,
+    Rest,
+    packed,
+    unpacked,
 )
-from orientd.daemon.planners.record_file import write
 from orientd.driver import make_driver
 from orientd.errors import OrientdError, PlanError, RequestError
 from orientd.planner import DevicePlanner, Frame, Keyframe, Motion, MotionRequest, State
@@ -55,116 +47,97 @@ _BLOCK = 8192
 _PR_SET_PDEATHSIG = 1
 
 
-class Abandoned(BaseException):
-    """Nobody waits any more for what is being done."""
-
-
-class Work:
-    """What a planner can do, apart from hearing of it."""
+class Worker:
+    """Plans for some devices, and remembers the last motions."""
 
     def __init__(self, devices: Iterable[PlannerDevice]) -> None:
         """Make a planner for each device."""
         self._planners = {device.name: _planner(device) for device in devices}
-        self._memory: memoryview | None = None
         self._known: OrderedDict[str, tuple[Motion, int, Frame | None]] = OrderedDict()
-
-    def show_stage(self, memory: memoryview) -> None:
-        """Write to shared memory what is being done, for whoever gives it up."""
-        self._memory = memory
 
     def warm_up(self) -> None:
         """Plan something small for each device, so that nothing is left to be loaded."""
         q = ((1.0, 0.0, 0.0, 0.0), (0.9999500004166653, 0.0, 0.0, 0.009999833334166664))
         for planner in self._planners.values():
             request = MotionRequest([Keyframe(one) for one in q])
-            try:
+            # Not every device can do that; what it loads is loaded.
+            with contextlib.suppress(OrientdError, ValueError):
                 planner.plan(request, start=State.at_rest(q[0]), joints=(), is_offline=True)
-            except (OrientdError, ValueError):
-                continue  # not every device can do that; what it loads is loaded
 
-    def do(self, question: Question, file: int = -1) -> bytes | PlannedRecords:
-        """Return what was asked for, once records have been written to *file* where these were.
+    def plan(
+        self, plan_input: PlanInput, first: int, count: int, rate_hz: float, file: RecordFile
+    ) -> Planned:
+        """Plan a motion and write records of it to *file*.
+
+        Args:
+            plan_input: what to plan.
+            first: record; up to :data:`FIRST` are written now if it is the first of the motion.
+            count: how many records are wanted; fewer if the motion ends.
+            rate_hz: samples a second to report; 0 for none.
+            file: for the records.
 
         Raises:
-            OrientdError: it cannot be done.
+            OrientdError: it cannot be planned.
         """
-        what, job = question.what, question.job
-        if isinstance(what, Methods):
-            return reporting.methods()
-        if job is None:
-            raise ValueError("the question needs a job")
-        motion, leave, frame = self._motion(job)
-        self._say(f"reporting on {motion.record_count} records")
-        if not isinstance(what, Records):
-            return reporting.plan_response(motion, what.rate_hz)
-        most = min(what.count, FIRST) if what.is_first else what.count
-        rows = motion.rows(what.first, min(most, motion.record_count - what.first))
-        write(file, 0, rows)
-        return PlannedRecords(
+        motion, leave, frame = self._motion(plan_input, file)
+        file.say(f"reporting on {motion.record_count} records")
+        end = min(first + (count if first else min(count, FIRST)), motion.record_count)
+        rows = motion.rows(first, max(0, end - first))
+        file.write(first, rows)
+        return Planned(
             facts=motion.facts,
             leave=leave,
-            plan=reporting.plan(motion).SerializeToString() if what.is_first else b"",
-            response=(
-                reporting.plan_response(motion, what.rate_hz, frame) if what.rate_hz else b""
-            ),
-            shape=(rows.shape[0], rows.shape[1]),
+            plan=b"" if first else reporting.plan(motion).SerializeToString(),
+            response=reporting.plan_response(motion, rate_hz, frame) if rate_hz else b"",
             frame=frame,
+            end=end,
+            columns=rows.shape[1],
         )
 
-    def rest(self, question: Question, file: int = -1) -> RemainingRecords | None:
-        """Return what follows the answer to *question*, if anything does."""
-        what, job = question.what, question.job
-        if not isinstance(what, Records) or not what.is_first or job is None:
-            return None
-        motion, _, _ = self._known[job.motion_id]
-        count = min(what.count, motion.record_count)
-        for first in range(FIRST, count, _BLOCK):
-            write(file, first, motion.rows(first, min(_BLOCK, count - first)))
-        return RemainingRecords(count, reporting.event(motion))
+    def rest(self, plan_input: PlanInput, planned: Planned, count: int, file: RecordFile) -> Rest:
+        """Write the other records of a first chunk of *count*; return what nobody waits for."""
+        motion, *_ = self._known[plan_input.motion_id]
+        end = min(count, motion.record_count)
+        for first in range(planned.end, end, _BLOCK):
+            file.write(first, motion.rows(first, min(_BLOCK, end - first)))
+        return Rest(max(end, planned.end), reporting.event(motion), resident())
 
-    def _motion(self, job: PlanInput) -> tuple[Motion, int, Frame | None]:
-        """Return the motion of a job, where it leaves the one before, and in which frame it is."""
-        known = self._known.get(job.motion_id)
+    def _motion(self, plan_input: PlanInput, file: RecordFile) -> tuple[Motion, int, Frame | None]:
+        """Return the motion, where it leaves the one before, and in which frame it is."""
+        known = self._known.get(plan_input.motion_id)
         if known is not None:
             return known
-        self._say("reading the request")
         try:
-            message = pb.MotionRequest.FromString(job.motion)
+            request = to_request(pb.MotionRequest.FromString(plan_input.motion))
         except DecodeError as error:
             raise RequestError("motion", f"cannot be read: {error}") from error
-        request = to_request(message)
         duration = f", duration {request.duration}" if request.duration else ""
-        self._say(f"planning {len(request.keyframes)} keyframes with {request.method}{duration}")
-        planner = self._planners[job.device]
-        leave, after = 0, job.after
-        if after is not None:
+        file.say(f"planning {len(request.keyframes)} keyframes with {request.method}{duration}")
+        planner = self._planners[plan_input.device]
+        leave = 0
+        if plan_input.after is not None:
             leave, motion = planner.blend(
-                after.first,
+                plan_input.after,
                 request,
-                tolerance=after.tolerance,
-                earliest=after.earliest,
-                motion_id=job.motion_id,
+                tolerance=plan_input.tolerance,
+                earliest=plan_input.earliest,
+                motion_id=plan_input.motion_id,
             )
-        elif job.start is not None:
+        elif plan_input.start is not None:
             motion = planner.plan(
                 request,
-                start=job.start,
-                joints=job.joints,
-                before=job.before,
-                rates=job.rates,
-                motion_id=job.motion_id,
+                start=plan_input.start,
+                joints=plan_input.joints,
+                before=plan_input.before,
+                rates=plan_input.rates,
+                motion_id=plan_input.motion_id,
             )
         else:
-            raise ValueError("the job needs a start")
-        known = self._known[job.motion_id] = motion, leave, planner.report_frame(request)
+            raise ValueError("the motion needs a start")
+        known = self._known[plan_input.motion_id] = motion, leave, planner.report_frame(request)
         while len(self._known) > KEPT:
             self._known.popitem(last=False)
         return known
-
-    def _say(self, stage: str) -> None:
-        if self._memory is not None:
-            text = stage.encode()[: STAGE_BYTES - 1]
-            self._memory[: len(text) + 1] = text + b"\0"
 
 
 def _planner(device: PlannerDevice) -> DevicePlanner:
@@ -177,98 +150,69 @@ def main(channel: int) -> None:
     """Be what planners are forked from, until the daemon says no more.
 
     Args:
-        channel: descriptor of a stream socket to the daemon.  After the first frame each byte comes
-            with the descriptors of a planner's own socket and memory, and is answered with its pid.
+        channel: descriptor of a stream socket to the daemon.  The first message is the list of
+            devices, and is answered with the methods of the planner.  After it each byte comes with
+            the descriptor of a planner's own socket, and is answered with its process id.
     """
     _end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the daemon's to hear
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for planners here
     with socket.socket(fileno=channel) as peer:
-        devices = _framed(peer, [])
+        devices = _received(peer, [])
         if devices is None:
             return
-        work = Work(devices)
-        work.warm_up()
+        worker = Worker(devices)
+        worker.warm_up()
         # What there is now is shared with every planner, as long as nobody touches it.
         gc.collect()
         gc.freeze()
-        peer.sendall(frame(PlannerAnswer(resident=resident())))
+        peer.sendall(packed(reporting.methods()))
         while True:
-            asked, descriptors, _, _ = socket.recv_fds(peer, 1, 2)
+            asked, descriptors, _, _ = socket.recv_fds(peer, 1, 1)
             if not asked:
                 return
             pid = os.fork()
             if not pid:
                 peer.close()
-                _plan(work, *descriptors)
+                _end_with_parent()
+                with socket.socket(fileno=descriptors[0]) as own, contextlib.suppress(OSError):
+                    serve(own, worker)
                 os._exit(0)
-            for descriptor in descriptors:
-                os.close(descriptor)
-            peer.sendall(PID.pack(pid))
+            os.close(descriptors[0])
+            peer.sendall(packed(pid))
 
 
-def _plan(work: Work, channel: int, memory: int) -> None:
+def serve(peer: socket.socket, worker: Worker) -> None:
     """Be a planner until the daemon says no more."""
-    _end_with_parent()
-    with (
-        socket.socket(fileno=channel) as peer,
-        mmap.mmap(memory, STAGE_BYTES) as block,
-        memoryview(block) as view,
-        contextlib.suppress(ConnectionError),
-    ):
-        work.show_stage(view)
-        _serve(peer, work)
-
-
-def _serve(peer: socket.socket, work: Work) -> None:
-    is_busy = False
-    files: list[int] = []
-
-    def give_up(_number: int, _frame: FrameType | None) -> None:
-        nonlocal is_busy
-        if is_busy:
-            is_busy = False
-            raise Abandoned
-
-    signal.signal(signal.SIGUSR1, give_up)
-    while (question := _framed(peer, files)) is not None:
-        content: bytes | PlannedRecords | None = None
-        failure: Failure | None = None
+    descriptors: list[int] = []
+    while (task := _received(peer, descriptors)) is not None:
+        plan_input, first, count, rate_hz = task
+        file = RecordFile(descriptors.pop())
+        answer: Planned | OrientdError
         try:
-            is_busy = True
-            content, failure = _done(work, question, files)
-            is_busy = False
-        except Abandoned:
-            failure = Failure.of(PlanError("nobody waits for it any more"))
-        peer.sendall(frame(PlannerAnswer(content, failure, resident())))
+            answer = worker.plan(plan_input, first, count, rate_hz, file)
+        except OrientdError as error:
+            answer = error
+        except MemoryError:
+            answer = PlanError("the planner has not enough memory for it")
+        except Exception as error:  # noqa: BLE001 - one request fails, and says why
+            answer = PlanError(f"planning failed: {type(error).__name__}: {error}")
+        peer.sendall(packed(answer))
         # Whoever waits for the motion does not wait for the rest of it.
-        if failure is None and (rest := work.rest(question, *files)) is not None:
-            peer.sendall(frame(PlannerAnswer(rest, None, resident())))
-        while files:
-            os.close(files.pop())
+        rest = Rest(0, b"", resident())
+        if isinstance(answer, Planned) and count and not first:
+            with contextlib.suppress(MemoryError):
+                rest = worker.rest(plan_input, answer, count, file)
+        peer.sendall(packed(rest))
 
 
-def _done(
-    work: Work, question: Question, files: list[int]
-) -> tuple[bytes | PlannedRecords | None, Failure | None]:
-    """Return what was asked for, or why it cannot be had; to give it up interrupts both."""
-    try:
-        return work.do(question, *files), None
-    except OrientdError as error:
-        return None, Failure.of(error)
-    except MemoryError:
-        return None, Failure.of(PlanError("the planner has not enough memory for it"))
-    except Exception as error:  # noqa: BLE001 - one request fails, and says why
-        return None, Failure.of(PlanError(f"planning failed: {type(error).__name__}: {error}"))
-
-
-def _framed(peer: socket.socket, files: list[int]) -> Any:  # noqa: ANN401 - whatever was framed
-    """Return what comes next, and add the descriptor that comes with it; ``None`` at the end."""
-    header, descriptors, _, _ = socket.recv_fds(peer, HEADER.size, 1)
-    files += descriptors
+def _received(peer: socket.socket, descriptors: list[int]) -> Any:  # noqa: ANN401
+    """Return the next message, and add the descriptor that comes with it; ``None`` at the end."""
+    header, received, _, _ = socket.recv_fds(peer, HEADER.size, 1)
+    descriptors += received
     more = _exactly(peer, HEADER.size - len(header)) if header else None
     body = None if more is None else _exactly(peer, HEADER.unpack(header + more)[0])
-    return None if body is None else unframed(body)
+    return None if body is None else unpacked(body)
 
 
 def _exactly(peer: socket.socket, count: int) -> bytearray | None:
@@ -289,7 +233,7 @@ def resident() -> int:
 
 
 def _end_with_parent() -> None:
-    """Have the kernel kill this process when the daemon is killed, in the middle of a plan too."""
+    """Have the kernel kill this process when its parent is killed, in the middle of a plan too."""
     parent = os.getppid()
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:

@@ -229,7 +229,7 @@ def test_motion_brings_options_of_its_own_and_the_next_has_those_of_the_configur
             until(lambda: is_holding(device), "the end")
             assert ur_robot.state()["servoing"] == found
         begun = swing_motion(device)
-        other = pb.MotionRequest.FromString(begun.job.motion)
+        other = pb.MotionRequest.FromString(begun.input.motion)
         other.device_options.update({"gain": 700})
         order = PlanCall(other.SerializeToString())
         device.start(Prepared(begun))

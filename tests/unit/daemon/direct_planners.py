@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import functools
 from concurrent.futures import Future
 
 from orientd.daemon.cell import planner_device
-from orientd.daemon.planners import PlanCall, PlanInput, PlannedMotion
-from orientd.daemon.planners.jobs import Methods, PlannedRecords, Question, Records, Report
-from orientd.daemon.planners.record_file import Chunk, RecordFile
-from orientd.daemon.planners.worker import Work
+from orientd.daemon.planners import PlanCall, PlanInput, PlannedMotion, reporting
+from orientd.daemon.planners.task import CHUNK, RecordFile
+from orientd.daemon.planners.worker import Worker
 from orientd.rpc.wire.motion import from_request
 
 
@@ -20,34 +18,30 @@ class DirectPlanners:
     timeout = 10.0
 
     def __init__(self, settings):
-        self.work = Work(map(planner_device, settings))
+        self.worker = Worker(map(planner_device, settings))
 
-    async def plan(self, job: PlanInput, order: PlanCall, *, rank=None) -> PlannedMotion:
-        question, file = Question(Records(rate_hz=order.rate_hz), job), RecordFile()
-        planned = self.work.do(question, file.descriptor)
-        assert isinstance(planned, PlannedRecords)
+    async def plan(self, plan_input: PlanInput, call: PlanCall, *, rank=None) -> PlannedMotion:
+        file = RecordFile()
+        planned = self.worker.plan(plan_input, 0, CHUNK, call.rate_hz, file)
         rest = Future()
-        rest.set_result(self.work.rest(question, file.descriptor))
-        fetch = functools.partial(self._more, job)
-        chunk = Chunk(0, *planned.shape, file)
-        return PlannedMotion(planned, job, chunk, fetch=fetch, rest=rest)
+        rest.set_result(self.worker.rest(plan_input, planned, CHUNK, file))
+        return PlannedMotion(planned, plan_input, file, more=self._more, rest=rest)
 
-    def _more(self, job, first, count):
-        more, file = Future(), RecordFile()
-        planned = self.work.do(Question(Records(first, count), job), file.descriptor)
-        assert isinstance(planned, PlannedRecords)
-        more.set_result(Chunk(first, *planned.shape, file))
+    def _more(self, plan_input, file, first):
+        more = Future()
+        more.set_result(self.worker.plan(plan_input, first, CHUNK, 0.0, file).end)
         return more
 
     async def records(self, motion, first):
-        chunk = self._more(motion.job, first, motion.facts.record_count - first).result()
-        return chunk.read(first, chunk.count)
+        count, file = motion.facts.record_count - first, RecordFile()
+        planned = self.worker.plan(motion.input, first, count, 0.0, file)
+        return file.read(first, count, planned.columns)
 
-    async def report(self, job, order, rate_hz):
-        return self.work.do(Question(Report(rate_hz), job))
+    async def report(self, plan_input, call, rate_hz):
+        return self.worker.plan(plan_input, 0, 0, rate_hz, RecordFile()).response
 
-    async def methods(self, caller):
-        return self.work.do(Question(Methods()))
+    async def methods(self):
+        return reporting.methods()
 
 
 def order_of(request) -> PlanCall:

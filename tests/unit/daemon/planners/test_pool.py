@@ -12,8 +12,8 @@ from direct_planners import DirectPlanners
 from orientd import config
 from orientd.daemon.cell import planner_device
 from orientd.daemon.planners import PlanCall, PlanInput, Planners, Rank
-from orientd.daemon.planners.jobs import FIRST
-from orientd.daemon.planners.lanes import MOST_WAITING
+from orientd.daemon.planners.pool import MOST_WAITING
+from orientd.daemon.planners.task import CHUNK, FIRST
 from orientd.errors import DaemonError, DeadlineError, PlanError, RequestError, TooMuchError
 from orientd.planner import Keyframe, MotionRequest, State
 from orientd.rotation import exp
@@ -67,7 +67,7 @@ def run(test, *, processes=1, timeout=60.0):
 
 
 def pids(planners):
-    return [process.pid for process in planners._all]
+    return [process.pid for process in planners._planners.values()]
 
 
 def test_a_planner_makes_what_is_made_here_bit_for_bit():
@@ -130,7 +130,7 @@ def test_a_plan_ends_at_its_deadline_and_says_what_took_so_long():
     run(test)
 
 
-def test_a_planner_that_does_not_end_in_time_is_killed():
+def test_a_planner_that_stands_still_is_killed():
     async def test(planners):
         (before,) = pids(planners)
         os.kill(before, signal.SIGSTOP)
@@ -155,21 +155,22 @@ def test_a_caller_that_goes_away_frees_its_planner():
     assert len(after) == len(before)
 
 
-def test_callers_take_turns():
+def test_a_small_request_does_not_wait_behind_large_ones():
     order = []
 
-    async def ask(planners, caller):
-        await planners.plan(job(), PlanCall(SMALL, caller, 60.0))
-        order.append(caller)
+    async def ask(planners, call, name):
+        await planners.plan(job(call.motion), call)
+        order.append(name)
 
     async def test(planners):
-        many = [asyncio.ensure_future(ask(planners, "many")) for _ in range(20)]
+        large = PlanCall(motion(*np.tile([0.1, 0.2], 600)), timeout=60.0)
+        many = [asyncio.ensure_future(ask(planners, large, "large")) for _ in range(2)]
         await asyncio.sleep(0)
-        await ask(planners, "one")
+        await ask(planners, quick(), "small")
         await asyncio.gather(*many)
 
     run(test)
-    assert order.index("one") <= 2
+    assert order.index("small") <= 1
 
 
 def test_what_one_caller_may_have_waiting_is_bounded():
@@ -188,7 +189,7 @@ def test_what_one_caller_may_have_waiting_is_bounded():
 
 def test_a_moving_device_does_not_wait_for_a_large_plan():
     async def test(planners):
-        while len(planners._started) < 3:
+        while len(planners._planners) < 3:
             await asyncio.sleep(0.05)
         large = [
             asyncio.ensure_future(planners.plan(job(ENDLESS), endless(60.0, str(caller))))
@@ -211,9 +212,9 @@ def test_a_moving_device_is_served_by_the_planner_that_gives_way_to_nobody():
         for rank, number in (*served.items(), *served.items()):
             while len(planners._idle) < 3:
                 await asyncio.sleep(0.01)
-            before = {process.number: process.questions for process in planners._all}
+            before = {one.number: one.tasks for one in planners._planners.values()}
             await planners.plan(job(), quick(), rank=rank)
-            after = {process.number: process.questions for process in planners._all}
+            after = {one.number: one.tasks for one in planners._planners.values()}
             assert [one for one in after if after[one] != before[one]] == [number]
 
     run(test, processes=3)
@@ -249,6 +250,22 @@ def test_records_beyond_the_first_chunk_are_asked_for_while_they_are_fed():
         return np.concatenate(fed)
 
     fed = run(test)
-    work = DirectPlanners([SETTINGS]).work
-    whole, *_ = work._motion(one)
-    assert fed.tobytes() == whole.records(0, whole.record_count).tobytes()
+    whole = asyncio.run(DirectPlanners([SETTINGS]).plan(one, PlanCall(long)))
+    assert fed.tobytes() == whole.records(0, whole.facts.record_count).tobytes()
+
+
+def test_a_motion_of_several_chunks_is_fed_to_its_end_and_again():
+    one = job(motion(0.5, duration=400.0))
+
+    def fed(found):
+        parts = [found.records(0, 4096)]
+        while (place := sum(map(len, parts))) < found.facts.record_count:
+            parts.append(found.records(place, 4096))
+        return np.concatenate(parts)
+
+    found = asyncio.run(DirectPlanners([SETTINGS]).plan(one, PlanCall(one.motion)))
+    assert found.facts.record_count > 2 * CHUNK
+    first = fed(found)
+    assert len(first) == found.facts.record_count
+    assert found.at_hand[0] > CHUNK  # what is far behind was forgotten
+    assert fed(found.again()).tobytes() == first.tobytes()

@@ -1,0 +1,248 @@
+"""What crosses between the daemon and a planner process: a task, an answer, and the rest.
+
+A message is its length and a pickle; both ends are of one installation and one user.  With each
+task comes the descriptor of a file in memory, to which the planner writes the records of the motion
+and, in words, what it is doing.  A planner answers a task twice: with a :class:`Planned`, or the
+error why there is none, and with the :class:`Rest`, for which nobody waits.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import pickle
+import struct
+import time
+import weakref
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from orientd.planner import Frame, Joints, Limits, MotionFacts, RecordedMotion, State
+from orientd.rotation import Floats
+
+CHUNK = 65_536
+"""Records that a planner works out at a time: two minutes at 500 Hz."""
+
+FIRST = 1024
+"""Records that are there with the answer; the others of a chunk come with the rest."""
+
+SMALL_BYTES = 32_768
+"""Of a request that counts as small: some 800 keyframes."""
+
+HEADER = struct.Struct("!Q")
+
+_STAGE_BYTES = 256
+_DOUBLE = 8
+_PUNCH_HOLE = 0x02 | 0x01  # FALLOC_FL_PUNCH_HOLE, FALLOC_FL_KEEP_SIZE
+
+
+class Rank(IntEnum):
+    """What may wait for what."""
+
+    URGENT = 0
+    SMALL = 1
+    LARGE = 2
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerDevice:
+    """What a planner knows of a device.
+
+    Attributes:
+        name: of the device.
+        driver: the registry's name of its driver.
+        options: of the driver.
+        period_ns: of its cycle.
+        limits: what no motion may exceed.
+        frames: that motions may name.
+    """
+
+    name: str
+    driver: str
+    options: Mapping[str, Any]
+    period_ns: int
+    limits: Limits
+    frames: Mapping[str, Frame] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class PlanCall:
+    """A motion that a caller asks for.
+
+    Attributes:
+        motion: a serialised ``orientd.v1.MotionRequest``.
+        caller: who asks; how much of one caller may wait is bounded.
+        timeout: how long planning may take, waiting for a turn and planning anew included, s.
+        rate_hz: samples a second to report with the plan; 0 for none.
+        began: when that time began, monotonic s.
+        waits: s, each that the device was waited for; see :meth:`waiting`.
+    """
+
+    motion: bytes
+    caller: str = ""
+    timeout: float = 10.0
+    rate_hz: float = 0.0
+    began: float = field(default_factory=time.monotonic)
+    waits: list[float] = field(default_factory=list)
+
+    @contextlib.contextmanager
+    def waiting(self) -> Iterator[None]:
+        """Count what the context takes as time in which the device is waited for."""
+        begun = time.monotonic()
+        try:
+            yield
+        finally:
+            self.waits.append(time.monotonic() - begun)
+
+    @property
+    def time_left(self) -> float:
+        """How much of the time is left, s."""
+        return max(0.0, self.began + self.timeout - time.monotonic())
+
+    @property
+    def rank(self) -> Rank:
+        """What it may wait for, on a device at rest."""
+        return Rank.SMALL if len(self.motion) <= SMALL_BYTES else Rank.LARGE
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanInput:
+    """A motion to plan, with everything that it depends on.
+
+    Attributes:
+        device: what is to move.
+        motion: a serialised ``orientd.v1.MotionRequest``.
+        motion_id: names the motion, and no other.
+        start: where the device will be; not of a motion that follows another.
+        joints: its axis angles there, rad.
+        before: axis angles planned for the cycles before, if it moves.
+        rates: velocities of the axes planned there, rad/s, if it moves.
+        after: the end of the motion that it is to follow; ``None`` if it begins at *start*.
+        tolerance: how far from the corner between the two the device may pass, rad.
+        earliest: the record of *after* before which that cannot be left any more.
+    """
+
+    device: str
+    motion: bytes
+    motion_id: str = field(default_factory=lambda: os.urandom(6).hex())
+    start: State | None = None
+    joints: Joints = ()
+    before: tuple[Joints, ...] = ()
+    rates: Joints = ()
+    after: RecordedMotion | None = None
+    tolerance: float = 0.0
+    earliest: int = 0
+
+
+class Planned(NamedTuple):
+    """What a planner answers, once the first records are in the file.
+
+    Attributes:
+        facts: what there is to know of the motion.
+        leave: record of the motion before at which it begins, of one that follows another.
+        plan: a serialised ``orientd.v1.Plan``.
+        response: a serialised ``PlanResponse`` with samples, if the task asks for some.
+        frame: in which the motion was asked for; ``None`` for the device's own coordinates.
+        end: the record behind the last one in the file.
+        columns: numbers of each record.
+    """
+
+    facts: MotionFacts
+    leave: int
+    plan: bytes
+    response: bytes
+    frame: Frame | None
+    end: int
+    columns: int
+
+
+class Rest(NamedTuple):
+    """What a planner adds when nobody waits for it any more.
+
+    Attributes:
+        end: the record behind the last one in the file by now.
+        event: a serialised ``Event``, with what the journal reports when the motion starts.
+        resident: bytes of memory that the process uses now.
+    """
+
+    end: int
+    event: bytes
+    resident: int
+
+
+class RecordFile:
+    """A file in memory with the records of one motion, each at its own place.
+
+    The planner writes them and the daemon reads what it feeds.  None of it counts as memory of the
+    daemon, however many motions wait.
+
+    Attributes:
+        descriptor: of the file.
+    """
+
+    def __init__(self, descriptor: int = -1) -> None:
+        """Take the file with that descriptor over, or make a new one."""
+        if descriptor < 0:
+            descriptor = os.memfd_create("orientd-records", os.MFD_CLOEXEC)
+            os.ftruncate(descriptor, _STAGE_BYTES)
+        self.descriptor = descriptor
+        weakref.finalize(self, os.close, descriptor)
+
+    @property
+    def stage(self) -> str:
+        """What the planner is doing, in words; empty before it has begun."""
+        found = os.pread(self.descriptor, _STAGE_BYTES, 0)
+        return found.partition(b"\0")[0].decode(errors="replace")
+
+    def say(self, stage: str) -> None:
+        """Write down what the planner is doing."""
+        text = stage.encode()[: _STAGE_BYTES - 1]
+        os.pwrite(self.descriptor, text.ljust(_STAGE_BYTES, b"\0"), 0)
+
+    def read(self, first: int, count: int, columns: int) -> Floats:
+        """Return records, shape ``(count, columns)``.
+
+        Raises:
+            ValueError: they are not in the file.
+        """
+        rows = np.empty((count, columns))
+        if os.preadv(self.descriptor, [rows.data], _place(first, columns)) != rows.nbytes:
+            raise ValueError(f"records {first} to {first + count} are not in the file")
+        return rows
+
+    def write(self, first: int, rows: Floats) -> None:
+        """Put records into the file.
+
+        Raises:
+            MemoryError: there is no room for them.
+        """
+        content = np.ascontiguousarray(rows).data
+        if os.pwrite(self.descriptor, content, _place(first, rows.shape[1])) != rows.nbytes:
+            raise MemoryError
+
+    def forget(self, first: int, end: int, columns: int) -> None:
+        """Give back the memory of records *first* to *end*."""
+        begin, behind = _place(first, columns), _place(end, columns)
+        if behind > begin:
+            place, length = ctypes.c_int64(begin), ctypes.c_int64(behind - begin)
+            ctypes.CDLL(None).fallocate(self.descriptor, _PUNCH_HOLE, place, length)
+
+
+def _place(record: int, columns: int) -> int:
+    return _STAGE_BYTES + _DOUBLE * columns * record
+
+
+def packed(content: object) -> bytes:
+    """Return a message: *content* with its length in front."""
+    body = pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL)
+    return HEADER.pack(len(body)) + body
+
+
+def unpacked(body: bytes | bytearray) -> Any:  # noqa: ANN401 - whatever was packed
+    """Return the content of a message."""
+    return pickle.loads(body)
