@@ -70,12 +70,26 @@ class SharedMemory:
             the next ones are about the driver's calls, see :data:`LONGEST_READ_WORD`.
     """
 
-    def __init__(self, descriptor: int, path_capacity: int, cycle_capacity: int) -> None:
-        """Map an existing file; use :meth:`create` to make one."""
+    def __init__(
+        self,
+        descriptor: int,
+        path_capacity: int,
+        cycle_capacity: int,
+        *,
+        is_populated: bool = True,
+    ) -> None:
+        """Map an existing file; use :meth:`create` to make one.
+
+        Args:
+            descriptor: the file.
+            path_capacity: path records the ring can hold.
+            cycle_capacity: cycles the daemon may fall behind.
+            is_populated: whether every page is mapped at once.  The servo would else meet a page
+                fault every few cycles; the daemon may, and needs less memory.
+        """
         self.descriptor = descriptor
         rings = _rings(path_capacity, cycle_capacity)
-        # With every page in place: the servo would else meet a page fault every few cycles.
-        flags = mmap.MAP_SHARED | mmap.MAP_POPULATE
+        flags = mmap.MAP_SHARED | (mmap.MAP_POPULATE if is_populated else 0)
         self._map = mmap.mmap(descriptor, PAGE + sum(size for *_, size in rings), flags)
         self._view = memoryview(self._map)
         self.pulse = self._view[:PAGE].cast("Q")
@@ -116,7 +130,7 @@ class SharedMemory:
             raise OSError(
                 error.errno, f"{error.strerror}, {size / 1e6:.1f} MB are needed", DIRECTORY
             ) from error
-        return cls(descriptor, path_capacity, cycle_capacity)
+        return cls(descriptor, path_capacity, cycle_capacity, is_populated=False)
 
     def beat(self, now_ns: int) -> None:
         """Say that the daemon is alive."""
