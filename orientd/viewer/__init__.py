@@ -1,7 +1,7 @@
 """The live view: what a device was told and what it does, in a browser.
 
-A client of the control socket like any other: one stream of cycles for however many pages are
-open, and none while there are none.  Needs the extra ``view``: ``viser``, which draws the pages.
+The view is a client of the control socket like any other.  It streams cycles once for all open
+pages, and not at all while none is open.  It needs the extra ``view``: ``websockets``.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.viewer.cell import Member
-    from orientd.viewer.cell_page import CellPage
-    from orientd.viewer.own_page import is_loopback
-    from orientd.viewer.page import Page
+    from orientd.viewer.cell_view import CellView
+    from orientd.viewer.server import is_loopback
+    from orientd.viewer.view import View
 
 __getattr__ = lazily(
     __name__,
     {
         "orientd.viewer.cell": ("Member",),
-        "orientd.viewer.cell_page": ("CellPage",),
-        "orientd.viewer.own_page": ("is_loopback",),
-        "orientd.viewer.page": ("Page",),
+        "orientd.viewer.cell_view": ("CellView",),
+        "orientd.viewer.server": ("is_loopback",),
+        "orientd.viewer.view": ("View",),
     },
 )

@@ -1,189 +1,70 @@
-"""The strip charts: which there are for a device, and how they are drawn.
-
-A line is told from another by its dashes as well as by its colour; the title shows them.
-"""
+"""The charts of a device: which there are, and the lines of each."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-import numpy as np
-import viser
-from viser import uplot
+from orientd.planner import AXES, Certificate, Limits
+from orientd.rpc import DeviceReport
+from orientd.viewer.strips import COLUMNS
 
-from orientd.planner import AXES, Limits
-from orientd.rotation import Floats
-from orientd.rpc import DeviceReport, Plan
-from orientd.viewer.strips import COUNT, SPAN
+_SOLID: list[int] = []
+_DASHED, _DOTTED, _DASH_DOT = [9, 4], [2, 3], [8, 3, 2, 3]
+_AXIS_TINTS, _AXIS_DASHES = ("--x", "--y", "--z"), (_SOLID, _DASHED, _DASH_DOT)
 
-HEIGHT = 130
-_SOLID: tuple[int, ...] = ()
-_DASHED = (9, 4)
-_DASHED_AND_DOTTED = (8, 3, 2, 3)
-_DOTTED = (2, 3)
-_LOOKS = {_SOLID: "━━", _DASHED: "╍╍", _DASHED_AND_DOTTED: "━·", _DOTTED: "┈┈"}
-_OF_AXES = (_SOLID, _DASHED, _DASHED_AND_DOTTED)
-_COLOURS = ("#d6542c", "#2e9e72", "#4270d8")
-_SENT, _MEASURED, _LIMIT = "#4270d8", "#d6542c", "#a04ec2"
+Chart = dict[str, Any]
+"""``title``; ``scale`` from the unit of the strips to that of the chart; and ``lines``.  A line
+shows a ``column`` of the strips or a constant ``level``, by ``name``, ``tint`` and ``dashes``."""
 
 
-@dataclass(frozen=True, slots=True)
-class ChartLine:
-    """One line of a chart.
-
-    Attributes:
-        label: in the legend.
-        colour: readable on white and on black.
-        dashes: strokes and gaps, pixels.
-        strip: which one it shows; empty for a level.
-        level: where it is, in the chart's unit, if it shows no strip.
-        quantity: whose limit it is, where a motion may have a narrower one.
-    """
-
-    label: str
-    colour: str
-    dashes: tuple[int, ...]
-    strip: str = ""
-    level: float = 0.0
-    quantity: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Chart:
-    """One chart.
-
-    Attributes:
-        title: what, and in which unit.
-        scale: from the unit of the strips to that of the chart.
-        lines: in it.
-    """
-
-    title: str
-    scale: float
-    lines: tuple[ChartLine, ...]
-
-    @property
-    def heading(self) -> str:
-        """The title, with the lines as they look."""
-        return f"{self.title}:  " + "   ".join(
-            f"{_LOOKS[line.dashes]} {line.label}" for line in self.lines
-        )
-
-    def data(
-        self, times: Floats, strips: Mapping[str, Floats], limits: Mapping[str, float]
-    ) -> tuple[Floats, ...]:
-        """Return times and the values of each line, in the chart's unit.
-
-        Args:
-            times: of the values, s.
-            strips: by name.
-            limits: of the motion, by quantity.
-        """
-        lines = [
-            strips[line.strip] * self.scale
-            if line.strip
-            else np.full(len(times), min(line.level, limits.get(line.quantity, np.inf)))
-            for line in self.lines
-        ]
-        return (times, *lines)
-
-
-def limits_of(plan: Plan | None) -> dict[str, float]:
-    """Return the limits that a motion was planned with, by quantity."""
-    if plan is None:
-        return {}
-    certificate = plan.certificate
-    return {
+def charts_of(device: DeviceReport, certificate: Certificate | None) -> list[Chart]:
+    """Return the charts of a device, with its limits, or those of the motion if they are lower."""
+    lowest = {} if certificate is None else {
         "velocity": certificate.peak_velocity.limit,
         "acceleration": certificate.peak_acceleration.limit,
-    }
-
-
-def charts_of(device: DeviceReport) -> list[Chart]:
-    """Return the charts for a device, with its limits."""
-    velocity = _rates(device.limits, "velocity")
+    }  # fmt: skip
+    velocity = _rates(device.limits, "velocity", lowest)
     if len(velocity) == 2:
-        velocity.insert(1, ChartLine("measured", _MEASURED, _DASHED, "velocity_measured"))
-    half_a_period = 0.5e3 / device.rate_hz
+        velocity.insert(1, _strip("measured", "velocity_measured", "--x", _DASHED))
     return [
-        Chart("Angular velocity, rad/s", 1.0, tuple(velocity)),
-        Chart("Angular acceleration, rad/s²", 1.0, tuple(_rates(device.limits, "acceleration"))),
-        Chart(
-            "Tracking error, mrad", 1e3, (ChartLine("largest", _SENT, _SOLID, "tracking_error"),)
-        ),
-        Chart(
-            "Lateness of cycles, ms",
+        _chart("Velocity, rad/s", 1.0, velocity),
+        _chart("Acceleration, rad/s²", 1.0, _rates(device.limits, "acceleration", lowest)),
+        _chart("Tracking error, mrad", 1e3, [_strip("largest", "tracking_error", "--z", _SOLID)]),
+        _chart(
+            "Lateness, ms",
             1e3,
-            (
-                ChartLine("largest", _SENT, _SOLID, "lateness"),
-                ChartLine("half a period", _LIMIT, _DOTTED, level=half_a_period),
-            ),
+            [
+                _strip("largest", "lateness", "--z", _SOLID),
+                _level("half a period", 0.5 / device.rate_hz),
+            ],
         ),
     ]
 
 
-def _rates(limits: Limits, name: str) -> list[ChartLine]:
+def _rates(limits: Limits, name: str, lowest: dict[str, float]) -> list[Chart]:
     """Return the line of what was sent and that of its limit, or those of the body's axes."""
     limit = limits.rate(name)
     if isinstance(limit, float | int):
-        lines = [ChartLine("sent", _SENT, _SOLID, name)]
-        if isfinite(limit):
-            lines.append(ChartLine("limit", _LIMIT, _DOTTED, level=limit, quantity=name))
-        return lines
+        lines = [_strip("sent", name, "--z", _SOLID)]
+        level = min(limit, lowest.get(name, limit))
+        return lines + [_level("limit", level)] * isfinite(level)
     lines = []
-    for axis, level, colour, dashes in zip(AXES, limit, _COLOURS, _OF_AXES, strict=True):
-        lines.append(ChartLine(axis, colour, dashes, f"{name}_{axis}"))
+    for axis, level, tint, dashes in zip(AXES, limit, _AXIS_TINTS, _AXIS_DASHES, strict=True):
+        lines.append(_strip(axis, f"{name}_{axis}", tint, dashes))
         if isfinite(level):
-            lines.append(ChartLine(f"limit {axis}", colour, _DOTTED, level=level))
+            lines.append(_level(f"limit {axis}", level, tint))
     return lines
 
 
-class Charts:
-    """The charts on the page."""
-
-    def __init__(self, server: viser.ViserServer, device: DeviceReport) -> None:
-        """Draw the charts of *device*, empty."""
-        times = np.arange(1.0 - COUNT, 1.0) * SPAN
-        nothing = np.full(COUNT, np.nan)
-        self._charts = charts_of(device)
-        self._handles: list[Any] = [
-            server.gui.add_uplot(
-                data=(times, *(nothing for _ in chart.lines)),
-                series=(uplot.Series(label="s"), *map(_series, chart.lines)),
-                title=chart.heading,
-                scales={
-                    "x": uplot.Scale(time=False, range=(float(times[0]), 0.0)),
-                    "y": uplot.Scale(range=(0.0, None)),
-                },
-                axes=(uplot.Axis(size=24), uplot.Axis(size=44)),
-                legend=uplot.Legend(show=False),
-                cursor=uplot.Cursor(show=False),
-                height=HEIGHT,
-                padding=(4, 12, 0, 0),
-            )
-            for chart in self._charts
-        ]
-
-    def show(self, times: Floats, strips: Mapping[str, Floats], plan: Plan | None) -> None:
-        """Draw the strips as they are now, with the limits of *plan*."""
-        limits = limits_of(plan)
-        for chart, handle in zip(self._charts, self._handles, strict=True):
-            handle.data = chart.data(times, strips, limits)
-
-    def remove(self) -> None:
-        """Take the charts off the page."""
-        for handle in self._handles:
-            handle.remove()
+def _chart(title: str, scale: float, lines: list[Chart]) -> Chart:
+    return {"title": title, "scale": scale, "lines": lines}
 
 
-def _series(line: ChartLine) -> uplot.Series:
-    return uplot.Series(
-        label=line.label,
-        stroke=line.colour,
-        width=2,
-        dash=line.dashes,
-        points=uplot.Series_Points(show=False),
-    )
+def _strip(name: str, column: str, tint: str, dashes: list[int]) -> Chart:
+    place = 1 + COLUMNS.index(column)  # the first of a row is the number of its span
+    return {"name": name, "column": place, "tint": tint, "dashes": dashes}
+
+
+def _level(name: str, level: float, tint: str = "--limit") -> Chart:
+    return {"name": name, "column": None, "level": level, "tint": tint, "dashes": _DOTTED}

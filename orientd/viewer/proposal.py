@@ -1,8 +1,9 @@
-"""A motion that somebody has put on the page: read, planned and looked at before it is sent."""
+"""A motion that somebody has put on the page: read, planned and shown before it is sent."""
 
 from __future__ import annotations
 
 import threading
+from typing import Any
 
 from orientd import motion_file
 from orientd.errors import OrientdError
@@ -10,50 +11,44 @@ from orientd.rpc import MoveHandle, Outcome, Plan, Robot
 from orientd.viewer import words
 from orientd.viewer.watcher import sample_rate
 
+_OUTCOMES = {
+    Outcome.STOPPED: "was stopped on its path",
+    Outcome.FAULT: "was ended by a fault",
+    Outcome.REPLACED: "was replaced by another one",
+    Outcome.PASSED: "was blended into the next one",
+    Outcome.UNSETTLED: "was sent to its end, but the device is not where it should be",
+}
+
 
 class Proposal:
     """At most one motion, and how the last one that was sent went.
 
     Attributes:
-        html: what there is to say of it.
-        plan: of the motion, with samples; ``None`` where there is none that could be sent.
+        lines: what there is to say of it.
+        plan: of the motion, with samples; ``None`` if there is nothing to send.
     """
 
     def __init__(self) -> None:
-        """Begin without one."""
         self._lock = threading.Lock()
         self._handle: MoveHandle | None = None
-        self.html = ""
+        self.lines: list[words.Line] = []
         self.plan: Plan | None = None
 
     def read(self, name: str, content: bytes, robot: Robot, device: str, device_hz: float) -> None:
-        """Plan what a file says; what is wrong with it is said in its place.
-
-        Args:
-            name: of the file.
-            content: of the file.
-            robot: the connection to plan by.
-            device: for which device.
-            device_hz: its rate.
-        """
+        """Plan the motion file *content* called *name*, or say in its place what is wrong."""
         with self._lock:
             self.plan = None
             try:
                 request = motion_file.loads(content, name)
                 planned = robot.plan(request, device=device)
-                self.plan = robot.planned(
-                    planned.motion_id,
-                    device=device,
-                    sample_rate_hz=sample_rate(planned.duration, device_hz),
-                )
+                rate_hz = sample_rate(planned.duration, device_hz)
+                self.plan = robot.planned(planned.motion_id, device=device, sample_rate_hz=rate_hz)
             except OrientdError as error:
-                self.html = words.refusal(str(error))
+                self.lines = [("alert", "✕ Refused", str(error))]
                 return
-            title = (
-                f"{name}: {len(request.keyframes)} keyframes, shown as +1, +2 and so on. "
-                "Not sent yet."
-            )
-            self.html = words.note(title) + words.certificate(planned.certificate)
+            count = len(request.keyframes)
+            title = f"{name}: {count} keyframes, shown as +1, +2 and so on. Not sent yet."
+            self.lines = [("note", title, ""), *words.certificate(planned.certificate)]
 
     def send(self, robot: Robot, device: str) -> None:
         """Start the motion.
@@ -66,12 +61,12 @@ class Proposal:
                 return
             self._handle = handle = robot.move(self.plan, device=device)
             self.plan = None
-            self.html = words.note(f"Motion {handle.motion_number} has been sent.")
+            self.lines = [("note", f"Motion {handle.motion_number} has been sent.", "")]
 
     def discard(self) -> None:
         """Forget the motion."""
         with self._lock:
-            self.plan, self.html = None, ""
+            self.plan, self.lines = None, []
 
     def look(self) -> None:
         """Say how the motion that was sent ended, once it has."""
@@ -80,7 +75,16 @@ class Proposal:
                 return
             handle, self._handle = self._handle, None
             if self.plan is None:
-                self.html = words.note(_ending(handle))
+                self.lines = [("note", _ending(handle), "")]
+
+
+def path_of(plan: Plan | None) -> dict[str, Any] | None:
+    """Return what the page draws of a plan: orientations along it and at its keyframes."""
+    if plan is None or plan.samples is None:
+        return None
+    q, times = plan.samples.q.round(5).tolist(), plan.samples.times
+    nearest = [int(abs(times - time).argmin()) for time in plan.keyframe_times]
+    return {"q": q, "keyframes": [q[k] for k in nearest]}
 
 
 def _ending(handle: MoveHandle) -> str:
@@ -91,14 +95,4 @@ def _ending(handle: MoveHandle) -> str:
         return f"{motion}: {error}"
     if summary.outcome is Outcome.DONE:
         return f"{motion} was run to its end."
-    if summary.outcome is Outcome.PASSED:
-        return f"{motion} went over into the next: {summary.text}"
-    return f"{motion} was {_OUTCOMES[summary.outcome]}: {summary.text or 'no reason given'}"
-
-
-_OUTCOMES = {
-    Outcome.STOPPED: "stopped on its path",
-    Outcome.FAULT: "ended by a fault",
-    Outcome.REPLACED: "replaced by another one",
-    Outcome.UNSETTLED: "sent to its end, but the device is not where it should be",
-}
+    return f"{motion} {_OUTCOMES[summary.outcome]}: {summary.text or 'no reason given'}"

@@ -1,7 +1,7 @@
-"""Watches one daemon for all pages: state, cycles and the plan that runs; comes back when it does.
+"""Watches one daemon for all pages: state, cycles and the plan that runs.
 
-The stream of cycles flows while somebody looks.  What arrives replaces what was there, so a page
-that is slow, or many pages, hold nothing up.
+The stream of cycles flows while a page is open.  New values replace old ones, so a slow page holds
+nothing up.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ SLOWEST_SAMPLES_HZ = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """What there is to see.
+    """What is known of the device that is shown.
 
     Attributes:
         problem: why nothing newer is known; empty while all is well.
         cell: the daemon and its devices; ``None`` before they were first seen.
-        device: the one that is shown.
-        cycle: its newest one.
+        device: name of the device.
+        cycle: its newest cycle.
         outline: its shape.
-        plan: of its newest motion.
-        seen: when the daemon was last heard of, s on :func:`time.monotonic`.
-        alive: when the newest cycle of its servo was, where there is one, or *seen*.
+        plan: of its newest motion, with samples.
+        seen: when the daemon last answered, s on :func:`time.monotonic`.
+        alive: when the servo's newest cycle was; *seen* if there is no servo.
     """
 
     problem: str = ""
@@ -51,23 +51,15 @@ class Sight:
 
     @property
     def report(self) -> DeviceReport | None:
-        """The device that is shown, as it is."""
+        """The device as the daemon reports it."""
         return None if self.cell is None else self.cell.devices.get(self.device)
 
     def age(self, now: float) -> float:
-        """Return how old what there is to see is, s.
-
-        Args:
-            now: s on :func:`time.monotonic`.
-        """
+        """Return how old this is at *now*, s on :func:`time.monotonic`."""
         return max(0.0, now - min(self.seen, self.alive))
 
     def trouble(self, now: float) -> str:
-        """Return why what there is to see is old; empty while it is not.
-
-        Args:
-            now: s on :func:`time.monotonic`.
-        """
+        """Return why this is out of date at *now*; empty while it is not."""
         if self.problem:
             return self.problem
         if now - self.seen > STALE:
@@ -78,7 +70,7 @@ class Sight:
 
 
 def sample_rate(duration: float, device_hz: float) -> float:
-    """Return how often to sample a motion so that its traces are smooth, and no more than needed.
+    """Return how often to sample a motion so that its path looks smooth.
 
     >>> sample_rate(2.0, 500.0), sample_rate(150.0, 500.0)
     (100.0, 10.0)
@@ -88,31 +80,30 @@ def sample_rate(duration: float, device_hz: float) -> float:
 
 
 class Watcher:
-    """Looks at a daemon from a thread of its own."""
+    """Looks at a daemon from a thread of its own.
+
+    Attributes:
+        sight: what is known now.
+        strips: the last seconds of the device.
+    """
 
     def __init__(self, connect: Callable[[], Robot]) -> None:
-        """Look at nothing yet; see :meth:`start`.
+        """Connect with *connect* now, and look from now on.
 
-        Args:
-            connect: makes a connection, and raises :class:`~orientd.errors.OrientdError` where
-                that is not possible.
+        Raises:
+            OrientdError: no daemon answers.
         """
         self._connect = connect
         self._lock = threading.Lock()
-        self._sight = Sight()
-        self._robot: Robot | None = None
-        self._met: Robot | None = None
+        self.sight, self.strips = Sight(), Strips()
         self._observer: Observer | None = None
         self._is_watched = False
-        self._closing = threading.Event()
-        self._wake = threading.Event()
+        self._closing, self._wake = threading.Event(), threading.Event()
+        self._robot: Robot | None = None
+        self._last_robot = self._robot = connect()
+        self._look(self._robot)
         self._thread = threading.Thread(target=self._work, name="watcher", daemon=True)
-        self.strips = Strips()
-
-    @property
-    def sight(self) -> Sight:
-        """What there is to see now."""
-        return self._sight
+        self._thread.start()
 
     @property
     def is_streaming(self) -> bool:
@@ -124,43 +115,27 @@ class Watcher:
         """The connection, if there is one."""
         return self._robot
 
-    def robot(self) -> Robot:
-        """Return the connection, for commands.
+    def robot(self, *, even_lost: bool = False) -> Robot:
+        """Return the connection, for commands; with *even_lost* the last one, to stop by.
 
         Raises:
             DaemonError: there is none at present.
         """
-        robot = self._robot
+        robot = self._last_robot if even_lost else self._robot
         if robot is None:
-            raise DaemonError(self._sight.problem or "no daemon answers")
+            raise DaemonError(self.sight.problem or "no daemon answers")
         return robot
 
-    def stopping(self) -> Robot:
-        """Return what stops devices, whether or not the daemon answers.
-
-        Raises:
-            DaemonError: there never was a connection.
-        """
-        return self._met if self._met is not None else self.robot()
-
-    def start(self) -> None:
-        """Connect now, and look from now on.
-
-        Raises:
-            OrientdError: no daemon answers.
-        """
-        self._meet(self._connect())
-        self._thread.start()
-
     def watch(self, is_watched: bool) -> None:
-        """Have cycles flow while somebody looks."""
-        self._is_watched = is_watched
-        self._wake.set()
+        """Have cycles flow while a page is open."""
+        if is_watched != self._is_watched:
+            self._is_watched = is_watched
+            self._wake.set()
 
     def choose(self, device: str) -> None:
         """Show another device."""
         with self._lock:
-            self._sight = Sight(self._sight.problem, self._sight.cell, device)
+            self.sight = Sight(self.sight.problem, self.sight.cell, device)
             self._end_stream()
         self._wake.set()
 
@@ -168,8 +143,7 @@ class Watcher:
         """Look no more and hang up, which gives back the lease if it is held."""
         self._closing.set()
         self._wake.set()
-        if self._thread.is_alive():
-            self._thread.join()
+        self._thread.join()
         self._part()
 
     # The thread
@@ -178,19 +152,14 @@ class Watcher:
         while not self._closing.is_set():
             try:
                 if self._robot is None:
-                    self._meet(self._connect())
-                else:
-                    self._look(self._robot)
+                    self._robot = self._last_robot = self._connect()
+                self._look(self._robot)
             except OrientdError as error:
                 self._part()
                 with self._lock:
-                    self._sight = replace(self._sight, problem=str(error))
+                    self.sight = replace(self.sight, problem=str(error))
             self._wake.wait(POLL if self._is_watched else 5.0 * POLL)
             self._wake.clear()
-
-    def _meet(self, robot: Robot) -> None:
-        self._robot = self._met = robot
-        self._look(robot)
 
     def _part(self) -> None:
         with self._lock:
@@ -203,31 +172,26 @@ class Watcher:
         """Take in the state, and fetch the plan of a motion that is new."""
         asked = time.monotonic()
         cell = robot.state()
-        with self._lock:
-            device = self._sight.device
-            if device not in cell.devices:
-                device = next(iter(cell.devices))
-            report = cell.devices[device]
-            plan, motion_id = self._sight.plan, report.motion_id
-        if not motion_id:
+        before = self.sight
+        device = before.device if before.device in cell.devices else next(iter(cell.devices))
+        report, plan = cell.devices[device], before.plan
+        if not report.motion_id:
             plan = None
-        elif plan is None or plan.motion_id != motion_id:
+        elif plan is None or plan.motion_id != report.motion_id:
             rate_hz = sample_rate(report.duration, report.rate_hz)
             plan = robot.planned(device=device, sample_rate_hz=rate_hz)
         with self._lock:
-            if self._sight.device not in ("", device):
-                return
-            cycle = self._sight.cycle if self.is_streaming else report.cycle
-            # What an old device was heard of says nothing of another one.
-            alive = self._sight.alive if self._sight.device == device else 0.0
-            self._sight = replace(
-                self._sight,
+            if self.sight.device not in ("", device):
+                return  # somebody has chosen another one meanwhile
+            alive = self.sight.alive if before.device == device else 0.0
+            self.sight = replace(
+                self.sight,
                 problem="",
                 cell=cell,
                 device=device,
-                cycle=cycle,
+                cycle=self.sight.cycle if self.is_streaming else report.cycle,
                 plan=plan,
-                seen=max(asked, self._sight.seen),
+                seen=max(asked, self.sight.seen),
                 alive=max(asked - report.cycle_age * (report.servo_pid is not None), alive),
             )
             if self._is_watched and not self.is_streaming:
@@ -256,16 +220,15 @@ class Watcher:
                 with self._lock:
                     if self._observer is not observer:
                         return
-                    self._sight = replace(
-                        self._sight,
-                        cycle=cycles[-1] if cycles else self._sight.cycle,
+                    self.sight = replace(
+                        self.sight,
+                        cycle=cycles[-1] if cycles else self.sight.cycle,
                         outline=outline,
                         seen=now,
-                        alive=now if cycles else self._sight.alive,
+                        alive=now if cycles else self.sight.alive,
                     )
         except OrientdError:
-            # The next look at the state says what is wrong.
-            pass
+            pass  # the next look at the state says what is wrong
         with self._lock:
             if self._observer is observer:
                 self._end_stream()

@@ -182,7 +182,7 @@ def test_a_client_is_lost(tmp_path, loss):
     rehearse(tmp_path / "daemon", name, tally, harm, lease_seconds=3.0)
 
 
-ONLOOKERS = {"record": ("mcap", 21), "view": ("viser", 22)}
+ONLOOKERS = {"record": ("mcap", 21), "view": ("websockets", 22)}
 
 
 def onlooker(stage, what, output):

@@ -15,7 +15,7 @@ from harness import DEVICE, DaemonProcess
 
 from orientd.rpc import control_pb2 as pb
 
-pytest.importorskip("viser")
+pytest.importorskip("websockets")
 pytest.importorskip("playwright.sync_api")
 pytestmark = [
     pytest.mark.storm,

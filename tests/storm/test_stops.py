@@ -233,7 +233,7 @@ def way(request, daemon):
     if request.param is not by_page:
         yield request.param
         return
-    for module in ("viser", "playwright.sync_api"):
+    for module in ("websockets", "playwright.sync_api"):
         pytest.importorskip(module)
     if CHROMIUM is None:
         pytest.skip("needs Chromium (Debian: chromium)")

@@ -7,13 +7,6 @@ from command_line import begin
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
-# As the page is drawn without a graphics card.
-SOFTWARE = (
-    "--no-sandbox",
-    "--disable-gpu-compositing",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-)
 PATIENCE = 30_000
 """ms; a browser on a busy machine."""
 
@@ -24,15 +17,16 @@ def open_browser():
     from playwright import sync_api
 
     with sync_api.sync_playwright() as player:
-        opened = player.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+        opened = player.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         yield opened
         opened.close()
 
 
 @contextlib.contextmanager
-def view_of(socket):
+def view_of(socket, *arguments):
     """Begin ``orientd view``, which must end in order."""
-    process = begin("view", "--no-open", "--port", 0, "--socket", socket)
+    where = () if socket is None else ("--socket", socket)
+    process = begin("view", "--no-open", "--port", 0, *where, *arguments)
     line = process.stdout.readline()
     assert line.startswith("ready"), (line, process.stderr.read())
     process.address = line.split()[-1]
@@ -45,25 +39,17 @@ def view_of(socket):
 
 
 def new_page(browser, width, height):
-    """Return a page that is drawn ten times a second at most, as on a slow machine."""
+    """Return a page that is patient with a busy machine."""
     opened = browser.new_page(viewport={"width": width, "height": height})
     opened.set_default_timeout(PATIENCE)
-    opened.add_init_script(
-        "const draw = window.requestAnimationFrame.bind(window);"
-        "window.requestAnimationFrame = (work) => setTimeout(() => draw(work), 90);"
-        "window.cancelAnimationFrame = clearTimeout.bind(window);"
-    )
     return opened
 
 
 @contextlib.contextmanager
 def page_of(view, browser, width, height):
-    """Open a page in a small window, of which a processor can draw enough."""
+    """Open the page of a view."""
     opened = new_page(browser, width, height)
-    opened.goto(f"{view.address}/?fixedDpr=0.5")
-    # No state is shown before the first pictures are drawn, which may take long without a card.
-    timely = "document.body.matches('.is-timely:not(.is-stale)')"
-    opened.wait_for_function(timely, polling=100, timeout=4 * PATIENCE)
+    opened.goto(view.address)
     try:
         yield opened
     finally:

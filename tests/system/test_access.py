@@ -13,10 +13,12 @@ import grpc
 import pytest
 from access_cell import GROUP, MEMBER, OBSERVER, OPERATOR, STRANGER, Cell, as_user, free_port
 from authority import OPENSSL
+from browser import view_of
 from command_line import assert_refused, begin
 from command_line import orientd as orientd_command
 from every_call import SERVICE, walk
-from harness import DEVICE, DaemonProcess, resident_kib, spin, until
+from harness import DaemonProcess, resident_kib, spin, until
+from page import page_at
 
 import orientd
 from orientd.config import Role
@@ -342,55 +344,30 @@ def test_the_command_line_reaches_a_daemon_over_tcp(cell):
     assert "SeizeLease needs the role administrator" in done.stderr
 
 
-class Presser:
-    """Whoever presses a button on a page, and what they are told."""
-
-    def __init__(self):
-        self.client, self.told = self, []
-
-    def add_notification(self, title, text, **_):
-        self.told.append(text)
-
-
 def test_a_view_with_an_observers_certificate_shows_and_stops_and_commands_nothing(cell):
-    pytest.importorskip("viser")
-    from orientd.viewer.controls import attempt
-    from orientd.viewer.proposal import Proposal
-    from orientd.viewer.watcher import Watcher
-
-    turn = b"keyframes: [{rotation_vector: [0.1, 0, 0]}, {rotation_vector: [0, 0, 0.2]}]\n"
-    before = cell.is_as()
-    watcher = Watcher(lambda: cell.robot("watcher"))
-    watcher.start()
-    try:
-        watcher.watch(True)
-        until(lambda: watcher.is_streaming and watcher.sight.cycle is not None, "cycles")
-        asked = [
-            lambda robot, device: robot.acquire_lease(device, beside=True),
-            lambda robot, device: robot.move([{"rotation_vector": [0.1, 0.0, 0.0]}], device=device),
-            lambda robot, device: robot.set_speed(0.5, device),
-            lambda robot, device: robot.pause(device),
-            lambda robot, device: robot.reset(device),
-        ]
-        for act in asked:
-            presser = Presser()
-            attempt(watcher, presser, act)
-            (said,) = presser.told
-            assert "needs the role operator, watcher (certificate:watcher) is observer" in said
-        proposal = Proposal()
-        proposal.read("turn.yaml", turn, watcher.robot(), DEVICE, 500.0)
-        assert "needs the role operator" in proposal.html
-        assert proposal.plan is None
-        presser = Presser()
-        attempt(watcher, presser, lambda robot, _: robot.stop())
-        assert presser.told == []
-    finally:
-        watcher.close()
+    pytest.importorskip("websockets")
+    turn = "keyframes: [{rotation_vector: [0.1, 0, 0]}, {rotation_vector: [0, 0, 0.2]}]\n"
+    before, files = cell.is_as(), cell.files("watcher")
+    there = ("--address", cell.address, "--ca", files["ca"])
+    own = ("--cert", files["certificate"], "--key", files["key"])
+    refusal = "needs the role operator, watcher (certificate:watcher) is observer"
+    with view_of(None, *there, *own) as view, page_at(view.address) as page:
+        page.await_line("Holding")
+        page.ask("lease")
+        page.await_refusal(refusal)
+        page.ask("file", name="turn.yaml", content=turn)
+        page.await_line("needs the role operator")
+        assert "send" not in page.told["control"]["shown"]
+        page.answers.clear()
+        page.ask("stop")
+        said = page.told["said"]
+        page.until(lambda page: page.told["said"] > said + 1.0, "a second more")
+        assert page.answers == []
     assert cell.is_as() == before
 
 
 def test_the_view_reaches_a_daemon_over_tcp_with_a_certificate_alone(cell):
-    pytest.importorskip("viser")
+    pytest.importorskip("websockets")
     files = cell.files("watcher")
     there = ("--address", cell.address, "--ca", files["ca"], "--no-open", "--port", 0)
     own = ("--cert", files["certificate"], "--key", files["key"])

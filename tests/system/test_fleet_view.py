@@ -1,22 +1,18 @@
 """The page of a cell of real daemons: by itself, and in a browser where there is Chromium."""
 
 import signal
-import threading
-import urllib.request
 
 import pytest
 from browser import CHROMIUM, new_page, open_browser
 from command_line import begin, environment
 from fleet_cell import CELL, RunningCell
-from harness import until
+from page import page_at
 
-from orientd.fleet import Overview
 from orientd.motion_file import parse
 from orientd.rpc import Outcome
 
 pytest.importorskip("zenoh")
-pytest.importorskip("viser")
-CellPage = pytest.importorskip("orientd.viewer").CellPage
+pytest.importorskip("websockets")
 
 in_browser = pytest.mark.skipif(
     CHROMIUM is None, reason="pages are tested in Chromium: install it (Debian: chromium)"
@@ -43,7 +39,7 @@ def page(cell):
         pytest.importorskip("playwright.sync_api")
         with open_browser() as browser:
             page = new_page(browser, 600, 400)
-            page.goto(f"{line.split()[-1]}/?fixedDpr=0.1")
+            page.goto(f"{line.split()[-1]}")
             yield page
     finally:
         view.terminate()
@@ -52,25 +48,30 @@ def page(cell):
 
 
 def test_a_page_keeps_up_with_its_cell_and_stops_all(cell):
-    with cell.fleet() as fleet, Overview(fleet) as overview:
-        page = CellPage(overview, host="127.0.0.1", port=0, is_dark=False)
-        ending = threading.Event()
-        serving = threading.Thread(target=page.run, args=(ending,))
-        serving.start()
-        try:
-            with urllib.request.urlopen(f"http://127.0.0.1:{page.port}") as found:
-                assert b"<html" in found.read()
+    variables = environment(ORIENTD_FLEET=cell.endpoint, ORIENTD_CELL=CELL)
+    view = begin("fleet", "view", "--no-open", "--port", 0, env=variables)
+    try:
+        line = view.stdout.readline()
+        assert line.startswith("ready"), (line, view.stderr.read())
+        with cell.fleet() as fleet, page_at(line.split()[-1]) as page:
             robots = [fleet.robot(name) for name in cell.names]
             moves = [robot.move(LONG) for robot in robots]
-            until(lambda: page._table.content.count("<b>Moving</b>") == 2, "motion on the page")
-            page.stop()
+            page.until(lambda page: states(page).count("Moving") == 2, "motion on the page")
+            page.ask("stop")
             assert [move.wait(20.0).outcome for move in moves] == [Outcome.STOPPED] * 2
-            until(lambda: page._table.content.count("<b>Holding</b>") == 2, "rest on the page")
+            page.until(lambda page: states(page).count("Holding") == 2, "rest on the page")
+            assert len(page.told["tools"]) == 2
             for robot in robots:
                 robot.close()
-        finally:
-            ending.set()
-            serving.join()
+    finally:
+        view.terminate()
+        ended = view.communicate(timeout=15.0)
+    assert (view.returncode, *ended) == (0, "", "")
+
+
+def states(page):
+    """Return what each device of the page does, in a word."""
+    return [one.split()[-1] for kind, one, _ in page.told.get("status", ()) if kind == "current"]
 
 
 def said(page, text):

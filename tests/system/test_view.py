@@ -1,31 +1,23 @@
 """`orientd view` and what is behind its pages, against a daemon in a process of its own."""
 
 import contextlib
+import os
 import signal
 import socket
-import urllib.request
 
-import numpy as np
 import pytest
+from browser import view_of
 from command_line import assert_refused, begin, orientd
-from harness import DEVICE, DaemonProcess, children, is_alive, spin, until
+from harness import DEVICE, DaemonProcess, spin, until
+from page import page_at
 
-from orientd.errors import DaemonError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.client import connect
-from orientd.rpc.reports import Outcome
-from orientd.stream import ServoState
-from orientd.viewer.proposal import Proposal
-from orientd.viewer.stop_relay import StopRelay
-from orientd.viewer.watcher import Watcher
 
-pytest.importorskip("viser")
-
-from websockets.exceptions import InvalidStatus
-from websockets.sync.client import connect as connect_page
+pytest.importorskip("websockets")
 
 TURN = (
-    b"keyframes: [{rotation_vector: [0.1, 0, 0]}, {rotation_vector: [0, 0, 0.2]}]\napproach: true\n"
+    "keyframes: [{rotation_vector: [0.1, 0, 0]}, {rotation_vector: [0, 0, 0.2]}]\napproach: true\n"
 )
 
 
@@ -36,14 +28,17 @@ def daemon(tmp_path_factory):
         yield process
 
 
-@contextlib.contextmanager
-def watching(daemon):
-    watcher = Watcher(lambda: connect(daemon.socket, holder="view"))
-    watcher.start()
-    try:
-        yield watcher
-    finally:
-        watcher.close()
+@pytest.fixture(scope="module")
+def view(daemon):
+    with view_of(daemon.socket) as process:
+        yield process
+
+
+@pytest.fixture
+def page(view):
+    with page_at(view.address) as opened:
+        opened.await_line("Holding")
+        yield opened
 
 
 @contextlib.contextmanager
@@ -61,8 +56,8 @@ def test_a_page_is_served_until_it_is_told_to_end(daemon):
     view = begin("view", "--no-open", "--port", 0, "--socket", daemon.socket)
     line = view.stdout.readline()
     assert line.startswith("ready at http://127.0.0.1:"), (line, view.stderr.read())
-    with urllib.request.urlopen(line.split()[-1]) as page:
-        assert b"<html" in page.read()
+    with page_at(line.split()[-1]) as page:
+        page.await_line("Holding")
     view.send_signal(signal.SIGTERM)
     rest, errors = view.communicate(timeout=15.0)
     assert (view.returncode, rest, errors) == (0, "", "")
@@ -80,141 +75,137 @@ def test_a_port_in_use_is_one_clear_line(daemon):
     assert_refused(done, f"port {port} is in use", "--port")
 
 
-def has_tracking_error(watcher):
-    return np.isfinite(watcher.strips.read()[1]["tracking_error"]).any()
+def test_cycles_reach_a_page_and_every_cycle_counts(page):
+    first = page.until(lambda page: page.told.get("spans"), "cycles")[-1][0]
+    page.until(lambda page: page.told["spans"][-1][0] > first + 20, "a second of cycles")
+    assert page.told["pose"]["measured"] is not None
+    assert page.told["device"]["name"] == DEVICE
 
 
-def test_cycles_flow_only_while_somebody_looks(daemon):
-    with watching(daemon) as watcher:
-        assert watcher.sight.report.state is ServoState.HOLDING
-        assert not watcher.is_streaming
-        watcher.watch(True)
-        until(lambda: watcher.is_streaming and has_tracking_error(watcher), "cycles")
-        watcher.watch(False)
-        until(lambda: not watcher.is_streaming, "silence")
-        assert watcher.sight.cell.daemon.pid == daemon.process.pid
+def test_who_comes_later_sees_the_path_that_runs(daemon, view):
+    with moving(daemon, 30.0), page_at(view.address) as page:
+        path = page.until(lambda page: page.told.get("path"), "the path")
+        assert len(path["q"]) > 100
+        assert len(path["keyframes"]) > 1
+        page.await_line("Moving")
 
 
-def test_who_comes_later_sees_the_plan_that_runs(daemon):
-    with moving(daemon, 30.0) as started, watching(daemon) as watcher:
-        watcher.watch(True)
-        plan = until(lambda: watcher.sight.plan, "the plan")
-        assert plan.motion_id == started.plan.motion_id
-        assert plan.samples.times[-1] == pytest.approx(plan.duration)
-        until(lambda: watcher.sight.report.state is ServoState.STREAMING, "the motion")
-        before = watcher.sight.cycle.index
-        until(lambda: watcher.sight.cycle.index > before + 100, "cycles")
+@pytest.mark.parametrize("kind", ["stop", "halt"])
+def test_a_page_stops_what_somebody_else_moves(daemon, page, kind):
+    with moving(daemon, 60.0):
+        page.await_line("Moving")
+        page.await_line("held by ana")
+        page.ask(kind)
+        page.await_line("Holding")
+        *_, last = daemon.stream
+    assert last.summary.outcome == pb.OUTCOME_STOPPED
+    assert f"(user:{os.getuid()})" in last.summary.text.partition("stopped by")[2]
 
 
-def test_a_daemon_that_dies_is_reported_and_found_again(tmp_path):
-    with DaemonProcess(tmp_path / "it") as daemon, watching(daemon) as watcher:
-        watcher.watch(True)
-        until(lambda: watcher.sight.cycle is not None, "cycles")
-        daemon.process.kill()
-        until(lambda: "no daemon answers" in watcher.sight.problem, "the loss")
-        with pytest.raises(DaemonError, match="no daemon answers"):
-            watcher.robot()
-        assert watcher.sight.report.name == DEVICE
-        assert daemon.process.wait() == -signal.SIGKILL
-        for stream in (daemon.process.stdout, daemon.log, daemon.channel):
-            stream.close()
-        daemon.start()
-        until(lambda: not watcher.sight.problem, "the return")
-        assert watcher.sight.cell.daemon.pid == daemon.process.pid
-        until(lambda: watcher.is_streaming, "cycles again")
-
-
-def test_a_motion_is_planned_before_it_is_sent(daemon):
-    with connect(daemon.socket, holder="view") as robot:
-        proposal = Proposal()
-        proposal.read("turn.yaml", TURN, robot, DEVICE, 500.0)
-        assert "Not sent yet" in proposal.html
-        assert "A stop takes" in proposal.html
-        assert proposal.plan.samples is not None
-        assert robot.state().devices[DEVICE].state is ServoState.HOLDING
-        proposal.send(robot, DEVICE)
-        assert proposal.plan is None
-        until(lambda: proposal.look() or "was run to its end" in proposal.html, "the end")
-        assert robot.planned().motion_id == robot.state().devices[DEVICE].motion_id
+def test_a_page_shows_a_motion_before_it_is_sent(daemon, page):
+    before = daemon.device().motion_number
+    page.ask("file", name="turn.yaml", content=TURN)
+    page.await_line("Not sent yet")
+    assert page.says("A stop takes")
+    assert page.told["proposal"]["path"]["q"]
+    assert daemon.device().motion_number == before
+    page.ask("send")
+    page.await_refusal("take the lease first")
+    page.ask("lease")
+    page.await_line("held by this view")
+    page.ask("send")
+    page.await_line("was run to its end")
+    assert daemon.device().motion_number == before + 1
+    page.ask("lease")
+    page.await_line("Lease free")
 
 
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b"", "turn.yaml: the file is empty"),
-        (b"\xff\xfe", "turn.yaml: not UTF-8 text"),
-        (b"keyframes: []\nmethd: x\n", "unknown key"),
-        (TURN + b"limits: {velocity: 100}\n", "limits.velocity"),
+        ("", "turn.yaml: the file is empty"),
+        ("keyframes: []\nmethd: x\n", "unknown key"),
+        (TURN + "limits: {velocity: 100}\n", "limits.velocity"),
     ],
 )
-def test_what_is_wrong_with_a_file_is_said_and_nothing_can_be_sent(daemon, content, said):
-    with connect(daemon.socket, holder="view") as robot:
-        proposal = Proposal()
-        proposal.read("turn.yaml", TURN, robot, DEVICE, 500.0)
-        proposal.read("turn.yaml", content, robot, DEVICE, 500.0)
-        assert "Refused" in proposal.html
-        assert said in proposal.html
-        assert proposal.plan is None
-        proposal.send(robot, DEVICE)
-        assert robot.state().devices[DEVICE].state is ServoState.HOLDING
+def test_what_is_wrong_with_a_file_is_said_and_nothing_can_be_sent(page, content, said):
+    page.ask("file", name="turn.yaml", content=TURN)
+    page.await_line("Not sent yet")
+    page.ask("file", name="turn.yaml", content=content)
+    page.await_line("Refused")
+    page.await_line(said)
+    assert "send" not in page.told["control"]["shown"]
+    page.ask("discard")
+    page.until(lambda page: not page.told["proposal"]["lines"], "an empty proposal")
 
 
-def test_a_proposal_that_the_device_has_moved_away_from_is_refused(daemon):
-    with connect(daemon.socket, holder="view") as robot:
-        proposal = Proposal()
-        proposal.read("turn.yaml", TURN, robot, DEVICE, 500.0)
-        assert robot.move([{"rotation_vector": [0.0, 0.3, 0.0]}]).wait().outcome is Outcome.DONE
-        with pytest.raises(Exception, match="plan it again"):
-            proposal.send(robot, DEVICE)
-        assert proposal.plan is not None
+def test_a_motion_that_the_device_has_moved_away_from_is_refused(daemon, page):
+    page.ask("file", name="turn.yaml", content=TURN)
+    page.await_line("Not sent yet")
+    with connect(daemon.socket, holder="ana") as robot:
+        robot.move([{"rotation_vector": [0.0, 0.3, 0.0]}]).wait()
+    page.ask("lease")
+    page.await_line("held by this view")
+    page.ask("send")
+    page.await_refusal("plan it again")
+    page.ask("lease")
+    page.await_line("Lease free")
+    page.ask("discard")
 
 
-PAGES = 8080
+def test_pause_speed_and_resume_need_the_lease(daemon, page):
+    page.ask("pause")
+    page.await_refusal("take the lease first")
+    page.ask("lease")
+    page.await_line("held by this view")
+    page.ask("file", name="turn.yaml", content=TURN + "duration: 5\n")
+    page.await_line("Not sent yet")
+    page.ask("send")
+    page.await_line("Moving")
+    page.ask("speed", percent=50)
+    page.await_line("at 50 % speed")
+    page.ask("pause")
+    page.await_line("Paused")
+    page.ask("pause")
+    page.await_line("Moving")
+    page.ask("speed", percent=100)
+    page.ask("stop")
+    page.await_line("Holding")
+    page.ask("lease")
+    page.await_line("Lease free")
 
 
-@pytest.fixture
-def relay(daemon):
-    process = StopRelay("127.0.0.1", PAGES, daemon.socket, {})
-    yield process
-    process.close()
+def test_the_lease_is_given_back_once_no_page_is_open(daemon, view):
+    with page_at(view.address) as page:
+        page.ask("lease")
+        page.await_line("held by this view")
+    until(lambda: not daemon.stub.GetState(pb.GetStateRequest()).daemon.leases, "no lease")
 
 
-def page_at(relay, origin):
-    """A page's connection, once the process listens."""
-    return connect_page(f"ws://127.0.0.1:{relay.port}", origin=origin, open_timeout=30.0)
+def test_a_daemon_that_dies_is_reported_and_found_again(tmp_path):
+    with DaemonProcess(tmp_path / "it") as daemon, view_of(daemon.socket) as view:
+        daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+        with page_at(view.address) as page:
+            page.await_line("Holding")
+            daemon.process.kill()
+            page.await_line("Not connected")
+            assert page.says("no daemon answers")
+            assert not page.says("ready to move")
+            assert daemon.process.wait() == -signal.SIGKILL
+            for stream in (daemon.process.stdout, daemon.log, daemon.channel):
+                stream.close()
+            daemon.start()
+            page.until(lambda page: not page.says("Not connected"), "the return")
+            page.await_line("Holding")
 
 
-@pytest.mark.parametrize("kind", ["stop", "halt"])
-def test_a_page_has_devices_stopped_by_a_process_of_its_own(daemon, relay, kind):
-    with moving(daemon, 60.0), page_at(relay, f"http://127.0.0.1:{PAGES}") as page:
-        page.send(kind)
-        assert page.recv(timeout=10.0) == "done"
-        until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest")
-
-
-def test_a_page_is_told_of_a_stop_that_was_not_done(daemon, relay, tmp_path):
-    elsewhere = StopRelay("127.0.0.1", PAGES, tmp_path / "none.sock", {})
-    try:
-        with page_at(elsewhere, f"http://127.0.0.1:{PAGES}") as page:
-            page.send("stop")
-            assert page.recv(timeout=10.0) == ""
-    finally:
-        elsewhere.close()
-
-
-@pytest.mark.parametrize(
-    "origin",
-    ["https://elsewhere.example", f"http://elsewhere.example:{PAGES}", "http://127.0.0.1:9090"],
-)
-def test_a_page_from_elsewhere_stops_nothing(relay, origin):
-    with pytest.raises(InvalidStatus, match="403"), page_at(relay, origin):
-        pass
-
-
-def test_a_view_that_is_killed_leaves_no_process(daemon):
-    view = begin("view", "--no-open", "--port", 0, "--socket", daemon.socket)
-    assert view.stdout.readline().startswith("ready")
-    (child,) = children(view.pid)
-    view.kill()
-    view.communicate()
-    until(lambda: not is_alive(child), "the end of what takes its stops")
+def test_a_page_that_may_not_command_stops_and_does_nothing_else(daemon):
+    with view_of(daemon.socket, "--no-control") as view, page_at(view.address) as page:
+        page.until(lambda page: "control" in page.told, "the page")
+        assert page.told["control"] is None
+        page.ask("lease")
+        page.await_refusal("may stop and halt only")
+        with moving(daemon, 60.0):
+            page.await_line("Moving")
+            page.ask("stop")
+            page.await_line("Holding")

@@ -133,10 +133,10 @@ def view(
     """
     need_extra("view")
     from orientd.fleet import Overview
-    from orientd.viewer import CellPage
+    from orientd.viewer import CellView
 
     with _connected(connect, cell, cert, key, ca) as cell_of, Overview(cell_of) as overview:
-        page = CellPage(overview, host=host, port=port, is_dark=dark)
+        page = CellView(overview, host=host, port=port, is_dark=dark)
         serve_page(page, host, no_open=no_open, as_json=as_json)
 
 

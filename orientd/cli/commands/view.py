@@ -14,7 +14,7 @@ from orientd.cli.command import AsJson, Beside, Socket, connect_as, need_extra
 from orientd.cli.output import answer
 
 if TYPE_CHECKING:
-    from orientd.viewer import CellPage, Page
+    from orientd.viewer import CellView, View
 
 PORT = 8080
 
@@ -48,9 +48,9 @@ def view(
     what moves; who takes the lease there can move it.
     """
     need_extra("view")
-    from orientd.viewer import Page, is_loopback
+    from orientd.viewer import View, is_loopback
 
-    page = Page(
+    page = View(
         lambda: connect_as(socket, "view"),
         host=host,
         port=port,
@@ -61,7 +61,7 @@ def view(
     serve_page(page, host, no_open=no_open, as_json=as_json)
 
 
-def serve_page(page: Page | CellPage, host: str, *, no_open: bool, as_json: bool) -> None:
+def serve_page(page: View | CellView, host: str, *, no_open: bool, as_json: bool) -> None:
     """Serve a page until Ctrl-C or SIGTERM, and open it in a browser where there is one."""
     url = f"http://{f'[{host}]' if ':' in host else host}:{page.port}"
     with contextlib.suppress(KeyboardInterrupt):

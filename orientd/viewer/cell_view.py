@@ -1,0 +1,80 @@
+"""The page of a cell: the devices of all daemons beside each other, and one stop for all."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from orientd.errors import OrientdError
+from orientd.viewer import words
+from orientd.viewer.cell import Cell
+from orientd.viewer.server import PageServer
+
+SPACING = 0.9
+"""From one device to the next, m."""
+
+
+class CellView:
+    """The page of a cell.  It has nothing that needs a lease."""
+
+    def __init__(self, cell: Cell, *, host: str, port: int, is_dark: bool) -> None:
+        """Serve the page.
+
+        Args:
+            cell: the cell that is shown.
+            host: where to serve.
+            port: where to serve; 0 for any.
+            is_dark: whether pages are dark at first.
+
+        Raises:
+            OrientdError: the page cannot be served there.
+        """
+        self._cell, self._is_dark = cell, is_dark
+        self._server = PageServer(host, port, self)
+        self.port = self._server.port
+
+    def run(self, closing: threading.Event) -> None:
+        """Serve until *closing* is set."""
+        closing.wait()
+        self._server.close()
+
+    def picture(self, _seen: dict[str, Any]) -> dict[str, Any]:
+        """See :class:`~orientd.viewer.server.Source`."""
+        members = self._cell.members()
+        shown = [(member, device) for member in members for device in member.devices]
+        columns = math.ceil(math.sqrt(len(shown))) if len(shown) > 4 else max(len(shown), 1)
+        rows = math.ceil(len(shown) / columns)
+        tools = []
+        for place, (member, device) in enumerate(shown):
+            row, column = divmod(place, columns)
+            x, y = 0.5 * (rows - 1) - row, column - 0.5 * (columns - 1)
+            is_known = not (member.problem or device.is_stale) and device.cycle is not None
+            tools.append({
+                "name": f"{member.daemon}/{device.name}",
+                "at": [SPACING * x, SPACING * y, 0.0],
+                "q": device.cycle.q if is_known and device.cycle else None,
+                "problem": not is_known,
+            })  # fmt: skip
+        return {
+            # Each line says how old it is.
+            "said": time.monotonic(),
+            "age": 0.0,
+            "dark": self._is_dark,
+            "control": None,
+            "tools": tools,
+            "status": words.cell(members),
+        }
+
+    def do(self, request: Mapping[str, Any]) -> None:
+        """Stop every device of the cell.
+
+        Raises:
+            OrientdError: a device did not acknowledge it.
+        """
+        if request["do"] in ("stop", "halt"):
+            problem = self._cell.stop(is_quickest=request["do"] == "halt")
+            if problem:
+                raise OrientdError(f"not acknowledged: {problem}")

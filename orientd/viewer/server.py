@@ -1,0 +1,209 @@
+"""Serves one page and talks with every browser that shows it.
+
+The page and its WebSocket share one port.  Any web page can make a browser connect to this machine,
+and the page can stop a robot and more.  So a connection must come from a page that was served here.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import json
+import logging
+import socket
+import threading
+from collections.abc import Mapping
+from concurrent.futures import Executor, ThreadPoolExecutor
+from http import HTTPStatus
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Any, Protocol
+from urllib.parse import urlsplit
+
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from orientd.errors import DaemonError, OrientdError
+
+FRAMES_HZ = 30.0
+MOST_BYTES = 8 * 2**20
+"""The largest request; a motion file is one."""
+
+URGENT = ("stop", "halt")
+_STOPPERS = 4
+"""Threads that do nothing but stop."""
+
+
+# The library reports every browser that hangs up early with a traceback.
+_log = logging.getLogger(__name__)
+_log.disabled = True
+
+
+class Source(Protocol):
+    """What a page shows, and what it can ask for."""
+
+    def picture(self, seen: dict[str, Any]) -> dict[str, Any]:
+        """Return all there is to show, by name; *seen* is what one browser was last sent."""
+
+    def do(self, request: Mapping[str, Any]) -> dict[str, Any] | None:
+        """Do what somebody asks for on a page; return what that browser alone is told.
+
+        Raises:
+            OrientdError: it was refused.
+        """
+
+
+class PageServer:
+    """The server, in a thread of its own.
+
+    Attributes:
+        port: where it listens.
+        pages: how many are open.
+    """
+
+    def __init__(self, host: str, port: int, source: Source) -> None:
+        """Serve the page at *host* and *port*; 0 for any port.
+
+        Raises:
+            DaemonError: the port is in use, or the address is not one of this machine.
+        """
+        self._source, self._is_local = source, is_loopback(host)
+        self._socket = _listener(host, port)
+        self.port: int = self._socket.getsockname()[1]
+        self.pages = 0
+        self._page = Path(__file__).with_name("page.html").read_bytes()
+        self._stoppers = ThreadPoolExecutor(_STOPPERS, thread_name_prefix="stop")
+        self._loop = asyncio.new_event_loop()
+        self._ending = asyncio.Event()
+        self._thread = threading.Thread(target=self._run, name="pages", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Hang up on every browser."""
+        self._loop.call_soon_threadsafe(self._ending.set)
+        self._thread.join()
+        self._stoppers.shutdown(wait=False)
+
+    def _run(self) -> None:
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+            runner.run(self._serve())
+
+    async def _serve(self) -> None:
+        async with serve(
+            self._talk, sock=self._socket, process_request=self._respond,
+            max_size=MOST_BYTES, compression=None, close_timeout=1.0, logger=_log,
+        ):  # fmt: skip
+            await self._ending.wait()
+
+    def _respond(self, _: ServerConnection, request: Request) -> Response | None:
+        """Answer a plain request with the page, and refuse connections of pages from elsewhere."""
+        if not is_own_page(request.headers, is_local=self._is_local):
+            return _response(HTTPStatus.FORBIDDEN, "text/plain", b"not a page of this view\n")
+        if "Upgrade" in request.headers:
+            return None
+        if request.path.partition("?")[0] != "/":
+            return _response(HTTPStatus.NOT_FOUND, "text/plain", b"there is one page: /\n")
+        return _response(HTTPStatus.OK, "text/html; charset=utf-8", self._page)
+
+    async def _talk(self, connection: ServerConnection) -> None:
+        self.pages += 1
+        tasks = {asyncio.create_task(self._show(connection))}
+        try:
+            async for message in connection:
+                task = asyncio.create_task(self._answer(connection, message))
+                tasks.add(task)
+                task.add_done_callback(tasks.discard)
+        finally:
+            self.pages -= 1
+            for task in tasks:
+                task.cancel()
+
+    async def _show(self, connection: ServerConnection) -> None:
+        """Send what has changed, as often as the browser takes it."""
+        seen: dict[str, Any] = {}
+        while True:
+            picture = self._source.picture(seen)
+            news = {key: value for key, value in picture.items() if seen.get(key, self) != value}
+            seen |= news
+            try:
+                await connection.send(json.dumps(news, allow_nan=False))
+            except ConnectionClosed:
+                return
+            await asyncio.sleep(1.0 / FRAMES_HZ)
+
+    async def _answer(self, connection: ServerConnection, message: str | bytes) -> None:
+        try:
+            request = json.loads(message)
+            worker: Executor | None = self._stoppers if request["do"] in URGENT else None
+        except (ValueError, KeyError, TypeError):
+            return
+        try:
+            answer = await self._loop.run_in_executor(worker, self._source.do, request)
+        except OrientdError as error:
+            answer = {"refused": str(error)}
+        except (KeyError, TypeError, ValueError):
+            answer = {"refused": "the request makes no sense"}
+        if answer is not None:
+            await connection.send(json.dumps(answer))
+
+
+def is_own_page(headers: Mapping[str, str], *, is_local: bool) -> bool:
+    """Return whether a connection comes from a page that was served here, or from no browser.
+
+    Args:
+        headers: of the request.
+        is_local: whether pages are served to this machine only.  Then the host must be a name of
+            this machine, because an attacker can make another name resolve to it.
+    """
+    origin, host = headers.get("Origin"), headers.get("Host", "")
+    try:
+        if is_local and not is_loopback(urlsplit(f"//{host}").hostname or ""):
+            return False
+        return origin is None or (bool(host) and urlsplit(origin).netloc == host)
+    except ValueError:
+        return False
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether *host* is a name or an address of this machine for itself.
+
+    >>> is_loopback("localhost"), is_loopback("127.0.0.1"), is_loopback("192.0.2.1")
+    (True, True, False)
+    """
+    try:
+        return host == "localhost" or ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _response(status: HTTPStatus, kind: str, body: bytes) -> Response:
+    headers = Headers({
+        "Content-Type": kind,
+        "Content-Length": str(len(body)),
+        "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; "
+        "script-src 'unsafe-inline'; connect-src 'self' ws:; frame-ancestors 'none'",
+        "Cache-Control": "no-store",
+        "Connection": "close",
+    })  # fmt: skip
+    return Response(status.value, status.phrase, headers, body)
+
+
+def _listener(host: str, port: int) -> socket.socket:
+    try:
+        family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        return socket.create_server(address[:2], family=family)
+    except socket.gaierror as error:
+        raise DaemonError(f"cannot serve at {host!r}: {error.strerror}") from error
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            problem = f"cannot serve at {host}: port {port} is in use; choose another with --port"
+        else:
+            problem = f"cannot serve at {host} port {port}: {os_reason(error)}"
+        raise DaemonError(problem) from error
+
+
+def os_reason(error: OSError) -> str:
+    """Return what the operating system says, without what Python adds."""
+    return error.strerror.partition(" (")[0] if error.strerror else str(error)

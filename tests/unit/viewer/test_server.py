@@ -1,0 +1,132 @@
+"""Where pages are served, and who may talk to them."""
+
+import json
+import re
+import socket
+import threading
+import urllib.request
+
+import pytest
+
+pytest.importorskip("websockets")
+
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from orientd.errors import DaemonError, LeaseError
+from orientd.viewer.server import PageServer, is_own_page
+
+
+class Source:
+    """A page with one number on it."""
+
+    def __init__(self):
+        self.number, self.done, self.holding = 0, [], threading.Event()
+
+    def picture(self, seen):
+        return {"said": 0.0, "number": self.number}
+
+    def do(self, request):
+        if request["do"] == "wait":
+            self.holding.wait(10.0)
+        if request["do"] == "forbidden":
+            raise LeaseError("take the lease first")
+        self.done.append(request["do"])
+        return {"done": request["do"]}
+
+
+@pytest.fixture
+def source():
+    return Source()
+
+
+@pytest.fixture
+def server(source):
+    served = PageServer("127.0.0.1", 0, source)
+    yield served
+    source.holding.set()
+    served.close()
+
+
+def page(server, **headers):
+    return connect(f"ws://127.0.0.1:{server.port}/", additional_headers=headers)
+
+
+def hear(connection, key):
+    """Return the first value that is sent under *key*."""
+    while True:
+        news = json.loads(connection.recv(timeout=10.0))
+        if key in news:
+            return news[key]
+
+
+def test_the_page_is_one_file_and_loads_nothing_else(server):
+    with urllib.request.urlopen(f"http://127.0.0.1:{server.port}/") as answer:
+        content = answer.read()
+    assert b"<html" in content
+    assert not re.search(rb"(src|href)=|@import|https?://(?!\$)", content)
+
+
+def test_a_browser_is_sent_what_has_changed_and_no_more(server, source):
+    with page(server) as connection:
+        assert json.loads(connection.recv(timeout=10.0)) == {"said": 0.0, "number": 0}
+        source.number = 7
+        assert hear(connection, "number") == 7
+        assert all("number" not in json.loads(connection.recv(timeout=10.0)) for _ in range(3))
+
+
+def test_a_stop_waits_for_no_other_request(server, source):
+    with page(server) as connection:
+        for _ in range(20):
+            connection.send('{"do": "wait"}')
+        connection.send('{"do": "stop"}')
+        assert hear(connection, "done") == "stop"
+
+
+def test_a_refusal_is_told_and_nonsense_changes_nothing(server, source):
+    with page(server) as connection:
+        for nonsense in ("", "[]", "{}", "null", '{"do": null}', b"\xff"):
+            connection.send(nonsense)
+        connection.send('{"do": "forbidden"}')
+        assert hear(connection, "refused") == "take the lease first"
+
+
+@pytest.mark.parametrize("origin", ["https://elsewhere.example", "http://127.0.0.1:1", "null"])
+def test_a_page_from_elsewhere_is_not_talked_to(server, origin):
+    with pytest.raises(InvalidStatus, match="403"), page(server, Origin=origin):
+        pass
+
+
+def test_a_page_that_was_served_here_is_talked_to(server):
+    with page(server, Origin=f"http://127.0.0.1:{server.port}") as connection:
+        assert hear(connection, "number") == 0
+
+
+@pytest.mark.parametrize(
+    ("origin", "host", "is_local", "is_own"),
+    [
+        ("http://localhost:8080", "localhost:8080", True, True),
+        ("http://[::1]:8080", "[::1]:8080", True, True),
+        # A name that an attacker has made to mean this machine.
+        ("http://elsewhere.example:8080", "elsewhere.example:8080", True, False),
+        ("http://cell-3:8080", "cell-3:8080", False, True),
+        ("http://cell-3:9090", "cell-3:8080", False, False),
+        ("null", "cell-3:8080", False, False),
+        (None, "cell-3:8080", False, True),
+    ],
+)
+def test_whose_page_it_is_follows_from_origin_and_host(origin, host, is_local, is_own):
+    headers = {"Host": host} if origin is None else {"Host": host, "Origin": origin}
+    assert is_own_page(headers, is_local=is_local) is is_own
+
+
+def test_a_port_in_use_is_refused_and_no_other_taken(source):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(DaemonError, match=f"port {port} is in use"):
+            PageServer("127.0.0.1", port, source)
+
+
+def test_an_address_of_another_machine_is_refused(source):
+    with pytest.raises(DaemonError, match=re.escape("cannot serve at 192.0.2.7")):
+        PageServer("192.0.2.7", 0, source)
