@@ -48,19 +48,17 @@ def devices(context: typer.Context, incomplete: str) -> list[str]:
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Socket = Annotated[
     Path | None,
-    typer.Option("--socket", help="Where the daemon listens.", envvar="ORIENTD_SOCKET"),
+    typer.Option("--socket", help="Socket of the daemon.", envvar="ORIENTD_SOCKET"),
 ]
 Partial = Annotated[
-    bool, typer.Option("--partial", help="Use what can be read of a cut or damaged recording.")
+    bool, typer.Option("--partial", help="Read as much as possible of a cut or damaged recording.")
 ]
 Topic = Annotated[
-    str, typer.Option("--topic", "-t", help="Which orientation, if there are several.")
+    str, typer.Option("--topic", "-t", help="Topic of the orientation, if there are several.")
 ]
 DeviceName = Annotated[
     str,
-    typer.Option(
-        "--device", "-d", help="Which device, if there are several.", autocompletion=devices
-    ),
+    typer.Option("--device", "-d", help="Device, if there are several.", autocompletion=devices),
 ]
 ConfigFile = Annotated[
     Path | None,
@@ -108,6 +106,10 @@ def with_remote(run: Callable[..., None]) -> Callable[..., None]:
     def reaching(**options: Any) -> None:  # noqa: ANN401 - those of the command
         for name in _REMOTE:
             given = options.pop(name)
+            if name == "address" and given is not None and ":" not in given:
+                raise typer.BadParameter(
+                    f"expected HOST:PORT or fleet:NAME, got {given!r}", param_hint="--address"
+                )
             if given is not None:
                 os.environ[f"ORIENTD_{name.upper()}"] = str(given)
                 if name == "address":

@@ -163,7 +163,8 @@ def _usage(error: Any) -> str:  # noqa: ANN401 - a ClickException
     message: str = error.format_message()
     if "\n" in message:
         return message
-    message = message[:1].lower() + message[1:].removesuffix(".").replace("Value error, ", "")
+    message = message[:1].lower() + message[1:].removesuffix(".")
+    message = message.replace("Value error, ", "").replace("Input should be ", "expected ")
     context = getattr(error, "ctx", None)
     if isinstance(error, _USAGE_ERROR) and context is not None:
         message = f"{message}; see `{context.command_path} --help`"

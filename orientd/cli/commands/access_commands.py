@@ -11,7 +11,7 @@ from orientd.cli.output import answer
 from orientd.errors import OrientdError
 
 lease = typer.Typer(name="lease", help="Seize the lease to command.", no_args_is_help=True)
-audit = typer.Typer(name="audit", help="No longer there.", no_args_is_help=True)
+audit = typer.Typer(name="audit", help="No longer there.", hidden=True)
 
 
 _ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True}
@@ -28,14 +28,16 @@ def give() -> None:
 
 @lease.command()
 def seize(
-    reason: Annotated[str, typer.Option("--reason", help="Recorded, and told to the holder.")],
+    reason: Annotated[
+        str, typer.Option("--reason", help="Why; the holder and the audit log get it.")
+    ],
     device: DeviceName = "",
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
     """Take the lease from whoever holds it, and free it.
 
-    Of a device, or of all of them; what runs under it stops.  For administrators.
+    Takes that of one device, or of all; their motions stop.  For administrators only.
     """
     from orientd.rpc import LeaseReport
 

@@ -19,7 +19,7 @@ bench = typer.Typer(name="bench", rich_markup_mode=None)
 @bench.callback(invoke_without_command=True)
 def measure(
     context: typer.Context,
-    seconds: Annotated[float, typer.Option(min=0.5, help="Length of one slot, s.")] = 2.0,
+    seconds: Annotated[float, typer.Option(min=0.5, help="Length of one slot in seconds.")] = 2.0,
     slots: Annotated[
         int, typer.Option(min=1, help="Pairs of slots, servo and bare C loop, per condition.")
     ] = 3,
@@ -29,7 +29,7 @@ def measure(
 ) -> None:
     """Measure the servo's lateness and the curves' speed.
 
-    Beside a bare C loop and SciPy.  With the defaults this takes some three minutes.
+    A bare C loop and SciPy run for comparison.  With the defaults this takes three minutes.
     """
     if context.invoked_subcommand is not None:
         return
@@ -48,9 +48,11 @@ def retarget(
     ] = 200,
     keyframes: Annotated[
         list[int] | None,
-        typer.Option(min=1, help="Of each motion; may be given several times.  [default: 1, 20]"),
+        typer.Option(min=1, help="Keyframes of each motion; repeatable.  [default: 1, 20]"),
     ] = None,
-    rate: Annotated[float, typer.Option(min=1.0, max=2000.0, help="Of the device, Hz.")] = 500.0,
+    rate: Annotated[
+        float, typer.Option(min=1.0, max=2000.0, help="Cycle rate of the device in Hz.")
+    ] = 500.0,
     priority: Annotated[
         int, typer.Option(min=0, max=99, help="SCHED_FIFO priority of the servo; 0 for none.")
     ] = 0,
@@ -58,8 +60,8 @@ def retarget(
 ) -> None:
     """Measure how long a retarget takes.
 
-    From the call to the first setpoint that it changes.  A daemon of its own moves a simulated
-    device; with the defaults this takes a minute.
+    The time is from the call to the first changed setpoint.  The command starts a daemon with a
+    simulated device of its own.  With the defaults this takes a minute.
     """
     from orientd.bench import PARTS, measure_retargets
 

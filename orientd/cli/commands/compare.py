@@ -24,7 +24,7 @@ Times = Annotated[
     Literal["file", "uniform", "chord"],
     typer.Option(
         "--times",
-        help="The file's own (or chord, where it has none), one second each, or by chord length.",
+        help="Times of the file (chord if it has none), one second each, or by chord length.",
     ),
 ]
 """Where the times of the keyframes come from."""
@@ -33,8 +33,8 @@ Ends = Annotated[
     Literal["rest", "natural"],
     typer.Option(
         "--ends",
-        help="Ends whose velocity the file does not give: at rest, as they are planned, or natural "
-        "(without acceleration).",
+        help="Ends whose velocity the file leaves open: at rest (as planned), or natural (without "
+        "acceleration).",
     ),
 ]
 """What an end is whose velocity the file does not give."""
@@ -62,10 +62,12 @@ def compare(
     ] = None,
     times: Times = "file",
     ends: Ends = "rest",
-    sort: Annotated[Column, typer.Option("--sort", help="Best first by this column.")] = "effort",
+    sort: Annotated[
+        Column, typer.Option("--sort", help="Sort by this column, best first.")
+    ] = "effort",
     as_json: AsJson = False,
 ) -> None:
-    """Measure what every family of curves makes of FILE.
+    """Compare all families of curves on the keyframes of FILE.
 
     The curve of the file's own method is the one that `orientd plan` plans.  Needs no daemon.
     """

@@ -24,21 +24,21 @@ def run(
     config: ConfigFile = None,
     listen: Socket = None,
     until_end_of_input: Annotated[
-        bool, typer.Option("--until-end-of-input", help="End when standard input does.")
+        bool, typer.Option("--until-end-of-input", help="End when standard input closes.")
     ] = False,
     log_format: Annotated[
-        LogFormat, typer.Option("--log-format", help="auto: json where journald reads, or text.")
+        LogFormat, typer.Option("--log-format", help="auto: json if journald reads it, else text.")
     ] = LogFormat.AUTO,
     require_devices: Annotated[
-        bool, typer.Option("--require-devices", help="End where a device is not ready.")
+        bool, typer.Option("--require-devices", help="End if a device is not ready.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Be the daemon, in the foreground, until SIGTERM or Ctrl-C.
+    """Run the daemon in the foreground until SIGTERM or Ctrl-C.
 
-    Prints one line beginning "ready" once commands are taken; what happens goes to standard error.
-    Where a device does not answer the line begins "not ready" and says why; it is tried again, and
-    the line "ready" comes once it does.
+    Prints a line that begins with "ready" once it takes commands.  Its log goes to standard error.
+    If a device does not answer, the line begins with "not ready" and says why.  The daemon tries
+    again, and prints "ready" once the device answers.
     """
     from orientd import config as configuration
     from orientd.daemon import run as serve
@@ -81,7 +81,7 @@ def run(
 
 
 def _end_with_input() -> None:
-    """Ask this process to end once whoever started it is gone."""
+    """Ask this process to end once the process that started it is gone."""
     # Not sys.stdin: an interpreter that ends meanwhile, as of an error, would miss the lock of it.
     while os.read(sys.stdin.fileno(), 4096):
         pass
@@ -89,7 +89,7 @@ def _end_with_input() -> None:
 
 
 def status(socket: Socket = None, as_json: AsJson = False) -> None:
-    """Show the daemon, the lease, and what each device is doing."""
+    """Show the daemon, the leases and the state of each device."""
     from orientd.cli import texts
     from orientd.rpc import connect, tracking_error
 
@@ -157,11 +157,12 @@ def methods(
         typer.Option("--gallery", metavar="DIR", help="Draw every family to a file in DIR."),
     ] = None,
     picture_format: Annotated[
-        Literal["svg", "png", "pdf"], typer.Option("--format", help="Of the gallery's files.")
+        Literal["svg", "png", "pdf"],
+        typer.Option("--format", help="Format of the gallery's files."),
     ] = "svg",
     as_json: AsJson = False,
 ) -> None:
-    """List the families of curves that a motion can be made of.  Needs no daemon."""
+    """List the families of curves that a motion file can name.  Needs no daemon."""
     from orientd.daemon import known_methods
 
     found = known_methods()

@@ -47,11 +47,12 @@ def demo(
     ] = Path("orientd-demo.png"),
     as_json: AsJson = False,
 ) -> None:
-    """Show a motion with no hardware, and say how well it went.
+    """Show a motion without hardware, and how well it went.
 
-    A daemon of its own with a device that is not there runs until the motion has ended.
-    Six keyframes are passed with a velocity at both ends, so the device runs up to the first and
-    comes to rest after the last.  All figures are measured from what the driver was sent.
+    The command starts a daemon with a simulated device of its own, and ends it after the motion.
+    The motion passes six keyframes and has a velocity at both ends: a lead-in accelerates the
+    device to the first keyframe, and a lead-out brings it to rest after the last.  All figures are
+    measured from the setpoints that the driver got.
     """
     from orientd import plots
     from orientd.cli import texts

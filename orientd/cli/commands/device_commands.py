@@ -64,29 +64,29 @@ def _command(
     answer(report, f"{report.name}: {texts.state(report)}{speed}", as_json=as_json)
 
 
-stop = _of_all("stop", "Bring a device, or all of them, to rest on the path.  Anybody may.")
+stop = _of_all("stop", "Stop a device, or all of them, on the path.  Needs no lease.")
 halt = _of_all(
     "halt",
-    """Bring a device, or all of them, to rest quickest, off the path.
+    """Stop a device, or all of them, fast and off the path.
 
-    As quickly as the limits allow.  Anybody may.
+    As quickly as the limits allow.  Needs no lease.
     """,
 )
-pause = _of_one("pause", "Come to rest on the path, to be resumed.")
-resume = _of_one("resume", "Go on with a paused motion.")
-enable = _of_one("enable", "Make a device follow; it does not move by this.")
-disable = _of_one("disable", "Leave a device at rest, no longer following.")
-reset = _of_one("reset", "Clear a fault; starts the servo process anew if it has ended.")
+pause = _of_one("pause", "Stop on the path; `orientd resume` goes on.")
+resume = _of_one("resume", "Resume a paused motion.")
+enable = _of_one("enable", "Enable a device, so that it follows setpoints; it does not move.")
+disable = _of_one("disable", "Disable a device at rest, so that it no longer follows setpoints.")
+reset = _of_one("reset", "Clear a fault, and start the servo process again if it has ended.")
 
 
 def speed(
     factor: Annotated[
-        float, typer.Argument(metavar="X", help="More than 0, at most 1, which is as planned.")
+        float, typer.Argument(metavar="X", help="Above 0 and at most 1; 1 is as planned.")
     ],
     device: DeviceName = "",
     lease: Beside = False,
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run motions X times as fast as planned, now and from now on."""
+    """Run motions at X times the planned speed, from now on."""
     _command("speed", socket, device, lease, as_json, lambda robot: robot.set_speed(factor, device))

@@ -26,22 +26,22 @@ SLOW_LATENCY = 0.02
 def doctor(
     config: Annotated[
         Path | None,
-        typer.Option("--config", "-c", help="Look at the devices of this configuration too."),
+        typer.Option("--config", "-c", help="Check the devices of this configuration too."),
     ] = None,
     latency: Annotated[
         str,
         typer.Option(
             metavar="DEVICE",
-            help="MOVE this device by 0.2 rad and back; find how far it is behind its setpoints.",
+            help="MOVE this device by 0.2 rad and back, and measure its latency.",
             autocompletion=devices,
         ),
     ] = "",
     as_json: AsJson = False,
 ) -> None:
-    """Show what stands in the way of real time, and how to mend it.
+    """Check whether this machine is fit for real time.
 
-    Everything is measured; that takes two seconds for the machine. Nothing moves without --latency.
-    The exit status is 1 where there is a problem.
+    It also says how to mend what is not.  The measurement of the machine takes two seconds.  Nothing moves without --latency.
+    The exit status is 1 if there is a problem.
     """
     from orientd.cli.machine import findings
 

@@ -52,10 +52,10 @@ def plan(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Plan the motion of FILE, without a daemon.
+    """Plan the motion of FILE without a daemon.
 
-    The device is taken to stand at the first keyframe; an arm, where its options or --from-robot
-    say.
+    The device is assumed to stand at the first keyframe.  An arm stands where its options say, or
+    with --from-robot where the arm itself says.
     Rate and limits are those of the device in the configuration.  The samples are the setpoints
     that its servo would send, along the path that its axes can follow.
     """
@@ -94,36 +94,35 @@ def move(
     file: MotionFile,
     device: DeviceName = "",
     queue: Annotated[
-        bool, typer.Option("--queue", help="Follow the motion that runs; do not replace it.")
+        bool, typer.Option("--queue", help="Run after the present motion instead of replacing it.")
     ] = False,
     blend: Annotated[
         float,
         typer.Option(
             metavar="DEGREES",
-            help="With --queue: how far from the corner to pass, so as not to come to rest there.",
+            help="Round the corner to the new motion by this much, without a stop (with --queue).",
         ),
     ] = 0.0,
     start_in: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", help="When the first setpoint is to be sent, from now."),
+        typer.Option(metavar="SECONDS", help="Delay until the first setpoint."),
     ] = None,
     on_target: Annotated[
         str,
         typer.Option(
             metavar="DEG,DEG/S,S[,S]",
-            help="Done only once the device is measured within so many degrees of the target, "
-            "no faster than so many degrees a second, for so long; then how long to wait for it.",
+            help="When the motion counts as done: error in degrees, rate in degrees/s, how long "
+            "both must hold in s, and optionally a timeout in s.",
         ),
     ] = "",
     lease: Beside = False,
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
-    """Move a device as FILE says, and show it until it has ended.
+    """Run the motion of FILE on a device, and show its progress.
 
-    A motion that runs already is replaced on its way, without a step.  Ctrl-C stops the device on
-    its path.  Meanwhile `orientd pause`, `resume`, `speed` and another `move` work from another
-    terminal with `--lease`; without it they are refused.
+    It replaces a running motion without a step.  Ctrl-C stops the device on its path.  From another
+    terminal `orientd pause`, `resume`, `speed` and another `move` need `--lease` meanwhile.
     """
     from orientd import motion_file
     from orientd.cli import texts

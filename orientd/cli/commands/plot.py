@@ -33,8 +33,8 @@ def plot(
         str | None,
         typer.Argument(
             metavar="FILE|NAME",
-            help="A motion file, a recording (.mcap, .csv, .tum, .txt), or a family or figure by "
-            "its name; without it, the names.",
+            help="A motion file, a recording (.mcap, .csv, .tum, .txt), or the name of a family "
+            "or figure; without it, the names are listed.",
             autocompletion=_names,
         ),
     ] = None,
@@ -46,7 +46,7 @@ def plot(
         Show,
         typer.Option(
             "--show",
-            help="Of a file: triad traces with rates, one of them, or a body along its positions.",
+            help="For a motion file: axis traces and rates, either alone, or a body along its path.",
         ),
     ] = "motion",
     times: Times = "file",
@@ -56,10 +56,10 @@ def plot(
     partial: Partial = False,
     as_json: AsJson = False,
 ) -> None:
-    """Draw a motion file, a recording, a family of curves.
+    """Draw a motion file, a recording, a family of curves or a figure.
 
-    Of a motion file, its curve; of a family, its example; or a figure of the papers.
-    The curve alone, without lead-in and limits of a device: `orientd plan --plot` draws the motion.
+    A motion file is drawn as its curve alone, without lead-in and limits of a device; `orientd plan
+    --plot` draws the motion.  A family is drawn as its example.  Figures of the papers have names.
     """
     from orientd import plots
     from orientd.curves import METHODS

@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 OutFile = Annotated[Path, typer.Argument(metavar="OUT.mcap", help="The file to write.")]
 Seconds = Annotated[
     float | None,
-    typer.Option("--seconds", "-s", metavar="SECONDS", help="For how long; default: until Ctrl-C."),
+    typer.Option("--seconds", "-s", metavar="SECONDS", help="Duration; default: until Ctrl-C."),
 ]
 Scalars = Annotated[
-    bool, typer.Option("--scalars", help="Plain numbers of every cycle too, for tools that plot.")
+    bool, typer.Option("--scalars", help="Add plain numbers of every cycle, for plotting tools.")
 ]
 
 
@@ -45,7 +45,7 @@ def record(
             "--device",
             "-d",
             metavar="DEVICE",
-            help="Which devices; default: all.",
+            help="Devices; default: all.",
             autocompletion=devices,
         ),
     ] = None,
@@ -56,8 +56,8 @@ def record(
 ) -> None:
     """Record every cycle, event and plan to an MCAP file.
 
-    Ctrl-C or SIGTERM ends it.  Foxglove and Lichtblick open the file as it is.  What was planned,
-    sent and measured are topics of their own.
+    Ctrl-C or SIGTERM ends it.  Foxglove and Lichtblick open the file as it is.  Planned, commanded
+    and measured values have topics of their own.
     """
     check_output(file, seconds)
     from orientd.recorder import RecordingSession
@@ -135,7 +135,8 @@ def export(
 ) -> None:
     """Write the cycles of a recording as a table.
 
-    Planned, sent and measured stand side by side.  Parquet needs the extra `parquet`.
+    Planned, commanded and measured values have columns of their own.  Parquet needs the extra
+    `parquet`.
     """
     check_ending(output, ENDINGS, named="--output")
     need_extra("record")

@@ -39,7 +39,7 @@ def replay(
         Path,
         typer.Argument(
             metavar="RECORDING",
-            help="A .mcap file (ours or not), a .csv file (also of EuRoC), a TUM trajectory "
+            help="A .mcap file (of orientd or not), a .csv file (also of EuRoC), a TUM trajectory "
             "(.tum, .txt), or a ROS 2 bag: its folder or .db3 file.",
         ),
     ],
@@ -48,13 +48,13 @@ def replay(
     error: Annotated[
         float,
         typer.Option(
-            "--error", metavar="DEGREES", help="How far from the filtered samples to stay."
+            "--error", metavar="DEGREES", help="Largest deviation from the filtered samples."
         ),
     ] = 1.0,
     pace: Annotated[
         Pace,
         typer.Option(
-            "--pace", help="As recorded, slowed down if the limits ask for it, or the quickest."
+            "--pace", help="As recorded (slower if the limits ask for it), or as fast as possible."
         ),
     ] = "recorded",
     output: Annotated[
@@ -72,9 +72,9 @@ def replay(
 ) -> None:
     """Repeat a recorded orientation.
 
-    The planner fits a spline to it; its certificate is shown before anything moves.  The fit deals
-    with noise, sign flips, wild samples and gaps.  The motion begins with a lead-in from wherever
-    the device is and ends with a stop, both certified with it.
+    orientd fits a spline to it and shows the certificate before anything moves.  The fit copes with
+    noise, sign flips, outliers and gaps.  The motion begins with a lead-in from the present
+    orientation and ends with a stop; the certificate covers both.
     """
     need_extra("record")
     from orientd.cli.commands.motion_commands import conclude, follow

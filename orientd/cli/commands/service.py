@@ -44,19 +44,21 @@ def unit(*, python: str, config: Path, user: str | None) -> str:
 
 @service.command()
 def install(
-    config: Annotated[Path, typer.Option("--config", "-c", help="What the daemon runs with.")],
+    config: Annotated[
+        Path, typer.Option("--config", "-c", help="The configuration of the daemon.")
+    ],
     for_user: Annotated[
-        bool, typer.Option("--user", help="A unit of this user, rather than of the system.")
+        bool, typer.Option("--user", help="Install a unit for this user instead of the system.")
     ] = False,
     run_as: Annotated[
-        str, typer.Option("--as", metavar="USER", help="Who runs the daemon of the system.")
+        str, typer.Option("--as", metavar="USER", help="The user that runs the system's daemon.")
     ] = "orientd",
     only_print: Annotated[
         bool, typer.Option("--print", help="Print the unit; write nothing.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write a hardened unit, and say how to start it.  Starts nothing."""
+    """Write a hardened unit, and say how to start it.  Starts nothing itself."""
     from orientd import config as configuration
 
     configuration.load(config)

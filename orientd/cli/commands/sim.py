@@ -33,10 +33,15 @@ sim = typer.Typer(
 
 @sim.command("ur")
 def ur(
-    host: Annotated[str, typer.Option(help="An address of this machine; each robot needs one.")],
-    model: Annotated[str, typer.Option(help="Which arm: ur3 to ur10, ur3e to ur30.")] = "ur5e",
+    host: Annotated[
+        str, typer.Option(help="An address of this machine; each robot needs its own.")
+    ],
+    model: Annotated[str, typer.Option(help="The arm: ur3 to ur10, ur3e to ur30.")] = "ur5e",
     polyscope: Annotated[
-        str, typer.Option(help="Its software, as in 5.12.6; by default what suits the model.")
+        str,
+        typer.Option(
+            help="Version of its software, such as 5.12.6; default: one that suits the model."
+        ),
     ] = "",
 ) -> None:
     """Run an emulated UR arm.
@@ -62,17 +67,19 @@ def ur(
 
 @sim.command("dynamixel")
 def dynamixel(
-    link: Annotated[Path, typer.Option(help="Where clients find the bus's serial port.")],
+    link: Annotated[Path, typer.Option(help="Path of the serial port for clients.")],
     servos: Annotated[
         str, typer.Option(help="Ids and models of the servos, as in 1:xm430,2:xl330.")
     ] = "1:xm430,2:xm430,3:xm430",
-    baud: Annotated[int, typer.Option(help="The line speed that the servos are set to.")] = 1000000,
+    baud: Annotated[int, typer.Option(help="The servos' line speed.")] = 1000000,
     usb_ms: Annotated[
         float,
-        typer.Option(min=0.0, max=1e4, help="The most by which the adapter holds an answer back."),
+        typer.Option(
+            min=0.0, max=1e4, help="Longest time that the adapter holds an answer back, ms."
+        ),
     ] = 1.0,
-    ideal: Annotated[bool, typer.Option("--ideal", help="Let bytes take no time.")] = False,
-    seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
+    ideal: Annotated[bool, typer.Option("--ideal", help="Transmit bytes in no time.")] = False,
+    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
     console: Annotated[
         bool,
         typer.Option("--console", help="Read commands from standard input: faults, `state`."),

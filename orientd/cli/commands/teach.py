@@ -40,19 +40,20 @@ def teach(
         Path, typer.Argument(metavar="OUT.yaml", help="The motion file to write, YAML or JSON.")
     ],
     device: DeviceName = "",
-    name: Annotated[str, typer.Option("--name", help="What to call the motion.")] = "",
+    name: Annotated[str, typer.Option("--name", help="Name of the motion.")] = "",
     watch: Annotated[
         bool,
-        typer.Option("--watch", help="Leave the device as it is: something else brings it there."),
+        typer.Option("--watch", help="Leave the device as it is; something else moves it."),
     ] = False,
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
     """Teach a motion file by moving a device by hand.
 
-    An arm is in freedrive meanwhile, a gimbal without torque: hold it.  At the end it holds where
-    it is, and follows again if it did before.  Keys: space takes the pose, with the time since the
-    first; backspace removes the last keyframe, n names it, q ends.  SIGUSR1 takes one, too.
+    An arm is in freedrive meanwhile.  A gimbal has no torque: hold it.  At the end the device holds
+    its pose, and follows setpoints again if it did before.
+    Keys: space takes the pose, with the time since the first; backspace removes the last keyframe,
+    n names it, q ends.  SIGUSR1 takes the pose, too.
     Without a terminal each line of standard input is `take`, `take NAME`, `remove`, `name NAME` or
     `end`.
     """

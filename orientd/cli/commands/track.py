@@ -25,7 +25,7 @@ def track(
     device: DeviceName = "",
     time_to_live: Annotated[
         float,
-        typer.Option(metavar="SECONDS", help="How long a target counts that does not say so."),
+        typer.Option(metavar="SECONDS", help="Lifetime of a target that does not give its own."),
     ] = 0.5,
     lease: Beside = False,
     socket: Socket = None,
@@ -33,13 +33,13 @@ def track(
 ) -> None:
     """Follow targets that arrive on standard input.
 
-    Each is one JSON object on one line; the device comes to rest when there are no more.
+    Each line is one JSON object.  The device comes to rest at the end of input.
     A target has an orientation as in a motion file, and may have `angular_velocity` (rad/s) with
     `velocity_frame`, `position` (m), `time_ns` (monotonic clock) and `time_to_live` (s):
 
     {"rotation_vector": [0, 0, 0.3], "angular_velocity": [0, 0, 1], "time_to_live": 0.2}
 
-    A bad line is named on standard error, counted and left out; the exit status is 1 if every
+    A bad line is reported on standard error, counted and skipped.  The exit status is 1 if every
     line was bad.
     """
     from orientd.cli import texts

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def home(
     device: DeviceName = "", lease: Beside = False, socket: Socket = None, as_json: AsJson = False
 ) -> None:
-    """Turn every axis of a gimbal to zero, the way back it came.
+    """Turn every axis of a gimbal to zero, and unwind whole turns.
 
     Ctrl-C stops it on its path.
     """
@@ -29,30 +29,31 @@ def home(
 
 def turn(
     rate: Annotated[
-        float, typer.Option("--rate", metavar="RAD/S", help="How fast; negative the other way.")
+        float,
+        typer.Option("--rate", metavar="RAD/S", help="Rate; a negative one turns the other way."),
     ],
     duration: Annotated[
         float | None,
         typer.Option(
             "--duration",
             metavar="SECONDS",
-            help="For how long at that rate; by default until it is stopped.",
+            help="Duration at that rate; default: until a stop.",
         ),
     ] = None,
-    axis: Annotated[Literal["x", "y", "z"], typer.Option("--axis", help="About which axis.")] = "z",
+    axis: Annotated[Literal["x", "y", "z"], typer.Option("--axis", help="Axis of the turn.")] = "z",
     velocity_frame: Annotated[
         Literal["body", "world"],
-        typer.Option("--frame", help="Whether it is the tool's or the world's."),
+        typer.Option("--frame", help="Frame of the axis: the tool's or the world's."),
     ] = "body",
     device: DeviceName = "",
     lease: Beside = False,
     socket: Socket = None,
     as_json: AsJson = False,
 ) -> None:
-    """Turn at a constant rate, from rest and to rest, as a turntable.
+    """Turn at a constant rate, from rest to rest, as a turntable does.
 
-    It begins wherever the device is.  Ctrl-C stops it on its path.  Without a duration it turns
-    until it is stopped, or until an axis of a gimbal comes near the last of its angles.
+    The turn begins at the present orientation.  Ctrl-C stops it on its path.  Without a duration
+    it goes on until a stop, or until an axis of a gimbal comes near the end of its range.
     """
     omega = [rate if letter == axis else 0.0 for letter in "xyz"]
 

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 PORT = 8080
 
-Port = Annotated[int, typer.Option(min=0, max=65535, help="Where to serve; 0 for any.")]
+Port = Annotated[int, typer.Option(min=0, max=65535, help="Port to serve at; 0 for any.")]
 Host = Annotated[
-    str, typer.Option(help="The address to serve at; by default to this machine only.")
+    str, typer.Option(help="Address to serve at; default: reachable from this machine only.")
 ]
 NoOpen = Annotated[bool, typer.Option("--no-open", help="Open no browser.")]
 Dark = Annotated[bool, typer.Option("--dark", help="Dark pages.")]
@@ -33,7 +33,7 @@ def view(
         bool | None,
         typer.Option(
             "--control/--no-control",
-            help="Whether pages may do more than stop and halt; by default on this machine only.",
+            help="Whether pages may do more than stop and halt; default: on this machine only.",
         ),
     ] = None,
     no_open: NoOpen = False,
@@ -44,8 +44,8 @@ def view(
 ) -> None:
     """Show a daemon's devices in the browser, until Ctrl-C or SIGTERM.
 
-    Prints one line beginning "ready" with the address.  Anybody who can open the page can stop
-    what moves; who takes the lease there can move it.
+    Prints a line that begins with "ready" and has the address.  Anybody who can open the page can
+    stop devices; taking the lease there allows moving them.
     """
     need_extra("view")
     from orientd.viewer import View, is_loopback
