@@ -19,7 +19,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from orientd.config.operation import is_host_and_port
+from orientd.config.operation import Endpoint, is_host_and_port
 from orientd.config.table import Name, SomePath, Table, checked
 
 UNIX = "unixsock-stream/"
@@ -54,6 +54,8 @@ class FleetSettings(Table):
         daemons: names in the certificates of the other daemons of the cell.
         routers: names in the certificates of routers, which are trusted to have checked for whom
             they carry calls.
+        address: ``HOST:PORT`` at which others reach the daemon's ``[tcp]``, whose port takes
+            their calls; by default ``tcp.listen``.
         state_hz: how often the state is published while anybody listens.
     """
 
@@ -66,6 +68,7 @@ class FleetSettings(Table):
     ca: SomePath | None = None
     daemons: list[str] = Field(default_factory=list)
     routers: list[str] = Field(default_factory=list)
+    address: Endpoint | None = None
     state_hz: Annotated[float, Field(gt=0.0, le=100.0)] = 10.0
 
     @property

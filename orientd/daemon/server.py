@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from orientd.daemon.calls import Telemetry
     from orientd.daemon.device import Device
     from orientd.daemon.devices import DeviceEvent
-    from orientd.daemon.fleet import FleetLink
+    from orientd.daemon.fleet_link import FleetLink
 
 _log = logging.getLogger(__name__)
 
@@ -170,17 +170,15 @@ class _Daemon:
         """Return what makes this one of the daemons of a cell, if the settings name one.
 
         Raises:
-            ConfigError: Zenoh cannot be configured so.
+            ConfigError: the settings do not suffice for that.
         """
         if self._settings.fleet is None:
             return None
-        from orientd.daemon.fleet import FleetLink
+        from orientd.daemon.fleet_link import FleetLink
 
         return FleetLink(
-            self._settings, self._socket, service=SERVICE, listener=self._listener,
-            audit=self._audit, serve=self._authorization.serve,
-            state=self._service.present_state, journal=self._cell.journal,
-        )  # fmt: skip
+            self._settings, self._socket, audit=self._audit, state=self._service.present_state
+        )
 
     async def run(self) -> None:
         """Serve until told to stop; then bring everything to rest."""

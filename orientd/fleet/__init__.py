@@ -1,4 +1,4 @@
-"""Cells of daemons over Zenoh: presence, calls, telemetry, one stop for all, one start together."""
+"""Cells of daemons over Zenoh: presence, states, one stop for all, one start together."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.fleet.access import nested, router_configuration, zenoh_configuration
-    from orientd.fleet.channel import FleetChannel
-    from orientd.fleet.client import Fleet, FleetMember, Heard, Stopped, connect_fleet
+    from orientd.fleet.access import address_of, member_configuration, router_configuration
+    from orientd.fleet.client import Fleet, Heard, Stopped, connect_fleet, daemon_address
     from orientd.fleet.clocks import ClockOffset
-    from orientd.fleet.frames import LENGTHS, Header, write_frame
+    from orientd.fleet.keys import PACKET_BYTES, TIME_BYTES
     from orientd.fleet.overview import Overview
     from orientd.fleet.plan_file import FleetMotion, read_plan
     from orientd.fleet.recording import FleetRecording
@@ -21,35 +20,14 @@ if TYPE_CHECKING:
 __getattr__ = lazily(
     __name__,
     {
-        "orientd.fleet.access": (
-            "nested",
-            "router_configuration",
-            "zenoh_configuration",
-        ),
-        "orientd.fleet.channel": ("FleetChannel",),
-        "orientd.fleet.client": (
-            "Fleet",
-            "FleetMember",
-            "Heard",
-            "Stopped",
-            "connect_fleet",
-        ),
+        "orientd.fleet.access": ("address_of", "member_configuration", "router_configuration"),
+        "orientd.fleet.client": ("Fleet", "Heard", "Stopped", "connect_fleet", "daemon_address"),
         "orientd.fleet.clocks": ("ClockOffset",),
-        "orientd.fleet.frames": (
-            "LENGTHS",
-            "Header",
-            "write_frame",
-        ),
+        "orientd.fleet.keys": ("PACKET_BYTES", "TIME_BYTES"),
         "orientd.fleet.overview": ("Overview",),
-        "orientd.fleet.plan_file": (
-            "FleetMotion",
-            "read_plan",
-        ),
+        "orientd.fleet.plan_file": ("FleetMotion", "read_plan"),
         "orientd.fleet.recording": ("FleetRecording",),
         "orientd.fleet.session": ("open_session",),
-        "orientd.fleet.together": (
-            "Together",
-            "move_together",
-        ),
+        "orientd.fleet.together": ("Together", "move_together"),
     },
 )

@@ -1,75 +1,66 @@
 """Zenoh's configuration of a member of a cell: endpoints, TLS on both sides, access control.
 
-Access control is by the name in a certificate, which Zenoh checks at the link a message comes by:
-whoever is in no list reads nothing and commands nothing, and a caller's calls go to keys with their
-own name in them.  What a role may do there is decided by the daemon, as on its control socket.
+Zenoh checks the common name of a certificate at the link that a message comes by.  A name in no
+list reads nothing and asks nothing.  A caller reads presence, clocks and states, and stops in its
+own name.  All commands go to a daemon's control socket or TLS port, which knows the roles.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
 from orientd import config
-from orientd.config import TLS, UNIX, FleetSettings, TcpSettings
+from orientd.config import TLS, UNIX, FleetSettings, Settings
 from orientd.errors import ConfigError, DaemonError
-from orientd.fleet.keys import ROOT, as_caller, of_daemon, presence
+from orientd.fleet.keys import ROOT, UNIX_ADDRESS, key_of
 from orientd.rpc import check_folder, verified
 
 LINK_LEASE_MS = 3000
-"""After how long without a sign of life a link is given up."""
+"""A link without a sign of life for so long is given up."""
 
 LARGEST_BYTES = 16 * 1024 * 1024
-"""Of a message; what the daemon takes is less."""
+"""Of one message."""
 
-_WATCHING = ("declare_liveliness_subscriber", "liveliness_query")
-_ANSWERING = ("put", "delete", "reply", "declare_queryable", "declare_subscriber",
-              "liveliness_token", *_WATCHING)  # fmt: skip
-_ALL = ("query", *_ANSWERING)
+_WATCHING = ["declare_liveliness_subscriber", "liveliness_query"]
+_ANSWERING = ["put", "delete", "reply", "declare_queryable", "declare_subscriber",
+              "liveliness_token", *_WATCHING]  # fmt: skip
+_ALL = ["query", *_ANSWERING]
 
 _NO_DEVICE = {"devices": {"none": {"driver": "loopback"}}}
+_WILDCARDS = ("0.0.0.0", "::", "*")
 
-Rule = dict[str, Any]
+Tree = dict[str, Any]
 
 
-def zenoh_configuration(
-    settings: FleetSettings,
-    tcp: TcpSettings | None = None,
-    *,
-    callers: Collection[str] = (),
-    is_router: bool = False,
-) -> dict[str, Any]:
-    """Return what Zenoh is to be configured with, by its own paths.
-
-    Args:
-        settings: of the member.
-        tcp: whose certificate is used where *settings* name none.
-        callers: names in the certificates of clients, whatever their roles.
-        is_router: whether it is a router rather than a daemon.
+def member_configuration(settings: Settings, *, is_router: bool = False) -> Tree:
+    """Return Zenoh's configuration of a daemon, or of a router.
 
     Raises:
-        ConfigError: TLS is asked for without a certificate, or the folder of a Unix socket is
-            open to others.
+        ConfigError: TLS lacks a certificate.
+        DaemonError: the folder of a Unix socket is open to others.
     """
-    configuration = basic_configuration(settings.listen, settings.connect, is_router=is_router)
-    if not settings.is_tls:
-        return configuration
-    files: list[Path] = []
-    for name in ("certificate", "key", "ca"):
-        path = getattr(settings, name) or getattr(tcp, name, None)
-        if path is None:
-            raise ConfigError(f"fleet.{name}: missing, and there is none of [tcp] either")
-        files.append(path)
-    configuration |= tls_configuration(*files)
-    configuration["access_control"] = _access_control(settings, callers)
-    return configuration
+    fleet, tcp = settings.fleet, settings.tcp
+    if fleet is None:
+        raise ConfigError("fleet: missing")
+    tree = session_configuration(fleet.listen, fleet.connect, is_router=is_router)
+    if fleet.is_tls:
+        files: list[Path] = []
+        for name in ("certificate", "key", "ca"):
+            path = getattr(fleet, name) or getattr(tcp, name, None)
+            if path is None:
+                raise ConfigError(f"fleet.{name}: missing, and there is none of [tcp] either")
+            files.append(path)
+        tree["transport"]["link"]["tls"] = tls_configuration(*files)
+        tree["access_control"] = _access_control(fleet, settings.access.certificates)
+    return tree
 
 
-def router_configuration(path: Path) -> dict[str, Any]:
+def router_configuration(path: Path) -> Tree:
     """Return Zenoh's configuration of the router that the file at *path* describes.
 
-    It has the tables ``[fleet]`` and ``[access.certificates]`` as a daemon's, and needs no devices.
+    The file has the tables ``[fleet]`` and ``[access.certificates]`` of a daemon's, and no devices.
 
     Raises:
         ConfigError: the file cannot be read or is not well formed.
@@ -77,42 +68,48 @@ def router_configuration(path: Path) -> dict[str, Any]:
     settings = config.parse(_NO_DEVICE | config.read_table(path), source=str(path))
     if settings.fleet is None:
         raise ConfigError(f"{path}: fleet: missing")
-    callers = list(settings.access.certificates)
-    return zenoh_configuration(settings.fleet, settings.tcp, callers=callers, is_router=True)
+    return member_configuration(settings, is_router=True)
 
 
-def nested(configuration: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values by Zenoh's paths as the tree that its own files hold.
+def address_of(settings: Settings, socket: Path) -> str:
+    """Return the address at which a daemon of a cell takes calls.
 
-    >>> nested({"mode": "router", "listen/endpoints": []})
-    {'mode': 'router', 'listen': {'endpoints': []}}
+    Args:
+        settings: of the daemon.
+        socket: its control socket, the address in a cell without TLS.
+
+    Raises:
+        ConfigError: the cell has TLS, and the daemon has no address that others can use.
     """
-    tree: dict[str, Any] = {}
-    for path, value in configuration.items():
-        *folders, last = path.split("/")
-        place = tree
-        for folder in folders:
-            place = place.setdefault(folder, {})
-        place[last] = value
-    return tree
+    if settings.fleet is None or not settings.fleet.is_tls:
+        return f"{UNIX_ADDRESS}{socket}"
+    if settings.tcp is None:
+        raise ConfigError("fleet: commands go to the daemon's TLS port; add the table [tcp]")
+    host, port = settings.tcp.host_and_port
+    address = settings.fleet.address or settings.tcp.listen
+    if address == settings.tcp.listen and (host in _WILDCARDS or not port):
+        raise ConfigError(
+            f"fleet.address: expected the HOST:PORT of [tcp] as others reach it, got {address}"
+        )
+    return address
 
 
-def basic_configuration(
+def session_configuration(
     listen: Sequence[str],
     connect: Sequence[str],
     *,
     is_router: bool = False,
     timeout: float | None = None,
-) -> dict[str, Any]:
-    """Return what every session is configured with.
+) -> Tree:
+    """Return the configuration that every session has.
 
-    Whoever listens is a peer, one of those that all connect to each other; whoever does not is a
-    client, for whom the router or peer that it is connected to carries everything.
+    A session that listens is a peer: all peers connect to each other.  One that does not is a
+    client: the router or peer that it is connected to carries everything for it.
 
     Args:
-        listen: where others may connect.
-        connect: where to connect.
-        is_router: whether it carries between others.
+        listen: endpoints for others.
+        connect: endpoints of others.
+        is_router: whether it carries messages between others.
         timeout: how long to try to connect before that is an error, s; ``None`` for ever.
 
     Raises:
@@ -123,89 +120,81 @@ def basic_configuration(
             check_folder(Path(endpoint.removeprefix(UNIX)).parent)
     return {
         "mode": "router" if is_router else "peer" if listen else "client",
-        # Without it Zenoh listens at a port of its own.
-        "listen/endpoints": list(listen),
-        "listen/exit_on_failure": True,
-        "connect/endpoints": list(connect),
-        "connect/exit_on_failure": timeout is not None,
-        "connect/timeout_ms": -1 if timeout is None else round(timeout * 1e3),
-        "scouting/multicast/enabled": False,
-        # By these, daemons that know one of them find the others.
-        "scouting/gossip/enabled": True,
-        "transport/link/tx/lease": LINK_LEASE_MS,
-        "transport/link/rx/max_message_size": LARGEST_BYTES,
-        "transport/link/protocols": [TLS.rstrip("/"), UNIX.rstrip("/")],
-        # Twice as many bytes more, for nothing that is shared here.
-        "transport/shared_memory/enabled": False,
+        # Without a list Zenoh listens at a port of its own.
+        "listen": {"endpoints": list(listen), "exit_on_failure": True},
+        "connect": {
+            "endpoints": list(connect),
+            "exit_on_failure": timeout is not None,
+            "timeout_ms": -1 if timeout is None else round(timeout * 1e3),
+        },
+        # Daemons that know one of them find the others by gossip.
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": True}},
+        "transport": {
+            "link": {
+                "tx": {"lease": LINK_LEASE_MS},
+                "rx": {"max_message_size": LARGEST_BYTES},
+                "protocols": [TLS.rstrip("/"), UNIX.rstrip("/")],
+            },
+            # It would double the memory, and nothing here is shared.
+            "shared_memory": {"enabled": False},
+        },
     }
 
 
-def tls_configuration(certificate: Path, key: Path, ca: Path) -> dict[str, Any]:
+def tls_configuration(certificate: Path, key: Path, ca: Path) -> Tree:
     """Return the configuration of TLS with certificates on both sides."""
     return {
-        "transport/link/tls": {
-            "root_ca_certificate": str(ca),
-            "listen_certificate": str(certificate),
-            "listen_private_key": str(key),
-            "connect_certificate": str(certificate),
-            "connect_private_key": str(key),
-            "enable_mtls": True,
-            "verify_name_on_connect": True,
-            "close_link_on_expiration": True,
-        }
+        "root_ca_certificate": str(ca),
+        "listen_certificate": str(certificate),
+        "listen_private_key": str(key),
+        "connect_certificate": str(certificate),
+        "connect_private_key": str(key),
+        "enable_mtls": True,
+        "verify_name_on_connect": True,
+        "close_link_on_expiration": True,
     }
 
 
-def _access_control(settings: FleetSettings, callers: Iterable[str]) -> Mapping[str, Any]:
-    cell = settings.cell
-    everything = [f"{ROOT}/{cell}/**"]
-    telemetry = [of_daemon(cell, "*", what) for what in ("state", "events")]
-    rules: list[Rule] = [
-        _rule("carry", _ALL, everything, "ingress", "egress"),
-        # Another daemon answers and tells, but asks for nothing.
-        _rule("tell", _ANSWERING, everything, "ingress"),
-        _rule("be told", _ALL, everything, "egress"),
-        _rule("watch", ("declare_subscriber",), telemetry, "ingress"),
-        _rule("see telemetry", ("put", "delete"), telemetry, "egress"),
-        _rule("look around", _WATCHING, [of_daemon(cell, "*", "alive")], "ingress"),
-        _rule("see daemons", ("liveliness_token",), [of_daemon(cell, "*", "alive")], "egress"),
-        _rule("see calls", ("declare_queryable",), [of_daemon(cell, "*", "as/**")], "egress"),
-    ]
-    looks = ["watch", "see telemetry", "look around", "see daemons", "see calls"]
+def _access_control(fleet: FleetSettings, callers: Collection[str]) -> Tree:
+    def of_all(what: str, name: str = "") -> str:
+        return key_of(fleet.cell, "*", what, name)
+
+    rules: list[Tree] = []
     subjects, policies = [], []
-    for number, name in enumerate(callers):
-        calls = [as_caller(cell, "*", name, "**")]
-        rules += [
-            _rule(f"ask {number}", ("query",), calls, "ingress"),
-            _rule(f"hear {number}", ("reply",), calls, "egress"),
-            _rule(f"be {number}", ("liveliness_token",), [presence(cell, name, "*")], "ingress"),
-        ]
-        own = [f"{what} {number}" for what in ("ask", "hear", "be")]
-        subjects.append({"id": f"caller {number}", "cert_common_names": [name]})
-        policies.append({"rules": [*looks, *own], "subjects": [f"caller {number}"]})
-    for kind, names, allowed in (
-        ("daemons", settings.daemons, ["tell", "be told"]),
-        ("routers", settings.routers, ["carry"]),
-    ):
-        if names:
-            subjects.append({"id": kind, "cert_common_names": list(names)})
-            policies.append({"rules": allowed, "subjects": [kind]})
+
+    def allow(who: str, names: Collection[str], *given: tuple[str, list[str], list[str]]) -> None:
+        """Let certificates send (``ingress``) or get (``egress``) messages with some keys."""
+        if not names:
+            return
+        ids = [f"{who} {number}" for number in range(len(given))]
+        rules.extend(
+            {"id": id_, "permission": "allow", "flows": [flow], "messages": messages,
+             "key_exprs": keys}
+            for id_, (flow, messages, keys) in zip(ids, given, strict=True)
+        )  # fmt: skip
+        subjects.append({"id": who, "cert_common_names": list(names)})
+        policies.append({"rules": ids, "subjects": [who]})
+
+    everything = [f"{ROOT}/{fleet.cell}/**"]
+    state, clock, alive = [of_all("state")], [of_all("clock")], [of_all("alive", "**")]
+    # Another daemon answers and publishes, but asks nothing.
+    allow("daemons", fleet.daemons, ("ingress", _ANSWERING, everything),
+          ("egress", _ALL, everything))  # fmt: skip
+    allow("routers", fleet.routers, ("ingress", _ALL, everything), ("egress", _ALL, everything))
+    allow("callers", callers,
+          ("ingress", ["query"], clock), ("egress", ["reply"], clock),
+          ("ingress", ["declare_subscriber"], state), ("egress", ["put"], state),
+          ("ingress", _WATCHING, alive), ("egress", ["liveliness_token"], alive),
+          ("egress", ["declare_queryable"], [*clock, of_all("stop", "*")]))  # fmt: skip
+    for name in callers:
+        stop = [of_all("stop", name)]
+        allow(f"caller {name}", [name], ("ingress", ["query"], stop), ("egress", ["reply"], stop))
     return {
         "enabled": True,
         "default_permission": "deny",
         "rules": rules,
         "subjects": subjects,
         "policies": policies,
-    }
-
-
-def _rule(name: str, messages: Iterable[str], keys: Sequence[str], *flows: str) -> Rule:
-    return {
-        "id": name,
-        "permission": "allow",
-        "flows": list(flows),
-        "messages": list(messages),
-        "key_exprs": list(keys),
     }
 
 

@@ -1,4 +1,4 @@
-"""A client of a cell: who is there, how they are, one stop for all, a robot for each of them."""
+"""A client of a cell: presence, states, clocks, one stop for all, a robot for each daemon."""
 
 from __future__ import annotations
 
@@ -14,16 +14,15 @@ from typing import TYPE_CHECKING, Any, Self
 
 from orientd.config import TLS
 from orientd.errors import DaemonError, OrientdError
-from orientd.fleet import keys
-from orientd.fleet.access import basic_configuration, common_name, tls_configuration
-from orientd.fleet.channel import FleetChannel
+from orientd.fleet.access import common_name, session_configuration, tls_configuration
 from orientd.fleet.clocks import ClockOffset
+from orientd.fleet.keys import LOCAL, daemon_of, key_of, name_of
 from orientd.fleet.session import open_session
-from orientd.rpc import Robot, Way, certificate_files, connect_by, default_socket
+from orientd.rpc import Robot, certificate_files
+from orientd.rpc import connect as connect_daemon
 from orientd.rpc import control_pb2 as pb
 
 if TYPE_CHECKING:
-    import grpc
     import zenoh
 
     from orientd.fleet.recording import FleetRecording
@@ -32,7 +31,7 @@ SETTLING = 3.0
 """How long a client waits for the first daemon of the cell unless told otherwise, s."""
 
 QUIET = 0.3
-"""How long nobody else may appear until everybody counts as found, s."""
+"""How long no other daemon may appear until the cell counts as complete, s."""
 
 STOP_TIMEOUT = 2.0
 """How long a daemon may take to acknowledge a stop, s."""
@@ -43,55 +42,22 @@ ADDRESS = "fleet:"
 """What the address of a daemon of a cell begins with: ``fleet:DAEMON``."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FleetMember(Way):
-    """The way to a daemon of a cell.
+def daemon_address(
+    address: str,
+    certificate: str | Path | None,
+    key: str | Path | None,
+    ca: str | Path | None,
+) -> str:
+    """Return where ``fleet:NAME`` takes calls, in the cell that the environment names.
 
-    Attributes:
-        fleet: knows the cell.
-        name: of the daemon.
+    The certificates are as for :func:`connect_fleet`.
+
+    Raises:
+        DaemonError: there is no such daemon, or no such cell.
     """
-
-    fleet: Fleet | None = None
-    name: str = ""
-
-    @classmethod
-    def at(
-        cls,
-        address: str,
-        certificate: str | Path | None,
-        key: str | Path | None,
-        ca: str | Path | None,
-    ) -> FleetMember:
-        """Return the way to ``fleet:NAME``, of the cell that the environment names.
-
-        The certificates are as for :func:`connect_fleet`.
-        """
-        name = address.removeprefix(ADDRESS)
-        files = (None if path is None else Path(path) for path in (certificate, key, ca))
-        return cls(_kept(name), address, *files, name=name)
-
-    def why_not(self) -> OrientdError | None:
-        """Return nothing: whether a daemon is there is what the call has found out."""
-        return None
-
-    def open(self) -> grpc.Channel:
-        """Return a channel to the daemon; without a fleet, one that ends its own.
-
-        Raises:
-            DaemonError: there is no such daemon, or no such cell.
-        """
-        if self.fleet is not None:
-            return self.fleet.channel(self.name)
-        fleet = connect_fleet(
-            wait_for=[self.name], certificate=self.certificate, key=self.key, ca=self.ca
-        )
-        return fleet.channel(self.name, on_close=fleet.close)
-
-
-def _kept(name: str) -> Path:
-    """Return where what belongs to a daemon of a cell is kept."""
-    return default_socket().with_name(f"{name}.fleet")
+    name = address.removeprefix(ADDRESS)
+    with connect_fleet(wait_for=[name], certificate=certificate, key=key, ca=ca) as fleet:
+        return fleet.address(name)
 
 
 def connect_fleet(
@@ -110,14 +76,14 @@ def connect_fleet(
         connect: Zenoh's endpoints of one or several daemons or routers, which know the others; by
             default ``$ORIENTD_FLEET``, separated by blanks.
         cell: its name; by default ``$ORIENTD_CELL``.
-        certificate: who this client is, a file; by default ``$ORIENTD_CERT``.
+        certificate: of this client, a file; by default ``$ORIENTD_CERT``.
         key: of that certificate, a file; by default ``$ORIENTD_KEY``.
-        ca: who has signed everybody's certificate, a file; by default ``$ORIENTD_CA``.
+        ca: signer of all certificates of the cell, a file; by default ``$ORIENTD_CA``.
         wait_for: daemons to wait for; by default for the first, and until no others appear.
         timeout: how long to try to connect, and then to wait for daemons, s.
 
     Raises:
-        DaemonError: nobody is there, or one that was waited for is not.
+        DaemonError: no daemon is there, or not all that were waited for.
         ConfigError: the extra ``fleet`` is not installed.
     """
     given = os.environ.get("ORIENTD_FLEET", "") if connect is None else connect
@@ -128,13 +94,13 @@ def connect_fleet(
             "a fleet needs an endpoint and the name of the cell: --connect and --cell, or the "
             "environment's ORIENTD_FLEET and ORIENTD_CELL"
         )
-    configuration = basic_configuration([], endpoints, timeout=timeout)
-    caller = keys.LOCAL
+    configuration = session_configuration([], endpoints, timeout=timeout)
+    files: list[Path] = []
     if any(endpoint.startswith(TLS) for endpoint in endpoints):
         files = certificate_files(endpoints[0], certificate, key, ca)
-        configuration |= tls_configuration(*files)
-        caller = common_name(*files)
-    fleet = Fleet(open_session(configuration), cell=cell, caller=caller)
+        configuration["transport"]["link"]["tls"] = tls_configuration(*files)
+    caller = common_name(*files) if files else LOCAL
+    fleet = Fleet(open_session(configuration), cell=cell, caller=caller, files=files)
     try:
         fleet.find(wait_for, timeout=timeout)
     except OrientdError as error:
@@ -145,15 +111,15 @@ def connect_fleet(
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """What a daemon says of a stop.
+    """A daemon's answer to a stop.
 
     Attributes:
         daemon: its name.
-        devices: of each ``name``, ``state`` and ``motion`` as the stop met them.
-        seconds: from the call until its answer was here.
-        taken_after: from the call until its servos had taken the stop, by its clock and what is
-            known of that, s; ``None`` where nothing is.
-        problem: why it is not known to have stopped; empty if it is.
+        devices: of each ``name``, ``state`` and ``motion`` when the stop reached it.
+        seconds: from the call to the answer.
+        taken_after: from the call until the servos had taken the stop, by the daemon's clock and
+            its measured offset, s; ``None`` if that is not known.
+        problem: why the daemon may not have stopped; empty if it has.
     """
 
     daemon: str
@@ -168,9 +134,9 @@ class Heard:
     """The newest state of a daemon.
 
     Attributes:
-        state: as the daemon tells it.
+        state: as the daemon reports it.
         taken_ns: when, on the daemon's monotonic clock.
-        heard_ns: when it was here, on ours.
+        heard_ns: when it arrived, on ours.
     """
 
     state: pb.GetStateResponse
@@ -183,27 +149,35 @@ class Fleet:
 
     Attributes:
         cell: its name.
-        caller: who asks.
-        states: how many were heard of all daemons together.
+        caller: the name of this client.
+        states: how many states of all daemons have arrived.
     """
 
-    def __init__(self, session: zenoh.Session, *, cell: str, caller: str) -> None:
-        """Look for the daemons of *cell*, as *caller*."""
+    def __init__(
+        self, session: zenoh.Session, *, cell: str, caller: str, files: Sequence[Path] = ()
+    ) -> None:
+        """Look for the daemons of *cell*; see :func:`connect_fleet`.
+
+        Args:
+            session: of Zenoh.
+            cell: its name.
+            caller: the name of this client.
+            files: certificate, key and CA of this client, in a cell with TLS.
+        """
         import zenoh
 
         self._zenoh, self._session = zenoh, session
-        self.cell, self.caller = cell, caller
+        self.cell, self.caller, self._files = cell, caller, files
         self._news = threading.Condition()
-        self._daemons: set[str] = set()
+        self._addresses: dict[str, str] = {}
         self._heard: dict[str, Heard] = {}
         self.states = 0
         self._clocks: dict[str, ClockOffset] = {}
-        live, presence = session.liveliness(), keys.presence(cell, caller, str(session.zid()))
-        self._declared = [
-            live.declare_token(presence),
-            live.declare_subscriber(
-                keys.of_daemon(cell, "*", "alive"), self._hear_alive, history=True
-            ),
+        self._robots: list[Robot] = []
+        self._declared: list[object] = [
+            session.liveliness().declare_subscriber(
+                key_of(cell, "*", "alive", "**"), self._hear_alive, history=True
+            )
         ]
 
     def __enter__(self) -> Self:
@@ -213,95 +187,125 @@ class Fleet:
         self.close()
 
     def close(self) -> None:
-        """Leave the cell, which ends what was asked of it."""
+        """Leave the cell, and close the robots of it."""
+        for robot in self._robots:
+            robot.close()
         self._session.close()  # type: ignore[no-untyped-call] # Zenoh's stub
 
-    # Who is there
+    # Presence
 
     @property
     def daemons(self) -> list[str]:
         """The daemons that are there now, in the order of their names."""
         with self._news:
-            return sorted(self._daemons)
+            return sorted(self._addresses)
 
     def find(self, names: Sequence[str] = (), *, timeout: float = SETTLING) -> list[str]:
-        """Wait for *names*, or until nobody else appears; return who is there.
+        """Wait for *names*, or until no other daemon appears; return all that are there.
 
         Raises:
             DaemonError: they do not appear in time.
         """
         end = time.monotonic() + timeout
+        known = self._addresses
         with self._news:
-            self._news.wait_for(lambda: self._daemons and self._daemons >= set(names), timeout)
-            if not names:
-                known = 0
-                while len(self._daemons) > known and time.monotonic() < end:
-                    known = len(self._daemons)
-                    self._news.wait_for(lambda: len(self._daemons) > known, QUIET)  # noqa: B023
-            missing = set(names) - self._daemons
+            self._news.wait_for(lambda: known and known.keys() >= set(names), timeout)
+            count = len(known) if names else 0
+            while count < len(known) and time.monotonic() < end:
+                count = len(known)
+                self._news.wait_for(lambda: len(known) > count, QUIET)  # noqa: B023
+            missing = ", ".join(sorted(set(names) - known.keys()))
             if missing:
-                absent = ", ".join(sorted(missing))
-                raise DaemonError(f"cell {self.cell} has no {absent}")
-            if not self._daemons:
+                raise DaemonError(f"cell {self.cell} has no {missing}")
+            if not known:
                 raise DaemonError(f"there is no daemon of cell {self.cell}")
         return self.daemons
 
     def _hear_alive(self, sample: zenoh.Sample) -> None:
-        name = keys.daemon_of(str(sample.key_expr))
+        place = str(sample.key_expr)
+        daemon, address = daemon_of(place), name_of(place)
         with self._news:
             if sample.kind == self._zenoh.SampleKind.PUT:
-                self._daemons.add(name)
-            else:
-                self._daemons.discard(name)
+                self._addresses[daemon] = address
+            elif self._addresses.get(daemon) == address:
+                del self._addresses[daemon]
             self._news.notify_all()
 
-    # How they are
+    def address(self, daemon: str) -> str:
+        """Return where a daemon takes calls: ``HOST:PORT``, or ``unix:`` and its socket.
+
+        Raises:
+            DaemonError: the daemon is not there.
+        """
+        with self._news:
+            if daemon not in self._addresses:
+                raise DaemonError(f"cell {self.cell} has no {daemon}")
+            return self._addresses[daemon]
+
+    def robot(self, daemon: str, *, holder: str = "", timeout: float = 30.0) -> Robot:
+        """Connect to a daemon as :func:`orientd.connect` does, at the address of its presence.
+
+        Raises:
+            DaemonError: it is not there, or does not answer.
+            AccessError: it does not let this caller do anything.
+        """
+        certificate, key, ca = self._files or (None, None, None)
+        robot = connect_daemon(
+            address=self.address(daemon), certificate=certificate, key=key, ca=ca,
+            holder=holder, timeout=timeout,
+        )  # fmt: skip
+        self._robots.append(robot)
+        return robot
+
+    # States
 
     def watch(self) -> None:
-        """Hear the states of all daemons from now on; see :meth:`heard`."""
-        key = keys.of_daemon(self.cell, "*", "state")
-        self._declared.append(self._session.declare_subscriber(key, self._hear_state))
+        """Receive the states of all daemons from now on; see :meth:`heard`."""
+        self._declared.append(
+            self._session.declare_subscriber(key_of(self.cell, "*", "state"), self._hear_state)
+        )
 
     def heard(self) -> dict[str, Heard]:
-        """Return the newest state of each daemon that has told one."""
+        """Return the newest state of each daemon that has sent one."""
         with self._news:
             return dict(self._heard)
 
     def _hear_state(self, sample: zenoh.Sample) -> None:
-        told = json.loads(sample.attachment.to_bytes() if sample.attachment else b"{}")
         state = pb.GetStateResponse.FromString(sample.payload.to_bytes())
-        heard = Heard(state, told.get("time_ns", 0), time.monotonic_ns())
+        taken = sample.attachment.to_bytes() if sample.attachment else b""
+        heard = Heard(state, int.from_bytes(taken, "little"), time.monotonic_ns())
         with self._news:
             self.states += 1
-            self._heard[keys.daemon_of(str(sample.key_expr))] = heard
+            self._heard[daemon_of(str(sample.key_expr))] = heard
             self._news.notify_all()
 
     def clock(self, daemon: str) -> ClockOffset:
         """Return what is known of a daemon's clock."""
-        key = keys.as_caller(self.cell, daemon, self.caller, "clock")
 
         def ask(hear: Callable[[int], None]) -> None:
             def take(reply: zenoh.Reply) -> None:
                 if reply.ok is not None:
                     hear(int.from_bytes(reply.ok.payload.to_bytes(), "little"))
 
-            # In Zenoh's own thread: a thread of ours would be one more to wait for.
-            answer = self._zenoh.handlers.Callback(take, indirect=False)
             self._session.get(
-                key, answer, timeout=_ASK_TIMEOUT, priority=self._zenoh.Priority.REAL_TIME,
+                key_of(self.cell, daemon, "clock"),
+                # In Zenoh's own thread: a thread of ours would add its delay.
+                self._zenoh.handlers.Callback(take, indirect=False),
+                timeout=_ASK_TIMEOUT,
+                priority=self._zenoh.Priority.REAL_TIME,
                 express=True,
-            )  # fmt: skip
+            )
 
         with self._news:
             return self._clocks.setdefault(daemon, ClockOffset(ask))
 
-    # What they do
+    # Stop
 
     def stop(self, *, is_quickest: bool = False, timeout: float = STOP_TIMEOUT) -> list[Stopped]:
-        """Stop every device of the cell by one message; return what each daemon says to it.
+        """Stop every device of the cell by one message; return each daemon's answer.
 
         Args:
-            is_quickest: whether to leave the path where that is quicker.
+            is_quickest: whether to leave the path if that is quicker.
             timeout: how long to wait for acknowledgements, s.
         """
         began = time.monotonic_ns()
@@ -309,16 +313,16 @@ class Fleet:
 
         def hear(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
-                name, seconds = keys.daemon_of(str(reply.ok.key_expr)), time.monotonic_ns() - began
+                name, seconds = daemon_of(str(reply.ok.key_expr)), time.monotonic_ns() - began
                 told = json.loads(reply.ok.payload.to_bytes())
                 offset = self.clock(name).at(began)
                 taken = None if offset is None else (told["time_ns"] - offset.ns - began) * 1e-9
                 devices, problem = told.get("devices") or (), told.get("error", "")
                 answers.put(Stopped(name, devices, seconds * 1e-9, taken, problem))
 
-        key = keys.as_caller(self.cell, "*", self.caller, "stop")
+        all_stops = key_of(self.cell, "*", "stop", self.caller)
         self._session.get(
-            f"{key}?kind=halt" if is_quickest else key,
+            f"{all_stops}?kind=halt" if is_quickest else all_stops,
             self._zenoh.handlers.Callback(hear, lambda: answers.put(None)),
             target=self._zenoh.QueryTarget.ALL,
             consolidation=self._zenoh.ConsolidationMode.NONE,
@@ -337,38 +341,15 @@ class Fleet:
             found[name] = Stopped(name, (), timeout, problem="has not acknowledged the stop")
         return [found[name] for name in sorted(found)]
 
-    def channel(
-        self, daemon: str, *, on_close: Callable[[], object] = lambda: None
-    ) -> FleetChannel:
-        """Return a channel to a daemon, for a stub of the protocol.
-
-        Args:
-            daemon: its name.
-            on_close: called when the channel is closed.
-        """
-        return FleetChannel(
-            self._session, cell=self.cell, daemon=daemon, caller=self.caller, on_close=on_close
-        )
-
-    def robot(self, daemon: str, *, holder: str = "", timeout: float = 30.0) -> Robot:
-        """Return a daemon as :func:`orientd.connect` does: every call works.
-
-        Raises:
-            DaemonError: it does not answer.
-            AccessError: it does not let this caller do anything.
-        """
-        way = FleetMember(_kept(daemon), f"{self.cell}/{daemon}", fleet=self, name=daemon)
-        return connect_by(way, holder=holder, timeout=timeout)
-
     def record(
         self, path: str | Path, daemons: Sequence[str] = (), *, has_scalars: bool = False
     ) -> FleetRecording:
-        """Return what records every cycle, event and plan of the cell to one MCAP file.
+        """Return a recording of every cycle, event and plan of the cell in one MCAP file.
 
         Args:
             path: of the file, which is overwritten.
-            daemons: their names; whoever is there meanwhile, where none is named.
-            has_scalars: whether every cycle is written as plain numbers too, for tools that plot.
+            daemons: their names; by default every daemon that is there meanwhile.
+            has_scalars: whether every cycle is written as plain numbers too, for plotting tools.
         """
         from orientd.fleet.recording import FleetRecording
 

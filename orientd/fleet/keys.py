@@ -1,18 +1,14 @@
-"""The key expressions of a cell: what is published where, and where calls go.
+"""The key expressions of a cell.
 
 .. code-block:: text
 
-    orientd/CELL/DAEMON/alive               liveliness token of a daemon
-    orientd/CELL/DAEMON/state               GetStateResponse, some times a second
-    orientd/CELL/DAEMON/events              WatchEventsResponse, at once
-    orientd/CELL/DAEMON/as/CALLER/rpc/CALL  a call of control.proto, request and answers as there
-    orientd/CELL/DAEMON/as/CALLER/cancel/ID ends one of them
-    orientd/CELL/DAEMON/as/CALLER/stop      stops every device; asked of DAEMON `*`, of the cell
-    orientd/CELL/DAEMON/as/CALLER/clock     the daemon's monotonic clock
-    orientd/CELL/DAEMON/ready/START         DAEMON takes part in a start, or has dropped it
-    orientd/CELL/callers/CALLER/SESSION     liveliness token of a client
+    orientd/CELL/DAEMON/alive/ADDRESS   liveliness token of a daemon; its calls go to ADDRESS
+    orientd/CELL/DAEMON/state           GetStateResponse, some times a second
+    orientd/CELL/DAEMON/clock           answers with the daemon's monotonic clock
+    orientd/CELL/DAEMON/stop/CALLER     stops every device; asked of DAEMON `*`, of the cell
 
-CALLER is the name in the caller's certificate: access control lets nobody use another's.
+ADDRESS and CALLER are percent-encoded.  CALLER is the common name of the caller's certificate:
+access control lets nobody use another's.
 """
 
 from __future__ import annotations
@@ -20,37 +16,30 @@ from __future__ import annotations
 from urllib.parse import quote, unquote
 
 ROOT = "orientd"
+
 LOCAL = "local"
-"""The caller's name where nobody shows a certificate."""
+"""The caller's name in a cell without certificates."""
+
+UNIX_ADDRESS = "unix:"
+"""What the address of a control socket begins with; any other address is ``HOST:PORT``."""
+
+PACKET_BYTES = 1 << 18
+"""The largest packet between a daemon and its gateway."""
+
+TIME_BYTES = 8
+"""Of a daemon's monotonic clock, ns, little-endian: the attachment of a state, a clock's answer."""
 
 
-def spelt(caller: str) -> str:
-    """Return a caller's name as it stands in a key.
+def key_of(cell: str, daemon: str, what: str, name: str = "") -> str:
+    """Return the key of *what* a daemon offers, or all daemons if *daemon* is ``*``.
 
-    >>> spelt("arm/3*")
-    'arm%2F3%2A'
+    >>> key_of("lab", "*", "stop", "arm/3*"), key_of("lab", "arm-1", "alive", "**")
+    ('orientd/lab/*/stop/arm%2F3%2A', 'orientd/lab/arm-1/alive/**')
     """
-    return quote(caller, safe="")
-
-
-def of_daemon(cell: str, daemon: str, what: str) -> str:
-    """Return the key of *what* a daemon, or all of them if it is ``*``, has to say."""
-    return f"{ROOT}/{cell}/{daemon}/{what}"
-
-
-def as_caller(cell: str, daemon: str, caller: str, what: str) -> str:
-    """Return the key at which *caller* asks a daemon, or all of them, for *what*."""
-    return of_daemon(cell, daemon, f"as/{spelt(caller)}/{what}")
-
-
-def presence(cell: str, caller: str, session: str) -> str:
-    """Return the key of a client's liveliness token; *session* may be ``*``."""
-    return f"{ROOT}/{cell}/callers/{spelt(caller)}/{session}"
-
-
-def all_presences(cell: str) -> str:
-    """Return the key of the liveliness tokens of all clients."""
-    return f"{ROOT}/{cell}/callers/*/*"
+    parts = [ROOT, cell, daemon, what]
+    if name:
+        parts.append(name if name in ("*", "**") else quote(name, safe=""))
+    return "/".join(parts)
 
 
 def daemon_of(key: str) -> str:
@@ -58,18 +47,6 @@ def daemon_of(key: str) -> str:
     return key.split("/")[2]
 
 
-def last_of(key: str) -> str:
-    """Return the last part of a key."""
-    return key.rpartition("/")[2]
-
-
-def caller_of(key: str) -> str | None:
-    """Return who asks at a key; ``None`` if that is nobody in particular.
-
-    >>> caller_of("orientd/lab/*/as/pendant/stop"), caller_of("orientd/lab/arm/as/*/stop")
-    ('pendant', None)
-    """
-    parts = key.split("/")
-    if len(parts) < 6 or parts[3] != "as" or "*" in parts[4]:
-        return None
-    return unquote(parts[4])
+def name_of(key: str) -> str:
+    """Return the last part of a key, decoded: a caller or an address."""
+    return unquote(key.rpartition("/")[2])

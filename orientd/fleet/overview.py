@@ -1,4 +1,4 @@
-"""How a cell is, for whoever looks at it for a while: clocks are measured again and again."""
+"""The newest state of every daemon of a cell, with its age on one clock."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Overview:
         self._thread = threading.Thread(target=self._measure, name="orientd clocks", daemon=True)
 
     def __enter__(self) -> Self:
-        """Hear of all that are there, as far as they say something soon."""
+        """Wait for the states of all daemons, as far as they come soon."""
         fleet = self._fleet
         fleet.watch()
         end = time.monotonic() + FIRST
@@ -68,7 +68,7 @@ class Overview:
         return (now + offset.ns - heard.taken_ns) * 1e-9, offset.bound_ns * 1e-9
 
     def stop(self, *, is_quickest: bool) -> str:
-        """Stop every device; return who has not acknowledged it and why, empty if nobody."""
+        """Stop every device; return which daemons have not acknowledged it and why."""
         answers = self._fleet.stop(is_quickest=is_quickest)
         return "; ".join(f"{one.daemon}: {one.problem}" for one in answers if one.problem)
 

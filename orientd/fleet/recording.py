@@ -1,14 +1,14 @@
 """Records what all daemons of a cell do, in one file and on one clock.
 
-Every time in the file is one of the recorder's monotonic clock: those of a daemon are shifted by
-its offset, which is measured again and again and written into the file with its bound.
+Every time in the file is one of the recorder's monotonic clock.  The times of a daemon are shifted
+by its clock's offset, which is measured every few seconds and written into the file with its bound.
 """
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -20,19 +20,16 @@ if TYPE_CHECKING:
     from orientd.fleet.client import Fleet
     from orientd.recorder import RecordingWriter
 
-MOST_DAEMONS = 256
-"""Daemons in one file."""
-
 _POLL = 0.1
 _AGAIN = 1.0
 """Time after which a daemon that was lost is recorded again, s."""
 
 
 class HeldOffset:
-    """A clock's offset that changes no more than what is measured asks for.
+    """A clock's offset that changes no more than the measurements demand.
 
-    The times of a daemon are not to jump with every estimate, so it stays what it was for as long
-    as that is within the bound, and is the end of the interval next to it from then on.
+    It stays as it was while that is within the newest bound.  Otherwise it moves to the nearest end
+    of that bound, so that times do not jump with every estimate.
     """
 
     def __init__(self) -> None:
@@ -41,11 +38,11 @@ class HeldOffset:
 
     @property
     def ns(self) -> int:
-        """What is held; 0 before anything was measured."""
+        """The offset; 0 before the first measurement."""
         return 0 if self._held is None else self._held.ns
 
     def take(self, offset: Offset) -> Offset:
-        """Return what is held from now on, and how far that may be wrong."""
+        """Take a measurement; return the offset from now on, and how far it may be wrong."""
         low, high = offset.ns - offset.bound_ns, offset.ns + offset.bound_ns
         ns = offset.ns if self._held is None else min(max(self._held.ns, low), high)
         self._held = Offset(ns, max(ns - low, high - ns))
@@ -55,7 +52,7 @@ class HeldOffset:
 class FleetRecording(LiveRecording):
     """The recording of a cell: from :meth:`run` to :meth:`end`, or for as long as a ``with`` block.
 
-    Daemons that come are recorded from then on, those that leave until then.
+    A daemon that comes is recorded from then on, one that leaves until then.
 
     Attributes:
         problems: why a daemon is not recorded, or no longer, by its name.
@@ -67,8 +64,8 @@ class FleetRecording(LiveRecording):
         """Prepare to record daemons of *fleet*; see :meth:`orientd.fleet.Fleet.record`."""
         super().__init__(path, has_scalars=has_scalars)
         self._fleet, self._daemons = fleet, daemons
-        self._background: Future[None] | None = None
-        self._pool = ThreadPoolExecutor(MOST_DAEMONS, thread_name_prefix="orientd fleet record")
+        self._background = threading.Thread(target=self._run, name="orientd fleet record")
+        self._error: OrientdError | None = None
         self.problems: dict[str, str] = {}
 
     def run(self) -> None:
@@ -76,54 +73,41 @@ class FleetRecording(LiveRecording):
 
         Raises:
             RecordingError: the file cannot be written any further.
-            DaemonError: one of the daemons that were named is not there at the beginning.
+            DaemonError: a daemon that was named is not there at the beginning.
         """
         if self._daemons:
             self._fleet.find(self._daemons, timeout=0.0)
-        work: dict[str, Future[None]] = {}
-        due: dict[str, float] = {}
+        threads: dict[str, threading.Thread] = {}
         with self._begin_file(time.time_ns() - time.monotonic_ns()) as writer:
-            try:
-                self._begin_all(writer, work, due)
-                while not self.ending.wait(_POLL):
-                    self._begin_all(writer, work, due)
-            finally:
-                self.ending.set()
-                wait(work.values())
-                for daemon in list(work):
-                    self._take_end(daemon, work)
+            while not self.ending.wait(_POLL if threads else 0.0):
+                for daemon in self._daemons or self._fleet.daemons:
+                    if daemon not in threads:
+                        threads[daemon] = threading.Thread(
+                            target=self._keep_recording, args=(writer, daemon), name=daemon
+                        )
+                        threads[daemon].start()
+            for thread in threads.values():
+                thread.join()
+        if self._error is not None:
+            raise self._error
 
-    def _begin_all(
-        self, writer: RecordingWriter, work: dict[str, Future[None]], due: dict[str, float]
-    ) -> None:
-        """Record whoever is there and is not recorded yet."""
-        for daemon, one in list(work.items()):
-            if one.done():
-                due[daemon] = time.monotonic() + _AGAIN
-                self._take_end(daemon, work)
-        for daemon in self._daemons or self._fleet.daemons:
-            is_there = daemon in self._fleet.daemons
-            if is_there and daemon not in work and time.monotonic() >= due.get(daemon, 0.0):
-                work[daemon] = self._pool.submit(self._record, writer, daemon)
-
-    def _take_end(self, daemon: str, work: dict[str, Future[None]]) -> None:
-        """Note how the recording of a daemon has ended.
-
-        Raises:
-            RecordingError: because of the file.
-        """
-        try:
-            work.pop(daemon).result()
-        except RecordingError:
-            self.ending.set()
-            raise
-        except OrientdError as error:
-            self.problems[daemon] = str(error)
-        else:
-            if not self.ending.is_set():
-                self.problems[daemon] = "has left"
+    def _keep_recording(self, writer: RecordingWriter, daemon: str) -> None:
+        """Record one daemon whenever it is there, until :meth:`end`."""
+        while not self.ending.is_set():
+            if daemon in self._fleet.daemons:
+                try:
+                    self._record(writer, daemon)
+                    if not self.ending.is_set():
+                        self.problems[daemon] = "has left"
+                except RecordingError as error:
+                    self._error = error
+                    self.ending.set()
+                except OrientdError as error:
+                    self.problems[daemon] = str(error)
+            self.ending.wait(_AGAIN)
 
     def _record(self, writer: RecordingWriter, daemon: str) -> None:
+        """Record one daemon until it leaves, or :meth:`end`."""
         clock, held = self._fleet.clock(daemon), HeldOffset()
 
         def measure() -> None:
@@ -149,11 +133,11 @@ class FleetRecording(LiveRecording):
         Raises:
             OrientdError: as of :meth:`run`.
         """
-        self._background = self._pool.submit(self.run)
+        self._background.start()
         expected = set(self._daemons or self._fleet.daemons)
         while not expected <= {*self.problems, *(name.partition("/")[0] for name in self.cycles)}:
-            if self._background.done():
-                self._background.result()
+            if not self._background.is_alive():
+                raise self._error or RecordingError("the recording has ended")
             time.sleep(_POLL)
         return self
 
@@ -164,11 +148,12 @@ class FleetRecording(LiveRecording):
             OrientdError: as of :meth:`run`, unless the block itself has failed.
         """
         self.end()
+        self._background.join()
+        if self._error is not None and error is None:
+            raise self._error
+
+    def _run(self) -> None:
         try:
-            if self._background is not None:
-                self._background.result()
-        except OrientdError:
-            if error is None:
-                raise
-        finally:
-            self._pool.shutdown()
+            self.run()
+        except OrientdError as error:
+            self._error = error

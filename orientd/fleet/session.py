@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from orientd.errors import ConfigError, DaemonError
@@ -13,8 +12,8 @@ if TYPE_CHECKING:
     import zenoh
 
 
-def open_session(configuration: Mapping[str, Any]) -> zenoh.Session:
-    """Open a session with *configuration*: values by Zenoh's own paths.
+def open_session(configuration: dict[str, Any]) -> zenoh.Session:
+    """Open a session of Zenoh.
 
     Raises:
         ConfigError: the extra ``fleet`` is not installed, or Zenoh refuses a value.
@@ -24,20 +23,18 @@ def open_session(configuration: Mapping[str, Any]) -> zenoh.Session:
         import zenoh
     except ImportError as error:
         raise ConfigError("a fleet needs Zenoh: pip install 'orientd-motion[fleet]'") from error
-    config = zenoh.Config()
     try:
-        for path, value in configuration.items():
-            config.insert_json5(path, json.dumps(value))
+        parsed = zenoh.Config.from_json5(json.dumps(configuration))
     except zenoh.ZError as error:
         raise ConfigError(f"fleet: {_first_line(error)}") from error
     # A Unix socket that Zenoh makes is for its own user.
     before = os.umask(0o177)
     try:
-        return zenoh.open(config)
+        return zenoh.open(parsed)
     except zenoh.ZError as error:
-        places = [*configuration["connect/endpoints"], *configuration["listen/endpoints"]]
+        ends = [*configuration["connect"]["endpoints"], *configuration["listen"]["endpoints"]]
         raise DaemonError(
-            f"no member of a fleet at {', '.join(places)}, or not with this certificate: "
+            f"no member of a fleet at {', '.join(ends)}, or not with this certificate: "
             f"{_first_line(error)}"
         ) from error
     finally:

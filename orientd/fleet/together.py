@@ -1,29 +1,24 @@
-"""Motions of several devices of several daemons that start in one instant, or not at all.
+"""Start motions of several devices of several daemons in one instant, or none of them.
 
-First everything is prepared: the leases are taken, all or none and always in the same order, and
-every motion is planned.  Then one instant of our clock is translated to the clock of each daemon,
-and each motion is asked for with that; the gateways hand them on once every one was asked
-(:mod:`orientd.fleet.start_barrier`), and each daemon has its motion fed and armed before it begins.
-How far apart they began is measured from the servos' cycles.
+First everything is prepared: all leases are taken, always in the same order, and every motion is
+planned.  Then one instant of our clock is translated to the clock of each daemon, and each daemon
+arms its motion for that instant.  If one has not done so in time, all motions are withdrawn before
+they begin.  A daemon withdraws its motion by itself when this client's connection ends.  The
+servos' cycles tell how far apart the motions began.
 """
 
 from __future__ import annotations
 
-import json
-import secrets
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from orientd.errors import DaemonError, OrientdError, StateError
-from orientd.fleet.channel import START_KEY
+from orientd.errors import DaemonError, LateError, OrientdError
 from orientd.fleet.clocks import Offset
 from orientd.fleet.plan_file import START_IN, FleetMotion
-from orientd.fleet.start_barrier import NOT_READY
 from orientd.rpc import MoveHandle, Robot, StartAt
 
 if TYPE_CHECKING:
@@ -31,19 +26,19 @@ if TYPE_CHECKING:
     from orientd.rpc import Plan, Summary
 
 LEAST_MARGIN_NS = 50_000_000
-"""Time before the start in which nobody is let begin any more: the others are to hear of it."""
+"""Time before the start in which motions are only withdrawn, not armed any more."""
 
 _TRIPS = 6
-"""Round trips of the slowest daemon that a start takes before its margin."""
+"""Round trips of the slowest daemon that the margin lasts at least."""
 
 ATTEMPTS = 3
-"""Times that a start is given which some of the daemons hear of too late to take part."""
+"""How often a start is attempted if some daemons arm their motions too late."""
 
-_DROPPING = 0.3
-"""What the daemons may take to drop what was armed for a start that does not come, s."""
+_WITHDRAWING = 0.3
+"""Time for the daemons to withdraw armed motions before the next attempt, s."""
 
 _ARMING_NS = 150_000_000
-"""What the daemons may take to feed a motion and arm it."""
+"""Time for the daemons to feed a motion and arm it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +46,10 @@ class Ended:
     """How one motion went.
 
     Attributes:
-        motion: what was asked for.
+        motion: as requested.
         plan: of it.
-        summary: how it ended; ``None`` where its daemon was lost.
-        problem: what was wrong with its daemon; empty if nothing.
+        summary: how it ended; ``None`` if its daemon was lost.
+        problem: of its daemon; empty if none.
     """
 
     motion: FleetMotion
@@ -65,13 +60,13 @@ class Ended:
 
 @dataclass(frozen=True, slots=True)
 class Together:
-    """How motions went that were started together.
+    """How motions went that started together.
 
     Attributes:
         ended: each of them.
-        skew: between the first one's beginning and the last one's, s; ``None`` of one alone, or
-            where a beginning is not known.
-        skew_bound: how far *skew* may be wrong because of what is known of the clocks, s.
+        skew: between the first beginning and the last, s; ``None`` for a single motion, or if a
+            beginning is not known.
+        skew_bound: how far *skew* may be wrong because of the clocks, s.
     """
 
     ended: Sequence[Ended]
@@ -80,7 +75,7 @@ class Together:
 
     @property
     def problem(self) -> str:
-        """What did not go as it was asked for; empty if nothing."""
+        """Which motions did not end as requested; empty if all did."""
         bad = [
             f"{one.motion}: {one.problem or (one.summary and one.summary.text) or 'stopped'}"
             for one in self.ended
@@ -89,34 +84,31 @@ class Together:
         return "; ".join(bad)
 
 
-Tell = Callable[[str], object]
-
-
 def move_together(
     fleet: Fleet,
     motions: Sequence[FleetMotion],
     *,
     start_in: float = START_IN,
     holder: str = "fleet move",
-    tell: Tell = lambda _: None,
+    tell: Callable[[str], object] = lambda _: None,
 ) -> Together:
     """Move several devices, all from the same instant; return once all have ended.
 
-    Where one ends otherwise than it was asked to, or its daemon is lost, the others are stopped on
-    their paths.  Where whoever asks is lost, every daemon stops its own.
+    If one ends otherwise than requested, or its daemon is lost, the others stop on their paths.
+    If this client is lost, every daemon stops its own.
 
     Args:
         fleet: of their daemons.
         motions: one for each device.
-        start_in: from when everything is planned to the start, s; more where the network is slow,
-            and where a start has to be given again because some heard of it too late.
-        holder: what others are told who are refused because of this.
-        tell: told what is being done.
+        start_in: from the end of planning to the start, s; longer over a slow network, and after
+            an attempt that came too late.
+        holder: named to others who are refused meanwhile.
+        tell: called with each step.
 
     Raises:
-        LeaseError: somebody else commands one of them.
-        PlanError: one of them cannot be planned.
-        OrientdError: one of them cannot begin.  In all of these cases none has moved.
+        LeaseError: somebody else commands one of the devices.
+        PlanError: one motion cannot be planned.
+        OrientdError: one motion cannot begin.  In all of these cases no device has moved.
     """
     ordered = sorted(motions, key=lambda motion: (motion.daemon, motion.device))
     with ExitStack() as kept, ThreadPoolExecutor(len(ordered)) as pool:
@@ -127,7 +119,7 @@ def move_together(
             tell("measuring clocks")
             measured = pool.map(lambda name: _offset(fleet, name), robots)
             offsets = dict(zip(robots, measured, strict=True))
-            starts, start_ns = _starts(fleet, ordered, offsets, start_in)
+            starts, start_ns = _starts(fleet, offsets, start_in)
             tell(f"starting in {(start_ns - time.monotonic_ns()) * 1e-9:.2f} s")
             begun = [
                 pool.submit(
@@ -138,13 +130,13 @@ def move_together(
             try:
                 handles = _all_or_none(ordered, begun)
                 break
-            except StateError as error:
-                if attempt == ATTEMPTS or NOT_READY not in str(error):
+            except LateError as error:
+                if attempt == ATTEMPTS:
                     raise
                 tell(f"{error}; once more")
-                time.sleep(_DROPPING)
+                time.sleep(_WITHDRAWING)
                 start_in *= 2.0
-        # Once more, close to the start: how far apart they began is judged by this.
+        # Measured close to the start: the skew is judged by these offsets.
         list(pool.map(lambda name: fleet.clock(name).measure(), robots))
         tell("moving")
         ended = _wait(ordered, handles, pool)
@@ -155,18 +147,18 @@ def move_together(
 def _take_leases(
     fleet: Fleet, ordered: Sequence[FleetMotion], holder: str, kept: ExitStack
 ) -> dict[str, Robot]:
-    """Return a robot of each daemon that has the lease of its devices, in the order of names."""
+    """Return a robot of each daemon, by name in their order, that has the lease of its devices."""
     robots: dict[str, Robot] = {}
-    for daemon in sorted({one.daemon for one in ordered}):
+    for daemon in dict.fromkeys(one.daemon for one in ordered):
         robots[daemon] = kept.enter_context(fleet.robot(daemon, holder=holder))
         devices = [one.device for one in ordered if one.daemon == daemon]
-        with _of(daemon):
+        with _naming(daemon):
             robots[daemon].acquire_lease(*devices)
     return robots
 
 
 def _plan(robot: Robot, one: FleetMotion) -> Plan:
-    with _of(str(one)):
+    with _naming(str(one)):
         return robot.plan(one.request, device=one.device)
 
 
@@ -178,33 +170,22 @@ def _offset(fleet: Fleet, daemon: str) -> Offset:
 
 
 def _starts(
-    fleet: Fleet, ordered: Sequence[FleetMotion], offsets: dict[str, Offset], start_in: float
+    fleet: Fleet, offsets: dict[str, Offset], start_in: float
 ) -> tuple[dict[str, StartAt], int]:
-    """Return when each daemon is to begin, on its clock; and when that is on ours."""
+    """Return the start on the clock of each daemon, and on ours."""
     trip_ns = max(fleet.clock(name).round_trip_ns for name in offsets)
     margin_ns = max(LEAST_MARGIN_NS, _TRIPS * trip_ns)
     ahead_ns = max(round(start_in * 1e9), 2 * margin_ns + _ARMING_NS)
     start_ns = time.monotonic_ns() + ahead_ns
-    parts = Counter(one.daemon for one in ordered)
-    name = secrets.token_hex(8)
-    starts = {}
-    for daemon, offset in offsets.items():
-        there = start_ns + offset.ns
-        said = {
-            "id": name,
-            "among": sorted(offsets),
-            "parts": parts[daemon],
-            "start_ns": there,
-            "until_ns": there - margin_ns,
-        }
-        starts[daemon] = StartAt(there, ((START_KEY, json.dumps(said)),))
+    armed_by = (start_ns - margin_ns) * 1e-9
+    starts = {name: StartAt(start_ns + offset.ns, armed_by) for name, offset in offsets.items()}
     return starts, start_ns
 
 
 def _all_or_none(
     ordered: Sequence[FleetMotion], begun: Sequence[Future[MoveHandle]]
 ) -> list[MoveHandle]:
-    """Return the motions, all of which are armed; or end them all before they begin.
+    """Return the motions once all are armed, or withdraw all before they begin.
 
     Raises:
         OrientdError: one could not be armed.
@@ -220,8 +201,8 @@ def _all_or_none(
         return handles
     for handle in handles:
         handle.abandon()
-    # Those that were dropped for the sake of another know less than that one.
-    one, cause = min(errors, key=lambda pair: "cannot begin" in str(pair[1]))
+    # Another attempt would not help against any other error.
+    one, cause = min(errors, key=lambda pair: isinstance(pair[1], LateError))
     cause.args = (f"{one}: {cause}; nothing moves", *cause.args[1:])
     raise cause
 
@@ -229,7 +210,7 @@ def _all_or_none(
 def _wait(
     ordered: Sequence[FleetMotion], handles: Sequence[MoveHandle], pool: ThreadPoolExecutor
 ) -> list[Ended]:
-    """Wait until all have ended; as soon as one does so otherwise than asked, stop the others."""
+    """Wait until all motions have ended; once one ends otherwise than asked, stop the others."""
     futures = {pool.submit(handle.wait): number for number, handle in enumerate(handles)}
     ended: dict[int, Ended] = {}
     is_stopped = False
@@ -270,8 +251,8 @@ def _skew(
 
 
 @contextmanager
-def _of(what: str) -> Iterator[None]:
-    """Say of what an error is."""
+def _naming(what: str) -> Iterator[None]:
+    """Put the name of a daemon or a device in front of an error."""
     try:
         yield
     except OrientdError as error:

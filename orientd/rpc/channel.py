@@ -98,9 +98,11 @@ class Way:
         if address is None and socket is None:
             address = os.environ.get("ORIENTD_ADDRESS", "")
         if address and address.startswith("fleet:"):
-            from orientd.fleet import FleetMember
+            from orientd.fleet import daemon_address
 
-            return FleetMember.at(address, certificate, key, ca)
+            address = daemon_address(address, certificate, key, ca)
+        if address and address.startswith("unix:"):
+            return cls(Path(address.removeprefix("unix:")))
         if not address:
             return cls(Path(socket).expanduser() if socket is not None else found_socket())
         found = certificate_files(address, certificate, key, ca)

@@ -300,9 +300,9 @@ class Robot(Commands):
         else:
             request.motion.CopyFrom(from_request(motion_request(keyframes, **fields)))
         request.queue, request.blend_tolerance = queue, blend_tolerance
-        metadata: tuple[tuple[str, str], ...] = ()
+        armed_by: float | None = None
         if isinstance(start_time, StartAt):
-            request.start_ns, metadata = start_time.monotonic_ns, start_time.metadata
+            request.start_ns, armed_by = start_time.monotonic_ns, start_time.armed_by
         elif start_time is not None:
             if not isinstance(start_time, int | float) or not math.isfinite(start_time):
                 raise RequestError("start_time", f"expected seconds, got {start_time!r}")
@@ -312,12 +312,13 @@ class Robot(Commands):
 
         def begin(token: str, number: int) -> Any:  # noqa: ANN401 - gRPC's
             request.lease_token, request.lease_sequence = token, number
-            return self._connection.call(self._stub.Move, request, metadata=metadata)
+            return self._connection.call(self._stub.Move, request)
 
         self._moves = [move for move in self._moves if not move.is_done]
         handle = MoveHandle(
             self._command_of(device, begin),
             explain=self._connection.explain,
+            armed_by=armed_by,
             stop=lambda number: self._connection.ask(
                 self._stub.Stop,
                 pb.StopRequest(device=device, caller=self.holder, motion_number=number),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -34,11 +34,12 @@ class StartAt:
 
     Attributes:
         monotonic_ns: on the daemon's monotonic clock.
-        metadata: of the call, for whoever carries it.
+        armed_by: when the call is cancelled unless the daemon has armed the motion, s, as of
+            :func:`time.monotonic` here.
     """
 
     monotonic_ns: int
-    metadata: tuple[tuple[str, str], ...] = ()
+    armed_by: float
 
 
 class Connection:
@@ -116,7 +117,6 @@ class Connection:
         request: object,
         *,
         timeout: float | None = None,
-        metadata: Sequence[tuple[str, str]] = (),
     ) -> Answer:
         """Call *method* of the stub, and return its answer or the stream of its answers.
 
@@ -126,13 +126,12 @@ class Connection:
             method: of the stub.
             request: a message, or an iterator over messages.
             timeout: how long the call may take, s; ``None`` for as long as it takes.
-            metadata: of the call, for whoever carries it.
 
         Raises:
             OrientdError: what the daemon raised, or that it is not there.
         """
         try:
-            return method(request, timeout=timeout, metadata=metadata or None)
+            return method(request, timeout=timeout)
         except grpc.RpcError as error:
             raise self.explain(error) from error
         except ValueError as error:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import Protocol
 
 import grpc
 
-from orientd.errors import DaemonError, OrientdError
+from orientd.errors import DaemonError, LateError, OrientdError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.reports import MoveTiming, Plan, Progress, Summary
 from orientd.rpc.wire import (
@@ -44,6 +45,7 @@ class MoveHandle:
         *,
         explain: Callable[[grpc.RpcError], OrientdError],
         stop: Callable[[int], object],
+        armed_by: float | None = None,
     ) -> None:
         """Wait until the motion has begun.
 
@@ -51,8 +53,11 @@ class MoveHandle:
             stream: the call, whose messages are read here.
             explain: makes an exception of a failed call.
             stop: ends the motion of a number, on its path if it runs.
+            armed_by: when to cancel the call unless the motion has begun or is armed, s, as of
+                :func:`time.monotonic`; ``None`` for never.
 
         Raises:
+            LateError: the motion was not armed by *armed_by*.
             OrientdError: the motion was refused.
         """
         self._stream = stream
@@ -63,13 +68,22 @@ class MoveHandle:
         self._reports = 0
         self._summary: Summary | None = None
         self._error: OrientdError | None = None
+        timer = None
+        if armed_by is not None:
+            timer = threading.Timer(armed_by - time.monotonic(), stream.cancel)
+            timer.start()
         try:
             first = next(iter(stream)).started
         except grpc.RpcError as error:
+            if armed_by is not None and time.monotonic() >= armed_by:
+                raise LateError("the motion was not armed in time") from error
             raise explain(error) from error
         except BaseException:
             stream.cancel()
             raise
+        finally:
+            if timer is not None:
+                timer.cancel()
         self.plan: Plan = plan_from_message(first.plan)
         self.motion_number: int = first.motion_number
         self.timing: MoveTiming = timing_from_message(first.timing)

@@ -54,7 +54,7 @@ class RunningCell:
         self.folder, self.is_tls, self.lease, self.more = Path(folder), is_tls, lease, more
         self.ahead, self.prefix = ahead or {}, prefix
         self.names = [f"arm-{number}" for number in range(1, daemons + 1)]
-        self.processes = {}
+        self.processes, self.host, self.ports = {}, host, {}
         if is_tls:
             self.authority = Authority(self.folder / "ca")
             for name in (*self.names, "router"):
@@ -65,6 +65,10 @@ class RunningCell:
             self.endpoint = self.router
         else:
             self.endpoint = self.socket_of(self.names[0])
+
+    def address(self, name):
+        """Return where a daemon takes calls, in a cell with TLS."""
+        return f"{self.host}:{self.ports.setdefault(name, free_port())}"
 
     def socket_of(self, name):
         return f"unixsock-stream/{self.folder}/{name}.zenoh"
@@ -92,7 +96,8 @@ class RunningCell:
         files = "".join(f"{key} = '{path}'\n" for key, path in self.files(name).items())
         whom = f"daemons = {self.names}\n" if name == "router" else "routers = ['router']\n"
         roles = "".join(f"{who} = '{role}'\n" for who, role in ROLES.items())
-        return f"{text}{where}{files}{whom}[access.certificates]\n{roles}"
+        tcp = f"[tcp]\nlisten = '{self.address(name)}'\n{files}" if name != "router" else ""
+        return f"{text}{where}{files}{whom}[access.certificates]\n{roles}{tcp}"
 
     def _clock(self, name):
         ahead = self.ahead.get(name)

@@ -284,14 +284,14 @@ def router(
     import json
     import threading
 
-    from orientd.fleet import nested, open_session, router_configuration
+    from orientd.fleet import open_session, router_configuration
 
     configuration = router_configuration(config)
     if show:
-        say(json.dumps(nested(configuration), indent=2))
+        say(json.dumps(configuration, indent=2))
         return
     with open_session(configuration):
-        say(f"ready at {' '.join(configuration['listen/endpoints'])}")
+        say(f"ready at {' '.join(configuration['listen']['endpoints'])}")
         threading.Event().wait()
 
 

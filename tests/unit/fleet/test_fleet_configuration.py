@@ -1,19 +1,44 @@
 import json
+from pathlib import Path
 
 import pytest
 
 from orientd import config
-from orientd.config import FleetSettings
 from orientd.errors import ConfigError, RequestError
-from orientd.fleet import nested, read_plan, zenoh_configuration
-from orientd.fleet.access import basic_configuration, router_configuration
+from orientd.fleet import address_of, member_configuration, read_plan, router_configuration
+from orientd.fleet.access import session_configuration
 
-TLS = {"cell": "line", "name": "arm", "certificate": "/c", "key": "/k", "ca": "/a"}
+SOCKET = Path("/run/control.sock")
+
+FLEET = {"cell": "line", "name": "arm", "certificate": "/c", "key": "/k", "ca": "/a"}
+TCP = {"listen": "10.0.0.5:7450", "certificate": "/c", "key": "/k", "ca": "/a"}
 DEVICES = {"arm": {"driver": "loopback"}}
 
 
-def settings(**more):
-    return FleetSettings.model_validate({**TLS, "connect": ["tls/host:7447"], **more})
+def settings(*, callers=(), tcp=TCP, **fleet):
+    return config.parse(
+        {
+            "fleet": {**FLEET, "connect": ["tls/host:7447"], **fleet},
+            **({"tcp": tcp} if tcp else {}),
+            "access": {"certificates": dict.fromkeys(callers, "observer")},
+            "devices": DEVICES,
+        },
+        source="test",
+    )
+
+
+def access_of(given):
+    """Return the rules of each subject, and what Zenoh does with all others."""
+    control = member_configuration(given)["access_control"]
+    assert control["enabled"]
+    rules = {rule["id"]: rule for rule in control["rules"]}
+    assert {rule["permission"] for rule in rules.values()} == {"allow"}
+    names = {one["id"]: one["cert_common_names"] for one in control["subjects"]}
+    found = {}
+    for policy in control["policies"]:
+        for name in (name for subject in policy["subjects"] for name in names[subject]):
+            found.setdefault(name, []).extend(rules[one] for one in policy["rules"])
+    return found, control["default_permission"]
 
 
 def test_a_daemon_is_alone_unless_the_settings_say_otherwise():
@@ -42,50 +67,55 @@ def test_settings_that_open_the_daemon_to_others_are_refused(table, words):
 
 def test_tls_needs_a_certificate():
     with pytest.raises(ConfigError, match=r"fleet\.certificate: missing"):
-        zenoh_configuration(FleetSettings(cell="c", name="a", connect=["tls/h:1"]))
+        member_configuration(settings(tcp=None, certificate=None))
+
+
+def test_a_cell_with_tls_needs_the_port_that_commands_go_to():
+    with pytest.raises(ConfigError, match=r"add the table \[tcp\]"):
+        address_of(settings(tcp=None), SOCKET)
+
+
+@pytest.mark.parametrize("listen", ["0.0.0.0:7450", "[::]:7450", "10.0.0.5:0"])
+def test_an_address_that_others_cannot_use_is_refused(listen):
+    tcp = {**TCP, "listen": listen}
+    with pytest.raises(ConfigError, match=r"fleet\.address: expected"):
+        address_of(settings(tcp=tcp), SOCKET)
+    assert address_of(settings(tcp=tcp, address="arm.lab:7450"), SOCKET) == "arm.lab:7450"
+
+
+def test_commands_go_to_the_tls_port_or_to_the_socket():
+    assert address_of(settings(), SOCKET) == "10.0.0.5:7450"
+    local = settings(connect=["unixsock-stream//run/x"])
+    assert address_of(local, SOCKET) == "unix:/run/control.sock"
 
 
 def test_whoever_is_in_no_list_may_do_nothing():
-    control = zenoh_configuration(settings(), callers=["pendant"])["access_control"]
-    assert control["enabled"]
-    assert control["default_permission"] == "deny"
-    assert {rule["permission"] for rule in control["rules"]} == {"allow"}
-    named = {name for one in control["subjects"] for name in one["cert_common_names"]}
-    assert named == {"pendant"}
+    found, otherwise = access_of(settings(callers=["pendant"]))
+    assert list(found) == ["pendant"]
+    assert otherwise == "deny"
 
 
-def test_a_caller_may_ask_in_its_own_name_alone():
-    control = zenoh_configuration(settings(), callers=["pendant", "chief"])["access_control"]
-    rules = {rule["id"]: rule for rule in control["rules"]}
-    for policy in control["policies"]:
-        (subject,) = policy["subjects"]
-        (name,) = next(
-            one["cert_common_names"] for one in control["subjects"] if one["id"] == subject
-        )
-        asking = [rules[one] for one in policy["rules"] if "query" in rules[one]["messages"]]
+def test_a_caller_stops_in_its_own_name_alone():
+    found, _ = access_of(settings(callers=["pendant", "chief"]))
+    for name, rules in found.items():
+        asking = [rule for rule in rules if "query" in rule["messages"]]
         keys = [key for rule in asking for key in rule["key_exprs"]]
-        assert keys == [f"orientd/line/*/as/{name}/**"]
-        incoming = [rules[one] for one in policy["rules"] if "ingress" in rules[one]["flows"]]
+        assert sorted(keys) == ["orientd/line/*/clock", f"orientd/line/*/stop/{name}"]
+        incoming = [rule for rule in rules if "ingress" in rule["flows"]]
         assert all("put" not in rule["messages"] for rule in incoming)
 
 
 def test_another_daemon_asks_for_nothing():
-    control = zenoh_configuration(settings(daemons=["arm-2"]))["access_control"]
-    rules = {rule["id"]: rule for rule in control["rules"]}
-    (policy,) = control["policies"]
-    for one in policy["rules"]:
-        if "ingress" in rules[one]["flows"]:
-            assert "query" not in rules[one]["messages"]
+    found, _ = access_of(settings(daemons=["arm-2"]))
+    for rule in found["arm-2"]:
+        if "ingress" in rule["flows"]:
+            assert "query" not in rule["messages"]
 
 
 def test_nothing_is_listened_at_that_was_not_named():
-    assert basic_configuration([], ["tls/h:1"])["listen/endpoints"] == []
-    assert basic_configuration([], ["tls/h:1"])["scouting/multicast/enabled"] is False
-
-
-def test_values_by_path_become_a_tree():
-    found = nested({"mode": "router", "listen/endpoints": ["x"], "listen/exit": True})
-    assert found == {"mode": "router", "listen": {"endpoints": ["x"], "exit": True}}
+    found = session_configuration([], ["tls/h:1"])
+    assert found["listen"]["endpoints"] == []
+    assert found["scouting"]["multicast"]["enabled"] is False
 
 
 @pytest.mark.parametrize(
