@@ -1,4 +1,4 @@
-"""Plan files of many requests offline, in parts that a run which was ended goes on from."""
+"""Plan files of many requests offline, in parts that an interrupted run goes on from."""
 
-from orientd.batch.requests import Requests, open_requests
-from orientd.batch.run import Batch, Progress, Settings
+from orientd.batch.batch import Batch
+from orientd.batch.request_file import Requests, open_requests

@@ -13,7 +13,7 @@ from orientd.cli.output import is_terminal, say, say_json
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.batch import Progress
+    from orientd.batch import Batch
 
 _INTERVAL = 5.0
 """Seconds between two plain lines."""
@@ -50,40 +50,39 @@ def batch(
     a keyframe each.  Each row of the result is a certificate, or why the request was refused.
     The same command goes on where one was ended.
     """
-    from orientd.batch import Batch, Settings, open_requests
+    from orientd.batch import Batch, open_requests
     from orientd.cli.command import device_settings
 
     if jobs == 0 or jobs < -1:
         raise typer.BadParameter(f"expected -1 or at least 1, got {jobs}", param_hint="--jobs")
-    settings = Settings(device_settings(config, device), records, backend, jobs, address)
-    run = Batch(open_requests(file), output, settings)
-    began, shown, progress = time.monotonic(), 0.0, None
+    run = Batch(
+        open_requests(file), output, device_settings(config, device),
+        has_records=records, backend=backend, jobs=jobs, address=address,
+    )  # fmt: skip
+    began, shown = time.monotonic(), 0.0
     try:
-        for progress in run.run():
+        for _ in run.run():
             now = time.monotonic()
             if not as_json and (is_terminal() or now >= shown + _INTERVAL):
                 shown = now
-                _show(progress, now - began)
+                _show(run, now - began)
     except KeyboardInterrupt:
-        done = 0 if progress is None else progress.done
         raise OrientdError(
-            f"interrupted with {done:,} requests done; the same command goes on from there"
+            f"interrupted with {run.done:,} requests done; the same command goes on from there"
         ) from None
     if as_json:
-        say_json({"plans": run.table, "count": progress and progress.count})
+        say_json({"plans": run.table, "count": run.count})
         return
     if is_terminal():
         say("")
     say(f"wrote {run.table}")
 
 
-def _show(progress: Progress, seconds: float) -> None:
-    share = progress.done / max(1, progress.count)
-    text = f"{progress.done:,} of {progress.count:,} requests ({share:.0%})"
-    rate = (progress.done - progress.begun_with) / max(1e-9, seconds)
+def _show(run: Batch, seconds: float) -> None:
+    text = f"{run.done:,} of {run.count:,} requests ({run.done / max(1, run.count):.0%})"
+    rate = (run.done - run.begun_with) / max(1e-9, seconds)
     if rate > 0.0:
-        left = (progress.count - progress.done) / rate
-        text += f", {rate:,.0f} a second, {left:,.0f} s left"
+        text += f", {rate:,.0f} a second, {(run.count - run.done) / rate:,.0f} s left"
     if is_terminal():
         print(f"\r{text}\x1b[K", end="", flush=True)  # noqa: T201
     else:

@@ -14,7 +14,7 @@ from pyarrow import csv, parquet
 from typer.testing import CliRunner
 
 from orientd import motion_file, planner
-from orientd.batch import Batch, Settings, open_requests, run
+from orientd.batch import Batch, batch, open_requests
 from orientd.batch.rows import RECORD
 from orientd.cli.command import device_settings
 from orientd.cli.main import app
@@ -23,7 +23,7 @@ from orientd.planner import offline
 
 pytestmark = pytest.mark.filterwarnings("ignore:resource_tracker:UserWarning")
 
-SETTINGS = Settings(device_settings(None, ""), jobs=1)
+DEVICE = device_settings(None, "")
 
 
 def q(angle):
@@ -45,22 +45,27 @@ MOTIONS = [
 
 @pytest.fixture(autouse=True)
 def small_parts(monkeypatch):
-    monkeypatch.setattr(run, "PART", 2)
+    monkeypatch.setattr(batch, "PART", 2)
 
 
 @pytest.fixture
-def requests(tmp_path):
+def file(tmp_path):
     path = tmp_path / "requests.jsonl"
     path.write_text("\n\n".join(map(json.dumps, MOTIONS)) + "\n{nonsense\n")
-    return open_requests(path)
+    return path
 
 
-def planned(requests, folder, settings=SETTINGS, parts=None):
+@pytest.fixture
+def requests(file):
+    return open_requests(file)
+
+
+def planned(requests, folder, parts=None, *, jobs=1, **more):
     """Run a batch, to its end or for some parts, and return its rows."""
-    batch = Batch(requests, folder, settings)
-    for _ in itertools.islice(batch.run(), parts):
+    run = Batch(requests, folder, DEVICE, jobs=jobs, **more)
+    for _ in itertools.islice(run.run(), parts):
         pass
-    return parquet.read_table(batch.table).to_pylist() if parts is None else None
+    return parquet.read_table(run.table).to_pylist() if parts is None else None
 
 
 def test_each_request_has_its_row_with_its_certificate_or_its_refusal(requests, tmp_path):
@@ -74,7 +79,7 @@ def test_each_request_has_its_row_with_its_certificate_or_its_refusal(requests, 
     assert "did you mean 'method'" in rows[3]["refusal"]
     assert rows[5]["refusal"].startswith("not JSON")
     request = motion_file.parse(MOTIONS[1])
-    limits, period = SETTINGS.device.limits.to_limits(), SETTINGS.device.period_ns * 1e-9
+    limits, period = DEVICE.limits.to_limits(), DEVICE.period_ns * 1e-9
     start = planner.State.at_rest(request.keys[0])
     certificate = planner.plan(request, start=start, limits=limits, period=period).certificate
     assert rows[1]["duration"] == certificate.duration
@@ -94,8 +99,7 @@ def test_a_batch_that_was_ended_goes_on_to_the_same_file(requests, tmp_path):
 
 
 def test_workers_make_the_same_file(requests, tmp_path):
-    several = Settings(SETTINGS.device, jobs=2)
-    assert planned(requests, tmp_path / "one") == planned(requests, tmp_path / "two", several)
+    assert planned(requests, tmp_path / "one") == planned(requests, tmp_path / "two", jobs=2)
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
@@ -119,12 +123,12 @@ def test_a_table_says_the_same_as_lines_do(requests, tmp_path, ending):
 
 
 def test_records_are_those_of_the_motion(requests, tmp_path):
-    planned(requests, tmp_path / "plans", Settings(SETTINGS.device, has_records=True, jobs=1))
+    planned(requests, tmp_path / "plans", has_records=True)
     records = parquet.read_table(tmp_path / "plans" / "records" / "000000.parquet")
     request = motion_file.parse(MOTIONS[1])
     made = planner.plan(
         request, start=planner.State.at_rest(request.keys[0]),
-        limits=SETTINGS.device.limits.to_limits(), period=SETTINGS.device.period_ns * 1e-9,
+        limits=DEVICE.limits.to_limits(), period=DEVICE.period_ns * 1e-9,
     )  # fmt: skip
     second = records.filter(np.array(records["row"]) == 1)
     assert second["record"].to_pylist() == list(range(made.record_count))
@@ -135,7 +139,7 @@ def test_records_are_those_of_the_motion(requests, tmp_path):
 def test_another_batch_in_the_folder_is_refused(requests, tmp_path):
     planned(requests, tmp_path / "plans", parts=1)
     with pytest.raises(OrientdError, match="a batch with other records; expected a new folder"):
-        Batch(requests, tmp_path / "plans", Settings(SETTINGS.device, has_records=True))
+        Batch(requests, tmp_path / "plans", DEVICE, has_records=True)
 
 
 @pytest.mark.parametrize(
@@ -177,8 +181,8 @@ def test_errors_cross_processes_as_they_are():
         assert vars(arrived) == vars(error)
 
 
-def test_the_command_says_how_far_it_is_and_what_it_wrote(requests, tmp_path):
-    command = [sys.executable, "-m", "orientd", "batch", requests.path, "-o", tmp_path / "plans"]
+def test_the_command_says_how_far_it_is_and_what_it_wrote(file, tmp_path):
+    command = [sys.executable, "-m", "orientd", "batch", file, "-o", tmp_path / "plans"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("0 of 6 requests (0%)\n")
@@ -190,9 +194,9 @@ def test_the_command_says_how_far_it_is_and_what_it_wrote(requests, tmp_path):
     assert done.stderr == "orientd: expected a backend of loky, ray, dask, got 'grid'\n"
 
 
-def test_the_address_of_a_cluster_is_that_of_no_daemon(requests, tmp_path):
+def test_the_address_of_a_cluster_is_that_of_no_daemon(file, tmp_path):
     folder = tmp_path / "plans"
-    command = ["batch", str(requests.path), "-o", str(folder), "--address", "127.0.0.1:9"]
+    command = ["batch", str(file), "-o", str(folder), "--address", "127.0.0.1:9"]
     ended = CliRunner().invoke(app, command)
     assert (ended.exit_code, ended.stdout) == (1, "0 of 6 requests (0%)\n")
     says = "a cluster's address needs the backend ray or dask, got 127.0.0.1:9"

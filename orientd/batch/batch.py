@@ -1,0 +1,177 @@
+"""Plan a file of requests into a folder: parts in order, and one table of them in the end.
+
+The folder holds ``parts``, a table for each part that is done, until they are put together as
+``plans.parquet``; ``batch.json`` says what they were planned from.  An interrupted run, even one
+that was killed, goes on after the last part, and ends in the same files as any other.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from orientd.batch.request_file import Request, Requests
+from orientd.batch.rows import COLUMNS, RECORD, Planned, plan_requests
+from orientd.bounded_file import MEBIBYTE, read_bounded
+from orientd.config import DeviceSettings
+from orientd.errors import OrientdError
+from orientd.planner import in_parallel, need_backend
+from orientd.whole_file import written
+
+PART = 200
+"""Requests of a part."""
+
+FORMAT = 1
+
+_Part = tuple[int, int, list[Request]]
+"""Its number, the row of its first request, and its requests."""
+
+
+class Batch:
+    """The requests of one file on their way into one folder.
+
+    Attributes:
+        table: the file with a row for each request, once all are done.
+        count: how many requests there are.
+        done: how many of them are planned or refused, those of earlier runs included.
+        begun_with: how many of them earlier runs had done.
+    """
+
+    def __init__(
+        self,
+        requests: Requests,
+        folder: Path,
+        device: DeviceSettings,
+        *,
+        has_records: bool = False,
+        backend: str = "loky",
+        jobs: int = -1,
+        address: str | None = None,
+    ) -> None:
+        """Look what the folder holds already.
+
+        Args:
+            requests: the file.
+            folder: for the plans; made if there is none.
+            device: rate, limits and driver.
+            has_records: whether the records are written too.
+            backend: ``loky``, ``ray`` or ``dask``.
+            jobs: parts at a time; -1 for one on each core.
+            address: of a cluster.
+
+        Raises:
+            OrientdError: the folder holds another batch or something else, or cannot be written; or
+                the backend is not installed.
+        """
+        need_backend(backend)
+        self._requests, self._folder, self._has_records = requests, folder, has_records
+        work = functools.partial(_plan_part, device=device, has_records=has_records)
+        self._work = functools.partial(
+            in_parallel, work, backend=backend, jobs=jobs, address=address
+        )
+        self.table, self._parts = folder / "plans.parquet", folder / "parts"
+        self.count = requests.count
+        asked = {
+            "format": FORMAT,
+            "requests": requests.digest,
+            "device": json.loads(device.model_dump_json()),
+            "records": has_records,
+            "part": PART,
+        }
+        label = folder / "batch.json"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            if not label.exists():
+                with written(label) as path:
+                    path.write_text(json.dumps(asked, indent=1))
+            found = json.loads(read_bounded(label, MEBIBYTE))
+        except (OSError, ValueError, RecursionError) as error:
+            raise OrientdError(f"cannot use {folder}: {error}") from error
+        known = found if isinstance(found, dict) else {}
+        differing = [name for name in asked if known.get(name) != asked[name]]
+        if differing:
+            raise OrientdError(
+                f"{folder} holds a batch with other {' and '.join(differing)}; expected a new "
+                "folder, or the same request file, device and options as before"
+            )
+        self._numbers = range(-(-self.count // PART))
+        self._waiting = [number for number in self._numbers if not self._part(number).exists()]
+        if self.table.exists():
+            self._waiting = []
+        done = PART * (len(self._numbers) - len(self._waiting))
+        self.done = self.begun_with = min(self.count, done)
+
+    def run(self) -> Iterator[None]:
+        """Plan all that is not planned yet; yield whenever :attr:`done` has changed.
+
+        Raises:
+            OrientdError: a file cannot be read or written, or the backend is not there.
+        """
+        yield
+        if self.table.exists():
+            return
+        self._parts.mkdir(exist_ok=True)
+        for number, planned in self._work(self._tasks()):
+            self._write_part(number, planned)
+            self.done += len(planned.rows)
+            yield
+        from pyarrow import parquet
+
+        with written(self.table) as path, parquet.ParquetWriter(path, _schema()) as writer:
+            for number in self._numbers:
+                writer.write_table(parquet.read_table(self._part(number)))
+        shutil.rmtree(self._parts)
+
+    def _tasks(self) -> Iterator[_Part]:
+        each = self._requests.each()
+        for number in self._numbers:
+            requests = list(itertools.islice(each, PART))
+            if number in self._waiting:
+                yield number, number * PART, requests
+
+    def _part(self, number: int) -> Path:
+        return self._parts / f"{number:06d}.parquet"
+
+    def _write_part(self, number: int, planned: Planned) -> None:
+        import pyarrow as arrow
+        from pyarrow import parquet
+
+        if self._has_records:
+            records = self._folder / "records" / f"{number:06d}.parquet"
+            records.parent.mkdir(exist_ok=True)
+            with written(records) as path:
+                parquet.write_table(arrow.table(_records(planned)), path)
+        # Last: the part is done once it is there.
+        with written(self._part(number)) as path:
+            parquet.write_table(arrow.Table.from_pylist(planned.rows, schema=_schema()), path)
+
+
+def _plan_part(part: _Part, *, device: DeviceSettings, has_records: bool) -> tuple[int, Planned]:
+    number, first, requests = part
+    return number, plan_requests(first, requests, device, has_records=has_records)
+
+
+def _schema() -> Any:  # noqa: ANN401 - a schema of Arrow
+    import pyarrow as arrow
+
+    return arrow.schema([(name, getattr(arrow, kind)()) for name, kind in COLUMNS.items()])
+
+
+def _records(planned: Planned) -> dict[str, Any]:
+    """Return the columns of a table of records."""
+    counts = [len(records) for _, records in planned.records]
+    records = np.concatenate(
+        [np.zeros((0, len(RECORD))), *(records for _, records in planned.records)]
+    )
+    return {
+        "row": np.repeat(np.array([row for row, _ in planned.records], np.int64), counts),
+        "record": np.concatenate([np.zeros(0, int), *map(np.arange, counts)]),
+        **{name: records[:, k] for k, name in enumerate(RECORD)},
+    }
