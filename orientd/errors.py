@@ -176,10 +176,6 @@ class NotYetError(LateError):
     """A motion cannot be replaced or followed at this moment; a little later it can."""
 
 
-class PendingError(StateError):
-    """A command that the device has not carried out yet; it goes on with it."""
-
-
 class LeaseError(OrientdError):
     """A command from somebody who does not hold the lease."""
 

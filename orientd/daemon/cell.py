@@ -16,12 +16,10 @@ from typing import TYPE_CHECKING, TypeVar, TypeVarTuple
 
 from orientd.clock import Clock, MonotonicClock
 from orientd.config import DeviceSettings, Settings
-from orientd.daemon.device import Device
-from orientd.daemon.devices import DeviceEvent, EventKind
+from orientd.daemon.device import Device, DeviceEvent
 from orientd.daemon.leases import EXPIRED, Lease, Leases
-from orientd.daemon.motion_starter import MotionStarter
-from orientd.daemon.motions import ActiveMotions, PlanStore
-from orientd.daemon.observe import FlightRecorder, Journal
+from orientd.daemon.observe import EventLog, FlightRecorder, Journal
+from orientd.daemon.plan_store import PlanStore
 from orientd.daemon.planners import (
     PlanCall,
     PlannedMotion,
@@ -37,7 +35,6 @@ from orientd.errors import (
     UnknownNameError,
 )
 from orientd.one_line import one_line
-from orientd.rpc import Outcome
 
 if TYPE_CHECKING:
     from orientd.daemon.stops import StopFolder
@@ -92,33 +89,28 @@ class Cell:
         self.configuration = settings.model_dump_json(exclude_none=True)
         self._on_event = on_event
         self.devices: dict[str, Device] = {}
-        self.runs = ActiveMotions(self.devices)
         self.journal = Journal(kept=settings.recorder.seconds)
-        self._flight = FlightRecorder(settings, self.journal)
+        self._event_log = EventLog()
+        self._flight = FlightRecorder(settings, self.journal, self.devices)
         self.planners = planners or Planners(
             [planner_device(device) for device in settings.devices.values()],
             processes=settings.planner.processes or default_processes(),
             timeout=settings.planner.plan_timeout,
         )
         self._commanders = ThreadPoolExecutor(COMMANDERS, thread_name_prefix="command")
-        self.starter = MotionStarter(
-            self.runs,
-            self._commanders,
-            check=self.check,
-            is_held=lambda token, device: self.leases.owner(token, device) is not None,
-        )
         for name, device in settings.devices.items():
             self.devices[name] = make_device(
-                device, planners=self.planners, on_event=self._hear, stops=stops
+                device,
+                planners=self.planners,
+                on_event=self._hear,
+                leases=self.leases,
+                cycle_memory=self._flight.memory(name, device.rate_hz),
+                stops=stops,
             )
-            self._flight.attach(self.devices[name])
 
     def _hear(self, event: DeviceEvent) -> None:
-        if event.kind is EventKind.STOP:
-            self.runs.note_stop([event.device], event.text)
-            return
         self._on_event(event, self.devices[event.device])
-        self.runs.hear(event)
+        self._event_log.hear(event)
         self.journal.hear(event)
         self._flight.hear(event)
 
@@ -127,12 +119,15 @@ class Cell:
 
         If it has run out, whoever let a device go to move it by hand is lost too: it holds again.
         """
-        for run in self.runs.unfinished(lease.token):
-            if run.device.name in devices:
-                self.runs.abandon(run, f"the lease of {lease.who} {what}")
-        for name in devices if what == EXPIRED else ():
+        for name in devices:
+            device = self.devices[name]
             try:
-                self.devices[name].end_free()
+                device.disown(lease.token, f"the lease of {lease.who} {what}")
+            except OrientdError as error:
+                _log.warning("%s: stop failed: %s", name, error)
+            try:
+                if what == EXPIRED:
+                    device.end_free()
             except OrientdError as error:
                 _log.warning("lease: %s was let go and does not hold again: %s", name, error)
 
@@ -167,15 +162,15 @@ class Cell:
     def shutdown(self) -> None:
         """Stop every device on its path, let the motions end, and release everything."""
         self.is_closing = True
-        self.runs.halt(self.devices.values(), GOING_DOWN)
-        unfinished = self.runs.unfinished()
+        _stop(self.devices.values(), GOING_DOWN)
+        unfinished = [
+            run for device in self.devices.values() for run in device.unfinished() if run.begun_ns
+        ]
         # From a lower speed a stop may take longer than from full speed, but not than this.
-        stops = [1.0 / run.motion.facts.brake_rate for run in unfinished if run.motion is not None]
+        stops = [1.0 / run.motion.facts.brake_rate for run in unfinished if run.planned is not None]
         wait([run.ended for run in unfinished], timeout=max(stops, default=0.0) + 1.0)
         with ThreadPoolExecutor(len(self.devices)) as pool:
-            list(pool.map(lambda device: device.shutdown(), self.devices.values()))
-        for run in unfinished:
-            self.runs.conclude(run, (Outcome.STOPPED, GOING_DOWN))
+            list(pool.map(Device.shutdown, self.devices.values()))
         self._flight.close()
         self.journal.close()
 
@@ -254,11 +249,7 @@ class Cell:
         devices = [self.device(name)] if name else list(self.devices.values())
         caller = one_line(caller, 200) or "somebody"
         reason = f"stopped by {caller}"
-        if motion:
-            found = [self.runs.find(device, motion) for device in devices]
-            failures = [error for run in found if run for error in self.runs.abandon(run, reason)]
-        else:
-            failures = self.runs.halt(devices, reason, is_quickest=is_quickest)
+        failures = _stop(devices, reason, is_quickest=is_quickest, motion=motion)
         if failures:
             raise failures[0]
         return devices
@@ -274,6 +265,23 @@ class Cell:
         if self.is_closing:
             raise DaemonError(GOING_DOWN)
         return lease
+
+
+def _stop(
+    devices: Iterable[Device], reason: str, *, is_quickest: bool = False, motion: int = 0
+) -> list[OrientdError]:
+    """Stop all *devices* even if one fails, or only their motion *motion*; return the failures."""
+    failures = []
+    for device in devices:
+        try:
+            if not motion:
+                device.stop(reason, is_quickest=is_quickest)
+            elif (run := device.find(motion)) is not None:
+                device.abandon(run, reason)
+        except OrientdError as error:
+            _log.warning("%s: stop failed: %s", device.name, error)
+            failures.append(error)
+    return failures
 
 
 def planner_device(settings: DeviceSettings) -> PlannerDevice:

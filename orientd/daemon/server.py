@@ -38,8 +38,7 @@ from orientd.rpc import control_pb2, target
 
 if TYPE_CHECKING:
     from orientd.daemon.calls import Telemetry
-    from orientd.daemon.device import Device
-    from orientd.daemon.devices import DeviceEvent
+    from orientd.daemon.device import Device, DeviceEvent
     from orientd.daemon.fleet_link import FleetLink
 
 _log = logging.getLogger(__name__)
@@ -304,7 +303,8 @@ class _Daemon:
             for name in sorted(waiting):
                 device = cell.devices[name]
                 if device.failure:
-                    await cell.in_worker(device.try_again)
+                    with contextlib.suppress(OrientdError):
+                        await cell.in_worker(device.reset)
                 if device.wait_ready(0.0):
                     waiting.discard(name)
         self._on_ready(self._service.daemon_report(), [])

@@ -123,5 +123,5 @@ class Commands(LeaseHolder):
             message = request(lease_token=token, lease_sequence=number, device=device, **more)
             return self._connection.begin(method, message)
 
-        answer = self._connection.until_done(lambda: self._command_of(device, begin)())
+        answer = self._command_of(device, begin)()
         return device_from_message(answer.device)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -12,16 +11,12 @@ import grpc
 from google.protobuf.message import DecodeError
 from google.rpc import status_pb2
 
-from orientd.errors import DaemonError, MessageSizeError, OrientdError, PendingError
+from orientd.errors import DaemonError, MessageSizeError, OrientdError
 from orientd.rpc.channel import Way
 from orientd.rpc.control_pb2_grpc import ControlStub
 from orientd.rpc.wire import DETAILS_KEY, from_status
 
 Answer = TypeVar("Answer")
-
-LONGEST_COMMAND = 20.0
-"""How long a command is asked for again that the device takes its time for, s."""
-_ASK_AGAIN = 0.05
 
 
 class UnreachableError(DaemonError):
@@ -78,22 +73,6 @@ class Connection:
             OrientdError: what the daemon raised, or that it is not there.
         """
         return self.call(method, request, timeout=self._timeout)
-
-    def until_done(self, ask: Callable[[], Answer]) -> Answer:
-        """Return the answer to a command, asked for again while the device takes its time.
-
-        Raises:
-            PendingError: it still does after :data:`LONGEST_COMMAND` seconds, and goes on.
-            OrientdError: what the daemon raised, or that it is not there.
-        """
-        ends = time.monotonic() + LONGEST_COMMAND
-        while True:
-            try:
-                return ask()
-            except PendingError:
-                if time.monotonic() > ends:
-                    raise
-                time.sleep(_ASK_AGAIN)
 
     def begin(self, method: Any, request: object) -> Callable[[], Any]:  # noqa: ANN401 - gRPC's
         """Send a call now, and return what waits for its answer as :meth:`ask` does.

@@ -1,7 +1,7 @@
 """A UR controller that is slow, silent, frozen, locked or lies, mid-motion; `make chaos`.
 
-Each round: the motion ends in a fault in words, no call takes longer than a second while it lasts,
-stops are answered, and a motion is made afterwards.
+Each round: the motion ends in a fault in words, stops are answered within a second while commands
+wait for the device, and a motion is made afterwards.
 """
 
 import contextlib
@@ -13,7 +13,7 @@ from harness import until
 from ledger import Tally, rounds_of
 
 from emulated_ur.process import EmulatedRobot
-from orientd.errors import OrientdError, PendingError
+from orientd.errors import OrientdError
 from orientd.rpc import control_pb2 as pb
 from orientd.stream import ServoState
 
@@ -31,7 +31,7 @@ HARMS = {
 
 
 def each_call_once(stage):
-    """Measure every command, as a client that has no patience gives it."""
+    """Give every command, and measure those that stop."""
     robot = stage.robot
     for name in ("Reset", "Stop", "Halt", "Enable", "Disable", "Enable", "Stop", "Reset", "Stop"):
 
@@ -43,14 +43,17 @@ def each_call_once(stage):
 
         # What it says is looked at in the tests of the driver; here it is that it is said.
         with contextlib.suppress(OrientdError):
-            stage.calls.measure(name, call)
+            if name in ("Stop", "Halt"):
+                stage.calls.measure(name, call)
+            else:
+                call()
 
 
 @pytest.mark.parametrize("harm", HARMS)
 def test_a_controller_takes_its_time(tmp_path, harm):
     pytest.importorskip("rtde_control")
     orders, mend = HARMS[harm]
-    tally = Tally(f"a UR arm: {harm}", 65, "fault in words, every call within 1 s, a motion")
+    tally = Tally(f"a UR arm: {harm}", 65, "fault in words, every stop within 1 s, a motion")
 
     def one(_number, generator):
         with stage.round():
@@ -78,6 +81,6 @@ def test_a_controller_takes_its_time(tmp_path, harm):
 def _recovered(stage):
     try:
         stage.recover()
-    except PendingError:
+    except OrientdError:
         return False
     return True

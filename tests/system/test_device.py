@@ -6,14 +6,12 @@ import signal
 
 import numpy as np
 import pytest
-from direct_planners import DirectPlanners, plan
+from direct_planners import DirectPlanners, plan, run
 from harness import until
 
 from orientd import rotation
 from orientd.config import DeviceSettings
-from orientd.daemon.device import Device
-from orientd.daemon.devices.device_report import EventKind
-from orientd.daemon.motions.options import Prepared
+from orientd.daemon.device import Device, EventKind
 from orientd.errors import GOING_DOWN, DaemonError, Fault
 from orientd.planner import Keyframe, MotionRequest
 from orientd.stream import ServoState
@@ -32,7 +30,7 @@ def limits():
 @pytest.fixture
 def device(events, limits, monkeypatch):
     """A device that holds, and takes seconds to stop; its thread looks a few times a second."""
-    monkeypatch.setattr("orientd.daemon.supervised_device.TICK", 0.5)
+    monkeypatch.setattr("orientd.daemon.device.device.TICK", 0.5)
     settings = DeviceSettings(
         name="arm",
         driver="loopback",
@@ -63,7 +61,7 @@ def turn_from_here(device, angle):
 
 def test_a_motion_that_has_ended_is_at_its_end(device):
     motion = plan(device, turn_from_here(device, 0.3))
-    device.start(Prepared(motion))
+    run(device, motion)
     until(lambda: device.snapshot().path_time > 0.1, "the motion under way")
     until_holding(device)
     assert device.snapshot().path_time == motion.facts.duration
@@ -73,7 +71,7 @@ def test_a_motion_that_has_ended_is_at_its_end(device):
 def test_a_device_that_is_slow_to_stop_runs_for_longer_than_is_usually_read_ahead(device):
     motion = plan(device, turn_from_here(device, 3.0))
     assert motion.facts.duration > motion.facts.stop_time > 16.0
-    device.start(Prepared(motion))
+    run(device, motion)
     # By then the ring holds less than the stop takes, unless more is read ahead.
     until(lambda: device.snapshot().path_time > 2.0, "the motion under way")
     assert device.snapshot().state is ServoState.STREAMING
@@ -83,7 +81,7 @@ def test_a_device_that_is_slow_to_stop_runs_for_longer_than_is_usually_read_ahea
 
 
 def test_a_plan_begins_where_a_stop_just_ended(device, events):
-    first = device.start(Prepared(plan(device, turn_from_here(device, 1.0))))
+    first = run(device, plan(device, turn_from_here(device, 1.0)))
     until(lambda: device.snapshot().path_time > 0.1, "the motion under way")
     device.stop()
     until_holding(device)
@@ -91,22 +89,22 @@ def test_a_plan_begins_where_a_stop_just_ended(device, events):
     held = device.commanded()
     motion = plan(device, turn_from_here(device, 0.05))
     assert np.abs(motion.state_at(0).q - held.q).max() < 1e-15
-    second = device.start(Prepared(motion))
+    second = run(device, motion)
 
     told = [(event.kind, event.motion_number) for event in events if event.motion_number]
     assert told == [
-        (EventKind.MOTION_STARTED, first),
-        (EventKind.MOTION_STOPPED, first),
-        (EventKind.MOTION_STARTED, second),
+        (EventKind.MOTION_STARTED, first.number),
+        (EventKind.MOTION_STOPPED, first.number),
+        (EventKind.MOTION_STARTED, second.number),
     ]
     until_holding(device)
 
 
 def test_a_fault_is_told_as_such_only_when_the_device_has_come_to_rest(device, monkeypatch):
-    def broken(link):
+    def broken():
         raise OSError("nothing to see")
 
-    device.start(Prepared(plan(device, turn_from_here(device, 2.5))))
+    run(device, plan(device, turn_from_here(device, 2.5)))
     until(lambda: device.snapshot().path_time > 0.8, "the motion under way")
     monkeypatch.setattr(device, "_tick", broken)
 
@@ -140,9 +138,9 @@ def test_a_servo_that_is_gone_is_a_fault_although_no_cycle_says_so(device):
 
 
 def test_a_servo_that_is_gone_before_it_answers_is_told_as_gone(device, events, monkeypatch):
-    def asking(link):
-        link.process.kill()
-        link.process.wait()
+    def asking():
+        os.kill(device.snapshot().servo_pid, signal.SIGKILL)
+        until(lambda: device.snapshot().servo_pid is None, "the end of the process")
         raise DaemonError("the servo process has ended, it cannot splice")
 
     monkeypatch.setattr(device, "_tick", asking)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from orientd import config, motion_file
-from orientd.daemon.devices.device_report import EventKind
+from orientd.daemon.device import EventKind
 from orientd.errors import Fault, RequestError
 from orientd.planner import Frame, Keyframe, Limits, MotionRequest, Pose
 from orientd.planner.limits import ANGULAR, UNITS

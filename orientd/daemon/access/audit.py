@@ -18,8 +18,8 @@ from typing import Any
 
 from orientd.config import AccessSettings
 from orientd.daemon.access.claim import is_same_file
-from orientd.daemon.devices import report_directory
 from orientd.daemon.observe import DetachedWriter, json_line
+from orientd.daemon.report_directory import report_directory
 
 _log = logging.getLogger(__name__)
 

@@ -104,10 +104,10 @@ async def _move(device: Device) -> list[Cycle]:
         keyframes.append(Keyframe((w, x, y, z), seconds))
     request = MotionRequest(keyframes=keyframes)
     order = PlanCall(from_request(request).SerializeToString(), timeout=_READY)
-    prepared = await device.prepare(order)
     before = device.snapshot().cycle
-    device.start(prepared)
-    await _holding(device, prepared.motion.facts.duration + _READY)
+    with device.expecting() as run:
+        await device.move(run, order)
+    await _holding(device, run.motion.facts.duration + _READY)
     await asyncio.sleep(_SETTLING)
     return device.cycles(before.index if before else 0)
 

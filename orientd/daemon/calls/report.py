@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import functools
 import time
+from collections.abc import Iterable
 
-from orientd.daemon.device import Device
-from orientd.daemon.motions import ActiveMotion, ActiveMotions
+from orientd.daemon.device import Device, QueuedMotion
 from orientd.driver import PartHealth, Quaternion, Vector3
 from orientd.floats import difference, norm
 from orientd.planner import ANGULAR, NO_AXES, UNITS, Frame, Limits
 from orientd.rpc import control_pb2 as pb
-from orientd.stream import Cycle, CycleFlag, ServoState, record_index, unpack_cycle
+from orientd.stream import UNKNOWN, Cycle, CycleFlag, ServoState, record_index, unpack_cycle
 
 NANOSECONDS = 1e9
 STALE_AFTER = 3.0
@@ -172,11 +172,11 @@ class CycleReader:
 class ProgressReader:
     """The progress of a run, from report to report."""
 
-    def __init__(self, run: ActiveMotion) -> None:
-        """Begin now, when *run* has just started."""
-        self._run = run
-        self._cycles = CycleReader(run.device)
-        newest = run.device.snapshot().cycle
+    def __init__(self, device: Device, run: QueuedMotion) -> None:
+        """Begin now, when *run* has just started on *device*."""
+        self._device, self._run = device, run
+        self._cycles = CycleReader(device)
+        newest = device.snapshot().cycle
         self._overruns = newest.overruns if newest is not None else 0
 
     def read(self) -> pb.MoveProgress | None:
@@ -185,10 +185,10 @@ class ProgressReader:
         ``None`` without a servo, and once another motion has replaced this one: it may not have
         ended, but what the device does belongs to the other motion.
         """
-        now = self._run.device.snapshot()
+        now = self._device.snapshot()
         if now.cycle is None or now.motion_number > self._run.number:
             return None
-        motion = self._run.motion
+        motion = self._run.planned
         # A motion that waits for its turn has not begun.
         is_present = now.motion_number == self._run.number
         recent, _ = self._cycles.read()
@@ -211,16 +211,28 @@ class ProgressReader:
         )
 
 
-def summary(run: ActiveMotion, runs: ActiveMotions) -> pb.MoveSummary:
-    """Return how *run*, which has ended, went; *runs* has the motions with its start time."""
+def summary(run: QueuedMotion, devices: Iterable[Device]) -> pb.MoveSummary:
+    """Return how *run*, which has ended, went.
+
+    Args:
+        run: the motion.
+        devices: those that may have begun a motion with the same start time.
+    """
     outcome, text = run.ended.result(timeout=0)
-    lateness, skew = runs.starts(run)
+    start_ns, lateness, skew = run.options.start_ns, None, None
+    if start_ns != UNKNOWN:
+        began = [device.began_ns(start_ns) for device in devices]
+        instants = [instant for instant in began if instant is not None]
+        if run.began_ns is not None:
+            lateness = (run.began_ns - start_ns) / NANOSECONDS
+        if len(instants) > 1:
+            skew = (max(instants) - min(instants)) / NANOSECONDS
     return pb.MoveSummary(
         motion_number=run.number,
         outcome=f"OUTCOME_{outcome.name}",
         text=text,
-        statistics=run.device.statistics(run.number),
-        settled_after=run.device.settled_after(run.number),
+        statistics=run.statistics,
+        settled_after=run.settled_after,
         start_lateness=lateness,
         start_skew=skew,
     )

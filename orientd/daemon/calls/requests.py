@@ -6,8 +6,7 @@ import functools
 import math
 import time
 
-from orientd.daemon.device import Device
-from orientd.daemon.motions import ArrivalCondition, MoveOptions
+from orientd.daemon.device import ArrivalCondition, Device, MoveOptions
 from orientd.errors import RequestError, StateError
 from orientd.rpc import control_pb2 as pb
 from orientd.stream import UNKNOWN, ServoState

@@ -31,12 +31,9 @@ from orientd.daemon.calls.requests import (
     sample_rate,
 )
 from orientd.daemon.cell import Cell
-from orientd.daemon.device import Device
+from orientd.daemon.device import GONE, TICK, Device, QueuedMotion
 from orientd.daemon.leases import Lease
-from orientd.daemon.motion_starter import GONE
-from orientd.daemon.motions import ActiveMotion
 from orientd.daemon.planners import PlanCall, PlannedMotion
-from orientd.daemon.supervised_device import TICK
 from orientd.errors import (
     GOING_DOWN,
     DaemonError,
@@ -89,7 +86,7 @@ class Service:
             began: when it started, monotonic clock, s.
         """
         self.keyframes = keyframes
-        self._cell, self._leases, self._runs = cell, cell.leases, cell.runs
+        self._cell, self._leases = cell, cell.leases
         self._socket, self._configuration, self._began = socket, configuration, began
         self._closing = asyncio.Event()
         self._turns: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
@@ -288,55 +285,57 @@ class Service:
     async def Move(self, request: pb.MoveRequest, caller: Caller) -> AsyncIterator[pb.MoveResponse]:
         """Run a motion and report until it ends; a caller that goes away stops it."""
         received_ns = time.monotonic_ns()
-        run: ActiveMotion | None = None
+        device = self._cell.device(request.device)
+        run: QueuedMotion | None = None
         try:
             with self._refused_after(received_ns):
                 pause = interval("progress_rate_hz", request.progress_rate_hz)
-                device = self._cell.device(request.device)
-                stops = self._runs.stops(device)
-                async with self._lease_for(request, device, caller) as lease:
-                    run, timing = await self._begin(
-                        request, lease.token, device, caller, stops, received_ns
-                    )
-                    taken = None if request.lease_token else self._lease_message(lease)
-            yield _started(run, timing, taken)
-            reader = report.ProgressReader(run)
+                with device.expecting(move_options(request)) as expected:
+                    async with self._lease_for(request, device, caller) as lease:
+                        waiting = await self._begin(expected, request, lease.token, device, caller)
+                        taken = None if request.lease_token else self._lease_message(lease)
+                run = expected
+            timing = pb.MoveTiming(
+                planning=(run.planned_ns - received_ns) * 1e-9,
+                splicing=(run.begun_ns - run.planned_ns) * 1e-9,
+                received_ns=received_ns,
+                attempts=run.attempts,
+                waiting=waiting,
+            )
+            yield _started(device, run, timing, taken)
+            reader = report.ProgressReader(device, run)
             ended = asyncio.wrap_future(run.ended)
             while not (await asyncio.wait({ended}, timeout=pause))[0]:
                 progress = reader.read()
                 if progress is not None:
                     yield pb.MoveResponse(progress=progress)
-            summary = await self._cell.in_worker(report.summary, run, self._runs)
-            yield pb.MoveResponse(summary=summary)
+            yield pb.MoveResponse(summary=report.summary(run, self._cell.devices.values()))
         finally:
-            self._abandon(run)
+            self._abandon(device, run)
 
     async def _begin(
         self,
+        run: QueuedMotion,
         request: pb.MoveRequest,
         token: str,
         device: Device,
         caller: Caller,
-        stops: int,
-        received_ns: int,
-    ) -> tuple[ActiveMotion, pb.MoveTiming]:
-        """Begin the motion of *request*, planned now or before."""
-        options, what = move_options(request), request.WhichOneof("what")
-        if what == "motion":
-            call = self._plan_call(request, caller)
-            return await self._cell.starter.move(
-                token, device, call, options, stops=stops, received_ns=received_ns
-            )
+    ) -> float:
+        """Begin the motion of *request*, planned now or before; return how long it waited, s."""
+        what = request.WhichOneof("what")
         if what == "motion_id":
             motion = self._cell.plans.find(device.name, request.motion_id)
-            planned_ns = time.monotonic_ns()
-            run = await self._cell.starter.start(token, device, motion, options, stops=stops)
-            return run, pb.MoveTiming(
-                planning=(planned_ns - received_ns) * 1e-9,
-                splicing=_seconds_since(planned_ns),
-                received_ns=received_ns,
-            )
-        raise RequestError("motion", "expected a motion or a motion_id, got neither")
+            await device.run(run, motion, token=token)
+            return 0.0
+        if what != "motion":
+            raise RequestError("motion", "expected a motion or a motion_id, got neither")
+        call = self._plan_call(request, caller)
+        try:
+            await device.move(run, call, token=token)
+        except OrientdError as error:
+            error.waiting = sum(call.waits)
+            raise
+        return sum(call.waits)
 
     @contextlib.asynccontextmanager
     async def _lease_for(
@@ -367,29 +366,28 @@ class Service:
                 self._leases.renew(lease.token)
                 await asyncio.sleep(self._leases.seconds / _RENEWALS)
 
-    def _abandon(self, run: ActiveMotion | None) -> None:
+    def _abandon(self, device: Device, run: QueuedMotion | None) -> None:
         """Stop a motion whose caller has gone away; return at once."""
         if run is not None and not run.ended.done():
-            self._cell.in_worker(self._runs.abandon, run, GONE)
+            self._cell.in_worker(device.abandon, run, GONE)
 
     async def Track(
         self, request_iterator: AsyncIterator[pb.TrackRequest], caller: Caller
     ) -> AsyncIterator[pb.TrackResponse]:
         """Follow the caller's targets until there are no more."""
-        run: ActiveMotion | None = None
+        run: QueuedMotion | None = None
         reading: asyncio.Task[None] | None = None
+        first = await anext(request_iterator, None)
+        if first is None or first.WhichOneof("what") != "start":
+            raise RequestError("start", "expected as the first message")
+        begin = first.start
+        device = self._cell.device(begin.device)
         try:
-            first = await anext(request_iterator, None)
-            if first is None or first.WhichOneof("what") != "start":
-                raise RequestError("start", "expected as the first message")
-            begin = first.start
             pause = interval("start.report_rate_hz", begin.report_rate_hz)
-            device = self._cell.device(begin.device)
             limits = limits_to_wish(begin.limits)
             self._cell.check(begin.lease_token, device)
-            stops = self._runs.stops(device)
-            track = partial(self._cell.starter.track, stops=stops)
-            run = await self._cell.in_worker(track, begin.lease_token, device, limits)
+            track = partial(device.track, limits, token=begin.lease_token)
+            run = await self._cell.in_worker(track)
             following = Following(device)
             reading = asyncio.create_task(read_targets(request_iterator, following))
             ended = asyncio.wrap_future(run.ended)
@@ -399,7 +397,7 @@ class Service:
                 if reading in waiting and reading.done():
                     waiting.discard(reading)
                     text = "the targets have ended"
-                    await self._cell.in_worker(self._runs.abandon, run, text)
+                    await self._cell.in_worker(device.abandon, run, text)
                 now = following.report()
                 if now is not None:
                     yield now
@@ -409,7 +407,7 @@ class Service:
         finally:
             if reading is not None:
                 reading.cancel()
-            self._abandon(run)
+            self._abandon(device, run)
 
     # Commands
 
@@ -547,15 +545,15 @@ async def _with_reason(device: Device) -> pb.DeviceReport:
     return now
 
 
-def _started(run: ActiveMotion, timing: pb.MoveTiming, lease: pb.Lease | None) -> pb.MoveResponse:
-    if run.motion is None:
-        raise ValueError("the run has no motion")
+def _started(
+    device: Device, run: QueuedMotion, timing: pb.MoveTiming, lease: pb.Lease | None
+) -> pb.MoveResponse:
     return pb.MoveResponse(
         started=pb.MoveStarted(
             motion_number=run.number,
             plan=pb.Plan.FromString(run.motion.plan),
             timing=timing,
-            speed=run.device.snapshot().speed,
+            speed=device.snapshot().speed,
             lease=lease,
         )
     )

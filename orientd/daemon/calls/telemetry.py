@@ -16,8 +16,7 @@ from typing import Any
 import orientd
 from orientd.config import MetricsSettings
 from orientd.daemon.calls.report import CycleReader, cycle_age
-from orientd.daemon.device import Device
-from orientd.daemon.devices import DeviceEvent, EventKind
+from orientd.daemon.device import Device, DeviceEvent, EventKind
 from orientd.errors import ConfigError
 from orientd.stream import Cycle, ServoState
 

@@ -1,6 +1,6 @@
 """The flight recorder: after a fault, the minute before it is written to a file.
 
-Every device keeps its newest cycles in memory (:mod:`orientd.daemon.devices.cycle_memory`), the
+Every device keeps its newest cycles in memory (:mod:`orientd.daemon.device.cycle_memory`), the
 journal its newest events.  When a device falls into a fault, a thread waits for what comes right
 after, hands all of it to a process of its own as one unlinked file in memory, and waits for how
 that went. Neither the servo nor whoever commands waits for any of it.
@@ -16,14 +16,16 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, BinaryIO
 
 from orientd.config import Settings
-from orientd.daemon.devices import CycleMemory, DeviceEvent, EventKind, report_directory
+from orientd.daemon.device import CycleMemory, DeviceEvent, EventKind
 from orientd.daemon.observe.journal import Journal
+from orientd.daemon.report_directory import report_directory
 from orientd.stream import CYCLE_RECORD
 
 if TYPE_CHECKING:
@@ -46,6 +48,10 @@ FINISHING = 2.0
 _FAULTS = (EventKind.FAULT, EventKind.SERVO_DIED)
 
 
+def _is_installed() -> bool:
+    return all(find_spec(name) is not None for name in ("mcap", "foxglove_schemas_protobuf"))
+
+
 class FlightRecorder:
     """Writes a recording of each device that falls into a fault.
 
@@ -53,8 +59,14 @@ class FlightRecorder:
         unfinished: processes that still write a file when the daemon has ended.
     """
 
-    def __init__(self, settings: Settings, journal: Journal) -> None:
-        """Record as *settings* say; events are those of *journal*."""
+    def __init__(self, settings: Settings, journal: Journal, devices: Mapping[str, Device]) -> None:
+        """Record as *settings* say.
+
+        Args:
+            settings: of the daemon.
+            journal: has the events.
+            devices: by name; may be filled in until the first event.
+        """
         self._settings = settings.recorder
         self._configuration = settings.model_dump_json(exclude_none=True)
         self._journal = journal
@@ -62,27 +74,23 @@ class FlightRecorder:
         self._closing = threading.Event()
         self._give_up_at = math.inf
         self.unfinished: list[subprocess.Popen[str]] = []
-        self._devices: dict[str, Device] = {}
+        self._devices = devices
         self._memories: dict[str, CycleMemory] = {}
         self._thread: threading.Thread | None = None
 
-    def attach(self, device: Device) -> None:
-        """Have *device* keep its newest cycles from now on, unless nothing is to be recorded."""
-        if self._settings.seconds:
-            kept = self._settings.seconds + AFTERWARDS + _COPYING + _MARGIN
-            memory = CycleMemory(round(kept * device.rate_hz))
-            self._devices[device.name], self._memories[device.name] = device, memory
-            device.memory = memory
+    def memory(self, name: str, rate_hz: float) -> CycleMemory | None:
+        """Return what keeps the newest cycles of a device; ``None`` if nothing is recorded."""
+        if not self._settings.seconds or not _is_installed():
+            return None
+        kept = self._settings.seconds + AFTERWARDS + _COPYING + _MARGIN
+        self._memories[name] = CycleMemory(round(kept * rate_hz))
+        return self._memories[name]
 
     def start(self) -> None:
         """Wait for faults from now on."""
-        if not self._memories:
-            return
-        if find_spec("mcap") is None or find_spec("foxglove_schemas_protobuf") is None:
+        if self._settings.seconds and not _is_installed():
             _log.warning("flight recorder: it is off, it needs the extra `record`")
-            for device in self._devices.values():
-                device.memory = None
-            self._memories.clear()
+        if not self._memories:
             return
         self._thread = threading.Thread(target=self._work, name="flight recorder", daemon=True)
         self._thread.start()

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable
 from queue import SimpleQueue
 
-from orientd.daemon.devices import DeviceEvent
+from orientd.daemon.device import DeviceEvent
 from orientd.rpc import control_pb2 as pb
 
 _log = logging.getLogger(__name__)

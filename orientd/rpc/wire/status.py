@@ -20,7 +20,6 @@ from orientd.errors import (
     LimitKind,
     MessageSizeError,
     OrientdError,
-    PendingError,
     PlanError,
     RequestError,
     StartError,
@@ -40,7 +39,6 @@ _PRECONDITIONS: Mapping[str, type[OrientdError]] = {
     "LIMIT": LimitError,
     "START": StartError,
     "PLAN": PlanError,
-    "PENDING": PendingError,
     "STATE": StateError,
     "LEASE": LeaseError,
 }

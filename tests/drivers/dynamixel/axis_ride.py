@@ -5,7 +5,7 @@ from rig import Rig as LoopRig
 
 from orientd import rotation
 from orientd.clock import ManualClock
-from orientd.daemon.devices import servo_link
+from orientd.daemon.device import servo_process
 from orientd.driver import Feedback
 from orientd.servo import Servo, WatchdogTimeouts
 from orientd.servo.path.path_follower import PathPart
@@ -40,7 +40,7 @@ class SilentGimbal(DynamixelDriver):
 def servo_limits_of(motion):
     """Return what the daemon tells the servo of a motion."""
     facts = motion.facts
-    return servo_link.servo_limits_of(facts.limits, facts.brake_rate)
+    return servo_process.servo_limits_of(facts.limits, facts.brake_rate)
 
 
 class AxisRide(LoopRig):

@@ -5,9 +5,9 @@ import os
 import random
 
 import pytest
-from ur_rig import device_of, fault_of, recover, reset, swing, until
+from ur_rig import device_of, fault_of, recover, swing, until
 
-from orientd.daemon.devices import EventKind
+from orientd.daemon.device import EventKind
 from orientd.errors import Fault
 
 pytest.importorskip("rtde_control")
@@ -96,6 +96,6 @@ def test_random_motions_arrive_at_any_lookahead_and_slider(ur_robot):
             ur_robot.wait_until(lambda s: s["is_still"])
             worst = max(worst, farthest(done, ur_robot.state()["actual_q"]))
             if device.snapshot().fault is not Fault.NONE:
-                reset(device)
+                device.reset()
     print(f"{CASES} motions, at most {math.degrees(worst):.3f} deg from their ends when done")
     assert worst < 1.05 * TOLERANCE

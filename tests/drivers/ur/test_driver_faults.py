@@ -1,7 +1,7 @@
 """Every fault of a UR controller, through a real servo process: typed, in time, recovered from."""
 
 import pytest
-from ur_rig import device_of, fault_of, is_holding, recover, reset, streaming, swing, until
+from ur_rig import device_of, fault_of, is_holding, recover, streaming, swing, until
 
 from emulated_ur.process import EmulatedRobot
 from orientd.config import DeviceSettings
@@ -76,7 +76,7 @@ def test_reset_says_which_hand_is_needed(ur_robot):
         ur_robot.ask("safeguard")
         fault_of(device)
         with pytest.raises(DaemonError, match="close the safeguard"):
-            reset(device)
+            device.reset()
 
 
 @pytest.mark.slow
@@ -89,7 +89,7 @@ def test_safety_violation_needs_the_safety_system_restarted_and_is_then_recovere
         assert fault is Fault.DEVICE_FAULT
         assert "safety violation" in text
         with pytest.raises(DaemonError, match="restart the safety system"):
-            reset(device)
+            device.reset()
         with Dashboard(ur_robot.host) as dashboard:
             dashboard.ask("restart safety")
         recover(device)
@@ -176,7 +176,7 @@ def test_dead_controller_is_a_lost_link_and_the_next_one_is_found(ur_robot):
         assert fault in (Fault.LINK_LOST, Fault.SERVO_DIED)
         assert took < 1.0
         with pytest.raises(DaemonError, match=r"no dashboard server|no RTDE server"):
-            reset(device)
+            device.reset()
         ur_robot.end()
         ur_robot.start()
         recover(device)

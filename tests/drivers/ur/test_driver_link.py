@@ -1,6 +1,5 @@
 """How the driver looks at a robot, and what it makes of its sockets and of hanging calls."""
 
-import asyncio
 import os
 import signal
 import socket
@@ -12,10 +11,11 @@ import time
 
 import numpy as np
 import pytest
+from direct_planners import move, run
 from ur_rig import device_of, is_holding, streaming, swing, swing_motion, until
 
 from orientd.clock import MonotonicClock
-from orientd.daemon.motions.options import MoveOptions, Prepared
+from orientd.daemon.device import MoveOptions
 from orientd.daemon.planners import PlanCall
 from orientd.driver import Setpoint
 from orientd.errors import LimitError, LinkError, PlanError, RequestError, StateError
@@ -232,10 +232,10 @@ def test_motion_brings_options_of_its_own_and_the_next_has_those_of_the_configur
         other = pb.MotionRequest.FromString(begun.input.motion)
         other.device_options.update({"gain": 700})
         order = PlanCall(other.SerializeToString())
-        device.start(Prepared(begun))
+        run(device, begun)
         streaming(device)
         with pytest.raises(StateError, match="device_options change at rest only"):
-            device.start(asyncio.run(device.prepare(order, MoveOptions(is_queued=True))))
+            move(device, order, MoveOptions(is_queued=True))
 
 
 def test_motion_with_options_that_are_not_allowed_is_refused(ur_robot):

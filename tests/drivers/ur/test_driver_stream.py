@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from arm_recording import read_arm, read_setpoints
+from direct_planners import run
 from ur_rig import device_of, is_holding, streaming, swing_motion, until
 
 from orientd import rotation
 from orientd.daemon.calls.latency_identification import identify
-from orientd.daemon.motions.options import Prepared
 from orientd.errors import Fault
 from orientd.rpc import control_pb2 as pb
 
@@ -30,7 +30,7 @@ def check_motion(robot, tmp_path, *, seconds, count):
         robot.ask("record on")
         # The motion's first record is where the device holds: one of those must be recorded.
         robot.wait_until(lambda s: s["setpoints"] > before["setpoints"] + 5)
-        number = device.start(Prepared(motion))
+        begun = run(device, motion)
         streaming(device)
         until(lambda: is_holding(device), "the end", motion.facts.duration + 10.0)
         # Whatever was on its way then has come before fifty more have.
@@ -40,7 +40,7 @@ def check_motion(robot, tmp_path, *, seconds, count):
         robot.ask(f"record write {tmp_path / 'run'}")
         last = device.snapshot().cycle.index
         woken = [c.deadline_ns + c.lateness_ns for c in device.cycles(last - 3000, 2500)]
-        statistics = device.statistics(number)
+        statistics = begun.statistics
         assert device.snapshot().fault is Fault.NONE
     rows = list(read_setpoints(tmp_path / "run"))
     arrived = orientations([row.target for row in rows])
@@ -108,11 +108,11 @@ def sweep(device):
     motion = swing_motion(device, angle=0.8, seconds=3.2)
     certificate = pb.Plan.FromString(motion.plan).certificate
     assert certificate.velocity.value == pytest.approx(1.0, abs=0.15)
-    number = device.start(Prepared(motion))
+    begun = run(device, motion)
     streaming(device)
     until(lambda: is_holding(device), "the end")
     last = device.snapshot().cycle.index
-    return device.statistics(number), device.cycles(last - motion.facts.record_count)
+    return begun.statistics, device.cycles(last - motion.facts.record_count)
 
 
 def check_leading(robot, *, factor):

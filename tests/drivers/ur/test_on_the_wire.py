@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from direct_planners import run
 from ur_rig import device_of, is_holding, plan, until
 from wire_reader import read_poses, reading
 
 from orientd import rotation
-from orientd.daemon.motions.options import Prepared
 from orientd.errors import Fault
 from orientd.planner import Keyframe, MotionRequest
 
@@ -63,7 +63,7 @@ def test_joints_that_were_certified_make_the_poses_that_arrive(ur_host, tmp_path
             begin = Keyframe(start.q, position=tuple(start.position))
             keyframes = [begin, Keyframe(tuple(away.tolist()), position=there)]
             motion = plan(device, MotionRequest(keyframes))
-            device.start(Prepared(motion))
+            run(device, motion)
             until(lambda: device.snapshot().path_time > 0.1, "the motion")
             until(lambda: is_holding(device), "the end", motion.facts.duration + 10.0)
             assert device.snapshot().fault is Fault.NONE

@@ -5,13 +5,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from direct_planners import DirectPlanners, plan
+from direct_planners import DirectPlanners, plan, run
 
 from orientd import rotation
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
-from orientd.daemon.motions.options import Prepared
-from orientd.errors import Fault, PendingError
+from orientd.errors import Fault
 from orientd.planner import Keyframe, MotionRequest
 from orientd.stream import ServoState
 
@@ -69,8 +68,8 @@ def swing_motion(device, *, angle=0.3, seconds=3.0, count=1, home=None, **fields
 
 
 def swing(device, **settings):
-    """Start a turn and back, and return its number."""
-    return device.start(Prepared(swing_motion(device, **settings)))
+    """Start a turn and back, and return what runs."""
+    return run(device, swing_motion(device, **settings))
 
 
 def is_holding(device):
@@ -93,19 +92,9 @@ def fault_of(device, seconds=2.0):
     return snapshot.fault, snapshot.fault_text, took
 
 
-def reset(device, seconds=20.0):
-    """Reset, asked for again while the device takes its time."""
-    ends = time.monotonic() + seconds
-    while True:
-        try:
-            return device.reset()
-        except PendingError:
-            assert time.monotonic() < ends, "the reset never ends"
-
-
 def recover(device):
     """Reset, then move again."""
-    reset(device)
+    device.reset()
     until(lambda: is_holding(device), lambda: f"holding after the reset {device.snapshot()}")
     swing(device, angle=0.05, seconds=0.6)
     streaming(device)

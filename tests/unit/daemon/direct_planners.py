@@ -6,6 +6,7 @@ import asyncio
 from concurrent.futures import Future
 
 from orientd.daemon.cell import planner_device
+from orientd.daemon.device import AT_ONCE
 from orientd.daemon.planners import PlanCall, PlanInput, PlannedMotion, reporting
 from orientd.daemon.planners.task import CHUNK, RecordFile
 from orientd.daemon.planners.worker import Worker
@@ -46,6 +47,28 @@ class DirectPlanners:
 
 def order_of(request) -> PlanCall:
     return PlanCall(from_request(request).SerializeToString())
+
+
+def run(device, motion, options=AT_ONCE):
+    """Have a device begin to run a planned motion, and return what runs."""
+
+    async def begin():
+        with device.expecting(options) as queued:
+            await device.run(queued, motion)
+        return queued
+
+    return asyncio.run(begin())
+
+
+def move(device, order, options=AT_ONCE):
+    """Have a device plan a motion and begin it, and return what runs."""
+
+    async def begin():
+        with device.expecting(options) as queued:
+            await device.move(queued, order)
+        return queued
+
+    return asyncio.run(begin())
 
 
 def plan(device, request) -> PlannedMotion:

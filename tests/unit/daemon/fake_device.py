@@ -1,20 +1,18 @@
-"""A device without a servo process: what it is told happens at once, or when the test says so."""
+"""Devices without a servo process: what they are told happens at once, or when the test says so."""
 
 from __future__ import annotations
 
 import math
-import os
 import time
-from dataclasses import fields
+from dataclasses import fields, replace
 
-from orientd.daemon.devices.device_report import DeviceEvent, DeviceSnapshot, EventKind
-from orientd.daemon.motions.options import AT_ONCE, Prepared
-from orientd.daemon.planners import PlanInput
+from orientd.daemon.device import DeviceSnapshot, EventKind
+from orientd.daemon.device.servo_process import ServoProcess
 from orientd.driver import IDENTITY, ZERO
-from orientd.errors import DaemonError, Fault, LateError, NotYetError, PlanError, StateError
-from orientd.planner import DEFAULT_LIMITS, State
+from orientd.errors import DaemonError, Fault
+from orientd.planner import DEFAULT_LIMITS
 from orientd.rpc import control_pb2 as pb
-from orientd.stream import CYCLE_RECORD, Cycle, ServoState
+from orientd.stream import CYCLE_RECORD, UNKNOWN, Command, Cycle, ServoState, SharedMemory
 
 STATISTICS = pb.MotionStatistics(cycles=7, lateness=pb.Durations(), work=pb.Durations())
 """What is measured of every motion."""
@@ -37,129 +35,27 @@ def record_of(one):
 
 
 class FakeDevice:
-    """The parts of a device that a cell needs."""
+    """The parts of a device that reports are made of."""
 
-    def __init__(self, settings, *, planners, on_event, stops=None):
-        self.planners = planners
+    def __init__(self, settings):
         self.name = settings.name
         self.driver = settings.driver
         self.rate_hz = settings.rate_hz
-        self.period_ns = settings.period_ns
         self.lead = settings.lead
         self.phase = 0.0
         self.limits = DEFAULT_LIMITS
-        self.failure = ""
-        self.calls = []
-        self.events = on_event
         self.state = ServoState.HOLDING
-        self.fault = Fault.NONE
-        self.fault_text = ""
         self.motion = None
         self.number = 0
-        self.at = State.at_rest(IDENTITY)
         self.published = [cycle()]
-        self.is_dead = self.is_free = False
-        self.refusal = ""
-        self.lateness = self.unsteady = 0
-        self.began = {}
-        self.during_start = lambda: None
-        self.stops_beside = 0
-
-    def launch(self):
-        self.calls.append("launch")
-
-    def wait_ready(self, timeout):
-        return not self.failure
-
-    def shutdown(self):
-        self.calls.append("shutdown")
-
-    def commanded(self):
-        if self.state is not ServoState.HOLDING:
-            raise StateError(f"device {self.name} is {self.state.name.lower()}, not holding")
-        return self.at
-
-    async def plan(self, order):
-        if self.refusal:
-            raise PlanError(self.refusal)
-        job = PlanInput(self.name, order.motion, os.urandom(6).hex(), self.commanded())
-        return await self.planners.plan(job, order)
-
-    def is_at(self, joints):
-        return True
-
-    async def prepare(self, order, move_options=AT_ONCE, *, attempt=0):
-        if self.lateness > attempt:
-            raise LateError("the path has passed record 3, it is at 4")
-        return Prepared(await self.plan(order), move_options=move_options)
-
-    async def await_steady(self):
-        self.calls.append("await_steady")
-
-    def start(self, prepared):
-        self.commanded()
-        if self.unsteady:
-            self.unsteady -= 1
-            raise NotYetError("the speed is changing")
-        self.number += 1
-        self.motion, self.state = prepared.motion, ServoState.STREAMING
-        self.calls.append(f"start {self.number}")
-        self.tell(EventKind.MOTION_STARTED, "")
-        self.during_start()
-        return self.number
-
-    def halt(self):
-        self.calls.append("halt")
-
-    def withdraw(self, number, reason):
-        return False
-
-    def settled_after(self, number):
-        return None
-
-    def began_ns(self, number):
-        return self.began.get(number)
-
-    def stop(self):
-        self.calls.append("stop")
-        if self.is_dead:
-            raise DaemonError("the servo did not answer stop within 0.5 s")
-        if self.state is ServoState.STREAMING:
-            self.state = ServoState.HOLDING
-            self.tell(EventKind.MOTION_STOPPED, "stopped on its path")
-
-    def finish(self):
-        """Let the motion reach its end."""
-        self.state = ServoState.HOLDING
-        self.tell(EventKind.MOTION_DONE, "")
-
-    def fail(self, fault, text):
-        """Let the device fall into a fault, whatever it does."""
-        self.state, self.fault, self.fault_text = ServoState.FAULT, fault, text
-        self.tell(EventKind.FAULT, text)
-        self.tell(EventKind.MOTION_STOPPED, text)
-
-    def end_free(self):
-        self.calls.append("end_free")
-
-    def enable(self):
-        self.calls.append("enable")
-
-    def disable(self):
-        self.calls.append("disable")
-
-    def set_speed(self, speed):
-        self.calls.append(f"speed {speed:g}")
-
-    def reset(self):
-        self.calls.append("reset")
+        self.is_free = False
 
     def snapshot(self):
         return DeviceSnapshot(
             cycle=self.published[-1] if self.published else None,
             state=self.state,
-            fault=self.fault,
-            fault_text=self.fault_text,
+            fault=Fault.NONE,
+            fault_text="",
             is_paused=False,
             speed=1.0,
             motion=self.motion,
@@ -178,8 +74,75 @@ class FakeDevice:
     def cycle_records(self, since, limit):
         return [record_of(one) for one in self.published if one.index >= since][:limit]
 
-    def statistics(self, number):
-        return STATISTICS if number == self.number else None
 
-    def tell(self, kind, text):
-        self.events(DeviceEvent(self.name, kind, self.number, text, time.monotonic_ns()))
+class FakeServo(ServoProcess):
+    """A servo that takes what it is told at once, or refuses that.
+
+    Attributes:
+        asked: the names of the commands.
+        now: its newest cycle.
+        refusals: raised by the commands to come that begin a motion, the first one first.
+        during_start: called while a motion begins.
+        is_dead: whether it answers nothing.
+    """
+
+    is_alive = True
+
+    def __init__(self, settings, **more):
+        super().__init__(settings, **more)
+        self.asked, self.refusals, self.is_dead = [], [], False
+        self.now = cycle()
+        self.final_index = 0
+        self.during_start = lambda: None
+        self._memory = SharedMemory.create(8192, 256)
+
+    def newest(self):
+        return self.now
+
+    def ask(self, command, *, motion=0, final_index=UNKNOWN, **more):
+        self.asked.append(command.name.lower())
+        if self.is_dead:
+            raise DaemonError(f"the servo did not answer {command.name.lower()} within 0.5 s")
+        if command in (Command.START, Command.SPLICE, Command.TRACK):
+            if self.refusals:
+                raise self.refusals.pop(0)
+            self.final_index = final_index
+            is_tracking = command is Command.TRACK
+            self.be(ServoState.TRACKING if is_tracking else ServoState.STREAMING, motion=motion)
+            self.during_start()
+        elif command in (Command.STOP, Command.HALT) and self.now.state in (
+            ServoState.STREAMING,
+            ServoState.TRACKING,
+        ):
+            self.be(ServoState.HOLDING)
+        return time.monotonic()
+
+    def brake(self):
+        self.ask(Command.STOP)
+
+    def be(self, state, **more):
+        """Be in a state from the next cycle on."""
+        self.now = replace(self.now, index=self.now.index + 1, state=state, **more)
+
+    def finish(self):
+        """Let the motion reach its end."""
+        self.be(ServoState.HOLDING, path_index=self.final_index)
+
+    def fall(self, fault, text):
+        """Fall into a fault, whatever it does."""
+        self.fault, self.fault_text = fault, text
+        self.be(ServoState.FAULT, fault=fault)
+        self._tell(EventKind.FAULT, text)
+
+    def end(self):
+        self.asked.append("end")
+
+
+def servo_of(device):
+    """Return the fake servo of a device."""
+    return device._servo
+
+
+def tend(device):
+    """Do what the device's thread does every few cycles."""
+    device._tick()

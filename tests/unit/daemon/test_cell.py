@@ -2,24 +2,26 @@
 
 import asyncio
 import threading
+import time
 
 import pytest
 from direct_planners import DirectPlanners, order_of
-from fake_device import FakeDevice
+from fake_device import FakeServo, servo_of, tend
 
 from orientd import config
 from orientd.clock import ManualClock
 from orientd.daemon.calls.requests import moving
 from orientd.daemon.cell import Cell
-from orientd.daemon.motions.options import AT_ONCE, MoveOptions
-from orientd.daemon.motions.plan_store import KEPT_PLANS
+from orientd.daemon.device import AT_ONCE, MoveOptions
+from orientd.daemon.plan_store import KEPT_PLANS
 from orientd.daemon.planners import PlanCall
 from orientd.errors import (
     DaemonError,
     Fault,
+    LateError,
     LeaseError,
     LimitError,
-    PlanError,
+    NotYetError,
     RequestError,
     StartError,
     StateError,
@@ -48,10 +50,15 @@ def planners():
     return DirectPlanners(config.parse(SETTINGS, source="test").devices.values())
 
 
+@pytest.fixture(autouse=True)
+def no_processes(monkeypatch):
+    monkeypatch.setattr("orientd.daemon.device.device.ServoProcess", FakeServo)
+
+
 @pytest.fixture
 def cell(clock, planners):
     settings = config.parse(SETTINGS, source="test")
-    return Cell(settings, make_device=FakeDevice, planners=planners, clock=clock)
+    return Cell(settings, planners=planners, clock=clock)
 
 
 @pytest.fixture
@@ -59,46 +66,60 @@ def arm(cell):
     return cell.device("arm")
 
 
+@pytest.fixture
+def servo(arm):
+    return servo_of(arm)
+
+
 def plan(cell, device, request=MOTION):
     return asyncio.run(cell.plan(device, order_of(request)))
 
 
-def start(cell, token, device, motion, *, stops=0):
-    return asyncio.run(cell.starter.start(token, device, motion, stops=stops))
+def start(device, token, motion, options=AT_ONCE):
+    async def begin():
+        with device.expecting(options) as run:
+            await device.run(run, motion, token=token)
+        return run
+
+    return asyncio.run(begin())
 
 
-def move(cell, token, device, move_options=AT_ONCE):
-    return asyncio.run(
-        cell.starter.move(token, device, order_of(MOTION), move_options, stops=0, received_ns=0)
-    )
+async def moved(device, token, order=None, options=AT_ONCE):
+    with device.expecting(options) as run:
+        await device.move(run, order or order_of(MOTION), token=token)
+    return run
+
+
+def move(device, token, order=None, options=AT_ONCE):
+    return asyncio.run(moved(device, token, order, options))
 
 
 def begin(cell, device, token):
-    stops = cell.runs.stops(device)
-    return start(cell, token, device, plan(cell, device), stops=stops)
+    return start(device, token, plan(cell, device))
 
 
-def test_a_motion_runs_to_its_end(cell, arm):
+def ended(device, run):
+    """Return how a motion has ended, once the device's thread has looked."""
+    tend(device)
+    return run.ended.result(0)
+
+
+def test_a_motion_runs_to_its_end(cell, arm, servo):
     run = begin(cell, arm, cell.leases.acquire("ana").token)
     assert not run.ended.done()
-    arm.finish()
-    assert run.ended.result(0) == (Outcome.DONE, "")
+    servo.finish()
+    assert ended(arm, run) == (Outcome.DONE, "")
 
 
-def test_a_motion_that_ends_before_its_start_returns_has_ended(cell, arm):
-    arm.during_start = arm.finish
-    run = begin(cell, arm, cell.leases.acquire("ana").token)
-    assert run.ended.result(0) == (Outcome.DONE, "")
-
-
-def test_a_motion_needs_the_lease(cell, arm):
+def test_a_motion_needs_the_lease(cell, arm, servo):
     motion = plan(cell, arm)
     with pytest.raises(LeaseError, match="needs the lease"):
-        start(cell, "", arm, motion, stops=0)
+        start(arm, "", motion)
     cell.leases.acquire("ana")
     with pytest.raises(LeaseError, match="held by 'ana'"):
-        start(cell, "nonsense", arm, motion, stops=0)
-    assert "start 1" not in arm.calls
+        start(arm, "nonsense", motion)
+    assert servo.asked == []
+    assert arm.unfinished() == []
 
 
 def test_a_motion_of_an_expired_lease_is_stopped(cell, arm, clock):
@@ -107,130 +128,157 @@ def test_a_motion_of_an_expired_lease_is_stopped(cell, arm, clock):
     assert not run.ended.done()
     clock.advance(5 * SECOND)
     cell.leases.expire()
-    assert run.ended.result(0) == (Outcome.STOPPED, "the lease of 'ana' has expired")
+    assert ended(arm, run) == (Outcome.STOPPED, "the lease of 'ana' has expired")
 
 
 def test_a_motion_of_a_released_lease_is_stopped(cell, arm):
     lease = cell.leases.acquire("ana")
     run = begin(cell, arm, lease.token)
     cell.leases.release(lease.token)
-    assert run.ended.result(0) == (Outcome.STOPPED, "the lease of 'ana' was released")
+    assert ended(arm, run) == (Outcome.STOPPED, "the lease of 'ana' was released")
 
 
-def test_only_motions_of_that_lease_are_stopped_with_it(cell, arm):
+def test_only_motions_of_that_lease_are_stopped_with_it(cell, arm, servo):
     lease = cell.leases.acquire("ana")
-    begin(cell, arm, lease.token)
-    arm.finish()
+    run = begin(cell, arm, lease.token)
+    servo.finish()
+    assert ended(arm, run)[0] is Outcome.DONE
     cell.leases.release(lease.token)
-    assert "stop" not in arm.calls
+    assert "stop" not in servo.asked
 
 
 def test_whoever_takes_an_expired_lease_finds_its_motion_stopped(cell, arm, clock):
     run = begin(cell, arm, cell.leases.acquire("ana").token)
     clock.advance(5 * SECOND)
     cell.leases.acquire("ben")
-    assert run.ended.result(0)[0] is Outcome.STOPPED
+    assert ended(arm, run)[0] is Outcome.STOPPED
 
 
 def test_anybody_may_stop_and_is_named(cell, arm):
     run = begin(cell, arm, cell.leases.acquire("ana").token)
     cell.stop("arm", "ben")
-    assert run.ended.result(0) == (Outcome.STOPPED, "stopped by ben")
+    assert ended(arm, run) == (Outcome.STOPPED, "stopped by ben")
 
 
-def test_an_empty_name_stops_every_device(cell, arm):
+def test_an_empty_name_stops_every_device(cell, servo):
     cell.stop("", "ben")
-    assert "stop" in arm.calls
-    assert "stop" in cell.device("leg").calls
+    assert "stop" in servo.asked
+    assert "stop" in servo_of(cell.device("leg")).asked
 
 
-def test_one_dead_servo_does_not_keep_the_others_from_stopping(cell, arm):
-    arm.is_dead = True
+def test_one_dead_servo_does_not_keep_the_others_from_stopping(cell, servo):
+    servo.is_dead = True
     with pytest.raises(DaemonError, match="did not answer stop"):
         cell.stop("", "ben")
-    assert "stop" in cell.device("leg").calls
+    assert "stop" in servo_of(cell.device("leg")).asked
 
 
-def test_a_stop_while_a_motion_is_planned_keeps_it_from_beginning(cell, arm):
+def while_planned(monkeypatch, planners, act):
+    """Have something done once a motion is planned and before it begins."""
+    planning = planners.plan
+
+    async def plan(*arguments, **options):
+        motion = await planning(*arguments, **options)
+        act()
+        return motion
+
+    monkeypatch.setattr(planners, "plan", plan)
+
+
+def test_a_stop_while_a_motion_is_planned_keeps_it_from_beginning(
+    cell, arm, servo, planners, monkeypatch
+):
     token = cell.leases.acquire("ana").token
-    stops = cell.runs.stops(arm)
-    motion = plan(cell, arm)
-    cell.stop("arm", "ben")
+    while_planned(monkeypatch, planners, lambda: cell.stop("arm", "ben"))
     with pytest.raises(StateError, match="stopped before it began: stopped by ben"):
-        start(cell, token, arm, motion, stops=stops)
-    assert "start 1" not in arm.calls
+        move(arm, token)
+    assert servo.asked == ["stop"]
+    monkeypatch.undo()
+    assert not move(arm, token).reason
 
 
-def test_a_stop_beside_the_daemon_keeps_what_is_planned_from_beginning(cell, arm):
+def test_a_lease_that_is_lost_while_a_motion_is_planned_keeps_it_from_beginning(
+    cell, arm, servo, planners, monkeypatch
+):
     token = cell.leases.acquire("ana").token
-    stops = cell.runs.stops(arm)
-    motion = plan(cell, arm)
-    arm.stops_beside += 1
-    cell.runs.note_stop(["arm"], "stopped by ben")
-    with pytest.raises(StateError, match="stopped before it began: stopped by ben"):
-        start(cell, token, arm, motion, stops=stops)
-    start(cell, token, arm, motion, stops=cell.runs.stops(arm))
+    while_planned(monkeypatch, planners, lambda: cell.leases.release(token))
+    with pytest.raises(LeaseError, match="has expired or was released"):
+        move(arm, token)
+    assert servo.asked == []
 
 
-def test_a_stop_while_a_motion_is_started_stops_it(cell, arm):
+def test_a_stop_while_a_motion_is_started_stops_it(cell, arm, servo):
     # The stop finds the device still at rest.
-    arm.during_start = lambda: cell.runs.halt([cell.device("arm")], "stopped by ben")
-    real_stop, arm.stop = arm.stop, lambda: None
-    arm.during_start = lambda: (
-        cell.runs.halt([arm], "stopped by ben"),
-        setattr(arm, "stop", real_stop),
-    )
+    servo.during_start = lambda: arm.note_stop("stopped by ben")
     run = begin(cell, arm, cell.leases.acquire("ana").token)
-    assert run.ended.result(0) == (Outcome.STOPPED, "stopped by ben")
+    assert ended(arm, run) == (Outcome.STOPPED, "stopped by ben")
 
 
-def test_a_lease_that_is_lost_while_a_motion_is_started_stops_it(cell, arm, clock):
+def test_a_lease_that_is_lost_while_a_motion_is_started_stops_it(cell, arm, servo, clock):
     token = cell.leases.acquire("ana").token
-    arm.during_start = lambda: clock.advance(5 * SECOND)
-    assert begin(cell, arm, token).ended.result(0)[0] is Outcome.STOPPED
+    servo.during_start = lambda: clock.advance(5 * SECOND)
+    run = begin(cell, arm, token)
+    cell.leases.expire()
+    assert ended(arm, run)[0] is Outcome.STOPPED
 
 
-def test_a_fault_ends_a_motion_as_a_fault(cell, arm):
+def test_a_fault_ends_a_motion_as_a_fault(cell, arm, servo):
     run = begin(cell, arm, cell.leases.acquire("ana").token)
-    arm.fail(Fault.LIMIT_GUARD, "velocity of 3 rad/s")
-    assert run.ended.result(0) == (Outcome.FAULT, "velocity of 3 rad/s")
+    servo.fall(Fault.LIMIT_GUARD, "velocity of 3 rad/s")
+    assert ended(arm, run) == (Outcome.FAULT, "velocity of 3 rad/s")
 
 
-def test_the_reason_of_a_stop_is_not_that_of_a_later_one(cell, arm):
+def test_the_reason_of_a_stop_is_not_that_of_a_later_one(cell, arm, servo):
     token = cell.leases.acquire("ana").token
     begin(cell, arm, token)
     cell.stop("arm", "ben")
     run = begin(cell, arm, token)
-    arm.stop()
-    assert run.ended.result(0) == (Outcome.STOPPED, "stopped on its path")
+    servo.be(ServoState.HOLDING)
+    assert ended(arm, run) == (Outcome.STOPPED, "stopped on its path")
 
 
-def test_the_reason_of_a_stop_outlives_a_move_that_is_refused_meanwhile(cell, arm):
+def test_the_reason_of_a_stop_outlives_a_move_that_is_refused_meanwhile(cell, arm, servo):
     token = cell.leases.acquire("ana").token
     run = begin(cell, arm, token)
-    cell.runs.halt([arm], "halted by 'ben'", is_quickest=True)
+    arm.note_stop("halted by 'ben'")
+    servo.be(ServoState.STOPPING)
     with pytest.raises(StateError, match="not holding"):
-        cell.runs.begin(
-            arm, arm.commanded, motion=None, token=token, stops=cell.runs.stops(arm),
-            is_owned=lambda: True,
-        )  # fmt: skip
-    arm.stop()
-    assert run.ended.result(0) == (Outcome.STOPPED, "halted by 'ben'")
+        start(arm, token, run.motion)
+    servo.be(ServoState.HOLDING)
+    assert ended(arm, run) == (Outcome.STOPPED, "halted by 'ben'")
 
 
-def test_an_abandoned_motion_is_stopped_but_not_the_one_after_it(cell, arm):
+def test_an_abandoned_motion_is_stopped_but_not_the_one_after_it(cell, arm, servo):
     token = cell.leases.acquire("ana").token
     first = begin(cell, arm, token)
-    arm.finish()
+    servo.finish()
+    tend(arm)
     second = begin(cell, arm, token)
-    cell.runs.abandon(first, "gone")
+    arm.abandon(first, "gone")
+    tend(arm)
     assert not second.ended.done()
-    cell.runs.abandon(second, "gone")
-    assert second.ended.result(0) == (Outcome.STOPPED, "gone")
+    arm.abandon(second, "gone")
+    assert ended(arm, second) == (Outcome.STOPPED, "gone")
 
 
-def test_a_device_that_is_not_ready_to_move_is_refused(cell, arm):
-    arm.state = ServoState.IDLE
+def test_a_motion_whose_caller_goes_away_is_stopped(cell, arm, servo):
+    token = cell.leases.acquire("ana").token
+
+    async def go_away():
+        loop = asyncio.get_running_loop()
+        moving = asyncio.ensure_future(moved(arm, token))
+        servo.during_start = lambda: loop.call_soon_threadsafe(moving.cancel)
+        with pytest.raises(asyncio.CancelledError):
+            await moving
+
+    asyncio.run(go_away())
+    tend(arm)
+    assert arm.unfinished() == []
+    assert servo.asked == ["start", "stop"]
+
+
+def test_a_device_that_is_not_ready_to_move_is_refused(cell, arm, servo):
+    servo.be(ServoState.IDLE)
     with pytest.raises(StateError, match="idle, not holding"):
         plan(cell, arm)
 
@@ -246,12 +294,6 @@ def test_a_bad_motion_is_refused_by_its_field(cell, arm):
     with pytest.raises(LimitError) as refused:
         plan(cell, arm, MotionRequest(keyframes))
     assert refused.value.value > refused.value.limit
-
-
-def test_a_motion_that_the_device_could_not_follow_is_refused(cell, arm):
-    arm.refusal = "the elbow would be straight"
-    with pytest.raises(PlanError, match="the elbow would be straight"):
-        plan(cell, arm)
 
 
 def test_a_kept_plan_is_found_by_its_name_and_device(cell, arm):
@@ -276,12 +318,13 @@ def test_few_plans_are_kept(cell, arm):
         (State.at_rest((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.1)), "0.1 m from where device 'arm'"),
     ],
 )
-def test_a_plan_that_begins_elsewhere_is_refused(cell, arm, where, what):
+def test_a_plan_that_begins_elsewhere_is_refused(cell, arm, servo, where, what):
     token = cell.leases.acquire("ana").token
     motion = plan(cell, arm)
-    arm.at = where
+    q, position = tuple(where.q.tolist()), tuple(where.position.tolist())
+    servo.be(ServoState.HOLDING, q=q, position=position)
     with pytest.raises(StartError, match=what):
-        start(cell, token, arm, motion, stops=0)
+        start(arm, token, motion)
 
 
 def test_a_name_may_be_left_out_where_there_is_one_device(cell):
@@ -289,7 +332,7 @@ def test_a_name_may_be_left_out_where_there_is_one_device(cell):
         cell.device("")
     with pytest.raises(UnknownNameError, match=r"^device: expected one of arm, leg, got 'tail'"):
         cell.device("tail")
-    alone = Cell(config.default_settings(), make_device=FakeDevice, planners=cell.planners)
+    alone = Cell(config.default_settings(), planners=cell.planners)
     assert alone.device("").name == "arm"
 
 
@@ -307,80 +350,82 @@ def test_a_holder_has_a_name_of_one_line(cell):
     assert cell.leases.acquire("ana\nben " + "x" * 1000).holder.startswith("ana ben xxx")
 
 
-def test_shutdown_stops_what_runs_and_takes_no_more(cell, arm):
+def test_shutdown_stops_what_runs_and_takes_no_more(cell, arm, servo):
     token = cell.leases.acquire("ana").token
     run = begin(cell, arm, token)
-    motion = run.motion
+    asked = servo.ask
+
+    def ask(command, **more):
+        asked(command, **more)
+        tend(arm)
+
+    servo.ask = ask
     cell.shutdown()
     assert run.ended.result(0) == (Outcome.STOPPED, "the daemon is going down")
-    assert arm.calls[-2:] == ["stop", "shutdown"]
-    with pytest.raises(DaemonError, match="going down"):
-        start(cell, token, arm, motion, stops=cell.runs.stops(arm))
+    assert servo.asked[-2:] == ["stop", "end"]
     with pytest.raises(DaemonError, match="going down"):
         cell.check(token, arm)
 
 
-def test_shutdown_ends_what_a_dead_servo_cannot(cell, arm):
+def test_shutdown_ends_what_a_dead_servo_cannot(cell, arm, servo):
     run = begin(cell, arm, cell.leases.acquire("ana").token)
-    run.ended.add_done_callback(lambda _: None)
-    arm.stop = lambda: arm.fail(Fault.SERVO_DIED, "the servo process was ended by signal 9")
+
+    def ask(command, **more):
+        servo.fall(Fault.SERVO_DIED, "the servo process was ended by signal 9")
+        tend(arm)
+
+    servo.ask = ask
     cell.shutdown()
     assert run.ended.result(0)[0] is Outcome.FAULT
 
 
-def test_what_keeps_a_device_from_being_ready_is_told(cell, arm):
-    assert cell.wait_ready(1.0) == []
-    arm.failure = "no such device"
+def test_what_keeps_a_device_from_being_ready_is_told(cell, servo):
+    servo_of(cell.device("leg")).wait_ready = lambda timeout: True
+    servo.wait_ready = lambda timeout: False
+    servo.fail(Fault.SERVO_DIED, "no such device")
     assert cell.wait_ready(1.0) == ["device arm: no such device"]
 
 
-def test_nobody_waits_for_devices_of_a_daemon_that_ends(cell, arm):
-    arm.wait_ready = lambda timeout: False
+def test_nobody_waits_for_devices_of_a_daemon_that_ends(cell):
     stopping = threading.Event()
     stopping.set()
     assert cell.wait_ready(3600.0, is_cancelled=stopping.is_set) == [
-        "device arm: not ready after 3600 s"
+        "device arm: not ready after 3600 s",
+        "device leg: not ready after 3600 s",
     ]
 
 
-def test_a_motion_that_is_planned_too_late_is_planned_again(cell, arm):
-    token = cell.leases.acquire("ana").token
-    arm.lateness = 2
-    run, timing = move(cell, token, arm)
-    assert (run.number, timing.attempts) == (1, 3)
+def test_a_motion_that_is_planned_too_late_is_planned_again(cell, arm, servo):
+    servo.refusals = 2 * [LateError("the path has passed record 3, it is at 4")]
+    run = move(arm, cell.leases.acquire("ana").token)
+    assert run.attempts == 3
 
 
-def test_a_motion_waits_for_a_steady_speed_and_says_so(cell, arm):
-    token = cell.leases.acquire("ana").token
-    arm.unsteady = 2
-    run, timing = move(cell, token, arm)
-    assert (run.number, timing.attempts) == (1, 1)
-    assert arm.calls.count("await_steady") == 2
-    assert 0.0 < timing.waiting < timing.planning
+def test_a_motion_waits_for_a_steady_speed_and_says_so(cell, arm, servo):
+    servo.refusals = 2 * [NotYetError("the speed is changing")]
+    order = order_of(MOTION)
+    run = move(arm, cell.leases.acquire("ana").token, order)
+    assert run.attempts == 1
+    assert sum(order.waits) >= 2 * 0.002
 
 
-def test_a_device_that_is_always_too_quick_is_said_to_be(cell, arm):
-    token = cell.leases.acquire("ana").token
-    arm.lateness = 100
+def test_a_device_that_is_always_too_quick_is_said_to_be(cell, arm, servo):
+    servo.refusals = 100 * [LateError("the path has passed record 3, it is at 4")]
     with pytest.raises(StateError, match="too quick for 6 plans: the path has passed record 3"):
-        move(cell, token, arm)
+        move(arm, cell.leases.acquire("ana").token)
 
 
-def test_motions_with_one_start_time_are_compared(cell):
-    token = cell.leases.acquire("ana").token
-    runs = []
-    for name, late_ns in (("arm", 3_000), ("leg", 11_000)):
-        device = cell.device(name)
-        move_options = MoveOptions(start_ns=5 * SECOND)
-        run, _ = move(cell, token, device, move_options)
-        device.began[run.number] = 5 * SECOND + late_ns
-        runs.append(run)
-    assert [cell.runs.starts(run) for run in runs] == [
-        (pytest.approx(3e-6), pytest.approx(8e-6)),
-        (pytest.approx(11e-6), pytest.approx(8e-6)),
-    ]
+def test_a_device_knows_when_motions_with_a_start_time_began(cell, arm, servo):
+    start_ns = time.monotonic_ns() + 10 * SECOND
+    run = move(arm, cell.leases.acquire("ana").token, options=MoveOptions(start_ns=start_ns))
+    run.meter.began_ns = start_ns + 7
+    assert arm.began_ns(start_ns) == start_ns + 7
+    servo.finish()
+    ended(arm, run)
+    assert arm.began_ns(start_ns) == start_ns + 7
+    assert arm.began_ns(start_ns + 1) is None
 
 
-def test_a_halt_leaves_the_path(cell, arm):
+def test_a_halt_leaves_the_path(cell, servo):
     cell.stop("arm", "ana", is_quickest=True)
-    assert arm.calls[-1] == "halt"
+    assert servo.asked[-1] == "halt"

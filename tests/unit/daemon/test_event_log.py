@@ -4,8 +4,9 @@ import logging
 
 import pytest
 
-from orientd.daemon.devices import DeviceEvent, EventKind
-from orientd.daemon.motions import ActiveMotions
+from orientd.daemon.device import DeviceEvent, EventKind
+from orientd.daemon.observe import EventLog
+from orientd.rpc import Outcome
 
 DIED, READY = EventKind.SERVO_DIED, EventKind.READY
 
@@ -22,9 +23,32 @@ DIED, READY = EventKind.SERVO_DIED, EventKind.READY
     ],
 )
 def test_a_start_that_fails_as_before_is_said_once(caplog, events, said):
-    motions = ActiveMotions({})
+    log = EventLog()
     with caplog.at_level(logging.ERROR):
         for kind, text in events:
-            motions.hear(DeviceEvent("arm", kind, 0, text, 0))
+            log.hear(DeviceEvent("arm", kind, 0, text, 0))
     told = [record.getMessage() for record in caplog.records]
     assert told == [f"arm: servo died: {text}" for text in said]
+
+
+def test_a_motion_that_starts_is_logged_with_who_commands_it(caplog):
+    event = DeviceEvent(
+        "arm", EventKind.MOTION_STARTED, 3, "2.000 s", 0,
+        motion_name="fetch", commander="ana (user:1)", identity="user:1",
+    )  # fmt: skip
+    with caplog.at_level(logging.INFO):
+        EventLog().hear(event)
+    assert [record.getMessage() for record in caplog.records] == [
+        "arm: motion started 3 'fetch': 2.000 s",
+        "arm: motion 3 'fetch' is commanded by ana (user:1)",
+    ]
+
+
+def test_a_motion_that_ends_is_logged_with_the_reason(caplog):
+    event = DeviceEvent(
+        "arm", EventKind.MOTION_STOPPED, 3, "stopped on its path", 0,
+        outcome=Outcome.STOPPED, reason="stopped by ben",
+    )  # fmt: skip
+    with caplog.at_level(logging.INFO):
+        EventLog().hear(event)
+    assert caplog.records[0].getMessage() == "arm: motion stopped 3: stopped by ben"

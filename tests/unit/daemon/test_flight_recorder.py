@@ -6,7 +6,7 @@ import pytest
 from fake_device import FakeDevice
 
 from orientd import config
-from orientd.daemon.devices import DeviceEvent, EventKind
+from orientd.daemon.device import DeviceEvent, EventKind
 from orientd.daemon.observe import flight_recorder as module
 from orientd.daemon.observe.journal import Journal
 
@@ -21,10 +21,9 @@ def test_a_file_that_takes_its_time_does_not_hold_up_the_end(tmp_path, monkeypat
     monkeypatch.setattr(module, "FINISHING", 0.3)
     settings = config.default_settings()
     journal = Journal(kept=60.0)
-    recorder = module.FlightRecorder(settings, journal)
-    device = FakeDevice(settings.devices["arm"], planners=None, on_event=lambda event: None)
-    recorder.attach(device)
-    device.memory.append(bytes(64))
+    device = FakeDevice(settings.devices["arm"])
+    recorder = module.FlightRecorder(settings, journal, {"arm": device})
+    recorder.memory("arm", device.rate_hz).append(bytes(64))
     recorder.start()
     recorder.hear(DeviceEvent("arm", EventKind.FAULT, 0, "why", time.monotonic_ns()))
     began = time.monotonic()

@@ -2,7 +2,7 @@
 
 import pytest
 
-from orientd.daemon.devices import DeviceEvent, EventKind
+from orientd.daemon.device import DeviceEvent, EventKind
 from orientd.daemon.observe import journal as module
 from orientd.daemon.observe.journal import Journal
 from orientd.daemon.ring_file import RingFile

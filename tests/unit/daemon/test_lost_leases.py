@@ -20,22 +20,17 @@ class FakeRuns:
     def __init__(self):
         self.tokens, self.halted = {}, []
 
-    def unfinished(self, token):
-        return [
-            SimpleNamespace(device=SimpleNamespace(name=name))
-            for name, of in self.tokens.items()
-            if of == token
-        ]
-
-    def abandon(self, run, reason):
-        self.halted.append(([run.device.name], reason))
-
 
 class FakeDevice:
     """A device that counts how often it was to be let go no longer, and may refuse that."""
 
-    def __init__(self):
+    def __init__(self, name, runs):
+        self.name, self.runs = name, runs
         self.ends, self.error = 0, None
+
+    def disown(self, token, reason):
+        if self.runs.tokens.get(self.name) == token:
+            self.runs.halted.append(([self.name], reason))
 
     def end_free(self):
         self.ends += 1
@@ -54,14 +49,14 @@ def runs():
 
 
 @pytest.fixture
-def devices():
-    return {name: FakeDevice() for name in ("arm", "leg")}
+def devices(runs):
+    return {name: FakeDevice(name, runs) for name in ("arm", "leg")}
 
 
 @pytest.fixture
 def leases(clock, runs, devices, caplog):
     caplog.set_level(logging.INFO, "orientd.daemon.leases")
-    lost = partial(Cell._disown, SimpleNamespace(runs=runs, devices=devices))
+    lost = partial(Cell._disown, SimpleNamespace(devices=devices))
     return Leases(list(devices), seconds=5.0, clock=clock, lost=lost)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orientd import planner, rotation
-from orientd.daemon.motions.meter import Histogram, MotionMeter
+from orientd.daemon.device.meter import Histogram, MotionMeter
 from orientd.recorder.cycle_table import CYCLES
 from orientd.stream import CycleFlag, ServoState
 

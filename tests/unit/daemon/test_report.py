@@ -5,11 +5,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from fake_device import FakeDevice, cycle
+from fake_device import STATISTICS, FakeDevice, cycle
 
 from orientd import config, planner
 from orientd.daemon.calls import report
-from orientd.daemon.motions.active_motions import ActiveMotion, ActiveMotions
+from orientd.daemon.device import MoveOptions, QueuedMotion
 from orientd.daemon.planners import reporting
 from orientd.errors import Fault
 from orientd.rpc import control_pb2 as pb
@@ -21,7 +21,7 @@ SETTINGS = config.default_settings().devices["arm"]
 
 @pytest.fixture
 def device():
-    return FakeDevice(SETTINGS, planners=None, on_event=lambda event: None)
+    return FakeDevice(SETTINGS)
 
 
 @pytest.fixture
@@ -80,7 +80,7 @@ def test_who_is_behind_reads_on_where_a_full_batch_ended(device):
 def test_progress_tells_the_worst_lateness_since_the_last(device, motion):
     device.motion = motion.recorded()
     planned = SimpleNamespace(facts=device.motion.facts, frame=None)
-    reader = report.ProgressReader(ActiveMotion(device, 1, planned, ""))
+    reader = report.ProgressReader(device, QueuedMotion(planned, number=1))
     device.published += [cycle(1, lateness_ns=5), cycle(2, lateness_ns=900), cycle(3, overruns=2)]
     progress = reader.read()
     assert progress.lateness == pytest.approx(900e-9)
@@ -96,7 +96,7 @@ def test_a_motion_that_was_left_for_another_tells_nothing_of_the_other(device, m
     device.number = 2
     planned = SimpleNamespace(facts=motion.recorded().facts, frame=None)
     left, present = (
-        report.ProgressReader(ActiveMotion(device, number, planned, "")) for number in (1, 2)
+        report.ProgressReader(device, QueuedMotion(planned, number=number)) for number in (1, 2)
     )
     assert left.read() is None
     assert present.read() is not None
@@ -111,15 +111,26 @@ def test_samples_begin_and_end_with_the_motion(motion):
         np.testing.assert_array_equal(samples.q, motion.sample(samples.times).q)
 
 
-def test_a_summary_has_the_statistics_of_its_motion_only(device, motion):
-    device.number = 2
-    for number, cycles in ((2, 7), (1, 0)):
-        run = ActiveMotion(device, number, motion.recorded(), "")
+def test_a_summary_has_what_was_measured_of_its_motion():
+    for measured in (STATISTICS, None):
+        run = QueuedMotion(number=1, _measured=(measured, None))
         run.ended.set_result((Outcome.STOPPED, "why"))
-        summary = report.summary(run, ActiveMotions({}))
+        summary = report.summary(run, [])
         assert (summary.outcome, summary.text) == (pb.OUTCOME_STOPPED, "why")
-        assert summary.HasField("statistics") == bool(cycles)
-        assert summary.statistics.cycles == cycles
+        assert summary.HasField("statistics") == (measured is not None)
+        assert summary.statistics.cycles == (7 if measured else 0)
+
+
+def test_motions_with_one_start_time_are_compared():
+    start_ns = 5_000_000_000
+    began = [start_ns + 3_000, start_ns + 11_000]
+    devices = [SimpleNamespace(began_ns={start_ns: one}.get) for one in began]
+    for one, lateness in zip(began, (3e-6, 11e-6), strict=True):
+        run = QueuedMotion(options=MoveOptions(start_ns=start_ns), _measured=(None, one))
+        run.ended.set_result((Outcome.DONE, ""))
+        summary = report.summary(run, devices)
+        assert summary.start_lateness == pytest.approx(lateness)
+        assert summary.start_skew == pytest.approx(8e-6)
 
 
 def test_a_device_without_cycles_or_motion_can_be_told(device):

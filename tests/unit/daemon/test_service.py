@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 from direct_planners import DirectPlanners
-from fake_device import FakeDevice
+from fake_device import FakeServo, servo_of
 
 from orientd import config
 from orientd.clock import ManualClock
@@ -35,9 +35,10 @@ def planners():
 
 
 @pytest.fixture
-def cell(planners):
+def cell(planners, monkeypatch):
+    monkeypatch.setattr("orientd.daemon.device.device.ServoProcess", FakeServo)
     settings = config.parse(SETTINGS, source="test")
-    made = Cell(settings, make_device=FakeDevice, planners=planners, clock=ManualClock(1))
+    made = Cell(settings, planners=planners, clock=ManualClock(1))
     yield made
     made.close()
 
@@ -68,11 +69,12 @@ def test_commands_need_the_lease(service, cell):
     token = lease_of(service).token
     answer = asyncio.run(service.Enable(pb.EnableRequest(device="arm", lease_token=token), ANA))
     assert answer.device.device.name == "arm"
-    assert cell.device("arm").calls == ["enable"]
+    assert servo_of(cell.device("arm")).asked == ["enable"]
 
 
-def test_commands_to_a_device_are_done_in_the_order_in_which_they_come(service, cell):
-    token = lease_of(service).token
+def test_commands_to_a_device_are_done_in_the_order_in_which_they_come(service, cell, monkeypatch):
+    token, begun = lease_of(service).token, []
+    monkeypatch.setattr(cell.device("arm"), "set_speed", begun.append)
 
     async def commands():
         requests = [
@@ -82,7 +84,7 @@ def test_commands_to_a_device_are_done_in_the_order_in_which_they_come(service, 
         await asyncio.gather(*[service.SetSpeed(one, ANA) for one in requests])
 
     asyncio.run(commands())
-    assert cell.device("arm").calls == ["speed 0.3", "speed 0.5", "speed 0.7"]
+    assert begun == pytest.approx([0.3, 0.5, 0.7])
 
 
 def test_a_move_without_a_token_takes_the_lease_of_its_device_and_returns_it(service, cell):

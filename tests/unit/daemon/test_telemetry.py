@@ -12,7 +12,7 @@ from fake_device import record_of
 
 from orientd.config import MetricsSettings
 from orientd.daemon.calls.telemetry import RECENT, Telemetry
-from orientd.daemon.devices.device_report import DeviceEvent, EventKind
+from orientd.daemon.device import DeviceEvent, EventKind
 from orientd.driver import PartHealth
 from orientd.errors import ConfigError, Fault
 from orientd.stream import Cycle, CycleFlag, ServoState

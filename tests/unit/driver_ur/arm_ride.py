@@ -7,7 +7,7 @@ from rig import Rig as LoopRig
 
 from orientd import rotation
 from orientd.clock import ManualClock
-from orientd.daemon.devices import servo_link
+from orientd.daemon.device import servo_process
 from orientd.servo import Servo, WatchdogTimeouts
 from orientd.servo.path.path_follower import PathPart
 from orientd.stream import Answer, Command, ServoState, SharedMemory
@@ -16,7 +16,7 @@ from orientd.stream import Answer, Command, ServoState, SharedMemory
 def servo_limits_of(motion):
     """Return what the daemon tells the servo of a motion."""
     facts = motion.facts
-    return servo_link.servo_limits_of(facts.limits, facts.brake_rate)
+    return servo_process.servo_limits_of(facts.limits, facts.brake_rate)
 
 
 class ArmRide(LoopRig):

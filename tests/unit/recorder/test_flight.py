@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from recorded import RATE_HZ, moving
 
-from orientd.daemon.devices.cycle_memory import CycleMemory
+from orientd.daemon.device.cycle_memory import CycleMemory
 from orientd.recorder import flight, reader
 from orientd.recorder.writer import RecordingError
 from orientd.rpc import control_pb2 as pb

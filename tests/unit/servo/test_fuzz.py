@@ -18,8 +18,9 @@ from rig import PERIOD, Rig
 from setpoint_checker import reached
 
 from orientd import planner, rotation
-from orientd.daemon.devices.servo_link import servo_limits_of
-from orientd.daemon.motions.motion_queue import MotionQueue
+from orientd.daemon.device.queue import MotionQueue
+from orientd.daemon.device.queued_motion import QueuedMotion
+from orientd.daemon.device.servo_process import servo_limits_of
 from orientd.errors import LateError, LimitError, NotYetError, PlanError, StateError
 from orientd.planner import Keyframe, Limits, MotionRequest, State
 from orientd.stream import NOT_GIVEN, UNKNOWN, Answer, Command, NoteKind, ServoState, unpack_note
@@ -38,15 +39,24 @@ KINDS = (
 _NO_TERMS = servo_limits_of(LIMITS[0], 1.0)
 
 
-class VirtualLink:
+class VirtualServo:
     """What the daemon has of a servo, with one cycle to every command."""
 
     def __init__(self, rig):
         self.rig = rig
         self.memory = rig.memory
 
+    fault_text = ""
+    next_cycle = 0
+
+    def running(self):
+        return self.memory
+
     def beat(self):
         pass
+
+    def brake(self):
+        self.ask(Command.STOP)
 
     def newest(self):
         return self.rig.cycle
@@ -87,11 +97,11 @@ class Fuzz:
         self.random = np.random.default_rng(seed)
         self.limits = LIMITS[seed % len(LIMITS)]
         self.rig = Rig(capacity=16384)
-        self.link = VirtualLink(self.rig)
-        self.motion_queue = MotionQueue(self.link, lead=0.0, read_ahead=8192)
+        self.servo = VirtualServo(self.rig)
+        self.motion_queue = MotionQueue(self.servo, self.hear, lead=0.0, read_ahead=8192)
         self.number = 0
         self.counts = Counter()
-        self.link.ask(Command.ENABLE)
+        self.servo.ask(Command.ENABLE)
 
     def play(self, events):
         """Let *events* happen, then come to rest."""
@@ -110,20 +120,11 @@ class Fuzz:
 
     def tend(self):
         """Do what the device's thread does."""
-        motion_queue, cycle = self.motion_queue, self.rig.cycle
-        if not motion_queue.is_active:
-            return
-        try:
-            motion_queue.feed()
-        except LateError:
-            motion_queue.miss()
-            self.counts["missed"] += 1
-        motion_queue.passed(cycle)
-        moving = (ServoState.STREAMING, ServoState.STOPPING)
-        if cycle.motion == motion_queue.first.number and cycle.state not in moving:
-            ended, *following = motion_queue.clear()
-            if following and cycle.path_index == ended.feeder.final_index:
-                motion_queue.resume(following, speed=1.0)
+        self.motion_queue.tend()
+
+    def hear(self, kind, queued, text):
+        """Count how motions end."""
+        self.counts[kind.value] += 1
 
     def orientation(self):
         kind = self.random.integers(8)
@@ -169,7 +170,7 @@ class Fuzz:
             motion_queue.clear()
             motion = self.plan(State.at_rest(cycle.q, cycle.position))
             self.number += 1
-            motion_queue.begin(motion, self.number, speed=1.0, start_ns=UNKNOWN)
+            motion_queue.begin(QueuedMotion(motion, number=self.number))
         elif cycle.state is ServoState.STREAMING and motion_queue.is_active:
             leave = motion_queue.ahead(cycle, int(self.random.integers(2, 9)))
             left = motion_queue.queued(leave.number)
@@ -184,7 +185,7 @@ class Fuzz:
                 return
             self.number += 1
             try:
-                motion_queue.replace(motion, self.number, leave)
+                motion_queue.replace(QueuedMotion(motion, number=self.number), leave)
             except LateError as error:
                 self.count_late(error)
 
@@ -200,7 +201,7 @@ class Fuzz:
         leave = motion_queue.end(last.motion.last_record)
         motion = self.plan(last.motion.state_at(leave.record))
         self.number += 1
-        motion_queue.append(motion, self.number, leave)
+        motion_queue.append(QueuedMotion(motion, number=self.number, begins=leave), leave)
 
     def blend(self):
         """Follow the last motion by another one that cuts the corner."""
@@ -223,7 +224,9 @@ class Fuzz:
             return
         self.number += 1
         try:
-            motion_queue.append(motion.recorded(), self.number, motion_queue.end(record))
+            leave = motion_queue.end(record)
+            queued = QueuedMotion(motion.recorded(), number=self.number, begins=leave)
+            motion_queue.append(queued, leave)
         except LateError as error:
             self.count_late(error)
 
@@ -231,10 +234,10 @@ class Fuzz:
         self.counts["late: " + " ".join(w for w in str(error).split() if w.isalpha())] += 1
 
     def stop(self):
-        self.link.ask(Command.STOP)
+        self.servo.ask(Command.STOP)
 
     def halt(self):
-        self.link.ask(Command.HALT)
+        self.servo.ask(Command.HALT)
 
     def pause(self):
         self.set_speed(0.0)
@@ -243,14 +246,14 @@ class Fuzz:
 
     def set_speed(self, speed):
         if self.rig.cycle.state is ServoState.STREAMING:
-            self.link.ask(Command.SPEED, speed=speed)
+            self.servo.ask(Command.SPEED, speed=speed)
 
     def begin_tracking(self):
         """Take over whatever moves; return whether that was possible."""
         if self.rig.cycle.state not in (ServoState.HOLDING, ServoState.STREAMING):
             return False
         self.number += 1
-        self.link.ask(
+        self.servo.ask(
             Command.TRACK, motion=self.number, servo_limits=servo_limits_of(self.limits, 1.0)
         )
         self.motion_queue.clear()
@@ -265,7 +268,7 @@ class Fuzz:
                 self.aim()
             self.let_pass(int(self.random.integers(1, 30)))
         if self.random.integers(2):
-            self.link.ask(Command.STOP)
+            self.servo.ask(Command.STOP)
 
     def aim(self):
         now = self.rig.clock.now_ns() + int(self.random.normal() * 3e7)
@@ -302,7 +305,7 @@ class Fuzz:
                 self.publish(stamp, q, omega, position, int(2e8))
             self.rig.run()
         if self.random.integers(2):
-            self.link.ask(Command.STOP)
+            self.servo.ask(Command.STOP)
 
     def publish(self, now, q, omega, position, life):
         self.counts["target"] += 1
@@ -315,7 +318,7 @@ class Fuzz:
     def settle(self):
         """Run until nothing moves any more."""
         if self.rig.cycle.state is ServoState.TRACKING:
-            self.link.ask(Command.STOP)
+            self.servo.ask(Command.STOP)
         self.set_speed(1.0)
         for _ in range(3000):
             self.let_pass(16)

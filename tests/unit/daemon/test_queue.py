@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from fake_device import cycle, record_of
 
 from orientd import planner, rotation
-from orientd.daemon.motions.motion_queue import MotionQueue, SplicePoint
+from orientd.daemon.device.queue import MotionQueue
+from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
 from orientd.errors import LateError, NotYetError
 from orientd.servo import TAIL_WORD
 from orientd.stream import Command, SharedMemory
@@ -22,6 +24,11 @@ class Link:
 
     def beat(self):
         pass
+
+    def running(self):
+        return self.memory
+
+    next_cycle = 0
 
     def ask(self, command, **fields):
         if self.refusal is not None:
@@ -50,11 +57,11 @@ def turn(angle, start=(1.0, 0.0, 0.0, 0.0)):
 
 def test_a_motion_goes_on_in_the_ring_until_the_servo_goes_over_to_the_next(link):
     first = turn(3.0)
-    motion_queue = MotionQueue(link, lead=0.0, read_ahead=300)
-    motion_queue.begin(first, 1, speed=1.0, start_ns=0)
+    motion_queue = MotionQueue(link, print, lead=0.0, read_ahead=300)
+    motion_queue.begin(QueuedMotion(first, number=1))
     leave = motion_queue.needed(first.facts) + 190  # beyond what is read ahead
     second = turn(0.5, first.state_at(leave).q)
-    motion_queue.append(second, 2, SplicePoint(1, leave))
+    motion_queue.append(QueuedMotion(second, number=2), SplicePoint(1, leave))
     link.memory.path.words[TAIL_WORD] = leave - 20
 
     link.refusal = NotYetError("the speed is changing")
@@ -78,22 +85,22 @@ def test_a_motion_goes_on_in_the_ring_until_the_servo_goes_over_to_the_next(link
 @pytest.mark.parametrize("refusal", [LateError("it has passed"), NotYetError("it changes")])
 def test_a_motion_that_cannot_be_blended_any_more_is_not_taken(link, refusal):
     first = turn(0.5)
-    motion_queue = MotionQueue(link, lead=0.0, read_ahead=700)
-    motion_queue.begin(first, 1, speed=1.0, start_ns=0)
-    link.refusal = refusal
+    motion_queue = MotionQueue(link, print, lead=0.0, read_ahead=700)
+    motion_queue.begin(QueuedMotion(first, number=1))
+    link.refusal, second = refusal, turn(0.5, first.state_at(20).q)
     with pytest.raises(type(refusal)):
-        motion_queue.append(turn(0.5, first.state_at(20).q), 2, SplicePoint(1, 20))
+        motion_queue.append(QueuedMotion(second, number=2), SplicePoint(1, 20))
     assert motion_queue.last.number == 1
     assert motion_queue.last.last_record == first.last_record
 
 
 def test_a_motion_that_follows_at_rest_is_not_too_late(link):
     first = turn(0.5)
-    motion_queue = MotionQueue(link, lead=0.0, read_ahead=700)
-    motion_queue.begin(first, 1, speed=1.0, start_ns=0)
+    motion_queue = MotionQueue(link, print, lead=0.0, read_ahead=700)
+    motion_queue.begin(QueuedMotion(first, number=1))
     link.refusal = LateError("splice is not possible while holding")
-    end = SplicePoint(1, first.last_record)
-    motion_queue.append(turn(0.5, first.state_at(first.last_record).q), 2, end)
+    end, second = SplicePoint(1, first.last_record), turn(0.5, first.state_at(first.last_record).q)
+    motion_queue.append(QueuedMotion(second, number=2), end)
     assert motion_queue.last.number == 2
 
 
@@ -106,11 +113,26 @@ def test_as_much_of_a_motion_is_read_ahead_as_its_stop_takes(link):
         limits=limits,
         period=PERIOD,
     ).recorded()
-    motion_queue = MotionQueue(link, lead=0.0, read_ahead=300)
-    motion_queue.begin(motion, 1, speed=1.0, start_ns=0)
+    motion_queue = MotionQueue(link, print, lead=0.0, read_ahead=300)
+    motion_queue.begin(QueuedMotion(motion, number=1))
     needed, ring = motion_queue.needed(motion.facts), link.memory.path
     assert 3000 < needed < motion.facts.record_count - 3000
     for tail in range(0, 3000, 500):
         ring.words[TAIL_WORD] = tail
         motion_queue.feed()
         assert ring.head - tail >= needed
+
+
+def test_measuring_ends_although_cycles_come_all_the_time(link):
+    asked = []
+
+    def cycle_records(since, limit):
+        asked.append(since)
+        link.next_cycle += 2
+        return [record_of(cycle(index)) for index in range(since, link.next_cycle)][:limit]
+
+    motion_queue = MotionQueue(link, print, lead=0.0, read_ahead=300)
+    motion_queue.begin(QueuedMotion(turn(0.5), number=1))
+    link.next_cycle, link.cycle_records = 3, cycle_records
+    motion_queue.measure()
+    assert len(asked) == 1

@@ -57,11 +57,6 @@ class Feeder:
         self._until = max(self._fed, record + 1)
 
     @property
-    def final_index(self) -> int:
-        """The ring's index of the motion's last record."""
-        return self.first_index + self.motion.facts.record_count - 1
-
-    @property
     def is_whole(self) -> bool:
         """Whether the motion's last record is in the ring, or has been."""
         return self._fed == self.motion.facts.record_count
@@ -103,7 +98,7 @@ class Feeder:
 
     def _declare_end(self) -> None:
         if self.is_whole:
-            self._ring.words[FINAL_WORD] = self.final_index + 1
+            self._ring.words[FINAL_WORD] = self.first_index + self.motion.facts.record_count
 
     def _records(self, first: int, count: int) -> NDArray[np.void]:
         floats = self.motion.records(first, count)

@@ -1,0 +1,646 @@
+"""One device of the daemon: what it can be asked to do, what runs on it, and how it is.
+
+A thread of its own beats the heart, feeds the path ring, hears the servo and reports events.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from orientd.config import DeviceSettings
+from orientd.daemon.device.axes import DeviceAxes
+from orientd.daemon.device.cycle_memory import CycleMemory
+from orientd.daemon.device.event import DeviceEvent, EventKind
+from orientd.daemon.device.queue import STOPPED, MotionQueue
+from orientd.daemon.device.queued_motion import AT_ONCE, Ended, MoveOptions, QueuedMotion
+from orientd.daemon.device.retarget import Retargeting
+from orientd.daemon.device.servo_process import ServoProcess, servo_limits_of
+from orientd.daemon.device.snapshot import DeviceSnapshot, take_snapshot
+from orientd.daemon.leases import Lease, Leases
+from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
+from orientd.driver import Explaining, Quaternion, Vector3, make_driver
+from orientd.errors import (
+    GOING_DOWN,
+    DaemonError,
+    Fault,
+    RequestError,
+    StateError,
+)
+from orientd.planner import Limits
+from orientd.planner import State as PlannedState
+from orientd.rpc import Outcome
+from orientd.servo import LEFT_OUT_WORD
+from orientd.stream import NOT_GIVEN, UNKNOWN, Command, Cycle, ServoState, unpack_cycle
+
+if TYPE_CHECKING:
+    from orientd.daemon.stops import StopFolder
+
+_log = logging.getLogger(__name__)
+
+TICK = 0.01
+"""How often the thread looks at the servo, s."""
+
+GONE = "its caller has gone away"
+_READ_AHEAD = 8.0
+"""Path time that the ring holds ahead of the servo, s, and more if a stop takes longer; it has
+room for as much again at the least."""
+
+_RESTART = 60.0
+"""How long a servo may take that a reset has started again, s."""
+
+_ENDING = 0.3
+"""How long a servo may take to end that has lost its device, s."""
+
+_TIMED = 16
+"""Motions with a start time of which the device remembers when they began."""
+
+_OUTCOMES = {
+    EventKind.MOTION_DONE: Outcome.DONE,
+    EventKind.MOTION_PASSED: Outcome.PASSED,
+    EventKind.MOTION_REPLACED: Outcome.REPLACED,
+    EventKind.MOTION_UNSETTLED: Outcome.UNSETTLED,
+    EventKind.MOTION_STOPPED: Outcome.STOPPED,
+}
+
+
+class Device:
+    """A device, its servo process and its motions.  Commands may come from any thread.
+
+    Attributes:
+        name: the device's name.
+        driver: the registry's name of its driver.
+        rate_hz: cycle rate.
+        period_ns: cycle period.
+        lead: how long before its time each setpoint is sent, s.
+        phase: where in a period its cycles begin, as a share of it.
+        limits: what no motion of it may exceed.
+        is_free: whether it was let go when it was disabled, to be moved by hand.
+    """
+
+    def __init__(
+        self,
+        settings: DeviceSettings,
+        *,
+        planners: Planners,
+        on_event: Callable[[DeviceEvent], None],
+        leases: Leases | None = None,
+        cycle_memory: CycleMemory | None = None,
+        stops: StopFolder | None = None,
+    ) -> None:
+        """Check the driver and its options; start nothing.
+
+        Args:
+            settings: the device's part of the configuration.
+            planners: plan for it.
+            on_event: called from the device's thread, or from a command.
+            leases: who may move it; ``None`` if it is nobody else's.
+            cycle_memory: keeps the newest cycles for the flight recorder, if there is one.
+            stops: where the servo listens for stops, and who records them.
+
+        Raises:
+            ConfigError: the driver is not installed, or refuses its options.
+        """
+        self.name = settings.name
+        self.driver = settings.driver
+        self.rate_hz = settings.rate_hz
+        self.period_ns = settings.period_ns
+        self.lead = settings.lead
+        self.phase = settings.phase
+        self.limits = settings.limits.to_limits()
+        self.is_free = self._was_following = False
+        driver = make_driver(settings.name, settings.driver, settings.options, settings.period_ns)
+        self._axes = DeviceAxes(driver, self.name)
+        self._leases, self._cycle_memory = leases, cycle_memory
+        self._on_event, self._stops = on_event, stops
+        # In path records, a power of two.
+        read_ahead = 1 << round(_READ_AHEAD * settings.rate_hz - 1).bit_length()
+        self._servo = ServoProcess(
+            settings,
+            read_ahead=read_ahead,
+            tell=self._tell_of_servo,
+            explaining=driver if isinstance(driver, Explaining) else None,
+            stops=stops,
+        )
+        self._queue = MotionQueue(
+            self._servo, self._tell, lead=settings.lead, read_ahead=read_ahead
+        )
+        self._retargeting = Retargeting(
+            self._servo, self._queue, planners, name=self.name, period=self.period_ns * 1e-9
+        )
+        self._lock = threading.RLock()
+        self._resetting = threading.Lock()
+        self._thread: threading.Thread | None = None
+        self._closing = threading.Event()
+        # Motions come and go in one step each, in any thread.
+        self._unfinished: set[QueuedMotion] = set()
+        self._timed: deque[QueuedMotion] = deque(maxlen=_TIMED)
+        self._number = 0
+        self._lead_cycles = round(settings.lead * settings.rate_hz)
+
+    # Life
+
+    def launch(self) -> None:
+        """Start the servo process and return at once; see :meth:`wait_ready`."""
+        with self._lock:
+            self._start_servo()
+            if self._thread is None:
+                self._thread = threading.Thread(
+                    target=self._watch, name=f"device {self.name}", daemon=True
+                )
+                self._thread.start()
+
+    def wait_ready(self, timeout: float) -> bool:
+        """Wait until the servo runs its cycles, or has failed to; return which."""
+        return self._servo.wait_ready(timeout)
+
+    @property
+    def failure(self) -> str:
+        """Why there is no servo; empty while there is one."""
+        return self._servo.failure
+
+    def shutdown(self) -> None:
+        """Stop on the path, have the servo end, release everything."""
+        with self._lock:
+            self._closing.set()
+            self._servo.end()
+            self._queue.measure()
+        if self._thread is not None:
+            self._thread.join()
+        for queued in self.unfinished():
+            self._conclude(queued, (Outcome.STOPPED, GOING_DOWN))
+
+    def _start_servo(self) -> None:
+        self._queue.restart()
+        self._servo.start()
+
+    # Motions
+
+    def commanded(self) -> PlannedState:
+        """Return where the device holds: the state that a motion from rest begins in.
+
+        Raises:
+            StateError: the device is not holding.
+        """
+        return self._servo.commanded()
+
+    async def plan(self, call: PlanCall) -> PlannedMotion:
+        """Plan a motion that begins where the device will be once it has come to rest.
+
+        Raises:
+            RequestError: the request is not one that its method or the device allows.
+            StateError: the device is neither holding nor moving.
+            PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
+        """
+        return await self._retargeting.plan(call)
+
+    @contextlib.contextmanager
+    def expecting(self, options: MoveOptions = AT_ONCE) -> Iterator[QueuedMotion]:
+        """Know of a motion that is to begin within the context, so that a stop reaches it.
+
+        If the caller goes away meanwhile, the motion is stopped again.
+        """
+        self._hear_stops()
+        queued = QueuedMotion(options=options)
+        self._unfinished.add(queued)
+        try:
+            yield queued
+        except asyncio.CancelledError:
+            # It may be about to begin.
+            asyncio.get_running_loop().run_in_executor(None, self.abandon, queued, GONE)
+            raise
+        except BaseException:
+            self._unfinished.discard(queued)
+            raise
+
+    async def move(self, queued: QueuedMotion, call: PlanCall, *, token: str = "") -> None:
+        """Plan a motion, and begin it.
+
+        A motion that runs is replaced from a point a little ahead, or followed.
+
+        Args:
+            queued: the motion, see :meth:`expecting`.
+            call: what to do.
+            token: the lease.
+
+        Raises:
+            RequestError: the request is not one that its method or the device allows.
+            LeaseError: *token* is not that of a lease of the device.
+            StateError: the device cannot move, or was stopped meanwhile.
+            PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
+            DeadlineError: the motions that were asked for before take too long.
+        """
+        queued.token = token
+        await self._retargeting.begin(queued, call, self._begin)
+
+    async def run(self, queued: QueuedMotion, motion: PlannedMotion, *, token: str = "") -> None:
+        """Begin to run a kept plan on a device at rest.
+
+        Args:
+            queued: the motion, see :meth:`expecting`.
+            motion: planned for the device.
+            token: the lease.
+
+        Raises:
+            LeaseError: *token* is not that of a lease of the device.
+            StateError: the device is not at rest, ready to move, or was stopped meanwhile.
+            StartError: the motion does not begin where the device is commanded to be.
+        """
+        self._retargeting.check_start(motion)
+        queued.token, queued.planned, queued.planned_ns = token, motion, time.monotonic_ns()
+        await asyncio.to_thread(self._begin, queued)
+
+    def _begin(self, queued: QueuedMotion) -> float:
+        """Begin a planned motion, or let it wait for its turn.
+
+        Returns:
+            When the servo could see it, monotonic s.
+
+        Raises:
+            LeaseError: the lease is lost.
+            LateError: the device has passed the point at which it was to begin.
+            StateError: the device was stopped, or is not holding where the motion begins at rest.
+        """
+        with self._lock:
+            lease = self._check_wanted(queued)
+            self._number += 1
+            queued.number = self._number
+            posted = self._queue.start(queued)
+            speed = self._queue.speed
+            at_speed = "" if speed == 1.0 else f" at speed {speed:g}"
+            text = f"{queued.motion.facts.duration:.3f} s{at_speed}"
+            self._note_begun(queued, lease, text)
+        return posted
+
+    def _check_wanted(self, queued: QueuedMotion) -> Lease | None:
+        """Return the lease that a motion is commanded under.
+
+        Raises:
+            LeaseError: its token is not that of a lease of the device.
+            StateError: it was stopped before it began.
+        """
+        lease = None if self._leases is None else self._leases.check(queued.token, self.name)
+        self._hear_stops()
+        if queued.reason:
+            raise StateError(f"device {self.name} was stopped before it began: {queued.reason}")
+        return lease
+
+    def _note_begun(self, queued: QueuedMotion, lease: Lease | None, text: str) -> None:
+        """Tell that a motion has begun; stop it if somebody stopped the device meanwhile."""
+        queued.begun_ns = time.monotonic_ns()
+        if queued.options.start_ns != UNKNOWN:
+            self._timed.append(queued)
+        self._tell(EventKind.MOTION_STARTED, queued, text, lease)
+        self._hear_stops()
+        if queued.reason:
+            self._servo.brake()
+
+    def unfinished(self) -> list[QueuedMotion]:
+        """Return the motions that have not ended, those included that are yet to begin."""
+        return list(self._unfinished)
+
+    def find(self, number: int) -> QueuedMotion | None:
+        """Return motion *number*, if it has not ended."""
+        return next((one for one in self.unfinished() if one.number == number), None)
+
+    def began_ns(self, start_ns: int) -> int | None:
+        """Return when the motion began that was to begin at *start_ns*, if that is known."""
+        timed = [one for one in self._timed if one.options.start_ns == start_ns]
+        return timed[-1].began_ns if timed else None
+
+    # Following targets
+
+    def track(self, limits: Limits, *, token: str = "") -> QueuedMotion:
+        """Follow targets from now on, whatever moves at present; see :meth:`aim`.
+
+        Args:
+            limits: narrower than the device's own; infinite ones are left to it.
+            token: the lease.
+
+        Raises:
+            RequestError: a limit is above the device's.
+            LeaseError: *token* is not that of a lease of the device.
+            StateError: the device is neither holding nor moving, or cannot follow targets.
+            PlanError: the device does not say what has to be known of it to judge targets.
+        """
+        servo_limits = servo_limits_of(self.limits.narrowed(limits), brake_rate=1.0)
+        with self.expecting() as queued:
+            queued.token = token
+            self._axes.expect_targets()
+            with self._lock:
+                lease = self._check_wanted(queued)
+                queued.number = self._number + 1
+                self._queue.track(queued, servo_limits)
+                self._number = queued.number
+                self._note_begun(queued, lease, "following targets")
+        return queued
+
+    def aim(
+        self,
+        q: Quaternion,
+        omega_body: Vector3 | None,
+        time_ns: int,
+        expires_ns: int,
+        position: Vector3 | None = None,
+    ) -> None:
+        """Hand the servo a target; waits for nothing.  To be called by one thread at a time.
+
+        Raises:
+            RequestError: the device cannot be there.
+            StateError: there is no servo.
+        """
+        memory, cycle = self._servo.running(), self._servo.newest()
+        if cycle is not None and cycle.joints:
+            at = cycle.position if position is None else position
+            problem = self._axes.refusal(q, at, cycle.joints)
+            if problem:
+                raise RequestError("target", problem)
+        memory.targets.publish(
+            time_ns, expires_ns, *q, *(omega_body or NOT_GIVEN), *(position or NOT_GIVEN)
+        )
+
+    @property
+    def targets(self) -> tuple[int, int]:
+        """How many targets the servo process was given so far, and how many it left out."""
+        ring = self._servo.running().targets
+        return ring.head, ring.words[LEFT_OUT_WORD]
+
+    # Stops
+
+    def stop(self, reason: str = "", *, is_quickest: bool = False) -> None:
+        """Stop on the path; nothing happens to a device at rest.  Waits for no other command.
+
+        Args:
+            reason: is given to whoever runs a motion.
+            is_quickest: whether to leave the path if that is quicker.
+
+        Raises:
+            DaemonError: the servo does not answer.
+        """
+        self.note_stop(reason)
+        _log.info("%s: stop: %s", self.name, reason)
+        self._servo.ask(Command.HALT if is_quickest else Command.STOP)
+
+    def note_stop(self, reason: str) -> None:
+        """Note why the device was told to stop."""
+        for queued in self.unfinished():
+            queued.reason = queued.reason or reason
+
+    def _hear_stops(self) -> None:
+        """Note by whom the device was stopped without the daemon."""
+        taken = self._servo.stops()
+        if taken and self._stops is not None:
+            self.note_stop(f"stopped by {self._stops.hear(self.name, taken)}")
+
+    def abandon(self, queued: QueuedMotion, reason: str) -> None:
+        """End a motion, and nothing that runs before it.
+
+        One that waits for its turn is taken out; else the device is stopped on its path.
+
+        Raises:
+            DaemonError: the servo does not answer.
+        """
+        with self._lock:
+            if queued.ended.done():
+                return
+            queued.reason = queued.reason or reason
+            if not queued.begun_ns:
+                self._unfinished.discard(queued)
+                return
+            is_waiting = self._queue.withdraw(queued, reason)
+        if not is_waiting:
+            self.stop(reason)
+
+    def disown(self, token: str, reason: str) -> None:
+        """End every motion that was asked for with the lease *token*."""
+        for queued in self.unfinished():
+            if queued.token == token:
+                self.abandon(queued, reason)
+
+    # Commands
+
+    def enable(self) -> None:
+        """Make the device follow; it holds where it is."""
+        self._servo.ask(Command.ENABLE)
+        self.is_free = False
+
+    def disable(self, *, is_freed: bool = False) -> None:
+        """Let the device no longer follow; it must be holding, and may be moved by hand then."""
+        was_following = self.snapshot().state is ServoState.HOLDING
+        self._servo.ask(Command.FREE if is_freed else Command.DISABLE)
+        self.is_free, self._was_following = is_freed, was_following
+
+    def end_free(self) -> None:
+        """Have a device that was let go hold where it is if it followed before, else not follow."""
+        if self.is_free and self._was_following:
+            self.enable()
+        elif self.is_free:
+            self.disable()
+
+    def reset(self) -> None:
+        """Leave a fault; start the servo again if it has died; enable if so configured.
+
+        This takes as long as the device does.
+
+        Raises:
+            StateError: the device cannot, or another reset is under way.
+            DaemonError: the servo cannot be started.
+        """
+        if not self._resetting.acquire(blocking=False):
+            raise StateError(f"device {self.name}: another reset is under way")
+        try:
+            with self._lock:
+                is_left = self._leave_fault()
+                if not is_left:
+                    self._start_servo()
+            if not is_left:
+                self._await_restart()
+        finally:
+            self._resetting.release()
+        self.is_free = False
+
+    def _await_restart(self) -> None:
+        if not self.wait_ready(_RESTART):
+            raise DaemonError(
+                self.failure or f"the servo process of {self.name} is not ready in {_RESTART:g} s"
+            )
+        if self._servo.fault is Fault.DEVICE_FAULT:
+            # The new servo found the device as stopped as the old one left it.
+            with self._lock:
+                self._leave_fault()
+
+    def _leave_fault(self) -> bool:
+        """Have the servo leave its fault; return whether there was a servo to do it."""
+        if not self._servo.is_alive:
+            return False
+        try:
+            self._servo.hear()  # or it would be taken for what goes wrong after the reset
+            self._queue.tend()
+            self._servo.leave_fault()
+        except DaemonError:
+            # A servo whose device is lost may be on its way out when it is asked.
+            if self._servo.ends_within(_ENDING):
+                return False
+            raise
+        return True
+
+    def pause(self) -> None:
+        """Come to rest on the path, to be resumed."""
+        with self._lock:
+            self._queue.pause()
+
+    def resume(self) -> None:
+        """Go on after :meth:`pause`, at the speed that was set."""
+        with self._lock:
+            self._queue.go_on()
+
+    def set_speed(self, speed: float) -> None:
+        """Run at *speed* times as fast as planned, now and from now on.
+
+        Raises:
+            ValueError: *speed* is not in (0, 1].
+        """
+        if not 0.0 < speed <= 1.0:
+            raise ValueError(f"speed must be above 0 and at most 1, got {speed!r}")
+        with self._lock:
+            self._queue.set_speed(speed)
+
+    # What there is to see
+
+    def snapshot(self) -> DeviceSnapshot:
+        """Return the device as it is now."""
+        cycle = self._servo.newest()
+        if cycle is not None and cycle.state is ServoState.FAULT:
+            self._learn_why()
+        return take_snapshot(
+            self._servo, self._queue, cycle, number=self._number, lead_cycles=self._lead_cycles
+        )
+
+    def _learn_why(self) -> None:
+        """Hear what the servo has said of its fault, if the device's thread has not yet."""
+        if self._servo.fault is Fault.NONE and self._lock.acquire(timeout=TICK):
+            try:
+                self._servo.hear()
+            finally:
+                self._lock.release()
+
+    @property
+    def next_cycle(self) -> int:
+        """Number of the cycle that comes next; it begins again with each servo process."""
+        return self._servo.next_cycle
+
+    def cycle_records(self, since: int, limit: int = 4096) -> list[bytes]:
+        """Return the records of cycles from number *since* on, as far as they are still known."""
+        return self._servo.cycle_records(since, limit)
+
+    def cycles(self, since: int, limit: int = 4096) -> list[Cycle]:
+        """Return cycles from number *since* on, oldest first, as far as they are still known."""
+        return [unpack_cycle(record) for record in self._servo.cycle_records(since, limit)]
+
+    def outline(self) -> Sequence[Sequence[Vector3]]:
+        """Return the device's shape as it stands: lines, m; none if it has no axes."""
+        cycle = self._servo.newest()
+        return self._axes.outline(cycle.joints) if cycle is not None and cycle.joints else ()
+
+    # The thread
+
+    def _watch(self) -> None:
+        while not self._closing.wait(TICK):
+            while not self._lock.acquire(timeout=TICK):
+                self._servo.beat()  # a command waits for the servo's answer
+            try:
+                if self._servo.memory is None or self._closing.is_set() or self._servo.failure:
+                    continue
+                try:
+                    self._tick()
+                except Exception as error:  # noqa: BLE001 - or it would go on unwatched
+                    if self._servo.is_alive:
+                        self._give_up(error)
+                    else:
+                        self._lose()
+            finally:
+                self._lock.release()
+
+    def _tick(self) -> None:
+        self._servo.beat()
+        is_alive, memory = self._servo.is_alive, self._servo.memory
+        if self._cycle_memory is not None and memory is not None:
+            self._cycle_memory.take(memory.cycles, is_last=not is_alive)
+        if not is_alive:
+            self._lose()
+            return
+        self._servo.hear()
+        self._hear_stops()
+        self._queue.tend()
+
+    def _give_up(self, error: Exception) -> None:
+        """Have the servo stop, since it cannot be watched any more."""
+        # It stops by itself once it hears nothing more; this is sooner.
+        self._servo.brake()
+        is_known = isinstance(error, DaemonError)
+        what = "%s: watching the servo failed: %s"
+        _log.error(what, self.name, error, exc_info=not is_known)
+        self._servo.fail(Fault.INTERNAL, f"{type(error).__name__}: {error}")
+        self._queue.drop(self._servo.failure)
+
+    def _lose(self) -> None:
+        """Hear the last of a servo that has ended, and say so of it and of its motions."""
+        self._servo.lose()
+        self._queue.drop(self._servo.failure)
+
+    # Events
+
+    def _tell_of_servo(self, kind: EventKind, text: str) -> None:
+        number = self._queue.present if kind is EventKind.FAULT else 0
+        self._on_event(DeviceEvent(self.name, kind, number, text, time.monotonic_ns()))
+
+    def _tell(
+        self, kind: EventKind, queued: QueuedMotion, text: str, lease: Lease | None = None
+    ) -> None:
+        """Report what has happened to a motion; it has ended by most of that."""
+        planned, ended = queued.planned, self._how(kind, queued, text)
+        is_start = kind is EventKind.MOTION_STARTED
+        self._on_event(
+            DeviceEvent(
+                self.name,
+                kind,
+                queued.number,
+                text,
+                time.monotonic_ns(),
+                motion=planned if is_start else None,
+                path_index=queued.first_index if is_start else None,
+                motion_id="" if planned is None else planned.id,
+                motion_name="" if planned is None else planned.facts.name,
+                outcome=None if ended is None else ended[0],
+                reason="" if ended is None else ended[1],
+                commander="" if lease is None else lease.who,
+                identity="" if lease is None else lease.owner,
+            )
+        )
+        if ended is not None:
+            self._conclude(queued, ended)
+
+    def _how(self, kind: EventKind, queued: QueuedMotion, text: str) -> Ended | None:
+        """Return how a motion has ended, and why; ``None`` if it has not by that."""
+        outcome = _OUTCOMES.get(kind)
+        if outcome is not Outcome.STOPPED:
+            return None if outcome is None else (outcome, text)
+        now = self.snapshot()
+        if now.fault is not Fault.NONE:
+            return Outcome.FAULT, now.fault_text or text
+        self._hear_stops()
+        reason = queued.reason
+        if not reason or text in (STOPPED, reason):
+            return Outcome.STOPPED, reason or text
+        return Outcome.STOPPED, f"{text}: {reason}"
+
+    def _conclude(self, queued: QueuedMotion, ended: Ended) -> None:
+        self._unfinished.discard(queued)
+        if not queued.ended.done():
+            queued.ended.set_result(ended)

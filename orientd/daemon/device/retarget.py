@@ -1,0 +1,432 @@
+"""The way from a request to a motion that runs: from where it is planned, and when again.
+
+A motion on a device that moves leaves what runs at a record a little ahead of the servo: the
+replanning horizon.  By the time it is planned, the servo may have passed that record, or the axes
+cannot go on from it.  Then the motion is planned again, from a later one.  This is the only place
+that tries anything again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+import time
+from collections import defaultdict, deque
+from collections.abc import Callable
+
+from orientd.daemon.device.queue import MOVING, MotionQueue
+from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
+from orientd.daemon.device.servo_process import ServoProcess
+from orientd.daemon.planners import PlanCall, PlanInput, PlannedMotion, Planners, Rank
+from orientd.errors import (
+    DeadlineError,
+    LateError,
+    LimitError,
+    NotYetError,
+    PlanError,
+    StartError,
+    StateError,
+)
+from orientd.floats import difference, norm
+from orientd.planner import HISTORY, RecordedMotion, State
+from orientd.stream import UNKNOWN, Command, ServoState
+
+_log = logging.getLogger(__name__)
+
+START_TOLERANCE = 1e-6
+"""How far from where the device is commanded to be a kept plan may begin, rad and m."""
+
+_SAME_BRANCH = 0.5
+"""How far axis angles as measured may be from those planned to be on the same branch, rad."""
+
+ATTEMPTS = 6
+"""How often a motion is planned because the device has passed where it was to begin."""
+
+LONGEST_STOP = 30.0
+"""How long a stop on the path may take, s."""
+
+_LATER_ATTEMPTS = 3
+"""How often a later record on the way is tried: then a motion of shaped axes begins at rest."""
+
+_LATER = ((0.0,), (0.0, 0.15), (0.0, 0.3))
+"""How much later on the way is tried what cannot go on there, s.
+
+The planners try a row side by side, from where the device is once they have refused the row before.
+"""
+
+_FIRST = 0.004
+"""How long planning takes, s, before that has been measured."""
+
+_LONGEST = 0.25
+"""Longest replanning horizon, s, of a motion that has not been too late before."""
+
+_KEPT, _RANK = 12, 2
+_SHARE = 1.1
+
+Kind = tuple[int, bool]
+"""How many binary digits the size of a request has, and whether the motion is queued."""
+
+
+class ReplanningHorizon:
+    """How far ahead of the servo a new motion takes over, by the kind of plan.
+
+    That is from the moment when the record to take over at is chosen until the servo can see the
+    motion, learnt from what plans of the same kind have lately taken.  The second longest of the
+    last few counts: a plan that was held up does not make those after it wait.
+    """
+
+    def __init__(self) -> None:
+        self._taken: defaultdict[Kind, deque[float]] = defaultdict(lambda: deque(maxlen=_KEPT))
+
+    def add(self, kind: Kind, seconds: float) -> None:
+        """Take note of how long it took from choosing a record until the servo could see it."""
+        self._taken[kind].append(seconds)
+
+    def ahead(self, kind: Kind, attempt: int) -> float:
+        """Return how far ahead to take over, s.
+
+        Args:
+            kind: of plan.
+            attempt: how often that was not enough for the same motion; each time it doubles.
+        """
+        taken = sorted(self._taken[kind])
+        expected = taken[-min(_RANK, len(taken))] if taken else _FIRST
+        return min(_SHARE * expected, _LONGEST) * 2.0**attempt
+
+
+class Retargeting:
+    """Plan the motions of one device, from where it is or will be, until one begins."""
+
+    def __init__(
+        self,
+        servo: ServoProcess,
+        queue: MotionQueue,
+        planners: Planners,
+        *,
+        name: str,
+        period: float,
+    ) -> None:
+        """Plan nothing yet.
+
+        Args:
+            servo: of the device.
+            queue: the motions that it runs.
+            planners: plan for it.
+            name: of the device.
+            period: of its cycle, s.
+        """
+        self._servo, self._queue, self._planners = servo, queue, planners
+        self._name, self._period = name, period
+        self._horizon = ReplanningHorizon()
+        self._turn = asyncio.Lock()
+
+    async def begin(
+        self, queued: QueuedMotion, call: PlanCall, start: Callable[[QueuedMotion], float]
+    ) -> None:
+        """Plan a motion and begin it.
+
+        One motion at a time, in the order in which they come: where a motion begins changes when
+        another one does.
+
+        Args:
+            queued: the motion.
+            call: what it is to do.
+            start: begins it, in a thread; returns when the servo could see it, monotonic s.
+
+        Raises:
+            RequestError: the request is not one that its method or the device allows.
+            StateError: the device cannot move, was stopped, or was too quick for every plan.
+            PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
+            DeadlineError: the motions that were asked for before take too long.
+        """
+        try:
+            with call.waiting():
+                async with asyncio.timeout(call.time_left):
+                    await self._turn.acquire()
+        except TimeoutError:
+            raise DeadlineError(
+                f"planning did not begin within {call.timeout:g} s: device {self._name} is being "
+                "given motions that were asked for before"
+            ) from None
+        try:
+            await self._begin(queued, call, start)
+        finally:
+            self._turn.release()
+
+    async def _begin(
+        self, queued: QueuedMotion, call: PlanCall, start: Callable[[QueuedMotion], float]
+    ) -> None:
+        late, problem = 0, ""
+        kind = len(call.motion).bit_length(), queued.options.is_queued
+        while late < ATTEMPTS and call.time_left:
+            try:
+                chosen = await self._plan(queued, call, kind, late)
+                queued.planned_ns = time.monotonic_ns()
+                posted = await asyncio.to_thread(start, queued)
+            except NotYetError as error:
+                problem = str(error)
+                with call.waiting():
+                    await self._await_steady()
+            except LateError as error:
+                _log.info("%s: planned too late: %s", self._name, error)
+                late, problem = late + 1, str(error)
+            else:
+                queued.attempts = late + 1
+                if queued.begins is not None:
+                    self._horizon.add(kind, posted - chosen)
+                return
+        raise StateError(f"device {self._name} was too quick for {late} plans: {problem}")
+
+    async def plan(self, call: PlanCall) -> PlannedMotion:
+        """Plan a motion that begins where the device will be once it has come to rest.
+
+        Raises:
+            RequestError: the request is not one that its method or the device allows.
+            StateError: the device is neither holding nor moving.
+            PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
+        """
+        self._check_able()
+        # A motion stopped a moment ago may not have been taken out yet.
+        last = self._queue.last if self._is_moving() and self._queue.is_active else None
+        if last is None:
+            return await self._plan_from_rest(call)
+        tail = await self._tail(last.motion, last.motion.last_record)
+        start = tail.state_at(last.motion.last_record)
+        joints = last.motion.facts.last_joints or self._servo.joints()
+        return await self._planners.plan(
+            PlanInput(self._name, call.motion, start=start, joints=joints), call
+        )
+
+    def check_start(self, motion: PlannedMotion) -> None:
+        """Refuse a kept plan unless it begins where the device, at rest, is commanded to be.
+
+        Raises:
+            StateError: the device is not holding.
+            StartError: the motion begins with another orientation, position or axis angles.
+        """
+        here, begin = self._servo.commanded(), motion.state_at(0)
+        cycle, joints = self._servo.newest(), motion.facts.first_joints
+        measured = () if cycle is None else cycle.joints
+        turn = norm(difference(here.q.tolist(), begin.q.tolist()))
+        away = float(abs(here.position - begin.position).max())
+        problem = ""
+        if turn > START_TOLERANCE:
+            problem = f"{turn:.6g} rad from where device {self._name!r} is commanded to be"
+        elif len(measured) == len(joints) and any(
+            abs(a - b) >= _SAME_BRANCH for a, b in zip(measured, joints, strict=True)
+        ):
+            problem = f"with other axis angles than those of device {self._name!r}"
+        elif away > START_TOLERANCE:
+            problem = f"{away:.6g} m from where device {self._name!r} is commanded to be"
+        if problem:
+            raise StartError(f"the motion begins {problem}; plan it again")
+
+    # One attempt
+
+    async def _plan(self, queued: QueuedMotion, call: PlanCall, kind: Kind, late: int) -> float:
+        """Plan a motion and choose where it begins; return when that was chosen, monotonic s."""
+        self._check_able()
+        await self._await_stop(call)
+        chosen, leave = time.monotonic(), self._choose(queued, kind, late)
+        motion: PlannedMotion | None = None
+        if leave is not None and queued.options.is_queued:
+            tail = await self._tail(self._left(leave), leave.record)
+            plan_input = PlanInput(
+                self._name,
+                call.motion,
+                after=tail,
+                tolerance=queued.options.blend,
+                earliest=leave.record,
+            )
+            motion = await self._planners.plan(plan_input, call, rank=Rank.URGENT)
+            leave = SplicePoint(leave.number, motion.leave)
+        elif leave is not None:
+            chosen, leave, motion = await self._take_over(queued, call, kind, late, leave)
+        if motion is None:
+            await self._await_stop(call)
+            motion = await self._plan_from_rest(call)
+        await motion.arrive(self._queue.needed(motion.facts))
+        queued.planned, queued.begins = motion, leave
+        return chosen
+
+    def _check_able(self) -> None:
+        """Refuse to plan for a device that is neither holding nor moving.
+
+        Raises:
+            StateError: why not.
+            DaemonError: there is no servo.
+        """
+        self._servo.running()
+        if not self._is_moving():
+            self._servo.commanded()
+
+    async def _plan_from_rest(self, call: PlanCall) -> PlannedMotion:
+        start, joints = self._servo.commanded(), self._servo.joints()
+        plan_input = PlanInput(self._name, call.motion, start=start, joints=joints)
+        return await self._planners.plan(plan_input, call)
+
+    def _choose(self, queued: QueuedMotion, kind: Kind, late: int) -> SplicePoint | None:
+        """Return where what runs is to be left at the earliest; ``None`` if nothing runs.
+
+        Raises:
+            StateError: the device cannot move.
+        """
+        queue, cycle = self._queue, self._servo.newest()
+        if cycle is None or cycle.state is not ServoState.STREAMING:
+            return None
+        if queued.options.start_ns != UNKNOWN:
+            raise StateError("the device is moving: a start time needs one at rest")
+        if not queue.is_active:
+            return None
+        since = (time.monotonic_ns() - cycle.deadline_ns) * 1e-9
+        horizon = since + self._horizon.ahead(kind, late)
+        # The servo takes a command up before it moves on from the record of the cycle before.
+        ahead = queue.ahead(cycle, max(0, math.ceil(horizon / self._period) - 1))
+        if queued.options.is_queued and ahead.number != queue.last.number:
+            return queue.end(record=0)
+        return ahead
+
+    async def _take_over(
+        self, queued: QueuedMotion, call: PlanCall, kind: Kind, late: int, leave: SplicePoint
+    ) -> tuple[float, SplicePoint | None, PlannedMotion | None]:
+        """Plan a motion from *leave* on, or from a record a little later.
+
+        If the planner refuses all of them, as in the midst of a passage near a singularity, the
+        device stops on its path, unless the planner refuses a motion from rest there too.
+
+        Returns:
+            When the record was chosen, monotonic s; which one; and the motion.  ``None`` for both
+            if the motion is to begin at rest.
+        """
+        chosen, left = time.monotonic(), self._left(leave)
+        is_shaped = bool(left.joints_at(leave.record))
+        rows = _LATER if late < _LATER_ATTEMPTS else () if is_shaped else _LATER[:1]
+        refusal: PlanError | None = None
+        for together in rows:
+            ahead = [leave.record + round(seconds / self._period) for seconds in together]
+            end = min(left.last_record, left.at_hand[1])
+            records = [one for one in ahead if one < end or (one == leave.record and not is_shaped)]
+            plans = [self._plan_from(call, left, record) for record in records]
+            found: dict[int, PlannedMotion] = {}
+            for record, motion in zip(
+                records, await asyncio.gather(*plans, return_exceptions=True), strict=True
+            ):
+                if isinstance(motion, PlannedMotion):
+                    found[record] = motion
+                elif isinstance(motion, PlanError):
+                    refusal = refusal or motion
+                else:
+                    raise motion
+            if found:
+                record = self._first_ahead(leave, found)
+                return chosen, SplicePoint(leave.number, record), found[record]
+            is_of_lead_in = isinstance(refusal, LimitError) and refusal.is_in_lead_in
+            if refusal is not None and not (is_shaped or is_of_lead_in):
+                raise refusal
+            chosen, now = time.monotonic(), self._choose(queued, kind, late)
+            if now is None:
+                break
+            leave, left = now, self._left(now)
+        else:
+            # What cannot be planned from rest near there is not worth a stop.
+            state, joints = left.state_at(leave.record), left.joints_at(leave.record)
+            rest = State.at_rest(state.q, state.position)
+            plan_input = PlanInput(self._name, call.motion, start=rest, joints=joints)
+            await self._planners.plan(plan_input, call)
+        with call.waiting():
+            await self._stop_on_path()
+        return chosen, None, None
+
+    async def _plan_from(self, call: PlanCall, left: PlannedMotion, record: int) -> PlannedMotion:
+        """Plan a motion that takes over from another one at a record of that."""
+        state, joints = left.state_at(record), left.joints_at(record)
+        is_moving = bool(joints) and not state.is_at_rest
+        plan_input = PlanInput(
+            self._name,
+            call.motion,
+            start=state,
+            joints=joints,
+            before=left.joints_before(record) if is_moving else (),
+            rates=left.joint_rates_at(record) if is_moving else (),
+        )
+        return await self._planners.plan(plan_input, call, rank=Rank.URGENT)
+
+    def _first_ahead(self, leave: SplicePoint, found: dict[int, PlannedMotion]) -> int:
+        """Return the first record that the servo has yet to come to, else the last of them."""
+        cycle = self._servo.newest()
+        here = leave if cycle is None else self._queue.ahead(cycle, 0)
+        ahead = [one for one in found if here.number == leave.number and one > here.record]
+        return min(ahead, default=max(found))
+
+    def _left(self, leave: SplicePoint) -> PlannedMotion:
+        """Return the motion to take over from.
+
+        Raises:
+            LateError: it has ended.
+        """
+        queued = self._queue.queued(leave.number)
+        if queued is None:
+            raise LateError(f"motion {leave.number} has ended")
+        return queued.motion
+
+    async def _tail(self, motion: PlannedMotion, earliest: int) -> RecordedMotion:
+        """Return the end of a motion, as far as one that follows it may need it."""
+        first = max(0, motion.tail_record(earliest) - HISTORY)
+        begin, end = motion.at_hand
+        if begin <= first and end == motion.facts.record_count:
+            rows = motion.rows(first, end - first)
+        else:
+            rows = await self._planners.records(motion, first)
+        return RecordedMotion(motion.facts, rows, first)
+
+    # Waiting for the device
+
+    def _is_moving(self, *states: ServoState) -> bool:
+        cycle = self._servo.newest()
+        return cycle is not None and cycle.state in (states or MOVING)
+
+    async def _stop_on_path(self) -> None:
+        """Have what runs stop on its path, and wait for that.
+
+        Raises:
+            StateError: the device does not come to rest.
+        """
+        if self._is_moving(ServoState.STREAMING):
+            await asyncio.to_thread(self._servo.ask, Command.STOP)
+        await self._await_rest()
+
+    async def _await_stop(self, call: PlanCall) -> None:
+        """Wait until a stop that is under way has come to its end."""
+        if self._is_moving(ServoState.STOPPING):
+            with call.waiting():
+                await self._await_rest()
+
+    async def _await_rest(self) -> None:
+        """Wait until a stop has come to its end.
+
+        Raises:
+            StateError: the device does not come to rest.
+        """
+        end = time.monotonic() + LONGEST_STOP
+        while self._is_moving():
+            if time.monotonic() > end:
+                raise StateError("the device does not come to rest")
+            await asyncio.sleep(self._period)
+
+    async def _await_steady(self) -> None:
+        """Wait while the speed along the path is changing.
+
+        Raises:
+            StateError: it goes on changing.
+        """
+        end, before = time.monotonic() + LONGEST_STOP, self._servo.newest()
+        while time.monotonic() < end:
+            await asyncio.sleep(self._period)
+            now = self._servo.newest()
+            if now is None or now.state is not ServoState.STREAMING:
+                return
+            if before is not None and now.index > before.index and now.speed == before.speed:
+                return
+            before = now
+        raise StateError("the device does not come to a steady speed")
