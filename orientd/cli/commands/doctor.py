@@ -40,8 +40,8 @@ def doctor(
 ) -> None:
     """Check whether this machine is fit for real time.
 
-    It also says how to mend what is not.  The measurement of the machine takes two seconds.  Nothing moves without --latency.
-    The exit status is 1 if there is a problem.
+    It also says how to mend what is not.  The measurement takes two seconds for the machine.
+    Nothing moves without --latency.  The exit status is 1 if there is a problem.
     """
     from orientd.cli.machine import findings
 

@@ -46,7 +46,7 @@ def plot(
         Show,
         typer.Option(
             "--show",
-            help="For a motion file: axis traces and rates, either alone, or a body along its path.",
+            help="For a motion file: axis traces and rates, one of them, or a body along its path.",
         ),
     ] = "motion",
     times: Times = "file",
