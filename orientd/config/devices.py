@@ -64,12 +64,12 @@ _SECONDS = f"a number of seconds from 0 to {LONGEST_LEAD:g}"
 
 
 class LimitSettings(Table):
-    """The table ``[devices.NAME.limits]``; what is not given is the default of the planner.
+    """The table ``[devices.NAME.limits]``; the planner has defaults for all of them.
 
-    The angular ones are limits of a norm, or of three components in the body frame.
+    An angular limit is one number for the norm, or three for the components in the body frame.
 
     Attributes:
-        preset: name of published limits, which the others of this table override.
+        preset: name of published limits, which the other keys of this table override.
         velocity: largest angular velocity, rad/s.
         acceleration: largest angular acceleration, rad/s^2.
         jerk: largest angular jerk, rad/s^3.
@@ -110,26 +110,26 @@ class DeviceSettings(Table):
 
     Attributes:
         name: the key of the table.
-        driver: name of the driver in the registry.
-        python: interpreter of another environment that the servo process is run with, an absolute
-            path; for a driver whose vendor's packages cannot be installed beside orientd.  Nothing
-            of orientd needs to be installed there.
-        rate_hz: cycles a second; by default those of the driver, 100 for a gimbal, else 500.
-        auto_enable: enable at start and after a reset.
-        heartbeat_timeout: the servo stops when it has not heard the daemon for so long, s.
+        driver: name of the driver.
+        python: interpreter of another environment for the servo process, an absolute path.  It is
+            for a driver whose vendor's packages cannot be installed beside orientd.  Nothing of
+            orientd needs to be installed there.
+        rate_hz: cycle rate, Hz; the driver has the default, 100 for a gimbal, else 500.
+        auto_enable: whether to enable the device at start and after a reset.
+        heartbeat_timeout: the servo stops after this time without a sign of the daemon, s.
         feedback_timeout: feedback older than this is a fault, s.
-        stall_timeout: a servo process that did not run for longer in motion is a fault, s; after
-            a shorter time the motion goes on from rest.
-        phase: where in a period its cycles begin, as a share of it from 0 to below 1, on the
-            machine's monotonic clock.  Without it devices are spread over the period, so that not
-            all want the processor at once; those with the same number have their cycles together.
-        spin_us: the last part of the wait for a deadline that is spent spinning, microseconds.
-        priority: SCHED_FIFO priority asked for; 0 asks for none.
-        compensate_latency: s by which setpoints lead the path time that is reported, so that the
-            device is where the plan says; ``true`` for *latency*.
-        latency: s that the device is behind its setpoints, as `orientd doctor` has found it.
-        limits: what no motion of this device may exceed.
-        frames: that motions may name, each with ``base`` and ``tool`` as in a motion file.
+        stall_timeout: a servo process that did not run for longer than this in motion is a fault,
+            s; after a shorter time the motion goes on from rest.
+        phase: start of the cycles within a period of the machine's monotonic clock, from 0 to below
+            1.  Without it devices are spread over the period, so that they do not need the
+            processor all at once; devices with the same phase have their cycles together.
+        spin_us: last part of the wait for a deadline, which is spent spinning, microseconds.
+        priority: SCHED_FIFO priority to ask for; 0 asks for none.
+        compensate_latency: time by which setpoints lead the reported path time, so that the
+            device is where the plan says, s; ``true`` for *latency*.
+        latency: delay of the device behind its setpoints, as `orientd doctor` measures it, s.
+        limits: limits of every motion of this device.
+        frames: frames that motions may name, each with ``base`` and ``tool`` as in a motion file.
         options: the driver's own table.
     """
 

@@ -1,4 +1,4 @@
-"""The tables that say how the daemon is operated: who may reach it and how, and what is kept.
+"""The tables of the daemon's operation: access, endpoints, recordings, metrics, planning.
 
 .. code-block:: toml
 
@@ -28,14 +28,14 @@ from orientd.config.table import Positive, SomePath, Table, checked
 
 
 class Role(IntEnum):
-    """What somebody may do; each role may do what the ones before it may."""
+    """What a user may do; each role includes the ones before it."""
 
     OBSERVER = 1
-    """Look, and stop."""
+    """Watch, and stop."""
     OPERATOR = 2
     """Plan, take the lease, and move."""
     ADMINISTRATOR = 3
-    """Take the lease away from others."""
+    """Seize the leases of others."""
 
 
 def is_host_and_port(address: str) -> bool:
@@ -73,9 +73,9 @@ class DaemonSettings(Table):
     """The table ``[daemon]``.
 
     Attributes:
-        socket: where to listen; ``None`` is the user's runtime directory.
-        lease_seconds: how long a lease lasts when its holder does not renew it, s.
-        log_level: of what is logged.
+        socket: path of the daemon's socket; ``None`` is in the user's runtime directory.
+        lease_seconds: time after which a lease ends that its holder does not renew, s.
+        log_level: lowest level of the messages that are logged.
     """
 
     socket: SomePath | None = None
@@ -84,14 +84,15 @@ class DaemonSettings(Table):
 
 
 class RecorderSettings(Table):
-    """The table ``[recorder]``: the flight recorder, which writes a file on every fault.
+    """The table ``[recorder]``: the flight recorder, which writes a file at every fault.
 
     Attributes:
-        directory: where to; ``None`` is ``orientd/recordings`` in the user's state directory.
-        seconds: that are kept in memory and written, 0 for no flight recorder at all; a device
+        directory: folder of the files; ``None`` is ``orientd/recordings`` in the user's state
+            directory.
+        seconds: length of a recording, which is kept in memory; 0 for no flight recorder.  A device
             takes 344 bytes a cycle, 10 MB for 60 s at 500 Hz.
-        keep_files: how many files are kept, the newest.
-        keep_megabytes: how large they may be altogether.
+        keep_files: number of files to keep, the newest.
+        keep_megabytes: total size of the files to keep, MB.
     """
 
     directory: SomePath | None = None
@@ -101,21 +102,20 @@ class RecorderSettings(Table):
 
 
 class AccessSettings(Table):
-    """The table ``[access]``: who may do what, and how much of it.
+    """The table ``[access]``: roles of users, and limits of what one caller may ask for.
 
-    The user that runs the daemon is always an administrator, and so is root, which nothing could
-    keep from being one.  Nobody else may do anything unless a table here says so.
+    The user that runs the daemon is always an administrator, and so is root.  Nobody else may do
+    anything unless a table here says so.
 
     Attributes:
         users: roles by name or number of a user, on the Unix socket.
         groups: roles by name or number of a group, on the Unix socket.
         certificates: roles by the name in a certificate, over TCP.
-        audit: where commands are recorded; ``None`` is ``audit.jsonl`` in the user's state
-            directory.
-        audit_bytes: how large that file becomes before another is begun.
-        audit_files: how many of those before it are kept.
-        message_bytes: the largest message; 200,000 keyframes with times take 8 MB.
-        keyframes: the most keyframes of one motion.
+        audit: file of the audit log; ``None`` is ``audit.jsonl`` in the user's state directory.
+        audit_bytes: size at which the daemon begins another audit log.
+        audit_files: number of earlier audit logs to keep.
+        message_bytes: size of the largest message; 200,000 keyframes with times take 8 MB.
+        keyframes: largest number of keyframes of a motion.
         streams: calls of one identity at the same time; stops and renewals do not count.
         connections: of one identity at the same time; an idle one gives way to a later one.
     """
@@ -133,25 +133,25 @@ class AccessSettings(Table):
 
 
 class MetricsSettings(Table):
-    """The table ``[metrics]``: what Prometheus scrapes, at 127.0.0.1 alone.
+    """The table ``[metrics]``: metrics for Prometheus, at 127.0.0.1 alone.
 
     Attributes:
-        port: where; 0 is any that is free, which the log tells.
+        port: TCP port; 0 is any free one, which the log names.
     """
 
     port: Annotated[int, Field(ge=0, le=65535)]
 
 
 class TcpSettings(Table):
-    """The table ``[tcp]``: a second way in, with TLS 1.3 and certificates on both sides.
+    """The table ``[tcp]``: an endpoint with TLS 1.3 and certificates on both sides.
 
     Attributes:
         listen: address and port.
-        certificate: of the daemon, PEM.
-        key: of that certificate, PEM.
-        ca: certificates that those of clients are signed with, PEM.
-        crl: which of them are revoked, PEM.
-        revoked: serial numbers of more that are, hexadecimal.
+        certificate: file with the daemon's certificate, PEM.
+        key: file with the key of the daemon's certificate, PEM.
+        ca: file with the authorities that sign the certificates of clients, PEM.
+        crl: file with the authority's list of revoked certificates, PEM.
+        revoked: serial numbers of further revoked certificates, hexadecimal.
     """
 
     listen: Endpoint
@@ -172,8 +172,8 @@ class PlannerSettings(Table):
     """The table ``[planner]``: the processes that plan.
 
     Attributes:
-        processes: how many; ``None`` is one for each core, from 3 to 6.
-        plan_timeout: how long a plan may take at the most, waiting for its turn included, s.
+        processes: number of processes; ``None`` is one for each core, from 3 to 6.
+        plan_timeout: longest time for a plan, waiting included, s.
     """
 
     processes: Annotated[int, Field(ge=1, le=64)] | None = None

@@ -1,7 +1,7 @@
 """Limits of devices that have published figures, by name, with where the figures are from.
 
-A preset says only what its source says; the rest is left to :data:`.DEFAULT_LIMITS`.  Figures of a
-maker bound what the device can do, not what is safe in front of people.
+A preset holds only what its source says; :data:`.DEFAULT_LIMITS` has the rest.  A maker's figures
+bound what the device can do, not what is safe in front of people.
 """
 
 from __future__ import annotations

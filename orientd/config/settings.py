@@ -1,4 +1,4 @@
-"""A whole configuration: where it is, its tables, and what is said of one that is not allowed."""
+"""A whole configuration: its place, its tables, and its errors on one line."""
 
 from __future__ import annotations
 
@@ -105,9 +105,9 @@ class Settings(Table):
 
 
 def _own_rate(driver: object) -> dict[str, float]:
-    """Return the cycle rate that a driver has where nothing is said; nothing where it is not there.
+    """Return the default cycle rate of a driver; nothing if it is not installed.
 
-    Whoever needs the driver says that it is not.
+    A missing driver is an error only when the device is made.
     """
     # Entry points take milliseconds to look through, which not every command has to.
     from orientd.driver import load_driver
@@ -119,7 +119,7 @@ def _own_rate(driver: object) -> dict[str, float]:
 
 
 def _spread() -> Iterator[float]:
-    """Yield phases that are spread over a period as evenly as can be, however many are taken.
+    """Yield phases that are spread evenly over a period, however many are taken.
 
     The sequence of van der Corput (1935) in base 2, so that a device that is added at the end of a
     configuration leaves the others where they are.
