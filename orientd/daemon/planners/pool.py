@@ -11,12 +11,11 @@ import logging
 import os
 from collections.abc import Coroutine, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from orientd.daemon.planners.planned_motion import PlannedMotion
 from orientd.daemon.planners.process import ForkServer, PlannerProcess
 from orientd.daemon.planners.task import (
-    CHUNK,
     PlanCall,
     PlanInput,
     Planned,
@@ -24,6 +23,7 @@ from orientd.daemon.planners.task import (
     Rank,
     RecordFile,
     Rest,
+    Task,
 )
 from orientd.errors import GOING_DOWN, DaemonError, DeadlineError, OrientdError, TooMuchError
 from orientd.rotation import Floats
@@ -51,31 +51,12 @@ _NICEST = 10
 
 
 @dataclass(eq=False, slots=True)
-class Task:
-    """A motion to plan, who waits for it, and the planner that works on it.
+class _Waiting:
+    """A call that waits for a planner."""
 
-    Attributes:
-        input: what to plan.
-        call: who asks, and until when it is waited for.
-        rank: what it may wait for.
-        first, count: the records that are wanted.
-        rate_hz: samples a second to report; 0 for none.
-        file: for the records.
-        answer: what the planner answers.
-        rest: what follows the answer.
-        planner: works on the answer; ``None`` before and afterwards.
-    """
-
-    input: PlanInput
     call: PlanCall
     rank: Rank
-    first: int = 0
-    count: int = CHUNK
-    rate_hz: float = 0.0
-    file: RecordFile = field(default_factory=RecordFile)
-    answer: asyncio.Future[Planned] = field(default_factory=lambda: asyncio.Future())
-    rest: Future[Rest] = field(default_factory=Future)
-    planner: PlannerProcess | None = None
+    turn: asyncio.Future[PlannerProcess]
 
 
 class Planners:
@@ -102,7 +83,7 @@ class Planners:
         self.timeout = timeout
         self._devices = devices
         self._count = processes
-        self._waiting: list[Task] = []
+        self._waiting: list[_Waiting] = []
         self._planners: dict[int, PlannerProcess] = {}
         self._idle: dict[int, PlannerProcess] = {}
         self._work: set[asyncio.Task[None]] = set()
@@ -120,9 +101,9 @@ class Planners:
     async def close(self) -> None:
         """End every process; whoever waits is told that the daemon is going down."""
         self._is_closing = True
-        for task in self._waiting:
-            task.answer.set_exception(DaemonError(GOING_DOWN))
-        self._waiting.clear()
+        for waiting in self._waiting:
+            if not waiting.turn.done():
+                waiting.turn.set_exception(DaemonError(GOING_DOWN))
         # Whoever is being served hears of it by the end of their planner.
         for planner in self._planners.values():
             planner.kill()
@@ -154,15 +135,16 @@ class Planners:
             TooMuchError: too much waits already.
             DaemonError: the planner has ended.
         """
-        chosen = call.rank if rank is None else rank
-        task = Task(plan_input, call, chosen, rate_hz=call.rate_hz)
-        planned = await self._answer(task)
-        return PlannedMotion(planned, plan_input, task.file, more=self._more, rest=task.rest)
+        chosen, file = call.rank if rank is None else rank, RecordFile()
+        task = Task(plan_input, rate_hz=call.rate_hz)
+        planned, rest = await self._ask(task, file, call, chosen)
+        return PlannedMotion(planned, plan_input, file, more=self._more, rest=rest)
 
     async def report(self, plan_input: PlanInput, call: PlanCall, rate_hz: float) -> bytes:
         """Return a serialised ``PlanResponse`` of a motion; arguments and errors as of a plan."""
-        task = Task(plan_input, call, call.rank, count=0, rate_hz=rate_hz)
-        return (await self._answer(task)).response
+        task = Task(plan_input, count=0, rate_hz=rate_hz)
+        planned, _ = await self._ask(task, RecordFile(), call, call.rank)
+        return planned.response
 
     async def methods(self) -> bytes:
         """Return a serialised ``ListMethodsResponse``, once there is a planner."""
@@ -175,9 +157,9 @@ class Planners:
 
     async def records(self, motion: PlannedMotion, first: int) -> Floats:
         """Return the records of a motion from one on to its end."""
-        count = motion.facts.record_count - first
+        task = Task(motion.input, first, motion.facts.record_count - first)
         file = RecordFile()
-        planned = await self._answer(self._records(motion.input, file, first, count))
+        planned = await self._records(task, file)
         return file.read(first, planned.end - first, planned.columns)
 
     def _more(self, plan_input: PlanInput, file: RecordFile, first: int) -> Future[int]:
@@ -186,101 +168,135 @@ class Planners:
             raise DaemonError(GOING_DOWN)
 
         async def end() -> int:
-            return (await self._answer(self._records(plan_input, file, first, CHUNK))).end
+            return (await self._records(Task(plan_input, first), file)).end
 
         return asyncio.run_coroutine_threadsafe(end(), self._loop)
 
-    def _records(self, plan_input: PlanInput, file: RecordFile, first: int, count: int) -> Task:
-        call = PlanCall(plan_input.motion, timeout=self.timeout)
-        return Task(plan_input, call, Rank.URGENT, first, count, file=file)
+    async def _records(self, task: Task, file: RecordFile) -> Planned:
+        call = PlanCall(task.input.motion, timeout=self.timeout)
+        planned, _ = await self._ask(task, file, call, Rank.URGENT)
+        return planned
 
     # How
 
-    async def _answer(self, task: Task) -> Planned:
-        """Have a planner work on *task*; return its answer."""
-        if self._is_closing:
-            raise DaemonError(GOING_DOWN)
-        self._enter(task)
-        self._dispatch()
+    async def _ask(
+        self, task: Task, file: RecordFile, call: PlanCall, rank: Rank
+    ) -> tuple[Planned, Future[Rest]]:
+        """Have a planner do *task*; return its answer, and what will follow."""
+        planner = await self._turn(call, rank)
         try:
-            async with asyncio.timeout(task.call.time_left):
-                return await task.answer
+            async with asyncio.timeout(call.time_left):
+                answer = await planner.plan(task, file)
         except TimeoutError:
-            raise DeadlineError(_too_long(task)) from None
-        finally:
-            task.answer.cancel()
-            if task in self._waiting:
-                self._waiting.remove(task)
-            elif task.planner is not None:
-                # Nobody waits any more for what it is doing.
-                _log.info("planner %d: killed while %s", task.planner.pid, task.file.stage)
-                task.planner.kill()
+            self._discard(planner, f"killed while {file.stage}")
+            raise DeadlineError(
+                f"planning took longer than {call.timeout:g} s: {file.stage}"
+            ) from None
+        except asyncio.CancelledError:  # the caller has gone away
+            self._discard(planner, f"killed while {file.stage}")
+            raise
+        except DaemonError as error:
+            self._discard(planner, str(error))
+            raise DaemonError(GOING_DOWN) if self._is_closing else error from None
+        rest: Future[Rest] = Future()
+        self._spawn(self._finish(planner, rest))
+        if isinstance(answer, OrientdError):
+            raise answer
+        return answer, rest
 
-    def _enter(self, task: Task) -> None:
-        """Have *task* wait behind those of its rank.
+    async def _finish(self, planner: PlannerProcess, rest: Future[Rest]) -> None:
+        """Hear what follows an answer; then the planner may serve somebody else."""
+        try:
+            async with asyncio.timeout(_MORE):
+                found = await planner.rest()
+        except (DaemonError, TimeoutError) as error:
+            rest.cancel()
+            self._discard(planner, str(error) or "it does not answer")
+            return
+        rest.set_result(found)
+        if found.resident > RETIRED_BYTES:
+            self._discard(planner, f"uses {found.resident >> 20} MiB")
+        else:
+            self._release(planner)
+
+    async def _turn(self, call: PlanCall, rank: Rank) -> PlannerProcess:
+        """Return a planner that has nothing else to do, once it is the turn of *call*.
 
         Raises:
-            TooMuchError: too much of the same caller, or of all, waits already.
+            TooMuchError: too much waits already.
+            DeadlineError: the planners are busy for too long.
+            DaemonError: the daemon is going down.
         """
-        caller = task.call.caller
-        own = sum(one.call.caller == caller for one in self._waiting)
-        if caller and own >= MOST_WAITING:
+        if self._is_closing:
+            raise DaemonError(GOING_DOWN)
+        planner = self._take_idle(rank)
+        if planner is not None:
+            return planner
+        self._check_room(call)
+        waiting = _Waiting(call, rank, asyncio.get_running_loop().create_future())
+        self._waiting.append(waiting)
+        self._waiting.sort(key=lambda one: one.rank)
+        try:
+            async with asyncio.timeout(call.time_left):
+                return await waiting.turn
+        except BaseException as error:
+            turn = waiting.turn
+            if turn.done() and not turn.cancelled() and turn.exception() is None:
+                self._release(turn.result())  # the turn came when nobody waited any more
+            if isinstance(error, TimeoutError):
+                problem = f"planning did not begin within {call.timeout:g} s: the planners are busy"
+                raise DeadlineError(problem) from None
+            raise
+        finally:
+            if waiting in self._waiting:
+                self._waiting.remove(waiting)
+
+    def _check_room(self, call: PlanCall) -> None:
+        """Refuse a call if too much waits: of its caller or, unless it is the first, of all.
+
+        Raises:
+            TooMuchError: why.
+        """
+        own = sum(one.call.caller == call.caller for one in self._waiting)
+        size = len(call.motion) + sum(len(one.call.motion) for one in self._waiting)
+        if call.caller and own >= MOST_WAITING:
             problem = f"at most {MOST_WAITING} requests of one caller may wait to be planned"
             raise TooMuchError(problem)
-        size = sum(len(one.input.motion) for one in [task, *self._waiting])
-        if caller and own and size > MOST_BYTES:
+        if call.caller and own and size > MOST_BYTES:
             raise TooMuchError(f"at most {MOST_BYTES >> 20} MiB of requests may wait")
-        self._waiting.append(task)
-        self._waiting.sort(key=lambda one: one.rank)
 
-    def _dispatch(self) -> None:
-        """Give idle planners the first tasks that they may serve.
+    def _take_idle(self, rank: Rank) -> PlannerProcess | None:
+        """Return an idle planner that serves *rank*, which then is idle no more.
 
         A moving device is served by the first planner, which gives way to nobody and has done the
-        same lately; all else by the last, so that the first stay free.
+        same lately; all else by the last, so that the first stay free.  The last planner of those
+        that have started serves everything.
         """
-        for task in list(self._waiting):
-            able = [one for one in self._idle if task.rank <= self._slowest(one)]
-            if able:
-                number = min(able) if task.rank is Rank.URGENT else max(able)
-                self._waiting.remove(task)
-                task.planner = self._idle.pop(number)
-                self._spawn(self._serve(task, task.planner))
+        last = max(self._planners, default=0)
+        able = [one for one in self._idle if one == last or rank <= one]
+        if not able:
+            return None
+        return self._idle.pop(min(able) if rank is Rank.URGENT else max(able))
 
-    def _slowest(self, number: int) -> Rank:
-        """Return the rank up to which a planner serves: the last of those that are there, all."""
-        return Rank.LARGE if number == max(self._planners) else Rank(min(number, Rank.LARGE))
+    def _release(self, planner: PlannerProcess) -> None:
+        """Let a planner serve the next call that waits for it."""
+        self._idle[planner.number] = planner
+        self._serve_waiting()
 
-    async def _serve(self, task: Task, planner: PlannerProcess) -> None:
-        try:
-            answer = await planner.plan(task.input, task.first, task.count, task.rate_hz, task.file)
-            task.planner = None
-            if task.answer.done():
-                pass  # nobody waits for it
-            elif isinstance(answer, OrientdError):
-                task.answer.set_exception(answer)
-            else:
-                task.answer.set_result(answer)
-            async with asyncio.timeout(_MORE):
-                rest = await planner.rest()
-            task.rest.set_result(rest)
-            if rest.resident <= RETIRED_BYTES:
-                self._idle[planner.number] = planner
-                self._dispatch()
-                return
-            _log.info("planner %d uses %d MiB: replaced", planner.pid, rest.resident >> 20)
-        except (DaemonError, TimeoutError) as error:
-            task.planner = None
-            task.rest.cancel()
-            if not task.answer.done():
-                problem = GOING_DOWN if self._is_closing else str(error)
-                task.answer.set_exception(DaemonError(problem))
-                _log.warning("%s", problem)
+    def _serve_waiting(self) -> None:
+        for waiting in [one for one in self._waiting if not one.turn.done()]:
+            planner = self._take_idle(waiting.rank)
+            if planner is not None:
+                waiting.turn.set_result(planner)
+
+    def _discard(self, planner: PlannerProcess, why: str) -> None:
+        """End a planner, and start another one in its place."""
         if not self._is_closing:
+            _log.info("planner %d: replaced: %s", planner.pid, why)
             del self._planners[planner.number]
             planner.end()
-            self._dispatch()
-            await self._start(planner.number)
+            self._serve_waiting()  # another planner may be the last now
+            self._spawn(self._start(planner.number))
 
     # Life
 
@@ -302,8 +318,8 @@ class Planners:
                 continue
             self._methods = server.methods
             self._has_methods.set()
-            self._planners[number] = self._idle[number] = planner
-            self._dispatch()
+            self._planners[number] = planner
+            self._release(planner)
             return
 
     def _end_server(self) -> None:
@@ -315,13 +331,6 @@ class Planners:
         task = asyncio.get_running_loop().create_task(work)
         self._work.add(task)
         task.add_done_callback(self._work.discard)
-
-
-def _too_long(task: Task) -> str:
-    timeout = task.call.timeout
-    if task.planner is None:
-        return f"planning did not begin within {timeout:g} s: the planners are busy"
-    return f"planning took longer than {timeout:g} s: {task.file.stage}"
 
 
 def default_processes() -> int:

@@ -15,11 +15,11 @@ from typing import Any
 
 from orientd.daemon.planners.task import (
     HEADER,
-    PlanInput,
     Planned,
     PlannerDevice,
     RecordFile,
     Rest,
+    Task,
     packed,
     unpacked,
 )
@@ -126,21 +126,18 @@ class PlannerProcess:
         self._handle, self._socket = handle, connection
         self._reader, self._writer = reader, writer
 
-    async def plan(
-        self, plan_input: PlanInput, first: int, count: int, rate_hz: float, file: RecordFile
-    ) -> Planned | OrientdError:
+    async def plan(self, task: Task, file: RecordFile) -> Planned | OrientdError:
         """Return the answer to a task, once its records are in *file*; see :meth:`.Worker.plan`.
 
         Raises:
             DaemonError: the process has ended instead.
         """
         self.tasks += 1
-        file.say("reading the request")
-        asked = packed((plan_input, first, count, rate_hz))
+        asked = packed(task)
         # The first bytes take the descriptor along; nothing else is on its way meanwhile.
         with contextlib.suppress(ConnectionError):
-            socket.send_fds(self._socket, [asked[: HEADER.size]], [file.descriptor])
-        self._writer.write(asked[HEADER.size :])
+            sent = socket.send_fds(self._socket, [asked], [file.descriptor])
+            self._writer.write(asked[sent:])
         try:
             answer: Planned | OrientdError = await _message(self._reader)
         except (asyncio.IncompleteReadError, ConnectionError) as error:

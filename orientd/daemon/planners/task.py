@@ -139,6 +139,23 @@ class PlanInput:
     earliest: int = 0
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Task:
+    """What a planner is asked.
+
+    Attributes:
+        input: what to plan.
+        first: record that is wanted.
+        count: how many records are; fewer if the motion ends.
+        rate_hz: samples a second to report; 0 for none.
+    """
+
+    input: PlanInput
+    first: int = 0
+    count: int = CHUNK
+    rate_hz: float = 0.0
+
+
 class Planned(NamedTuple):
     """What a planner answers, once the first records are in the file.
 
@@ -189,15 +206,14 @@ class RecordFile:
         """Take the file with that descriptor over, or make a new one."""
         if descriptor < 0:
             descriptor = os.memfd_create("orientd-records", os.MFD_CLOEXEC)
-            os.ftruncate(descriptor, _STAGE_BYTES)
         self.descriptor = descriptor
         weakref.finalize(self, os.close, descriptor)
 
     @property
     def stage(self) -> str:
-        """What the planner is doing, in words; empty before it has begun."""
+        """What the planner is doing, in words."""
         found = os.pread(self.descriptor, _STAGE_BYTES, 0)
-        return found.partition(b"\0")[0].decode(errors="replace")
+        return found.partition(b"\0")[0].decode(errors="replace") or "reading the request"
 
     def say(self, stage: str) -> None:
         """Write down what the planner is doing."""

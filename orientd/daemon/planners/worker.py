@@ -29,6 +29,7 @@ from orientd.daemon.planners.task import (
     PlannerDevice,
     RecordFile,
     Rest,
+    Task,
     packed,
     unpacked,
 )
@@ -64,24 +65,16 @@ class Worker:
             with contextlib.suppress(OrientdError, ValueError):
                 planner.plan(request, start=State.at_rest(q[0]), joints=(), is_offline=True)
 
-    def plan(
-        self, plan_input: PlanInput, first: int, count: int, rate_hz: float, file: RecordFile
-    ) -> Planned:
-        """Plan a motion and write records of it to *file*.
-
-        Args:
-            plan_input: what to plan.
-            first: record; up to :data:`FIRST` are written now if it is the first of the motion.
-            count: how many records are wanted; fewer if the motion ends.
-            rate_hz: samples a second to report; 0 for none.
-            file: for the records.
+    def plan(self, task: Task, file: RecordFile) -> Planned:
+        """Plan a motion and write records of it to *file*, the first of a whole chunk at most.
 
         Raises:
             OrientdError: it cannot be planned.
         """
-        motion, leave, frame = self._motion(plan_input, file)
+        motion, leave, frame = self._motion(task.input, file)
         file.say(f"reporting on {motion.record_count} records")
-        end = min(first + (count if first else min(count, FIRST)), motion.record_count)
+        first, rate_hz = task.first, task.rate_hz
+        end = min(first + (task.count if first else min(task.count, FIRST)), motion.record_count)
         rows = motion.rows(first, max(0, end - first))
         file.write(first, rows)
         return Planned(
@@ -94,10 +87,10 @@ class Worker:
             columns=rows.shape[1],
         )
 
-    def rest(self, plan_input: PlanInput, planned: Planned, count: int, file: RecordFile) -> Rest:
-        """Write the other records of a first chunk of *count*; return what nobody waits for."""
-        motion, *_ = self._known[plan_input.motion_id]
-        end = min(count, motion.record_count)
+    def rest(self, task: Task, planned: Planned, file: RecordFile) -> Rest:
+        """Write the other records of a first chunk; return what nobody waits for."""
+        motion, *_ = self._known[task.input.motion_id]
+        end = min(task.count, motion.record_count)
         for first in range(planned.end, end, _BLOCK):
             file.write(first, motion.rows(first, min(_BLOCK, end - first)))
         return Rest(max(end, planned.end), reporting.event(motion), resident())
@@ -185,12 +178,12 @@ def main(channel: int) -> None:
 def serve(peer: socket.socket, worker: Worker) -> None:
     """Be a planner until the daemon says no more."""
     descriptors: list[int] = []
+    task: Task | None
     while (task := _received(peer, descriptors)) is not None:
-        plan_input, first, count, rate_hz = task
         file = RecordFile(descriptors.pop())
         answer: Planned | OrientdError
         try:
-            answer = worker.plan(plan_input, first, count, rate_hz, file)
+            answer = worker.plan(task, file)
         except OrientdError as error:
             answer = error
         except MemoryError:
@@ -200,9 +193,9 @@ def serve(peer: socket.socket, worker: Worker) -> None:
         peer.sendall(packed(answer))
         # Whoever waits for the motion does not wait for the rest of it.
         rest = Rest(0, b"", resident())
-        if isinstance(answer, Planned) and count and not first:
+        if isinstance(answer, Planned) and task.count and not task.first:
             with contextlib.suppress(MemoryError):
-                rest = worker.rest(plan_input, answer, count, file)
+                rest = worker.rest(task, answer, file)
         peer.sendall(packed(rest))
 
 

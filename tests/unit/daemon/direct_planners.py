@@ -8,7 +8,7 @@ from concurrent.futures import Future
 from orientd.daemon.cell import planner_device
 from orientd.daemon.device import AT_ONCE
 from orientd.daemon.planners import PlanCall, PlanInput, PlannedMotion, reporting
-from orientd.daemon.planners.task import CHUNK, RecordFile
+from orientd.daemon.planners.task import RecordFile, Task
 from orientd.daemon.planners.worker import Worker
 from orientd.rpc.wire.motion import from_request
 
@@ -22,24 +22,24 @@ class DirectPlanners:
         self.worker = Worker(map(planner_device, settings))
 
     async def plan(self, plan_input: PlanInput, call: PlanCall, *, rank=None) -> PlannedMotion:
-        file = RecordFile()
-        planned = self.worker.plan(plan_input, 0, CHUNK, call.rate_hz, file)
+        task, file = Task(plan_input, rate_hz=call.rate_hz), RecordFile()
+        planned = self.worker.plan(task, file)
         rest = Future()
-        rest.set_result(self.worker.rest(plan_input, planned, CHUNK, file))
+        rest.set_result(self.worker.rest(task, planned, file))
         return PlannedMotion(planned, plan_input, file, more=self._more, rest=rest)
 
     def _more(self, plan_input, file, first):
         more = Future()
-        more.set_result(self.worker.plan(plan_input, first, CHUNK, 0.0, file).end)
+        more.set_result(self.worker.plan(Task(plan_input, first), file).end)
         return more
 
     async def records(self, motion, first):
         count, file = motion.facts.record_count - first, RecordFile()
-        planned = self.worker.plan(motion.input, first, count, 0.0, file)
+        planned = self.worker.plan(Task(motion.input, first, count), file)
         return file.read(first, count, planned.columns)
 
     async def report(self, plan_input, call, rate_hz):
-        return self.worker.plan(plan_input, 0, 0, rate_hz, RecordFile()).response
+        return self.worker.plan(Task(plan_input, 0, 0, rate_hz), RecordFile()).response
 
     async def methods(self):
         return reporting.methods()
