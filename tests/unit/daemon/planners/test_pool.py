@@ -59,6 +59,8 @@ def run(test, *, processes=1, timeout=60.0):
         planners.start()
         try:
             await planners.plan(job(), PlanCall(SMALL, timeout=60.0))
+            while not planners._idle:
+                await asyncio.sleep(0.01)
             return await test(planners)
         finally:
             await planners.close()
