@@ -8,7 +8,7 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.fleet.access import address_of, member_configuration, router_configuration
-    from orientd.fleet.client import Fleet, Heard, Stopped, connect_fleet, daemon_address
+    from orientd.fleet.client import Fleet, Stopped, connect_fleet, daemon_address
     from orientd.fleet.clocks import ClockOffset
     from orientd.fleet.keys import PACKET_BYTES, TIME_BYTES
     from orientd.fleet.overview import Overview
@@ -21,7 +21,7 @@ __getattr__ = lazily(
     __name__,
     {
         "orientd.fleet.access": ("address_of", "member_configuration", "router_configuration"),
-        "orientd.fleet.client": ("Fleet", "Heard", "Stopped", "connect_fleet", "daemon_address"),
+        "orientd.fleet.client": ("Fleet", "Stopped", "connect_fleet", "daemon_address"),
         "orientd.fleet.clocks": ("ClockOffset",),
         "orientd.fleet.keys": ("PACKET_BYTES", "TIME_BYTES"),
         "orientd.fleet.overview": ("Overview",),

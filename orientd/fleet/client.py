@@ -20,7 +20,6 @@ from orientd.fleet.keys import LOCAL, daemon_of, key_of, name_of
 from orientd.fleet.session import open_session
 from orientd.rpc import Robot, certificate_files
 from orientd.rpc import connect as connect_daemon
-from orientd.rpc import control_pb2 as pb
 
 if TYPE_CHECKING:
     import zenoh
@@ -129,28 +128,12 @@ class Stopped:
     problem: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Heard:
-    """The newest state of a daemon.
-
-    Attributes:
-        state: as the daemon reports it.
-        taken_ns: when, on the daemon's monotonic clock.
-        heard_ns: when it arrived, on ours.
-    """
-
-    state: pb.GetStateResponse
-    taken_ns: int
-    heard_ns: int
-
-
 class Fleet:
     """A client's connection to a cell; a context manager.  Safe to use from any thread.
 
     Attributes:
         cell: its name.
         caller: the name of this client.
-        states: how many states of all daemons have arrived.
     """
 
     def __init__(
@@ -170,8 +153,6 @@ class Fleet:
         self.cell, self.caller, self._files = cell, caller, files
         self._news = threading.Condition()
         self._addresses: dict[str, str] = {}
-        self._heard: dict[str, Heard] = {}
-        self.states = 0
         self._clocks: dict[str, ClockOffset] = {}
         self._robots: list[Robot] = []
         self._declared: list[object] = [
@@ -257,27 +238,11 @@ class Fleet:
         self._robots.append(robot)
         return robot
 
-    # States
+    # Clocks and states
 
-    def watch(self) -> None:
-        """Receive the states of all daemons from now on; see :meth:`heard`."""
-        self._declared.append(
-            self._session.declare_subscriber(key_of(self.cell, "*", "state"), self._hear_state)
-        )
-
-    def heard(self) -> dict[str, Heard]:
-        """Return the newest state of each daemon that has sent one."""
-        with self._news:
-            return dict(self._heard)
-
-    def _hear_state(self, sample: zenoh.Sample) -> None:
-        state = pb.GetStateResponse.FromString(sample.payload.to_bytes())
-        taken = sample.attachment.to_bytes() if sample.attachment else b""
-        heard = Heard(state, int.from_bytes(taken, "little"), time.monotonic_ns())
-        with self._news:
-            self.states += 1
-            self._heard[daemon_of(str(sample.key_expr))] = heard
-            self._news.notify_all()
+    def subscribe(self, what: str, hear: Callable[[zenoh.Sample], object]) -> None:
+        """Call *hear* with everything that any daemon publishes as *what* from now on."""
+        self._declared.append(self._session.declare_subscriber(key_of(self.cell, "*", what), hear))
 
     def clock(self, daemon: str) -> ClockOffset:
         """Return what is known of a daemon's clock."""

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
 
+from orientd.fleet.keys import daemon_of
+from orientd.rpc import control_pb2 as pb
 from orientd.rpc import device_from_message
 from orientd.viewer import Member
 
 if TYPE_CHECKING:
-    from typing import Self
+    import zenoh
 
-    from orientd.fleet.client import Fleet, Heard
+    from orientd.fleet.client import Fleet
 
 FIRST = 1.0
 """How long the first state of a daemon is waited for, s."""
@@ -21,24 +24,39 @@ _PAUSE, _TRIPS = 5.0, 8
 """From one measurement of the clocks to the next, s; and the round trips of it."""
 
 
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """A state of a daemon.
+
+    Attributes:
+        state: as the daemon reports it.
+        taken_ns: when, on the daemon's monotonic clock.
+        heard_ns: when it arrived, on ours.
+    """
+
+    state: pb.GetStateResponse
+    taken_ns: int
+    heard_ns: int
+
+
 class Overview:
-    """Who is there and how they are, for as long as a ``with`` block."""
+    """All daemons of a cell and their devices, for as long as a ``with`` block."""
 
     def __init__(self, fleet: Fleet) -> None:
         """Look at *fleet*."""
         self._fleet = fleet
+        self._heard: dict[str, Heard] = {}
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._measure, name="orientd clocks", daemon=True)
 
     def __enter__(self) -> Self:
         """Wait for the states of all daemons, as far as they come soon."""
-        fleet = self._fleet
-        fleet.watch()
+        self._fleet.subscribe("state", self._hear)
         end = time.monotonic() + FIRST
-        while set(fleet.daemons) - fleet.heard().keys() and time.monotonic() < end:
+        while set(self._fleet.daemons) - self._heard.keys() and time.monotonic() < end:
             time.sleep(0.01)
-        for name in fleet.daemons:
-            fleet.clock(name).measure()
+        for name in self._fleet.daemons:
+            self._fleet.clock(name).measure()
         self._thread.start()
         return self
 
@@ -46,26 +64,30 @@ class Overview:
         self._closing.set()
         self._thread.join()
 
+    def _hear(self, sample: zenoh.Sample) -> None:
+        taken = sample.attachment.to_bytes() if sample.attachment else b""
+        state = pb.GetStateResponse.FromString(sample.payload.to_bytes())
+        heard = Heard(state, int.from_bytes(taken, "little"), time.monotonic_ns())
+        self._heard[daemon_of(str(sample.key_expr))] = heard
+
     def members(self) -> list[Member]:
         """Return all daemons that are there or were, in the order of their names."""
-        heard, alive = self._fleet.heard(), self._fleet.daemons
-        found = []
-        for name in sorted({*alive, *heard}):
-            if name not in heard:
-                found.append(Member(name, name in alive))
-                continue
-            age, bound = self._age(name, heard[name])
-            devices = [device_from_message(device) for device in heard[name].state.devices]
-            found.append(Member(name, name in alive, age, bound, devices))
-        return found
+        alive, heard = self._fleet.daemons, self._heard.copy()
+        return [
+            self._member(name, heard[name], is_alive=name in alive)
+            if name in heard
+            else Member(name, is_alive=True)
+            for name in sorted({*alive, *heard})
+        ]
 
-    def _age(self, name: str, heard: Heard) -> tuple[float, float | None]:
-        """Return how old a state is and how far that may be wrong, s."""
+    def _member(self, name: str, heard: Heard, *, is_alive: bool) -> Member:
         now = time.monotonic_ns()
         offset = self._fleet.clock(name).at(now)
+        devices = [device_from_message(device) for device in heard.state.devices]
         if offset is None:
-            return (now - heard.heard_ns) * 1e-9, None
-        return (now + offset.ns - heard.taken_ns) * 1e-9, offset.bound_ns * 1e-9
+            return Member(name, is_alive, (now - heard.heard_ns) * 1e-9, None, devices)
+        age = (now + offset.ns - heard.taken_ns) * 1e-9
+        return Member(name, is_alive, age, offset.bound_ns * 1e-9, devices)
 
     def stop(self, *, is_quickest: bool) -> str:
         """Stop every device; return which daemons have not acknowledged it and why."""
