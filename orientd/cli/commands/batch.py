@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, ConfigFile, DeviceName, command
+from orientd.cli.command import AsJson, ConfigFile, DeviceName, device_settings
 from orientd.cli.output import is_terminal, say, say_json
 from orientd.errors import OrientdError
 
@@ -19,13 +19,12 @@ _INTERVAL = 5.0
 """Seconds between two plain lines."""
 
 
-@command
 def batch(
     file: Annotated[
         Path, typer.Argument(metavar="REQUESTS", help="A .jsonl, .csv or .parquet file.")
     ],
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the plans go.")
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the plans.")
     ],
     records: Annotated[
         bool, typer.Option("--records", help="Write every setpoint too, in the folder `records`.")
@@ -34,10 +33,11 @@ def batch(
         str, typer.Option("--backend", help="`loky`: this machine; `ray` or `dask`: a cluster.")
     ] = "loky",
     address: Annotated[
-        str | None, typer.Option("--address", metavar="ADDRESS", help="Of the cluster, if any.")
+        str | None,
+        typer.Option("--address", metavar="ADDRESS", help="Address of the cluster, if any."),
     ] = None,
     jobs: Annotated[
-        int, typer.Option("--jobs", "-j", help="How many at a time; -1: one on each core.")
+        int, typer.Option("--jobs", "-j", help="Parts planned at a time; -1: one on each core.")
     ] = -1,
     config: ConfigFile = None,
     device: DeviceName = "",
@@ -46,12 +46,11 @@ def batch(
     """Plan a file of many motions, without a daemon.
 
     The plans go into FOLDER/plans.parquet.
-    A line of a .jsonl file is a motion file; in a table rows with the same `motion` are one motion,
-    a keyframe each.  Each row of the result is a certificate, or why the request was refused.
-    The same command goes on where one was ended.
+    A line of a .jsonl file is a motion file.  In a table, rows with the same `motion` are one
+    motion, a keyframe each.  Each row of the result is a certificate or the reason of a refusal.
+    The same command continues an interrupted run.
     """
     from orientd.batch import Batch, open_requests
-    from orientd.cli.command import device_settings
 
     if jobs == 0 or jobs < -1:
         raise typer.BadParameter(f"expected -1 or at least 1, got {jobs}", param_hint="--jobs")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orientd.cli.command import AsJson, command, need_extra
+from orientd.cli.command import AsJson, need_extra
 from orientd.cli.commands.record import OutFile, Scalars, Seconds, check_output, ending, tell
 from orientd.cli.commands.view import PORT, Dark, Host, NoOpen, Port, serve_page
 from orientd.cli.output import is_terminal, say, say_json, table
@@ -27,16 +27,27 @@ fleet = typer.Typer(
 Connect = Annotated[
     list[str] | None,
     typer.Option(
-        "--connect", metavar="ENDPOINT", help="Of a daemon or router; default: $ORIENTD_FLEET."
+        "--connect",
+        metavar="ENDPOINT",
+        help="Endpoint of a daemon or router; default: $ORIENTD_FLEET.",
     ),
 ]
-CellName = Annotated[str | None, typer.Option("--cell", help="Its name; default: $ORIENTD_CELL.")]
-Cert = Annotated[Path | None, typer.Option("--cert", help="Who this is; default: $ORIENTD_CERT.")]
-Key = Annotated[Path | None, typer.Option("--key", help="Of --cert; default: $ORIENTD_KEY.")]
-Ca = Annotated[Path | None, typer.Option("--ca", help="Of everybody; default: $ORIENTD_CA.")]
+CellName = Annotated[
+    str | None, typer.Option("--cell", help="Name of the cell; default: $ORIENTD_CELL.")
+]
+Cert = Annotated[
+    Path | None, typer.Option("--cert", help="Your certificate; default: $ORIENTD_CERT.")
+]
+Key = Annotated[
+    Path | None, typer.Option("--key", help="The key of your certificate; default: $ORIENTD_KEY.")
+]
+Ca = Annotated[
+    Path | None,
+    typer.Option("--ca", help="The authority that signs the cell; default: $ORIENTD_CA."),
+]
 
 STOP_PRIORITY = 10
-"""Of SCHED_FIFO, where the command may have it: whatever else runs can wait for a stop."""
+"""Of SCHED_FIFO, if the command may have it: other programs can wait for a stop."""
 
 
 def _connected(
@@ -52,23 +63,24 @@ def _connected(
 
 
 @fleet.command()
-@command
 def status(
     connect: Connect = None,
     cell: CellName = None,
     cert: Cert = None,
     key: Key = None,
     ca: Ca = None,
-    once: Annotated[bool, typer.Option("--once", help="Do not go on, even on a terminal.")] = False,
+    once: Annotated[
+        bool, typer.Option("--once", help="Print one table, even on a terminal.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Show who is there, what moves, what is wrong, and how old each figure is.
+    """Show all daemons, what moves, what is wrong, and the age of each figure.
 
-    On a terminal it goes on until Ctrl-C.
+    On a terminal the table is kept up to date until Ctrl-C.
     """
     from orientd.fleet import Overview
 
-    with _connected(connect, cell, cert, key, ca) as cell_of, Overview(cell_of) as overview:
+    with _connected(connect, cell, cert, key, ca) as client, Overview(client) as overview:
         if as_json:
             say_json({"daemons": [_figures(member) for member in overview.members()]})
             return
@@ -114,7 +126,6 @@ def _table(overview: Overview) -> list[str]:
 
 
 @fleet.command()
-@command
 def view(
     port: Port = PORT,
     host: Host = "127.0.0.1",
@@ -129,19 +140,19 @@ def view(
 ) -> None:
     """Show all devices of the cell beside each other in the browser, until Ctrl-C or SIGTERM.
 
-    Prints one line beginning "ready" with the address.  Anybody who can open the page can stop all.
+    Prints one line beginning "ready" with the address.  Anybody who can open the page can stop all
+    devices.
     """
     need_extra("view")
     from orientd.fleet import Overview
     from orientd.viewer import CellView
 
-    with _connected(connect, cell, cert, key, ca) as cell_of, Overview(cell_of) as overview:
+    with _connected(connect, cell, cert, key, ca) as client, Overview(client) as overview:
         page = CellView(overview, host=host, port=port, is_dark=dark)
         serve_page(page, host, no_open=no_open, as_json=as_json)
 
 
 @fleet.command()
-@command
 def stop(
     connect: Connect = None,
     cell: CellName = None,
@@ -149,7 +160,8 @@ def stop(
     key: Key = None,
     ca: Ca = None,
     halt: Annotated[
-        bool, typer.Option("--halt", help="As quickly as the limits allow, off the path.")
+        bool,
+        typer.Option("--halt", help="As quickly as the limits allow, off the path if need be."),
     ] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -157,8 +169,8 @@ def stop(
     from orientd.servo import set_scheduling
 
     set_scheduling(STOP_PRIORITY)
-    with _connected(connect, cell, cert, key, ca) as cell_of:
-        answers = cell_of.stop(is_quickest=halt)
+    with _connected(connect, cell, cert, key, ca) as client:
+        answers = client.stop(is_quickest=halt)
     silent = [one for one in answers if one.problem]
     if as_json:
         say_json({"stopped": answers})
@@ -171,7 +183,6 @@ def stop(
 
 
 @fleet.command()
-@command
 def move(
     plan: Annotated[Path, typer.Argument(metavar="PLAN", help="A motion for each device.")],
     connect: Connect = None,
@@ -181,11 +192,11 @@ def move(
     ca: Ca = None,
     start_in: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", help="From when all is planned to the start."),
+        typer.Option(metavar="SECONDS", help="Time from the end of planning to the start."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Move devices of several daemons from one instant, or none of them.
+    """Move devices of several daemons from one instant, or none.
 
     Ctrl-C stops all of them on their paths.
     """
@@ -194,9 +205,9 @@ def move(
     motions, planned_in = read_plan(plan)
     if start_in is not None and not 0.0 < start_in <= 3600.0:
         raise typer.BadParameter(f"expected above 0 s, got {start_in:g}", param_hint="--start-in")
-    with _connected(connect, cell, cert, key, ca) as cell_of:
+    with _connected(connect, cell, cert, key, ca) as client:
         together = move_together(
-            cell_of,
+            client,
             motions,
             start_in=start_in or planned_in,
             holder=f"orientd fleet move, process {os.getpid()}",
@@ -206,10 +217,10 @@ def move(
 
 
 def tell_together(together: Together, *, as_json: bool) -> None:
-    """Say how motions went that were started together.
+    """Print how motions went that started together.
 
     Raises:
-        OrientdError: one of them did not go as it was asked to.
+        OrientdError: one of them did not end as requested.
     """
     from orientd.cli import texts
 
@@ -234,12 +245,11 @@ def tell_together(together: Together, *, as_json: bool) -> None:
 
 
 @fleet.command()
-@command
 def record(
     file: OutFile,
     daemon: Annotated[
         list[str] | None,
-        typer.Option("--daemon", metavar="NAME", help="Which daemons; default: all."),
+        typer.Option("--daemon", metavar="NAME", help="Daemons to record; default: all."),
     ] = None,
     seconds: Seconds = None,
     scalars: Scalars = False,
@@ -252,14 +262,14 @@ def record(
 ) -> None:
     """Record every cycle, event and plan of the cell to one MCAP file, on one clock.
 
-    Ctrl-C or SIGTERM ends it.  It is opened like one of `orientd record`; where each clock stood,
-    and how well that is known, is in it.
+    Ctrl-C or SIGTERM ends it.  Open the file like one of `orientd record`; it also holds the offset
+    of each clock and its bound.
     """
     check_output(file, seconds)
-    with _connected(connect, cell, cert, key, ca) as cell_of:
-        recording = cell_of.record(file, daemon or (), has_scalars=scalars)
+    with _connected(connect, cell, cert, key, ca) as client:
+        recording = client.record(file, daemon or (), has_scalars=scalars)
         if not as_json:
-            say(f"recording {', '.join(daemon or cell_of.daemons)} to {file}")
+            say(f"recording {', '.join(daemon or client.daemons)} to {file}")
         with ending(recording, seconds):
             recording.run()
     tell(recording, file, as_json=as_json)
@@ -268,7 +278,6 @@ def record(
 
 
 @fleet.command()
-@command
 def router(
     config: Annotated[
         Path, typer.Option("--config", "-c", help="With [fleet] and [access.certificates].")
@@ -277,9 +286,9 @@ def router(
         bool, typer.Option("--print", help="Print the configuration for `zenohd`, and end.")
     ] = False,
 ) -> None:
-    """Be a router of a cell, until Ctrl-C: it joins networks, and lets nobody in without a role.
+    """Be a router of a cell until Ctrl-C: connect networks, and refuse everybody without a role.
 
-    Prints one line beginning "ready" once it can be used.
+    Prints one line beginning "ready" once others can connect.
     """
     import json
     import threading
@@ -296,23 +305,22 @@ def router(
 
 
 @fleet.command()
-@command
 def demo(
     daemons: Annotated[int, typer.Option("--daemons", min=2, max=16, help="How many.")] = 3,
     as_json: AsJson = False,
 ) -> None:
     """Start three daemons with a device each, and one motion on all of them at once.
 
-    They run on this machine with no hardware, and are gone when the motion has ended.
+    They run on this machine without hardware, and end after the motion.
     """
     from orientd.cli.own_daemon import cell
     from orientd.fleet import FleetMotion, Overview, connect_fleet, move_together
     from orientd.motion_file import parse
 
-    with cell(daemons) as endpoint, connect_fleet(endpoint, cell="demo") as cell_of:
+    with cell(daemons) as endpoint, connect_fleet(endpoint, cell="demo") as client:
         names = [f"arm-{number}" for number in range(1, daemons + 1)]
-        cell_of.find(names)
-        with Overview(cell_of) as overview:
+        client.find(names)
+        with Overview(client) as overview:
             if not as_json:
                 say(*_table(overview))
         request = parse({
@@ -320,7 +328,7 @@ def demo(
             "approach": True,
         })  # fmt: skip
         together = move_together(
-            cell_of,
+            client,
             [FleetMotion(name, "", request) for name in names],
             holder="orientd fleet demo",
             tell=(lambda _: None) if as_json else say,
