@@ -12,6 +12,7 @@ import errno
 import json
 import mmap
 import os
+import weakref
 from collections.abc import Mapping, Sequence
 from struct import Struct
 from typing import Any
@@ -88,6 +89,8 @@ class SharedMemory:
                 fault every few cycles; the daemon may, and needs less memory.
         """
         self.descriptor = descriptor
+        # Memory that nobody refers to any more is unmapped and closed, too.
+        self._close = weakref.finalize(self, os.close, descriptor)
         rings = _rings(path_capacity, cycle_capacity)
         flags = mmap.MAP_SHARED | (mmap.MAP_POPULATE if is_populated else 0)
         self._map = mmap.mmap(descriptor, PAGE + sum(size for *_, size in rings), flags)
@@ -143,7 +146,7 @@ class SharedMemory:
         self.pulse.release()
         self._view.release()
         self._map.close()
-        os.close(self.descriptor)
+        self._close()
 
 
 def _rings(path_capacity: int, cycle_capacity: int) -> list[tuple[Struct, int, int]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 import time
@@ -28,8 +29,7 @@ class DeviceAxes:
     def __init__(self, driver: Driver, name: str) -> None:
         self._driver = driver if isinstance(driver, Mechanical) else None
         self._name = name
-        self._judging: Mechanism | None = None
-        self._drawn: Mechanism | None = None
+        self._mechanism: Mechanism | None = None
         self._asked = -_ASK_AGAIN
 
     def expect_targets(self) -> None:
@@ -38,7 +38,7 @@ class DeviceAxes:
         Raises:
             PlanError: the device does not say which it is.
         """
-        self._judging = self._found(may_ask=True)
+        self._find(may_ask=True)
 
     def refusal(self, q: Quaternion, position: Vector3, joints: Joints) -> str:
         """Return why the device cannot be at a target, or an empty string.
@@ -50,45 +50,35 @@ class DeviceAxes:
             position: of the target, m.
             joints: axis angles as measured, rad.
         """
-        mechanism = self._judging
+        mechanism = self._mechanism
         if mechanism is None or isinstance(mechanism, Gimbal):
             return ""
         return refusal(mechanism, q, position, joints)
 
     def outline(self, joints: Joints) -> Sequence[Sequence[Vector3]]:
         """Return the device's shape as lines, m; empty until it is known which device it is."""
-        if self._driver is None:
-            return ()
-        if self._drawn is None:
-            try:
-                self._drawn = self._found(may_ask=False)
-            except PlanError:
-                self._ask_aside()
         try:
-            return () if self._drawn is None else self._drawn.outline(joints)
+            if self._mechanism is None:
+                self._find(may_ask=False)
+            return () if self._mechanism is None else self._mechanism.outline(joints)
+        except PlanError:
+            # Whoever draws does not wait for the device.
+            now = time.monotonic()
+            if now - self._asked >= _ASK_AGAIN:
+                self._asked = now
+                threading.Thread(target=self._ask, daemon=True).start()
         except Exception:  # noqa: BLE001 - a picture is worth no trouble
             _log.exception("%s: the device cannot be drawn", self._name)
-            self._driver = None
-            return ()
-
-    def _found(self, *, may_ask: bool) -> Mechanism | None:
-        if self._driver is None:
-            return None
-        try:
-            return self._driver.mechanism(may_ask=may_ask)
-        except LinkError as error:
-            raise PlanError(f"cannot predict the axes: {error}") from error
-
-    def _ask_aside(self) -> None:
-        """Have the device asked which it is; whoever draws does not wait for it."""
-        now = time.monotonic()
-        if now - self._asked < _ASK_AGAIN:
-            return
-        self._asked = now
-        threading.Thread(target=self._ask, daemon=True).start()
+            self._driver = self._mechanism = None
+        return ()
 
     def _ask(self) -> None:
-        try:
-            self._drawn = self._found(may_ask=True)
-        except PlanError:
-            return  # asked again after a while, as long as somebody looks
+        with contextlib.suppress(PlanError):  # asked again as long as somebody looks
+            self._find(may_ask=True)
+
+    def _find(self, *, may_ask: bool) -> None:
+        if self._driver is not None:
+            try:
+                self._mechanism = self._driver.mechanism(may_ask=may_ask)
+            except LinkError as error:
+                raise PlanError(f"cannot predict the axes: {error}") from error

@@ -146,7 +146,6 @@ class ServoProcess:
         self._reset = UNKNOWN
         self._slow: _SlowCommand | None = None
         self._words: deque[Note] = deque(maxlen=256)
-        self._is_enabling = False
 
     # Life
 
@@ -325,7 +324,13 @@ class ServoProcess:
         if command in _STOPPING and (busy is not None or not memory.cycles.head):
             self._take(index)
             return posted  # it stops what does not move
-        _check(command, self._await(memory, index, command, posted))
+        answer = self._await(memory, index, command, posted)
+        if answer.code == Answer.NOT_YET:
+            raise NotYetError(answer.text)
+        if answer.code in (Answer.WRONG_STATE, Answer.REFUSED):
+            raise StateError(answer.text)
+        if answer.code != Answer.DONE:
+            raise DaemonError(f"{command.name.lower()} failed: {answer.text}")
         return posted
 
     def tune(self, options: Mapping[str, Any]) -> None:
@@ -545,7 +550,11 @@ class ServoProcess:
                 self._last_fault = Fault.NONE
                 got = json.loads(note.text)
                 self.scheduling, self.memory_locked = got["scheduling"], got["memory_locked"]
-                self._enable_at_start(memory)
+                name = f"start {self._settings.name}"
+                ready = threading.Thread(
+                    target=self._become_ready, args=(memory,), name=name, daemon=True
+                )
+                ready.start()
             elif note.kind is NoteKind.FAULT:
                 self.fault = Fault(note.code)
                 name = self.fault.name.lower()
@@ -557,8 +566,6 @@ class ServoProcess:
                 self._tell(EventKind.WARNING, note.text)
         if memory.health.head != self._health_heard:
             self._hear_health(memory)
-        if self._is_enabling:
-            self._look_whether_enabled()
 
     def _hear_health(self, memory: SharedMemory) -> None:
         """Take note of how the device's parts are; warn of what was well before."""
@@ -569,30 +576,19 @@ class ServoProcess:
             if part.warning and part.warning not in known:
                 self._tell(EventKind.WARNING, part.warning)
 
-    def _enable_at_start(self, memory: SharedMemory) -> None:
-        """Enable the device if so configured; the servo is ready once that is done."""
+    def _become_ready(self, memory: SharedMemory) -> None:
+        """Enable the device if so configured, which may take long; then the servo is ready."""
+        problem = ""
         if self._settings.auto_enable:
-            values = (0, 0, UNKNOWN, UNKNOWN, 0, 0.0)
-            self._post(memory, Command.ENABLE, *values, *_NO_LIMITS.floats())
-            self._is_enabling = True
-        else:
-            self._become_ready()
-
-    def _look_whether_enabled(self) -> None:
-        """Be ready if the device has been enabled at its start, or has refused that."""
-        slow = self._slow
-        answer = None if slow is None else self._take(slow.number, is_awaited=True)
-        if answer is None:
-            return
-        self._is_enabling = False
-        try:
-            _check(Command.ENABLE, answer)
-        except (StateError, DaemonError) as error:
-            self.fault, self.fault_text = Fault.DEVICE_FAULT, str(error)
-            self._tell(EventKind.FAULT, self.fault_text)
-        self._become_ready()
-
-    def _become_ready(self) -> None:
+            try:
+                self.ask(Command.ENABLE)
+            except (StateError, DaemonError) as error:
+                problem = str(error)
+        if self._memory is not memory or not self.is_alive:
+            return  # it has ended meanwhile
+        if problem:
+            self.fault, self.fault_text = Fault.DEVICE_FAULT, problem
+            self._tell(EventKind.FAULT, problem)
         self._tell(EventKind.READY, self.scheduling)
         self._ready.set()
 
@@ -613,16 +609,6 @@ class ServoProcess:
     def fail(self, fault: Fault, failure: str) -> None:
         """Do without a servo from now on."""
         self.fault, self.failure, self.fault_text = fault, failure, failure
-
-
-def _check(command: Command, answer: Note) -> None:
-    """Raise what a command was refused for, if it was."""
-    if answer.code == Answer.NOT_YET:
-        raise NotYetError(answer.text)
-    if answer.code in (Answer.WRONG_STATE, Answer.REFUSED):
-        raise StateError(answer.text)
-    if answer.code != Answer.DONE:
-        raise DaemonError(f"{command.name.lower()} failed: {answer.text}")
 
 
 def path_capacity(read_ahead: int) -> int:
