@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from orientd.batch.request_file import Request, Requests
-from orientd.batch.rows import COLUMNS, RECORD, Planned, plan_requests
+from orientd.batch.request_file import Requests
+from orientd.batch.rows import COLUMNS, RECORD, Part, Planned, plan_part
 from orientd.bounded_file import MEBIBYTE, read_bounded
 from orientd.config import DeviceSettings
 from orientd.errors import OrientdError
@@ -29,9 +29,6 @@ PART = 200
 """Requests of a part."""
 
 FORMAT = 1
-
-_Part = tuple[int, int, list[Request]]
-"""Its number, the row of its first request, and its requests."""
 
 
 class Batch:
@@ -72,10 +69,8 @@ class Batch:
         """
         need_backend(backend)
         self._requests, self._folder, self._has_records = requests, folder, has_records
-        work = functools.partial(_plan_part, device=device, has_records=has_records)
-        self._work = functools.partial(
-            in_parallel, work, backend=backend, jobs=jobs, address=address
-        )
+        self._work = functools.partial(plan_part, device=device, has_records=has_records)
+        self._cluster: dict[str, Any] = {"backend": backend, "jobs": jobs, "address": address}
         self.table, self._parts = folder / "plans.parquet", folder / "parts"
         self.count = requests.count
         asked = {
@@ -118,8 +113,8 @@ class Batch:
         if self.table.exists():
             return
         self._parts.mkdir(exist_ok=True)
-        for number, planned in self._work(self._tasks()):
-            self._write_part(number, planned)
+        for planned in in_parallel(self._work, self._tasks(), **self._cluster):
+            self._write(planned)
             self.done += len(planned.rows)
             yield
         from pyarrow import parquet
@@ -129,33 +124,28 @@ class Batch:
                 writer.write_table(parquet.read_table(self._part(number)))
         shutil.rmtree(self._parts)
 
-    def _tasks(self) -> Iterator[_Part]:
+    def _tasks(self) -> Iterator[Part]:
         each = self._requests.each()
         for number in self._numbers:
             requests = list(itertools.islice(each, PART))
             if number in self._waiting:
-                yield number, number * PART, requests
+                yield Part(number, number * PART, requests)
 
     def _part(self, number: int) -> Path:
         return self._parts / f"{number:06d}.parquet"
 
-    def _write_part(self, number: int, planned: Planned) -> None:
+    def _write(self, planned: Planned) -> None:
         import pyarrow as arrow
         from pyarrow import parquet
 
         if self._has_records:
-            records = self._folder / "records" / f"{number:06d}.parquet"
+            records = self._folder / "records" / f"{planned.number:06d}.parquet"
             records.parent.mkdir(exist_ok=True)
             with written(records) as path:
                 parquet.write_table(arrow.table(_records(planned)), path)
         # Last: the part is done once it is there.
-        with written(self._part(number)) as path:
+        with written(self._part(planned.number)) as path:
             parquet.write_table(arrow.Table.from_pylist(planned.rows, schema=_schema()), path)
-
-
-def _plan_part(part: _Part, *, device: DeviceSettings, has_records: bool) -> tuple[int, Planned]:
-    number, first, requests = part
-    return number, plan_requests(first, requests, device, has_records=has_records)
 
 
 def _schema() -> Any:  # noqa: ANN401 - a schema of Arrow

@@ -31,20 +31,27 @@ RECORD = ("qw", "qx", "qy", "qz", *(f"{name}_{axis}" for name in _VECTORS for ax
 """Columns of the records, beside ``row`` and ``record``: setpoints in rad, m and s."""
 
 
-class Planned(NamedTuple):
-    """The rows of some requests, and the records of those that were planned, by their row."""
+class Part(NamedTuple):
+    """Some requests of a file: the number of the part, the row of its first request, requests."""
 
+    number: int
+    first: int
+    requests: Sequence[Request]
+
+
+class Planned(NamedTuple):
+    """A part's rows, and the records of each motion that was planned, by its row."""
+
+    number: int
     rows: list[dict[str, Any]]
     records: list[tuple[int, Floats]]
 
 
-def plan_requests(
-    first: int, requests: Sequence[Request], device: DeviceSettings, *, has_records: bool
-) -> Planned:
-    """Plan requests for a device; *first* is the row of the first one."""
+def plan_part(part: Part, *, device: DeviceSettings, has_records: bool) -> Planned:
+    """Plan the requests of a part for a device."""
     planner = device.planner()
-    planned = Planned([], [])
-    for row, request in enumerate(requests, first):
+    planned = Planned(part.number, [], [])
+    for row, request in enumerate(part.requests, part.first):
         entries: dict[str, Any] = {"row": row, "name": ""}
         try:
             mapping = _parsed(request) if isinstance(request, str) else request
