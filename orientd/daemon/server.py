@@ -161,7 +161,7 @@ class _Daemon:
             count_call=self._count_call,
             most_calls=access.streams,
         )
-        self._listener = Listener(access, settings.tcp, self._authorization.serve, self._audit)
+        self._listener = Listener(access, settings.tcp, self._authorization.route, self._audit)
         self._watchdog = Watchdog(self._cell.devices)
         self._fleet = self._fleet_link()
 

@@ -43,6 +43,8 @@ def standard_methods(service: str, status: ServiceStatus) -> Mapping[str, Method
     for reflection in ServerReflection.extend(listed)[len(listed) :]:
         handlers |= reflection.__mapping__()
     return {
-        path: Method(path.rpartition("/")[2], found.func, found.request_type, is_library=True)
+        path: Method(
+            path.rpartition("/")[2], found.func, found.request_type, found.cardinality, True
+        )
         for path, found in handlers.items()
     }

@@ -1,5 +1,6 @@
 """Calls that no client would make: random and mutated bytes through a bare channel."""
 
+import contextlib
 import math
 import os
 import random
@@ -137,16 +138,32 @@ def test_who_has_too_many_calls_open_is_refused_but_may_stop(tmp_path):
         until(lambda: call(busy, LOOK, [pb.ListDevicesRequest()]) == "OK", "room for a call")
 
 
-def test_who_has_too_many_connections_in_use_is_turned_away(tmp_path):
-    with limited(tmp_path, "connections = 2") as daemon, connection(daemon) as second:
-        held = [
-            ControlStub(one).WatchState(pb.WatchStateRequest()) for one in (daemon.channel, second)
-        ]
-        for stream in held:
-            next(stream)
-        with connection(daemon) as third:
-            assert call(third, LOOK, [pb.ListDevicesRequest()]) == "UNAVAILABLE"
-            held.pop().cancel()
-            # An idle one gives way.
-            until(lambda: call(third, LOOK, [pb.ListDevicesRequest()]) == "OK", "room")
+def test_who_has_far_too_many_connections_in_use_is_turned_away(tmp_path):
+    with limited(tmp_path, "connections = 2") as daemon, contextlib.ExitStack() as opened:
+        held = []
+        for _ in range(4):
+            channel = opened.enter_context(connection(daemon))
+            held.append(ControlStub(channel).WatchState(pb.WatchStateRequest()))
+            next(held[-1])
+        one_more = opened.enter_context(connection(daemon))
+        assert call(one_more, LOOK, [pb.ListDevicesRequest()]) == "UNAVAILABLE"
         held.pop().cancel()
+        # An idle one gives way.
+        until(lambda: call(one_more, LOOK, [pb.ListDevicesRequest()]) == "OK", "room")
+        for stream in held:
+            stream.cancel()
+
+
+def test_who_has_every_connection_in_use_may_stop_and_is_told_what_is_too_much(tmp_path):
+    limits = "connections = 2\nstreams = 2"
+    with limited(tmp_path, limits) as daemon, contextlib.ExitStack() as opened:
+        held = []
+        for _ in range(2):
+            channel = opened.enter_context(connection(daemon))
+            held.append(ControlStub(channel).WatchState(pb.WatchStateRequest()))
+            next(held[-1])
+        third = opened.enter_context(connection(daemon))
+        assert call(third, STOP, [pb.StopRequest()]) == "OK"
+        assert call(third, LOOK, [pb.ListDevicesRequest()]) == "RESOURCE_EXHAUSTED"
+        for stream in held:
+            stream.cancel()

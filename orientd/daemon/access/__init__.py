@@ -5,7 +5,6 @@ from __future__ import annotations
 from orientd.daemon.access.audit import AuditLog, audit_path
 from orientd.daemon.access.authorization import Authorization, Method
 from orientd.daemon.access.claim import claimed
-from orientd.daemon.access.connection import Serve
 from orientd.daemon.access.identity import (
     Caller,
     ClientCertificate,

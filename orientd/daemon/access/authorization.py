@@ -12,7 +12,7 @@ import itertools
 import logging
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from contextlib import aclosing
 from dataclasses import dataclass, field
 from functools import partial
@@ -21,9 +21,12 @@ from typing import Any
 from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import DecodeError, Message
 from google.rpc import code_pb2, status_pb2
+from grpclib.const import Cardinality, Status
+from grpclib.const import Handler as Route
+from grpclib.exceptions import GRPCError
+from grpclib.server import Stream
 
 from orientd.daemon.access.audit import AuditLog
-from orientd.daemon.access.connection import Send
 from orientd.daemon.access.identity import Caller
 from orientd.daemon.access.rules import Rule, rule
 from orientd.daemon.observe import about
@@ -33,7 +36,6 @@ from orientd.errors import (
     OrientdError,
     RequestError,
     TooMuchError,
-    UnknownNameError,
 )
 from orientd.rpc import to_status
 
@@ -60,16 +62,14 @@ class Method:
         name: short.
         run: the handler, called with the request, or an iterator over requests, and the caller.
         request: class of its requests.
-        takes_stream: whether there are many.
-        gives_stream: whether there are many answers.
-        is_library: whether the handler is grpclib's, which is called with a stream of its kind.
+        cardinality: whether there are many requests, and many answers.
+        is_library: whether the handler is grpclib's, which is called with the stream alone.
     """
 
     name: str
     run: Callable[..., Any]
-    request: type[Message]
-    takes_stream: bool = False
-    gives_stream: bool = False
+    request: Any
+    cardinality: Cardinality = Cardinality.UNARY_UNARY
     is_library: bool = False
 
 
@@ -104,43 +104,40 @@ class Authorization:
         self._numbers = itertools.count(1)
         self._calls: Counter[str] = Counter()
 
-    async def serve(
-        self, path: str, caller: Caller, requests: AsyncIterator[bytes], send: Send
-    ) -> status_pb2.Status | None:
-        """Serve one call.
-
-        Args:
-            path: its full name, ``/service/Name``.
-            caller: who calls.
-            requests: its messages as they come; may raise what is wrong with one.
-            send: sends an answer.
-
-        Returns:
-            Why it failed; ``None`` if it did not.
-        """
+    def route(self, path: str, caller: Caller) -> Route | None:
+        """Return how to serve the call of the full name *path*; ``None`` if there is none."""
         method = self._methods.get(path)
         if method is None:
-            problem = f"there is no call {path[:_MOST_TEXT]}"
-            return status_pb2.Status(code=code_pb2.UNIMPLEMENTED, message=problem)
+            return None
         call = _Call(next(self._numbers), method, rule(path), caller)
-        key, is_counted = caller.identity.key, call.rule.is_limited
+        serve = partial(self._serve, call)
+        return Route(serve, method.cardinality, method.request, Message)
+
+    async def _serve(self, call: _Call, stream: Stream[Any, Any]) -> None:
+        """Serve one call.
+
+        Raises:
+            GRPCError: it failed, and why.
+        """
+        key, is_counted = call.caller.identity.key, call.rule.is_limited
         status: status_pb2.Status | None = None
         self._calls[key] += is_counted
         try:
             self._admit(call)
-            await self._run(call, requests, send)
+            await self._run(call, stream)
         except OrientdError as error:
             status = to_status(error)
         except asyncio.CancelledError:
             status = status_pb2.Status(code=code_pb2.CANCELLED)
             raise
         except Exception as error:  # noqa: BLE001 - one call is no reason to end
-            _log.exception("call %d: %s failed", call.number, method.name)
+            _log.exception("call %d: %s failed", call.number, call.method.name)
             status = status_pb2.Status(code=code_pb2.UNKNOWN, message=repr(error)[:_MOST_TEXT])
         finally:
             self._calls[key] -= is_counted
             self._conclude(call, status)
-        return status
+        if status is not None:
+            raise GRPCError(Status(status.code), status.message, status)
 
     def _admit(self, call: _Call) -> None:
         """Refuse a call that its caller may not make.
@@ -160,49 +157,53 @@ class Authorization:
         if call.rule.is_limited and self._calls[identity.key] > self.most_calls:
             raise TooMuchError(f"at most {self.most_calls} calls at the same time")
 
-    async def _run(self, call: _Call, requests: AsyncIterator[bytes], send: Send) -> None:
+    async def _run(self, call: _Call, stream: Stream[Any, Any]) -> None:
         method = call.method
-        asked: Any = (self._read(call, content) async for content in requests)
-        answer = partial(self._send, call, send)
         if method.is_library:
-            await method.run(_LibraryStream(asked, answer))
+            await method.run(stream)
             return
-        if not method.takes_stream:
+        asked: Any = self._requests(call, stream)
+        if not method.cardinality.client_streaming:
             asked = await anext(asked, None)
             if asked is None:
                 raise RequestError("", "expected a request, got none")
-        if not method.gives_stream:
-            await answer(await method.run(asked, call.caller))
+        if not method.cardinality.server_streaming:
+            await self._send(call, stream, await method.run(asked, call.caller))
             return
         async with aclosing(method.run(asked, call.caller)) as answers:
-            async for one in answers:
-                await answer(one)
+            async for answer in answers:
+                await self._send(call, stream, answer)
 
-    def _read(self, call: _Call, content: bytes) -> Message:
-        """Return a request of a call as a message.
+    async def _requests(self, call: _Call, stream: Stream[Any, Any]) -> AsyncIterator[Message]:
+        """Yield the requests of a call.
 
         Raises:
-            RequestError: it cannot be read.
-            LeaseError: it names a lease that is somebody else's.
+            RequestError: one cannot be read.
+            LeaseError: one names a lease that is somebody else's.
         """
-        try:
-            request = call.method.request.FromString(content)
-        except DecodeError as error:
-            problem = " ".join(str(error).split())
-            raise RequestError("", f"the request cannot be read: {problem}") from error
-        token = next((one for one in map(_token, _parts(request)) if one), "")
-        owner, key = self._owner_of(token) if token else None, call.caller.identity.key
-        if owner is not None and owner != key:
-            raise LeaseError(f"the lease is held by {owner}, its token is of no use to {key}")
-        if not call.asked:
-            call.asked = describe(request)
-        return request
+        while True:
+            try:
+                request = await stream.recv_message()
+            except DecodeError as error:
+                problem = " ".join(str(error).split())
+                raise RequestError("", f"the request cannot be read: {problem}") from error
+            except NotImplementedError as error:  # so grpclib says it
+                problem = "the message is compressed, which is not supported"
+                raise RequestError("", problem) from error
+            if request is None:
+                return
+            token = next((one for one in map(_token, _parts(request)) if one), "")
+            owner, key = self._owner_of(token) if token else None, call.caller.identity.key
+            if owner is not None and owner != key:
+                raise LeaseError(f"the lease is held by {owner}, its token is of no use to {key}")
+            if not call.asked:
+                call.asked = describe(request)
+            yield request
 
-    async def _send(self, call: _Call, send: Send, answer: Message | bytes) -> None:
+    async def _send(self, call: _Call, stream: Stream[Any, Any], answer: Message | bytes) -> None:
         if not isinstance(answer, bytes):
             self._note(call, answer)
-            answer = answer.SerializeToString()
-        await send(answer)
+        await stream.send_message(answer)
 
     def _note(self, call: _Call, answer: Message) -> None:
         """Note what an answer says of the motion that the call began."""
@@ -265,25 +266,6 @@ class _Call:
             "request": self.asked,
             **self.result,
         }
-
-
-class _LibraryStream:
-    """As much of a call as the services of grpclib make use of."""
-
-    def __init__(
-        self, requests: AsyncIterator[Message], send: Callable[[Message], Awaitable[None]]
-    ) -> None:
-        self._requests = requests
-        self.send_message = send
-
-    def __aiter__(self) -> AsyncIterator[Message]:
-        return self._requests
-
-    async def recv_message(self) -> Message | None:
-        return await anext(self._requests, None)
-
-    async def send_trailing_metadata(self, *, status: object) -> None:  # noqa: ARG002 - not found
-        raise UnknownNameError("service", "expected one that reflection lists")
 
 
 def describe(request: Message) -> dict[str, Any]:

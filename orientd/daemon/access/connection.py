@@ -1,32 +1,33 @@
-"""One connection of a client: gRPC's messages and statuses over the HTTP/2 of grpclib.
+"""One connection of a client: gRPC as grpclib speaks it, with bounds that grpclib does not have.
 
-Of grpclib only the connection is used.  Its server bounds no message, and does not let us see the
-socket of a caller.  The protocol is gRPC's: `gRPC over HTTP/2
-<https://github.com/grpc/grpc/blob/master/doc/PROTOCOL-HTTP2.md>`_.
+The messages of a client have a largest size, what floods the daemon is taken in pieces, and the
+daemon hangs up on a client that does not read what it asks for.
 """
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
-from google.rpc import code_pb2, status_pb2
+from google.protobuf.message import Message
+from google.rpc import status_pb2
 from grpclib.config import Configuration
-from grpclib.metadata import decode_timeout, encode_bin_value, encode_grpc_message
-from grpclib.protocol import AbstractHandler, EventsProcessor, H2Protocol, Stream
+from grpclib.const import Handler as Route
+from grpclib.encoding.base import StatusDetailsCodecBase
+from grpclib.encoding.proto import ProtoCodec
+from grpclib.events import _DispatchServerEvents
 from grpclib.protocol import Connection as HttpConnection
+from grpclib.protocol import EventsProcessor, H2Protocol, Stream
+from grpclib.server import Handler
 from h2.config import H2Configuration
 from h2.connection import H2Connection
 from h2.events import UnknownFrameReceived
-from h2.exceptions import ProtocolError
 from h2.settings import SettingCodes
 
 from orientd.daemon.access.identity import Caller
 from orientd.errors import MessageSizeError, RequestError
-from orientd.rpc import DETAILS_KEY
 
 _log = logging.getLogger(__name__)
 
@@ -40,33 +41,28 @@ PIECE = 4 * 1024
 """Bytes of one client that are taken at once; then others have their turn."""
 
 MOST_UNREAD = 16 * 1024 * 1024
-"""Bytes that wait for a client to read them; a client that asks for more is hung up on."""
+"""Bytes that wait for a client to read them; the daemon hangs up on a client that asks for more."""
 
-Send = Callable[[bytes], Awaitable[None]]
-"""Sends one answer."""
-
-Serve = Callable[[str, Caller, AsyncIterator[bytes], Send], Awaitable[status_pb2.Status | None]]
-"""Serves the call of a full name for a caller; returns why it failed, ``None`` where it has not."""
+FindRoute = Callable[[str, Caller], Route | None]
+"""Returns how to serve a call of a full name, ``/service/Name``, for a caller."""
 
 Meet = Callable[[asyncio.BaseTransport], Caller | None]
 """Says who is at the other end of a connection; ``None`` for somebody to hang up on."""
 
 _HTTP2 = H2Configuration(
     client_side=False,
-    header_encoding=None,
-    validate_inbound_headers=False,
+    header_encoding="utf-8",
     validate_outbound_headers=False,
-    normalize_inbound_headers=False,
     normalize_outbound_headers=False,
 )
 _CONFIGURATION = Configuration().__for_server__()
-_CONTENT = b"application/grpc"
-_HEAD = ((":status", "200"), ("content-type", _CONTENT.decode()))
-_PREFIX_BYTES = 5
 _TIMEOUT_BYTES = 9  # eight digits and a unit: no more is a timeout of gRPC
 
+# Every call that fails is logged where it is served.
+logging.getLogger("grpclib").setLevel(logging.CRITICAL)
 
-class Connection(H2Protocol, AbstractHandler):
+
+class Connection(H2Protocol):
     """Serve the calls of one caller, each in a task of its own.
 
     Attributes:
@@ -76,7 +72,7 @@ class Connection(H2Protocol, AbstractHandler):
     def __init__(
         self,
         meet: Meet,
-        serve: Serve,
+        find_route: FindRoute,
         *,
         message_bytes: int,
         ended: Callable[[Connection], object],
@@ -85,29 +81,28 @@ class Connection(H2Protocol, AbstractHandler):
 
         Args:
             meet: says who is at the other end, once the connection is made.
-            serve: serves each call.
+            find_route: says how to serve each call.
             message_bytes: of the largest message.
             ended: called once, when the connection is over.
         """
-        super().__init__(self, _CONFIGURATION, _HTTP2)
+        self._calls = _Calls(self, find_route)
+        super().__init__(self._calls, _CONFIGURATION, _HTTP2)
         self.caller: Any = None
-        self._meet, self._serve = meet, serve
+        self._meet, self._ended = meet, ended
         self._message_bytes = message_bytes
-        self._ended = ended
         self._transport: Any = None
-        self._calls: dict[Stream, asyncio.Task[None]] = {}
         self._untaken = bytearray()
         self._has_begun = False
 
     @property
     def is_idle(self) -> bool:
         """Whether no call is under way."""
-        return not self._calls
+        return self._calls.check_closed()
 
     async def ends_within(self, seconds: float) -> None:
         """Wait *seconds* at the most until no call is under way."""
-        if self._calls and seconds:
-            await asyncio.wait(self._calls.values(), timeout=seconds)
+        if seconds and (tasks := self._calls.tasks):
+            await asyncio.wait(tasks, timeout=seconds)
 
     def hang_up(self) -> None:
         """End the connection and every call over it."""
@@ -134,9 +129,10 @@ class Connection(H2Protocol, AbstractHandler):
             }
         )
         gathering: Any = _Gathering(self._transport)
-        self.connection = HttpConnection(http2, gathering, config=self.config)
+        self.connection = _Bounded(http2, gathering, config=self.config)
+        self.connection.message_bytes = self._message_bytes
         self.connection.flush()
-        self.processor = EventsProcessor(self, self.connection)
+        self.processor = EventsProcessor(self._calls, self.connection)
         # RFC 9113, 5.5: frames of an unknown type are ignored.
         self.processor.processors[UnknownFrameReceived] = lambda _: None
         self._has_begun = True
@@ -182,59 +178,77 @@ class Connection(H2Protocol, AbstractHandler):
         if self.caller is not None:
             self._ended(self)
 
-    # grpclib's handler
 
-    def accept(self, stream: Stream, headers: Any, release_stream: Callable[[], None]) -> None:  # noqa: ANN401 - a list of pairs
-        """Begin a call."""
-        task = asyncio.get_running_loop().create_task(self._call(stream, dict(headers)))
-        self._calls[stream] = task
+class _Calls(Handler):
+    """The calls over one connection; it is its own table of them, by their full names."""
 
-        def end(_: asyncio.Task[None]) -> None:
-            del self._calls[stream]
-            release_stream()
+    def __init__(self, connection: Connection, find_route: FindRoute) -> None:
+        self._connection, self._find_route = connection, find_route
+        table: Any = self
+        super().__init__(table, Codec(), _Details(), _DispatchServerEvents())
 
-        task.add_done_callback(end)
+    @property
+    def tasks(self) -> set[asyncio.Task[None]]:
+        """The calls that are under way."""
+        self.__gc_collect__()
+        return {*self._tasks.values(), *self._cancelled}
 
-    def cancel(self, stream: Stream) -> None:
-        """Cancel a call whose client has given it up."""
-        if stream in self._calls:
-            self._calls[stream].cancel()
+    def accept(self, stream: Stream, headers: Any, release_stream: Callable[[], Any]) -> None:  # noqa: ANN401 - a list of pairs
+        """Begin a call, without a timeout of more digits than any may have."""
+        kept = [one for one in headers if one[0] != "grpc-timeout" or len(one[1]) <= _TIMEOUT_BYTES]
+        super().accept(stream, kept, release_stream)
 
-    def close(self) -> None:
-        """Cancel every call."""
-        for task in self._calls.values():
-            task.cancel()
+    def get(self, path: str) -> Route | None:
+        """Return how to serve the call of a full name."""
+        return self._find_route(path, self._connection.caller)
 
-    # Calls
 
-    async def _call(self, stream: Stream, headers: Mapping[bytes, bytes]) -> None:
-        has_begun = False
+class _Bounded(HttpConnection):
+    """A connection whose calls take no message that is too large."""
 
-        async def send(answer: bytes) -> None:
-            nonlocal has_begun
-            if not has_begun:
-                has_begun = True
-                await stream.send_headers(list(_HEAD))
-            await stream.send_data(b"\0" + len(answer).to_bytes(4, "big") + answer)
+    message_bytes = 0
 
-        # Nobody is told of what they no longer listen to.
-        with contextlib.suppress(ProtocolError):
-            if not headers.get(b"content-type", b"").startswith(_CONTENT):
-                await stream.send_headers([(":status", "415")], end_stream=True)
-                return
-            path = headers.get(b":path", b"").decode(errors="replace")
-            requests = _messages(stream, self._message_bytes)
-            try:
-                async with asyncio.timeout(_timeout(headers)):
-                    status = await self._serve(path, self.caller, requests, send)
-            except TimeoutError:
-                status = status_pb2.Status(code=code_pb2.DEADLINE_EXCEEDED, message="too late")
-            trailers = _trailers(status)
-            await stream.send_headers(
-                trailers if has_begun else [*_HEAD, *trailers], end_stream=True
-            )
-            if stream.closable:
-                stream.reset_nowait()  # whatever else the client would send
+    def create_stream(self, **more: Any) -> Stream:  # noqa: ANN401 - of the library
+        stream = _BoundedStream(self, self._connection, self._transport, **more)
+        stream.most_bytes = self.message_bytes
+        return stream
+
+
+class _BoundedStream(Stream):
+    most_bytes = 0
+
+    async def recv_data(self, size: int) -> bytes:
+        """Return *size* bytes; none at the end.
+
+        Raises:
+            MessageSizeError: no message is so large.
+            RequestError: the end comes before.
+        """
+        if size > self.most_bytes:
+            problem = f"the message is too large: {size} bytes, at most {self.most_bytes}"
+            raise MessageSizeError("", problem)
+        try:
+            return await super().recv_data(size)
+        except AssertionError as error:  # so grpclib says it
+            raise RequestError("", "the message is cut short") from error
+
+
+class Codec(ProtoCodec):
+    """Messages, of which some are serialised already."""
+
+    def encode(self, message: Any, message_type: Any) -> bytes:  # noqa: ANN401, ARG002
+        """Return the bytes of a message."""
+        return message if isinstance(message, bytes) else super().encode(message, Message)
+
+
+class _Details(StatusDetailsCodecBase):
+    """The details of a status: all of it, with what google.rpc knows of errors."""
+
+    def encode(self, status: Any, message: str | None, details: status_pb2.Status) -> bytes:  # noqa: ANN401, ARG002
+        return bytes(details.SerializeToString())
+
+    def decode(self, status: Any, message: str | None, data: bytes) -> status_pb2.Status:  # noqa: ANN401, ARG002
+        return status_pb2.Status.FromString(data)
 
 
 class _Gathering:
@@ -262,51 +276,3 @@ class _Gathering:
         gathered, self._gathered = self._gathered, []
         if gathered:
             self._transport.write(b"".join(gathered))
-
-
-async def _messages(stream: Stream, most_bytes: int) -> AsyncIterator[bytes]:
-    """Yield the messages of a call as they come.
-
-    Raises:
-        MessageSizeError: one is larger than any may be.
-        RequestError: one is compressed, or cut short.
-    """
-    while head := await _read(stream, _PREFIX_BYTES):
-        size = int.from_bytes(head[1:], "big")
-        if head[0]:
-            raise RequestError("", "the message is compressed, which is not supported")
-        if size > most_bytes:
-            problem = f"the message is too large: {size} bytes, at most {most_bytes}"
-            raise MessageSizeError("", problem)
-        yield await _read(stream, size)
-
-
-async def _read(stream: Stream, size: int) -> bytes:
-    """Return *size* bytes; none at the end.
-
-    Raises:
-        RequestError: the end comes before.
-    """
-    try:
-        return await stream.recv_data(size)
-    except AssertionError as error:  # so grpclib says it
-        raise RequestError("", "the message is cut short") from error
-
-
-def _timeout(headers: Mapping[bytes, bytes]) -> float | None:
-    """Return how long a call may take, s."""
-    given = headers.get(b"grpc-timeout", b"")
-    if len(given) <= _TIMEOUT_BYTES:
-        with contextlib.suppress(ValueError):
-            return decode_timeout(given.decode(errors="replace"))
-    return None
-
-
-def _trailers(status: status_pb2.Status | None) -> list[tuple[str, str]]:
-    if status is None:
-        return [("grpc-status", "0")]
-    told = [
-        ("grpc-status", str(status.code)),
-        ("grpc-message", encode_grpc_message(status.message)),
-    ]
-    return [*told, (DETAILS_KEY, encode_bin_value(status.SerializeToString()).decode())]

@@ -20,7 +20,7 @@ from typing import Any
 
 from orientd.config import AccessSettings, TcpSettings
 from orientd.daemon.access.audit import AuditLog
-from orientd.daemon.access.connection import Connection, Serve
+from orientd.daemon.access.connection import Connection, FindRoute
 from orientd.daemon.access.identity import (
     Caller,
     ClientCertificate,
@@ -82,14 +82,18 @@ class Listener:
     """Let in whom the settings admit, and serve them."""
 
     def __init__(
-        self, access: AccessSettings, tcp: TcpSettings | None, serve: Serve, audit: AuditLog
+        self,
+        access: AccessSettings,
+        tcp: TcpSettings | None,
+        find_route: FindRoute,
+        audit: AuditLog,
     ) -> None:
         """Let nobody in yet.
 
         Args:
             access: roles and limits.
             tcp: the way in over TCP, if there is one.
-            serve: serves each call.
+            find_route: says how to serve each call.
             audit: records who is refused.
 
         Raises:
@@ -97,7 +101,7 @@ class Listener:
         """
         self._access, self._tcp = access, tcp
         self._tables = _Tables.read(access, tcp)
-        self._serve, self._audit = serve, audit
+        self._find_route, self._audit = find_route, audit
         self._path: Path | None = None
         self._listeners: list[socket.socket] = []
         self._tasks: set[asyncio.Task[None]] = set()
@@ -269,7 +273,7 @@ class Listener:
 
         connection = Connection(
             meet,
-            self._serve,
+            self._find_route,
             message_bytes=self._access.message_bytes,
             ended=lambda ended: self._connections.pop(ended, None),
         )

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from google.protobuf import message_factory
+from grpclib.const import Cardinality
 
 import orientd
 from orientd.daemon.access import Caller, Method
@@ -49,6 +50,8 @@ from orientd.stream import CYCLE_RECORD, record_index
 _log = logging.getLogger(__name__)
 
 CONTROL = pb.DESCRIPTOR.services_by_name["Control"]
+
+_CARDINALITIES = {(one.client_streaming, one.server_streaming): one for one in Cardinality}
 
 _LOOKS = 10
 """How often to look again for the reason of a fault that the device's thread has not heard yet."""
@@ -98,8 +101,7 @@ class Service:
                 one.name,
                 getattr(self, one.name),
                 message_factory.GetMessageClass(one.input_type),
-                takes_stream=one.client_streaming,
-                gives_stream=one.server_streaming,
+                _CARDINALITIES[one.client_streaming, one.server_streaming],
             )
             for one in CONTROL.methods
         }

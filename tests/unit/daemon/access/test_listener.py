@@ -9,6 +9,7 @@ import ssl
 
 import pytest
 from grpclib.client import Channel, UnaryStreamMethod, UnaryUnaryMethod
+from grpclib.const import Cardinality
 from grpclib.exceptions import GRPCError, StreamTerminatedError
 
 from orientd.config import AccessSettings, TcpSettings
@@ -41,7 +42,7 @@ class Daemon:
         self.ended = []
         methods = {
             PATH: Method("GetState", self.get, pb.GetStateRequest),
-            WATCH: Method("WatchState", self.watch, pb.WatchStateRequest, gives_stream=True),
+            WATCH: Method("WatchState", self.watch, pb.WatchStateRequest, Cardinality.UNARY_STREAM),
             STOP: Method("Stop", self.stop, pb.StopRequest),
         }
         self.authorization = Authorization(
@@ -51,7 +52,7 @@ class Daemon:
             count_call=lambda *_: None,
             most_calls=most_calls,
         )
-        self.listener = Listener(access, tcp, self.authorization.serve, self.audit)
+        self.listener = Listener(access, tcp, self.authorization.route, self.audit)
 
     async def get(self, request, caller):
         if request.device == "slow":
@@ -312,14 +313,6 @@ def test_a_client_that_never_reads_is_hung_up_on(tmp_path, monkeypatch, caplog):
 
     run(tmp_path, work)
     assert "Traceback" not in caplog.text
-
-
-@pytest.mark.parametrize(
-    ("given", "expected"),
-    [(b"5S", 5.0), (b"250m", 0.25), (b"", None), (b"soon", None), (b"9" * 400 + b"S", None)],
-)
-def test_a_timeout_is_read_as_grpc_says(given, expected):
-    assert connection._timeout({b"grpc-timeout": given}) == expected
 
 
 @pytest.mark.parametrize("said", [b"", b"\x16"])
