@@ -20,5 +20,5 @@ with orientd.connect() as robot:
         motion = robot.move(
             [Rotation.from_euler("z", yaw, degrees=True)], device=device, on_target=ON_TARGET
         )
-        if motion.wait().settled_after is not None:
+        if motion.wait().HasField("settled_after"):
             take_picture(f"at {yaw} degrees")

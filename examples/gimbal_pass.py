@@ -16,6 +16,6 @@ angles = np.column_stack([azimuth, -elevation, np.zeros_like(share)])
 with orientd.connect() as robot:
     plan = robot.plan(Rotation.from_euler("ZYX", angles, degrees=True), approach=True)
     for figure in plan.certificate.figures:
-        limit = "" if figure.limit is None else f" of {figure.limit:.4g}"
+        limit = f" of {figure.limit:.4g}" if figure.HasField("limit") else ""
         print(f"{figure.name}: {figure.value:.4g}{limit} {figure.unit}")
-    print(robot.move(plan).wait().outcome.value)
+    print(orientd.word(robot.move(plan).wait(), "outcome"))

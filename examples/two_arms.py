@@ -13,4 +13,5 @@ with orientd.connect() as robot:
     motions = [robot.move(TURN, device=name, start_time=start) for name in ("left", "right")]
     for motion in motions:
         summary = motion.wait()
-        print(f"{summary.outcome.value}, apart by less than 10 ms: {summary.start_skew < 0.01}")
+        is_together = summary.start_skew < 0.01
+        print(f"{orientd.word(summary, 'outcome')}, apart by less than 10 ms: {is_together}")

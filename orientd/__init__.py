@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from orientd.planner.saved import load_motion
     from orientd.rotation.convert import Quaternion
     from orientd.rpc.client import connect
-    from orientd.rpc.reports import OnTarget
+    from orientd.rpc.control_pb2 import OnTarget
+    from orientd.rpc.reports import samples, word
 
 __all__ = [
     "OnTarget",
@@ -23,6 +24,8 @@ __all__ = [
     "curves",
     "load_motion",
     "plan",
+    "samples",
+    "word",
 ]
 
 __version__ = "0.2.0"
@@ -31,10 +34,12 @@ __version__ = "0.2.0"
 _HOMES = {
     "connect": ("orientd.rpc.client", "connect"),
     "connect_fleet": ("orientd.fleet.client", "connect_fleet"),
-    "OnTarget": ("orientd.rpc.reports", "OnTarget"),
+    "OnTarget": ("orientd.rpc.control_pb2", "OnTarget"),
     "Quaternion": ("orientd.rotation.convert", "Quaternion"),
     "load_motion": ("orientd.planner.saved", "load_motion"),
     "plan": ("orientd.planner.offline", "plan_offline"),
+    "samples": ("orientd.rpc.reports", "samples"),
+    "word": ("orientd.rpc.reports", "word"),
 }
 
 

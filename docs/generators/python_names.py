@@ -16,7 +16,7 @@ from orientd.errors import OrientdError
 
 FRONTS = {
     "orientd": "What most programs need.",
-    "orientd.rpc": "What `orientd.connect` returns, and what its calls return.",
+    "orientd.rpc": "What `orientd.connect` returns; its calls return messages of the protocol.",
     "orientd.curves": "Every family of curves, behind one contract, and what they are made of.",
     "orientd.planner": "From a request to an immutable motion with its certificate.",
     "orientd.driver": "What a device must do for the servo, and how it is found.",
@@ -32,32 +32,23 @@ CHOSEN = {
         "Teaching",
         "MeasuredPose",
         "RequestFields",
-        "Plan",
-        "Progress",
-        "Summary",
-        "Statistics",
-        "Durations",
-        "Outcome",
-        "MoveTiming",
         "CellReport",
-        "DaemonReport",
-        "DeviceReport",
-        "LeaseReport",
-        "DeviceDescription",
-        "MethodDescription",
         "Samples",
-        "TrackReport",
         "Observer",
+        "quaternion",
+        "to_quaternion",
+        "vector",
+        "to_vector",
+        "plain",
     ],
     "orientd.mechanism": ["Gimbal", "Mechanical", "Mechanism", "Reserve"],
     "orientd.testing": ["DriverConformance"],
 }
 HOMES = {
-    "MeasuredPose": "orientd.teaching",
-    "Teaching": "orientd.teaching",
+    "MeasuredPose": "orientd.rpc.teaching",
+    "Teaching": "orientd.rpc.teaching",
     "Tracking": "orientd.rpc.tracking",
     "RequestFields": "orientd.rpc.motion_request",
-    "DeviceDescription": "orientd.rpc.descriptions",
 }
 """Modules of what the front of the client does not offer by itself and its calls return."""
 

@@ -46,13 +46,17 @@ def answer(content: object, *lines: str, as_json: bool) -> None:
         say(*lines)
 
 
-def plain(content: object) -> Any:  # noqa: ANN401 - whatever JSON can hold
+def plain(content: Any) -> Any:  # noqa: ANN401 - whatever JSON can hold
     """Return *content* as what JSON can hold; quaternions with their components by name."""
     if is_dataclass(content) and not isinstance(content, type):
         return {
             field.name: _named(field.name, getattr(content, field.name))
             for field in fields(content)
         }
+    if hasattr(content, "DESCRIPTOR"):  # a message, of a library that many commands do without
+        from orientd.rpc import plain as plain_message
+
+        return plain(plain_message(content))
     if isinstance(content, Enum):
         return content.name.lower()
     if isinstance(content, float):

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 
 from orientd.cli import texts
 from orientd.cli.output import is_terminal, say
-from orientd.rpc import STALE, Progress
-from orientd.stream import ServoState
+from orientd.rpc import STALE, to_quaternion, to_vector
+from orientd.rpc import control_pb2 as pb
 
 PLAIN_INTERVAL = 0.5
 """Seconds between two plain lines."""
@@ -19,7 +19,7 @@ BAR = 20
 """Characters of the bar."""
 
 
-Show = Callable[[Progress], None]
+Show = Callable[[pb.MoveProgress], None]
 """Shows one report."""
 
 
@@ -39,7 +39,7 @@ def _lines() -> Show:
     """Return what prints a line, if the last one was long enough ago."""
     due = 0.0
 
-    def show(progress: Progress) -> None:
+    def show(progress: pb.MoveProgress) -> None:
         nonlocal due
         now = time.monotonic()
         if now >= due:
@@ -67,7 +67,7 @@ def _live_line(title: str) -> Iterator[Show]:
         old = Text(f"{age:.0f} s old  " if age > STALE else "", "bold red")
         return Text.assemble(old, line, no_wrap=True, overflow="ellipsis")
 
-    def show(progress: Progress) -> None:
+    def show(progress: pb.MoveProgress) -> None:
         nonlocal line, heard
         heard = time.monotonic()
         times = f"{progress.path_time:.2f}/{progress.duration:.2f} s{_pace(progress)}"
@@ -79,17 +79,19 @@ def _live_line(title: str) -> Iterator[Show]:
         yield show
 
 
-def _figures(progress: Progress) -> str:
+def _figures(progress: pb.MoveProgress) -> str:
+    error = progress.tracking_error if progress.HasField("tracking_error") else None
+    speed = math.hypot(*to_vector(progress.omega_body))
     return (
-        f"{texts.orientation(progress.q)}  {math.hypot(*progress.omega_body):.3f} rad/s  "
+        f"{texts.orientation(to_quaternion(progress.q))}  {speed:.3f} rad/s  "
         f"late {texts.milliseconds(progress.lateness)}  "
-        f"tracking {texts.small_angle(progress.tracking_error)}"
+        f"tracking {texts.small_angle(error)}"
     )
 
 
-def _pace(progress: Progress) -> str:
+def _pace(progress: pb.MoveProgress) -> str:
     """Return at what speed the path is followed, where that is not as planned."""
     # Before the first cycle of the motion, and after the last, no path is followed at any speed.
-    is_as_planned = progress.speed == 1.0 or progress.state is ServoState.HOLDING
+    is_as_planned = progress.speed == 1.0 or progress.state == pb.STATE_HOLDING
     speed = "" if is_as_planned else f"  speed {progress.speed:.2f}"
     return f"{speed}{'  paused' if progress.is_paused else ''}"

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from orientd.cli.output import plain
-from orientd.planner import Certificate
 from orientd.rotation import Floats
 from orientd.rpc import Samples
+from orientd.rpc import control_pb2 as pb
 from orientd.whole_file import written
 
 ENDINGS = (".csv", ".npz", ".json")
@@ -26,7 +26,7 @@ COLUMNS = (
 )
 
 
-def write(path: Path, samples: Samples, certificate: Certificate) -> None:
+def write(path: Path, samples: Samples, certificate: pb.Certificate) -> None:
     """Write *samples* to *path*; npz and json hold the certificate too.
 
     Raises:

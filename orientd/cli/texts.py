@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from orientd.planner import ANGULAR, AXES, Rate
-from orientd.rpc import DeviceReport, Outcome, PartReport, Plan, Statistics, Summary, titled
-from orientd.stream import ServoState
-
-if TYPE_CHECKING:
-    from orientd.planner import Certificate, Peak
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc import titled, word
 
 
 def orientation(q: Sequence[float]) -> str:
@@ -52,31 +48,32 @@ def clock(seconds: float) -> str:
     return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
 
 
-def state(device: DeviceReport) -> str:
+def state(device: pb.DeviceReport) -> str:
     """Return what a device is doing."""
-    if device.state is ServoState.FAULT:
-        return f"fault {device.fault.name.lower()}: {device.fault_text}"
+    if device.state == pb.STATE_FAULT:
+        return f"fault {word(device, 'fault')}: {device.fault_text}"
     if device.is_stale:
-        last = device.state.name.lower()
+        last = word(device, "state")
         return f"unknown: no cycle for {device.cycle_age:.1f} s; {last} when last heard of"
     if device.is_paused:
         return "paused"
     if device.is_free:
         return "can be moved by hand"
-    return device.state.name.lower()
+    return word(device, "state")
 
 
-def health(part: PartReport) -> str:
+def health(part: pb.PartHealth) -> str:
     """Return how a part of a device is, and how long ago that was measured.
 
-    >>> health(PartReport("yaw", 0.42, voltage=12.1, temperature=41.0, current=-0.25))
+    >>> health(pb.PartHealth(name="yaw", age=0.42, voltage=12.1, temperature=41.0, current=-0.25))
     '12.1 V, 41 degrees C, -0.25 A, 0.4 s ago'
-    >>> health(PartReport("yaw", 9.0, is_stale=True, temperature=75.0, warning="hot"))
+    >>> health(pb.PartHealth(name="yaw", age=9.0, is_stale=True, temperature=75.0, warning="hot"))
     '75 degrees C, 9.0 s ago (stale); warning: hot'
     """
-    measured = ((part.voltage, ".1f", "V"), (part.temperature, ".0f", "degrees C"),
-                (part.current, ".2f", "A"))  # fmt: skip
-    told = [f"{value:{form}} {unit}" for value, form, unit in measured if value is not None]
+    forms = (("voltage", ".1f", "V"), ("temperature", ".0f", "degrees C"), ("current", ".2f", "A"))
+    told = [
+        f"{getattr(part, name):{form}} {unit}" for name, form, unit in forms if part.HasField(name)
+    ]
     stale = " (stale)" if part.is_stale else ""
     warning = f"; warning: {part.warning}" if part.warning else ""
     return f"{', '.join([*told, f'{part.age:.1f} s ago'])}{stale}{warning}"
@@ -93,17 +90,16 @@ def age(seconds: float | None) -> str:
     return f"{seconds * 1e3:.1f} ms ago" if seconds < 1.0 else f"{seconds:.1f} s ago"
 
 
-def peak(measured: Peak, unit: str) -> str:
+def peak(measured: pb.Peak | pb.Figure, unit: str) -> str:
     """Return a largest value against its limit.
 
-    >>> from orientd.planner import Peak
-    >>> peak(Peak(1.5, 0.25, 2.5), "rad/s")
+    >>> peak(pb.Peak(value=1.5, time=0.25, limit=2.5), "rad/s")
     '1.5 of 2.5 rad/s (60.0 %) at 0.250 s'
     """
     return f"{_against(measured.value, measured, unit)} at {measured.time:.3f} s"
 
 
-def _against(value: float, promised: Peak, unit: str) -> str:
+def _against(value: float, promised: pb.Peak | pb.Figure, unit: str) -> str:
     share = 100.0 * value / promised.limit
     return f"{value:.5g} of {promised.limit:.5g} {unit} ({share:.1f} %)"
 
@@ -129,10 +125,8 @@ def limit(rate: Rate) -> str:
 _OF_BODY_AXES = {f"angular {name} about {axis}" for name in ANGULAR for axis in AXES}
 
 
-def certificate(of: Certificate) -> list[str]:
+def certificate(of: pb.Certificate) -> list[str]:
     """Return what a motion promises, line by line."""
-    from orientd.planner import Peak
-
     lines = [
         f"duration             {of.duration:.3f} s at {of.rate_hz:g} Hz",
         f"lead-in, lead-out    {of.lead_in:.3f} s, {of.lead_out:.3f} s",
@@ -141,9 +135,9 @@ def certificate(of: Certificate) -> list[str]:
         f"jerk                 {peak(of.peak_jerk, 'rad/s^3')}",
     ]
     lines += [
-        f"{name.removeprefix('angular '):<21}{peak(Peak(value, time, limit), unit)}"
-        for name, value, unit, limit, time in of.figures
-        if name in _OF_BODY_AXES and limit is not None and time is not None
+        f"{figure.name.removeprefix('angular '):<21}{peak(figure, figure.unit)}"
+        for figure in of.figures
+        if figure.name in _OF_BODY_AXES and figure.HasField("limit") and figure.HasField("time")
     ]
     if of.peak_linear_velocity.value > 0.0:
         lines += [
@@ -164,7 +158,7 @@ def certificate(of: Certificate) -> list[str]:
     return lines
 
 
-def stop_time(of: Certificate) -> str:
+def stop_time(of: pb.Certificate) -> str:
     """Return how long a stop on the path usually takes, and at the most."""
     most = f"{of.stop_time:.3f} s at the most"
     usual = of.usual_stop_time
@@ -181,29 +175,28 @@ def speed_left(speed: float) -> list[str]:
     return [] if speed == 1.0 else [said]
 
 
-def summary(of: Summary, plan: Plan, *, speed: float = 1.0) -> list[str]:
+def summary(of: pb.MoveSummary, plan: pb.Plan, *, speed: float = 1.0) -> list[str]:
     """Return how a motion went that began at a *speed*, line by line."""
     lines = [f"motion {titled(of.motion_number, plan.name)}: {ending(of)}"]
     if speed != 1.0:
         lines.append(f"  speed                {speed:g} when it began, as it was set before")
-    if of.statistics is not None:
+    if of.HasField("statistics"):
         lines += [f"  {line}" for line in statistics(of.statistics, plan)]
-    if of.settled_after is not None:
+    if of.HasField("settled_after"):
         lines.append(f"  on target            {of.settled_after:.3f} s after the last setpoint")
-    if of.start_lateness is not None:
-        skew = "" if of.start_skew is None else f", {milliseconds(of.start_skew)} skew"
+    if of.HasField("start_lateness"):
+        skew = f", {milliseconds(of.start_skew)} skew" if of.HasField("start_skew") else ""
         lines.append(f"  begun                {milliseconds(of.start_lateness)} late{skew}")
     return lines
 
 
-def ending(of: Summary) -> str:
+def ending(of: pb.MoveSummary) -> str:
     """Return how a motion ended, in a few words."""
-    if of.outcome is Outcome.DONE:
-        return "done"
-    return f"{of.outcome.value}: {of.text}" if of.text else of.outcome.value
+    outcome = word(of, "outcome")
+    return f"{outcome}: {of.text}" if of.text and of.outcome != pb.OUTCOME_DONE else outcome
 
 
-def statistics(of: Statistics, plan: Plan) -> list[str]:
+def statistics(of: pb.MotionStatistics, plan: pb.Plan) -> list[str]:
     """Return what was measured of a motion, against what it promised."""
     late, limits = of.lateness, plan.certificate
     percentiles = " / ".join(f"{1e3 * part:.3f}" for part in (late.p50, late.p99, late.p99_9))
@@ -218,17 +211,17 @@ def statistics(of: Statistics, plan: Plan) -> list[str]:
         f"acceleration sent    {_against(of.acceleration, limits.peak_acceleration, 'rad/s^2')}",
         f"jerk sent            {_against(of.jerk, limits.peak_jerk, 'rad/s^3')}",
         f"error to the plan    {of.path_error:.1e} rad at the most",
-        f"end velocities       {_error(of.start_velocity_error)} at the start, "
-        f"{_error(of.end_velocity_error)} at the end",
+        f"end velocities       {_error(of, 'start_velocity_error')} at the start, "
+        f"{_error(of, 'end_velocity_error')} at the end",
         f"tracking error       {small_angle(of.tracking_error)} at the most",
     ]
 
 
-def _error(velocity: float | None) -> str:
-    return "not measured" if velocity is None else f"off by {velocity:.1e} rad/s"
+def _error(of: pb.MotionStatistics, name: str) -> str:
+    return f"off by {getattr(of, name):.1e} rad/s" if of.HasField(name) else "not measured"
 
 
-def motion(device: DeviceReport) -> str:
+def motion(device: pb.DeviceReport) -> str:
     """Return which motion a device runs, or ran last."""
     if device.motion_number == 0:
         return "none yet" if device.speed == 1.0 else f"none yet; speed {device.speed:g} is set"

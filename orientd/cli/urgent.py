@@ -19,7 +19,7 @@ from orientd.first_stop import Answers
 from orientd.rpc import ask_to_stop
 
 if TYPE_CHECKING:
-    from orientd.rpc import DeviceReport
+    from orientd.rpc import control_pb2 as pb
 
 _TIMEOUT = 2.0
 """How long the daemon may take to be reached afterwards, s."""
@@ -60,7 +60,7 @@ def run(asked: dict[str, str], answers: Answers | None) -> bool:
     return True
 
 
-def tell(reports: list[DeviceReport], *, as_json: bool) -> None:
+def tell(reports: list[pb.DeviceReport], *, as_json: bool) -> None:
     """Say what each device was doing when it was told to come to rest."""
     from orientd.cli import texts
     from orientd.cli.output import answer

@@ -7,7 +7,9 @@ own name.  All commands go to a daemon's control socket or TLS port, which knows
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import contextlib
+import ssl
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ from orientd import config
 from orientd.config import TLS, UNIX, FleetSettings, Settings
 from orientd.errors import ConfigError, DaemonError
 from orientd.fleet.keys import ROOT, UNIX_ADDRESS, key_of
-from orientd.rpc import check_folder, verified
+from orientd.rpc import check_folder
 
 LINK_LEASE_MS = 3000
 """A link without a sign of life for so long is given up."""
@@ -205,7 +207,7 @@ def common_name(certificate: Path, key: Path, ca: Path) -> str:
         DaemonError: a file cannot be read, the certificate does not count, or it has no such name.
     """
     try:
-        subject = verified(certificate, key, ca).get("subject", ())
+        subject = _verified(certificate, key, ca).get("subject", ())
     except OSError as error:  # ssl's errors are OSErrors
         reason = getattr(error, "verify_message", "") or error.strerror or str(error)
         raise DaemonError(f"cannot use the certificate {certificate}: {reason}") from error
@@ -213,3 +215,32 @@ def common_name(certificate: Path, key: Path, ca: Path) -> str:
     if not names:
         raise DaemonError(f"the certificate {certificate} has no common name")
     return str(names[0])
+
+
+def _verified(certificate: Path, key: Path, ca: Path) -> Mapping[str, Any]:
+    """Return a client's certificate as a daemon that trusts *ca* sees it; see ``getpeercert``.
+
+    A handshake in memory verifies it.  The daemon's own verdict is lost when it hangs up.
+
+    Args:
+        certificate: of the client, a file.
+        key: of that certificate, a file.
+        ca: what the daemon trusts, a file.
+
+    Raises:
+        ssl.SSLCertVerificationError: the daemon would refuse it.
+        OSError: a file cannot be read, or does not fit.
+    """
+    daemon, client = map(ssl.SSLContext, (ssl.PROTOCOL_TLS_SERVER, ssl.PROTOCOL_TLS_CLIENT))
+    daemon.verify_mode = ssl.CERT_REQUIRED
+    daemon.load_verify_locations(ca)
+    client.check_hostname, client.verify_mode = False, ssl.CERT_NONE
+    for context in (daemon, client):
+        context.load_cert_chain(certificate, key)
+    to_daemon, to_client = ssl.MemoryBIO(), ssl.MemoryBIO()
+    ours = client.wrap_bio(to_client, to_daemon)
+    theirs = daemon.wrap_bio(to_daemon, to_client, server_side=True)
+    for end in (ours, theirs, ours, theirs):
+        with contextlib.suppress(ssl.SSLWantReadError):
+            end.do_handshake()
+    return dict(theirs.getpeercert() or {})

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Self
 
 from orientd.fleet.keys import daemon_of
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc import device_from_message
 from orientd.viewer import Member
 
 if TYPE_CHECKING:
@@ -83,7 +82,7 @@ class Overview:
     def _member(self, name: str, heard: Heard, *, is_alive: bool) -> Member:
         now = time.monotonic_ns()
         offset = self._fleet.clock(name).at(now)
-        devices = [device_from_message(device) for device in heard.state.devices]
+        devices = heard.state.devices
         if offset is None:
             return Member(name, is_alive, (now - heard.heard_ns) * 1e-9, None, devices)
         age = (now + offset.ns - heard.taken_ns) * 1e-9

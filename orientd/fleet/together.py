@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING
 from orientd.errors import DaemonError, LateError, OrientdError
 from orientd.fleet.clocks import Offset
 from orientd.fleet.plan_file import START_IN, FleetMotion
-from orientd.rpc import MoveHandle, Robot, StartAt
+from orientd.rpc import GOOD_OUTCOMES, MoveHandle, Robot, StartAt
 
 if TYPE_CHECKING:
     from orientd.fleet.client import Fleet
-    from orientd.rpc import Plan, Summary
+    from orientd.rpc import control_pb2 as pb
 
 LEAST_MARGIN_NS = 50_000_000
 """Time before the start in which motions are only withdrawn, not armed any more."""
@@ -53,8 +53,8 @@ class Ended:
     """
 
     motion: FleetMotion
-    plan: Plan
-    summary: Summary | None
+    plan: pb.Plan
+    summary: pb.MoveSummary | None
     problem: str = ""
 
 
@@ -79,7 +79,7 @@ class Together:
         bad = [
             f"{one.motion}: {one.problem or (one.summary and one.summary.text) or 'stopped'}"
             for one in self.ended
-            if one.summary is None or not one.summary.outcome.is_as_asked
+            if one.summary is None or one.summary.outcome not in GOOD_OUTCOMES
         ]
         return "; ".join(bad)
 
@@ -157,7 +157,7 @@ def _take_leases(
     return robots
 
 
-def _plan(robot: Robot, one: FleetMotion) -> Plan:
+def _plan(robot: Robot, one: FleetMotion) -> pb.Plan:
     with _naming(str(one)):
         return robot.plan(one.request, device=one.device)
 
@@ -220,7 +220,7 @@ def _wait(
         try:
             summary = future.result()
             ended[number] = Ended(motion, plan, summary)
-            is_good = summary.outcome.is_as_asked
+            is_good = summary.outcome in GOOD_OUTCOMES
         except OrientdError as error:
             ended[number], is_good = Ended(motion, plan, None, str(error)), False
         if not is_good and not is_stopped:
@@ -237,10 +237,10 @@ def _skew(
     instants, bounds = [], {}
     for one in ended:
         daemon = one.motion.daemon
-        lateness = None if one.summary is None else one.summary.start_lateness
         offset = fleet.clock(daemon).at(start_ns)
-        if lateness is None or offset is None:
+        if one.summary is None or not one.summary.HasField("start_lateness") or offset is None:
             return None, None
+        lateness = one.summary.start_lateness
         bounds[daemon] = offset.bound_ns
         instants.append(starts[daemon].monotonic_ns - start_ns - offset.ns + lateness * 1e9)
     if len(instants) < 2:

@@ -141,7 +141,7 @@ def event_shown(event: pb.Event, offset_ns: int) -> Iterator[Shown]:
     if event.samples:
         poses = [
             Pose(orientation=_quaternion(_single([q.w, q.x, q.y, q.z])))
-            for q in (sample.orientation for sample in event.samples)
+            for q in (sample.q for sample in event.samples)
         ]
         path = PosesInFrame(timestamp=stamp_of(time_ns), frame_id=WORLD, poses=poses)
         yield f"/{event.device}/planned/path", time_ns, path

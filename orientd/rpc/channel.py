@@ -3,36 +3,60 @@
 from __future__ import annotations
 
 import os
-import socket
 from dataclasses import dataclass
 from pathlib import Path
 
 import grpc
 
+from orientd import first_stop
 from orientd.bounded_file import MEBIBYTE, read_bounded
-from orientd.errors import AccessError, DaemonError, OrientdError
-from orientd.first_stop import connected, runtime_directory
-from orientd.rpc.address import found_socket, target
-from orientd.rpc.stop_call import refusal
+from orientd.errors import DaemonError
 from orientd.rpc.trust import check_socket
-
-_SILENCE = 0.5
-"""How long a daemon that did not answer a call may say nothing, s."""
 
 # A motion of 200,000 keyframes with times and positions takes 13 MB.
 MAX_MESSAGE_BYTES = 64 * MEBIBYTE
+
+# struct sockaddr_un has 108 bytes for the path and its terminating zero.
+MAX_PATH_BYTES = 107
 
 _CLIENT_OPTIONS = (
     ("grpc.max_send_message_length", MAX_MESSAGE_BYTES),
     ("grpc.max_receive_message_length", MAX_MESSAGE_BYTES),
     ("grpc.keepalive_time_ms", 10_000),
     ("grpc.keepalive_timeout_ms", 5_000),
-    # A daemon that is back is heard at once: by new clients in a process whose old ones still try,
+    # A daemon that is back is found at once: by new clients in a process whose old ones still try,
     # and by those soon, where gRPC would wait for up to two minutes.
     ("grpc.use_local_subchannel_pool", 1),
     ("grpc.initial_reconnect_backoff_ms", 100),
     ("grpc.max_reconnect_backoff_ms", 500),
 )
+
+
+def found_socket() -> Path:
+    """Return where a daemon is to be found: the user's own, or else the one of the system."""
+    return Path(first_stop.found_socket())
+
+
+def default_socket() -> Path:
+    """Return where the daemon is unless the configuration says otherwise."""
+    return Path(first_stop.default_socket())
+
+
+def target(socket: Path) -> str:
+    """Return what gRPC calls the Unix domain socket at *socket*.
+
+    Raises:
+        DaemonError: the path is too long for a socket.
+    """
+    path = socket.absolute()
+    if not path.as_posix().isprintable():
+        raise DaemonError(f"the path of a socket must be text that is shown, got {str(path)!r}")
+    size = len(os.fsencode(path))
+    if size > MAX_PATH_BYTES:
+        raise DaemonError(
+            f"the path of a socket has at most {MAX_PATH_BYTES} bytes, {path} has {size}"
+        )
+    return f"unix:{path}"
 
 
 def certificate_files(
@@ -107,30 +131,10 @@ class Way:
             return cls(Path(socket).expanduser() if socket is not None else found_socket())
         found = certificate_files(address, certificate, key, ca)
         name = "".join(letter if letter.isalnum() else "_" for letter in address)
-        return cls(Path(runtime_directory(), f"{name}.tcp"), address, *found)
+        return cls(Path(first_stop.runtime_directory(), f"{name}.tcp"), address, *found)
 
     def __str__(self) -> str:
         return self.address or str(self.socket)
-
-    def why_not(self) -> OrientdError | None:
-        """Return why a call did not get through, as far as that can be found out."""
-        if not self.address:
-            try:
-                check_socket(self.socket)
-            except OrientdError as error:
-                return error
-            refused = refusal(self.socket)
-            if refused:
-                return AccessError(f"the daemon at {self.socket}: {refused}")
-            if _is_silent(self.socket):
-                return DaemonError(f"the daemon at {self.socket} does not answer")
-            return None
-        if self.certificate is None or self.key is None or self.ca is None:
-            return None
-        from orientd.rpc.tls_problem import tls_problem
-
-        problem = tls_problem(self.address, self.certificate, self.key, self.ca)
-        return DaemonError(problem) if problem else None
 
     def open(self) -> grpc.Channel:
         """Return a channel to the daemon, which connects when it is first used.
@@ -152,16 +156,3 @@ class Way:
                 raise DaemonError(f"cannot read {path}: {error.strerror}") from error
         credentials = grpc.ssl_channel_credentials(*contents)
         return grpc.secure_channel(self.address, credentials, options=_CLIENT_OPTIONS)
-
-
-def _is_silent(path: Path) -> bool:
-    """Whether somebody listens at *path* who says nothing, and is not about to be gone either."""
-    try:
-        with socket.socket(fileno=connected(str(path)).detach()) as connection:
-            connection.settimeout(_SILENCE)
-            connection.recv(1)
-    except TimeoutError:
-        return True
-    except OSError:
-        return False
-    return False

@@ -6,41 +6,61 @@ goes wrong is raised as the exception that the daemon raised.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import sys
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, Unpack
-
-import grpc
 
 from orientd.errors import OrientdError, RequestError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.channel import Way
-from orientd.rpc.commands import Commands
 from orientd.rpc.connection import Connection, StartAt
-from orientd.rpc.descriptions import DeviceDescription, MethodDescription
+from orientd.rpc.leases import Leases
 from orientd.rpc.observer import Observer
-from orientd.rpc.reports import CellReport, OnTarget, Plan
-from orientd.rpc.wire import (
-    configured_from_message,
-    cycle_from_message,
-    daemon_from_message,
-    device_from_message,
-    method_from_message,
-)
+from orientd.rpc.reports import CellReport
+from orientd.rpc.stop_call import ask_to_stop
 from orientd.stream import Cycle
 
 if TYPE_CHECKING:
-    from orientd.endless_turn import EndlessTurn
     from orientd.planner import MotionRequest
+    from orientd.rpc.endless_turn import EndlessTurn
     from orientd.rpc.motion_request import RequestFields
     from orientd.rpc.move_handle import MoveHandle
+    from orientd.rpc.teaching import Teaching
     from orientd.rpc.tracking import Tracking
-    from orientd.teaching import Teaching
+
+
+COMMAND_TIMEOUT = 65.0
+"""How long a command may take, s; the daemon gives up waiting for a device sooner."""
+
+_REPORT_TIMEOUT = 1.0
+"""How long the daemon may take to say how devices are that are stopped already, s."""
+
+_OVER_GRPC = {"stop": ("Stop", pb.StopRequest), "halt": ("Halt", pb.HaltRequest)}
+
+
+def _stopped_message(met: Mapping[str, Any]) -> pb.DeviceReport:
+    """Return what little is known of a device that was stopped while the daemon says nothing."""
+    return pb.DeviceReport(
+        name=met["name"],
+        state=f"STATE_{met['state']}",
+        motion_number=met["motion"],
+    )
+
+
+def after_stop(connection: Connection, device: str) -> list[pb.DeviceReport]:
+    """Return how a device is that was stopped, or all of them if *device* is empty.
+
+    Raises:
+        OrientdError: the daemon does not say so in time.
+    """
+    request = pb.GetStateRequest(device=device)
+    now = connection.call(connection.stub.GetState, request, timeout=_REPORT_TIMEOUT)
+    return list(now.devices)
 
 
 def connect(
@@ -97,7 +117,7 @@ def connect_by(way: Way, *, holder: str, beside: bool = False, timeout: float) -
     return robot
 
 
-class Robot(Commands):
+class Robot:
     """A connection to the daemon; a context manager that gives everything back at its end.
 
     A motion that still runs then is stopped on its path: it belongs to the lease.
@@ -114,8 +134,11 @@ class Robot(Commands):
             beside: whether to command beside other programs of the same user.
             timeout: how long an answer may take, s.
         """
-        super().__init__(Connection(way, timeout=timeout), holder=holder, beside=beside)
         self.socket = way.socket
+        self.holder = holder
+        self._connection = Connection(way, timeout=timeout)
+        self._stub = self._connection.stub
+        self._leases = Leases(self._connection, holder=holder, beside=beside)
         self._moves: list[MoveHandle] = []
 
     def __enter__(self) -> Self:
@@ -126,7 +149,7 @@ class Robot(Commands):
 
     def close(self) -> None:
         """Give the leases back, which stops what still runs under them, and hang up."""
-        self.release_lease()
+        self._leases.release()
         for move in self._moves:
             move.abandon()
         self._moves.clear()
@@ -137,12 +160,7 @@ class Robot(Commands):
     def state(self) -> CellReport:
         """Return the daemon and its devices as they are now."""
         answer = self._connection.ask(self._stub.GetState, pb.GetStateRequest())
-        reports = [device_from_message(device) for device in answer.devices]
-        self._names = tuple(report.name for report in reports)
-        return CellReport(
-            daemon=daemon_from_message(answer.daemon),
-            devices={report.name: report for report in reports},
-        )
+        return CellReport(answer.daemon, {device.name: device for device in answer.devices})
 
     def watch(
         self, device: str = "", *, rate_hz: float = 20.0, decimation: int = 1
@@ -152,35 +170,156 @@ class Robot(Commands):
         Args:
             device: its name.
             rate_hz: batches a second, 0.1 to 100.
-            decimation: one cycle in so many is reported.
+            decimation: one cycle in so many is yielded.
 
         Raises:
             UnknownNameError: there is no such device.
             DaemonError: the daemon is lost.
         """
-        request = pb.WatchStateRequest(device=device, rate_hz=rate_hz, decimation=decimation)
-        stream = self._connection.call(self._stub.WatchState, request)
-        try:
-            for batch in stream:
-                yield [cycle_from_message(cycle) for cycle in batch.cycles]
-        except grpc.RpcError as error:
-            raise self._connection.explain(error) from error
-        finally:
-            stream.cancel()
+        with contextlib.closing(self.observe()) as observer:
+            for cycles, _ in observer.sight(device, rate_hz=rate_hz, with_outline=False):
+                yield [cycle for cycle in cycles if cycle.index % decimation == 0]
 
     def observe(self) -> Observer:
         """Return what watches every cycle and event, for recorders and viewers."""
         return Observer(self._connection)
 
-    def methods(self) -> list[MethodDescription]:
+    def methods(self) -> list[pb.Method]:
         """Return the families of curves that motions can be made of."""
         answer = self._connection.ask(self._stub.ListMethods, pb.ListMethodsRequest())
-        return [method_from_message(method) for method in answer.methods]
+        return list(answer.methods)
 
-    def devices(self) -> list[DeviceDescription]:
+    def devices(self) -> list[pb.Device]:
         """Return the devices of the daemon's configuration."""
         answer = self._connection.ask(self._stub.ListDevices, pb.ListDevicesRequest())
-        return [configured_from_message(device) for device in answer.devices]
+        return list(answer.devices)
+
+    # Commands
+
+    @property
+    def local_socket(self) -> Path | None:
+        """The daemon's socket; ``None`` where it is asked by another way."""
+        way = self._connection.way
+        return None if way.address else way.socket
+
+    def stop(self, device: str = "") -> list[pb.DeviceReport]:
+        """Bring a device, or all of them, to rest on the path.  Needs no lease.
+
+        On the daemon's own machine this needs the daemon's answer neither, which is told of
+        afterwards: where it hangs, what is returned says little more than what was stopped.
+
+        Raises:
+            AccessError: this user is not admitted.
+            DaemonError: a servo does not answer, or nobody does.
+        """
+        return self._rest("stop", device)
+
+    def halt(self, device: str = "") -> list[pb.DeviceReport]:
+        """Bring a device, or all of them, to rest as quickly as the limits allow.
+
+        That may leave the path.  As for :meth:`stop`.
+        """
+        return self._rest("halt", device)
+
+    def _rest(self, kind: str, device: str) -> list[pb.DeviceReport]:
+        connection, local = self._connection, self.local_socket
+        met = None if local is None else ask_to_stop(local, kind, device)
+        if met is None:
+            method, request = _OVER_GRPC[kind]
+            answer = connection.ask(
+                getattr(self._stub, method), request(device=device, caller=self.holder)
+            )
+            return list(answer.devices)
+        try:
+            return after_stop(connection, device)
+        except OrientdError:
+            return [_stopped_message(one) for one in met]
+
+    def pause(self, device: str = "") -> pb.DeviceReport:
+        """Come to rest on the path, to be resumed."""
+        return self._command(self._stub.Pause, pb.PauseRequest, device)
+
+    def resume(self, device: str = "") -> pb.DeviceReport:
+        """Go on with a paused motion."""
+        return self._command(self._stub.Resume, pb.ResumeRequest, device)
+
+    def set_speed(self, speed: float, device: str = "") -> pb.DeviceReport:
+        """Run motions at *speed*, above 0 and at most 1 as planned, now and from now on."""
+        return self._command(self._stub.SetSpeed, pb.SetSpeedRequest, device, speed=speed)
+
+    def enable(self, device: str = "") -> pb.DeviceReport:
+        """Make a device follow; it does not move by this."""
+        return self._command(self._stub.Enable, pb.EnableRequest, device)
+
+    def disable(self, device: str = "", *, by_hand: bool = False) -> pb.DeviceReport:
+        """Leave a device at rest, no longer following.
+
+        Args:
+            device: its name.
+            by_hand: whether it may then be moved by hand, until it is enabled or disabled again or
+                the lease runs out: an arm in freedrive, a gimbal without torque.
+        """
+        return self._command(self._stub.Disable, pb.DisableRequest, device, by_hand=by_hand)
+
+    def reset(self, device: str = "") -> pb.DeviceReport:
+        """Clear a fault, which may take seconds; starts the servo anew if it has ended."""
+        return self._command(self._stub.Reset, pb.ResetRequest, device)
+
+    def _command(
+        self,
+        method: Callable[..., Any],
+        request: Callable[..., Any],
+        device: str,
+        **more: Any,  # noqa: ANN401
+    ) -> pb.DeviceReport:
+        message = request(lease_token=self._leases.needed(device), device=device, **more)
+        answer = self._connection.call(method, message, timeout=COMMAND_TIMEOUT)
+        report: pb.DeviceReport = answer.device
+        return report
+
+    # Leases
+
+    @property
+    def lease_token(self) -> str:
+        """The token of the only lease that is held; empty before the first command."""
+        return self._leases.token()
+
+    def holds_lease(self, device: str = "") -> bool:
+        """Return whether a lease of *device* is held."""
+        return self._leases.is_held(device)
+
+    def acquire_lease(self, *devices: str, beside: bool = False) -> None:
+        """Take the lease of *devices* now, rather than with the first command to each.
+
+        Args:
+            devices: all of them, or none; every device of the daemon if none are named.
+            beside: whether to command beside other programs of the same user, which keep their
+                leases.  A program that gives its lease back, or loses it, ends its own motions
+                alone.
+
+        Raises:
+            LeaseError: somebody else holds one of them.
+        """
+        names = devices or tuple(self.state().devices)
+        missing = [name for name in names if not self._leases.is_held(name)]
+        if missing:
+            self._leases.acquire(missing, beside=beside)
+
+    def release_lease(self) -> None:
+        """Give the leases back now, rather than at the end; motions under them are stopped."""
+        self._leases.release()
+
+    def seize_lease(self, reason: str, *devices: str) -> None:
+        """Take the lease whoever holds it; motions that run under it are stopped.
+
+        Args:
+            reason: why; it is recorded, and shown to whoever runs a motion.
+            devices: of which; every device of the daemon if none are named.
+
+        Raises:
+            AccessError: that is for administrators.
+        """
+        self._leases.seize(reason, devices)
 
     # Motions
 
@@ -192,7 +331,7 @@ class Robot(Commands):
         sample_rate_hz: float = 0.0,
         plan_timeout: float | None = None,
         **fields: Unpack[RequestFields],
-    ) -> Plan:
+    ) -> pb.Plan:
         """Plan a motion without running it.
 
         It begins where the device is commanded to be, or will be once its present motion has ended.
@@ -200,7 +339,7 @@ class Robot(Commands):
         Args:
             keyframes: see :func:`~orientd.rpc.motion_request.motion_request`.
             device: what is to move.
-            sample_rate_hz: how often to sample the motion for :attr:`Plan.samples`, up to the
+            sample_rate_hz: how often to sample the motion for :func:`orientd.samples`, up to the
                 device's own rate; 0 for not at all.
             plan_timeout: how long planning may take, s; by default, and at the most, as long as
                 the daemon's settings allow.
@@ -211,8 +350,8 @@ class Robot(Commands):
             StateError: the device is not at rest, ready to move.
             PlanError: it cannot be planned, or would break a limit.
         """
+        from orientd.rpc.motion import from_request
         from orientd.rpc.motion_request import motion_request, plan_seconds
-        from orientd.rpc.wire import from_request, plan_from_message, samples_from_messages
 
         request = pb.PlanRequest(
             device=device,
@@ -220,13 +359,12 @@ class Robot(Commands):
             sample_rate_hz=sample_rate_hz,
             plan_timeout=plan_seconds(plan_timeout),
         )
-        answer = self._connection.call(self._stub.Plan, request)
-        samples = samples_from_messages(answer.samples) if sample_rate_hz else None
-        return plan_from_message(answer.plan, samples=samples)
+        plan: pb.Plan = self._connection.call(self._stub.Plan, request).plan
+        return plan
 
     def planned(
         self, motion_id: str = "", *, device: str = "", sample_rate_hz: float = 0.0
-    ) -> Plan | None:
+    ) -> pb.Plan | None:
         """Return the plan of a motion, whoever commanded it; ``None`` before the first.
 
         Args:
@@ -237,27 +375,22 @@ class Robot(Commands):
         Raises:
             UnknownNameError: there is no such plan, or no longer.
         """
-        from orientd.rpc.wire import plan_from_message, samples_from_messages
-
         request = pb.GetPlanRequest(
             device=device, motion_id=motion_id, sample_rate_hz=sample_rate_hz
         )
         answer = self._connection.ask(self._stub.GetPlan, request)
-        if not answer.HasField("plan"):
-            return None
-        samples = samples_from_messages(answer.samples) if sample_rate_hz else None
-        return plan_from_message(answer.plan, samples=samples)
+        return answer.plan if answer.HasField("plan") else None
 
     def move(
         self,
-        keyframes: Iterable[object] | MotionRequest | Plan,
+        keyframes: Iterable[object] | MotionRequest | pb.Plan,
         *,
         device: str = "",
         progress_rate_hz: float = 20.0,
         queue: bool = False,
         blend_tolerance: float = 0.0,
         start_time: float | StartAt | None = None,
-        on_target: OnTarget | None = None,
+        on_target: pb.OnTarget | None = None,
         plan_timeout: float | None = None,
         **fields: Unpack[RequestFields],
     ) -> MoveHandle:
@@ -286,16 +419,16 @@ class Robot(Commands):
             StateError: the device is not at rest, ready to move.
             PlanError: it cannot be planned, or would break a limit.
         """
+        from orientd.rpc.motion import from_request
         from orientd.rpc.motion_request import motion_request, plan_seconds
         from orientd.rpc.move_handle import MoveHandle
-        from orientd.rpc.wire import from_request
 
         request = pb.MoveRequest(
             device=device,
             progress_rate_hz=progress_rate_hz,
             plan_timeout=plan_seconds(plan_timeout),
         )
-        if isinstance(keyframes, Plan):
+        if isinstance(keyframes, pb.Plan):
             request.motion_id = keyframes.motion_id
         else:
             request.motion.CopyFrom(from_request(motion_request(keyframes, **fields)))
@@ -308,15 +441,14 @@ class Robot(Commands):
                 raise RequestError("start_time", f"expected seconds, got {start_time!r}")
             request.start_time.FromNanoseconds(round(start_time * 1e9))
         if on_target is not None:
-            request.on_target.CopyFrom(pb.OnTarget(**asdict(on_target)))
+            request.on_target.CopyFrom(on_target)
 
-        def begin(token: str, number: int) -> Any:  # noqa: ANN401 - gRPC's
-            request.lease_token, request.lease_sequence = token, number
-            return self._connection.call(self._stub.Move, request)
-
-        self._moves = [move for move in self._moves if not move.is_done]
+        request.lease_token = self._leases.token(device)
+        if not request.lease_token:
+            # The call takes the lease by itself.
+            request.holder, request.beside = self.holder, self._leases.beside
         handle = MoveHandle(
-            self._command_of(device, begin),
+            self._connection.call(self._stub.Move, request),
             explain=self._connection.explain,
             armed_by=armed_by,
             stop=lambda number: self._connection.ask(
@@ -324,6 +456,9 @@ class Robot(Commands):
                 pb.StopRequest(device=device, caller=self.holder, motion_number=number),
             ),
         )
+        if handle.lease is not None:
+            self._leases.keep(handle.lease)
+        self._moves = [move for move in self._moves if not move.is_done]
         self._moves.append(handle)
         return handle
 
@@ -338,7 +473,7 @@ class Robot(Commands):
 
     def turn_endlessly(self, rate: Sequence[float], **fields: Any) -> EndlessTurn:  # noqa: ANN401
         """Turn at *rate*, rad/s, until stopped or this client ends; raises as :meth:`move`."""
-        from orientd.endless_turn import EndlessTurn
+        from orientd.rpc.endless_turn import EndlessTurn
 
         return EndlessTurn(self, rate, **fields)
 
@@ -357,7 +492,7 @@ class Robot(Commands):
             StateError: the device moves, or is in a fault.
             OrientdError: it cannot be moved by hand.
         """
-        from orientd.teaching import Teaching
+        from orientd.rpc.teaching import Teaching
 
         return Teaching(self, device, by_hand=by_hand)
 
@@ -379,15 +514,12 @@ class Robot(Commands):
             LeaseError: somebody else holds the lease.
             StateError: the device cannot follow targets.
         """
+        from orientd.rpc.limits import limits_message
         from orientd.rpc.tracking import Tracking
-        from orientd.rpc.wire import limits_message
 
         start = pb.TrackStart(device=device, report_rate_hz=report_rate_hz)
         if limits is not None:
             start.limits.CopyFrom(limits_message(limits))
 
-        def begin(token: str, number: int) -> None:
-            start.lease_token, start.lease_sequence = token, number
-
-        self._command_of(device, begin)
+        start.lease_token = self._leases.needed(device)
         return Tracking(self._connection, start)

@@ -11,10 +11,11 @@ import grpc
 from google.protobuf.message import DecodeError
 from google.rpc import status_pb2
 
-from orientd.errors import DaemonError, MessageSizeError, OrientdError
+from orientd.errors import AccessError, DaemonError, MessageSizeError, OrientdError
 from orientd.rpc.channel import Way
 from orientd.rpc.control_pb2_grpc import ControlStub
-from orientd.rpc.wire import DETAILS_KEY, from_status
+from orientd.rpc.status import DETAILS_KEY, from_status
+from orientd.rpc.stop_call import refusal
 
 Answer = TypeVar("Answer")
 
@@ -74,22 +75,6 @@ class Connection:
         """
         return self.call(method, request, timeout=self._timeout)
 
-    def begin(self, method: Any, request: object) -> Callable[[], Any]:  # noqa: ANN401 - gRPC's
-        """Send a call now, and return what waits for its answer as :meth:`ask` does.
-
-        Raises:
-            DaemonError: the connection is closed.
-        """
-        answer = self.call(method.future, request, timeout=self._timeout)
-
-        def wait() -> Any:  # noqa: ANN401
-            try:
-                return answer.result()
-            except grpc.RpcError as error:
-                raise self.explain(error) from error
-
-        return wait
-
     def call(
         self,
         method: Callable[..., Answer],
@@ -121,8 +106,11 @@ class Connection:
     def explain(self, error: grpc.RpcError) -> OrientdError:
         """Return the exception for a call that failed."""
         found = from_call(error, where=str(self.way))
-        is_unheard = isinstance(found, UnreachableError)
-        return (self.way.why_not() if is_unheard else None) or found
+        if isinstance(found, UnreachableError) and not self.way.address:
+            refused = refusal(self.way.socket)
+            if refused:
+                return AccessError(f"the daemon at {self.way}: {refused}")
+        return found
 
 
 def from_call(error: grpc.RpcError, *, where: str) -> OrientdError:
@@ -142,7 +130,7 @@ def from_call(error: grpc.RpcError, *, where: str) -> OrientdError:
     code, text = error.code(), " ".join((error.details() or "").split())
     if code is grpc.StatusCode.UNAVAILABLE:
         if "/" not in where:
-            return UnreachableError(f"no daemon answers at {where}, or not to this certificate")
+            return UnreachableError(_tls_problem(where, text))
         return UnreachableError(f"no daemon answers at {where}; start one with `orientd run`")
     if code is grpc.StatusCode.DEADLINE_EXCEEDED:
         return DaemonError(f"the daemon at {where} did not answer in time")
@@ -153,3 +141,20 @@ def from_call(error: grpc.RpcError, *, where: str) -> OrientdError:
     if code is grpc.StatusCode.UNIMPLEMENTED:
         return DaemonError(f"the daemon at {where} is of another version: {text}")
     return OrientdError(f"the daemon at {where} failed: {text}")
+
+
+def _tls_problem(where: str, text: str) -> str:
+    """Return why no call gets through to *where*, from what gRPC says of it."""
+    reason = text.rpartition("last error: ")[2]
+    _, is_refused, verdict = reason.partition("CERTIFICATE_VERIFY_FAILED: ")
+    if is_refused:
+        return (
+            f"the certificate of the daemon at {where} is refused: {verdict.removesuffix(': OK')}"
+        )
+    if "Socket closed" in reason:
+        return (
+            f"the daemon at {where} does not admit this certificate: another authority signed it, "
+            "or it has expired, is revoked, is not one for clients or has no role; "
+            "its log says which"
+        )
+    return f"no daemon listens at {where}: {reason}"

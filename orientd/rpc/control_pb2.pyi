@@ -351,16 +351,16 @@ class Figure(_message.Message):
     def __init__(self, name: _Optional[str] = ..., value: _Optional[float] = ..., unit: _Optional[str] = ..., limit: _Optional[float] = ..., time: _Optional[float] = ...) -> None: ...
 
 class Certificate(_message.Message):
-    __slots__ = ("rate_hz", "duration", "lead_in", "lead_out", "velocity", "acceleration", "jerk", "linear_velocity", "linear_acceleration", "start_velocity_error", "end_velocity_error", "keyframe_error", "brake_rate", "stop_time", "figures", "notes", "usual_stop_time", "has_control_points")
+    __slots__ = ("rate_hz", "duration", "lead_in", "lead_out", "peak_velocity", "peak_acceleration", "peak_jerk", "peak_linear_velocity", "peak_linear_acceleration", "start_velocity_error", "end_velocity_error", "keyframe_error", "brake_rate", "stop_time", "figures", "notes", "usual_stop_time", "has_control_points")
     RATE_HZ_FIELD_NUMBER: _ClassVar[int]
     DURATION_FIELD_NUMBER: _ClassVar[int]
     LEAD_IN_FIELD_NUMBER: _ClassVar[int]
     LEAD_OUT_FIELD_NUMBER: _ClassVar[int]
-    VELOCITY_FIELD_NUMBER: _ClassVar[int]
-    ACCELERATION_FIELD_NUMBER: _ClassVar[int]
-    JERK_FIELD_NUMBER: _ClassVar[int]
-    LINEAR_VELOCITY_FIELD_NUMBER: _ClassVar[int]
-    LINEAR_ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    PEAK_VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    PEAK_ACCELERATION_FIELD_NUMBER: _ClassVar[int]
+    PEAK_JERK_FIELD_NUMBER: _ClassVar[int]
+    PEAK_LINEAR_VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    PEAK_LINEAR_ACCELERATION_FIELD_NUMBER: _ClassVar[int]
     START_VELOCITY_ERROR_FIELD_NUMBER: _ClassVar[int]
     END_VELOCITY_ERROR_FIELD_NUMBER: _ClassVar[int]
     KEYFRAME_ERROR_FIELD_NUMBER: _ClassVar[int]
@@ -374,11 +374,11 @@ class Certificate(_message.Message):
     duration: float
     lead_in: float
     lead_out: float
-    velocity: Peak
-    acceleration: Peak
-    jerk: Peak
-    linear_velocity: Peak
-    linear_acceleration: Peak
+    peak_velocity: Peak
+    peak_acceleration: Peak
+    peak_jerk: Peak
+    peak_linear_velocity: Peak
+    peak_linear_acceleration: Peak
     start_velocity_error: float
     end_velocity_error: float
     keyframe_error: float
@@ -388,10 +388,10 @@ class Certificate(_message.Message):
     notes: _containers.RepeatedScalarFieldContainer[str]
     usual_stop_time: float
     has_control_points: bool
-    def __init__(self, rate_hz: _Optional[float] = ..., duration: _Optional[float] = ..., lead_in: _Optional[float] = ..., lead_out: _Optional[float] = ..., velocity: _Optional[_Union[Peak, _Mapping]] = ..., acceleration: _Optional[_Union[Peak, _Mapping]] = ..., jerk: _Optional[_Union[Peak, _Mapping]] = ..., linear_velocity: _Optional[_Union[Peak, _Mapping]] = ..., linear_acceleration: _Optional[_Union[Peak, _Mapping]] = ..., start_velocity_error: _Optional[float] = ..., end_velocity_error: _Optional[float] = ..., keyframe_error: _Optional[float] = ..., brake_rate: _Optional[float] = ..., stop_time: _Optional[float] = ..., figures: _Optional[_Iterable[_Union[Figure, _Mapping]]] = ..., notes: _Optional[_Iterable[str]] = ..., usual_stop_time: _Optional[float] = ..., has_control_points: bool = ...) -> None: ...
+    def __init__(self, rate_hz: _Optional[float] = ..., duration: _Optional[float] = ..., lead_in: _Optional[float] = ..., lead_out: _Optional[float] = ..., peak_velocity: _Optional[_Union[Peak, _Mapping]] = ..., peak_acceleration: _Optional[_Union[Peak, _Mapping]] = ..., peak_jerk: _Optional[_Union[Peak, _Mapping]] = ..., peak_linear_velocity: _Optional[_Union[Peak, _Mapping]] = ..., peak_linear_acceleration: _Optional[_Union[Peak, _Mapping]] = ..., start_velocity_error: _Optional[float] = ..., end_velocity_error: _Optional[float] = ..., keyframe_error: _Optional[float] = ..., brake_rate: _Optional[float] = ..., stop_time: _Optional[float] = ..., figures: _Optional[_Iterable[_Union[Figure, _Mapping]]] = ..., notes: _Optional[_Iterable[str]] = ..., usual_stop_time: _Optional[float] = ..., has_control_points: bool = ...) -> None: ...
 
 class Plan(_message.Message):
-    __slots__ = ("motion_id", "duration", "start_time", "end_time", "keyframe_times", "certificate", "name", "planning")
+    __slots__ = ("motion_id", "duration", "start_time", "end_time", "keyframe_times", "certificate", "name", "planning", "samples")
     MOTION_ID_FIELD_NUMBER: _ClassVar[int]
     DURATION_FIELD_NUMBER: _ClassVar[int]
     START_TIME_FIELD_NUMBER: _ClassVar[int]
@@ -400,6 +400,7 @@ class Plan(_message.Message):
     CERTIFICATE_FIELD_NUMBER: _ClassVar[int]
     NAME_FIELD_NUMBER: _ClassVar[int]
     PLANNING_FIELD_NUMBER: _ClassVar[int]
+    SAMPLES_FIELD_NUMBER: _ClassVar[int]
     motion_id: str
     duration: float
     start_time: float
@@ -408,26 +409,27 @@ class Plan(_message.Message):
     certificate: Certificate
     name: str
     planning: float
-    def __init__(self, motion_id: _Optional[str] = ..., duration: _Optional[float] = ..., start_time: _Optional[float] = ..., end_time: _Optional[float] = ..., keyframe_times: _Optional[_Iterable[float]] = ..., certificate: _Optional[_Union[Certificate, _Mapping]] = ..., name: _Optional[str] = ..., planning: _Optional[float] = ...) -> None: ...
+    samples: _containers.RepeatedCompositeFieldContainer[MotionSample]
+    def __init__(self, motion_id: _Optional[str] = ..., duration: _Optional[float] = ..., start_time: _Optional[float] = ..., end_time: _Optional[float] = ..., keyframe_times: _Optional[_Iterable[float]] = ..., certificate: _Optional[_Union[Certificate, _Mapping]] = ..., name: _Optional[str] = ..., planning: _Optional[float] = ..., samples: _Optional[_Iterable[_Union[MotionSample, _Mapping]]] = ...) -> None: ...
 
 class MotionSample(_message.Message):
-    __slots__ = ("path_time", "orientation", "omega_body", "alpha_body", "position", "velocity")
+    __slots__ = ("path_time", "q", "omega_body", "alpha_body", "position", "velocity")
     PATH_TIME_FIELD_NUMBER: _ClassVar[int]
-    ORIENTATION_FIELD_NUMBER: _ClassVar[int]
+    Q_FIELD_NUMBER: _ClassVar[int]
     OMEGA_BODY_FIELD_NUMBER: _ClassVar[int]
     ALPHA_BODY_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_FIELD_NUMBER: _ClassVar[int]
     path_time: float
-    orientation: Quaternion
+    q: Quaternion
     omega_body: Vector3
     alpha_body: Vector3
     position: Vector3
     velocity: Vector3
-    def __init__(self, path_time: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., alpha_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., velocity: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
+    def __init__(self, path_time: _Optional[float] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., alpha_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., velocity: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class Cycle(_message.Message):
-    __slots__ = ("index", "deadline_ns", "lateness_ns", "work_ns", "feedback_age_ns", "state", "fault", "motion_number", "is_written", "overruns", "missed", "path_index", "path_fraction", "speed", "orientation", "omega_body", "alpha_body", "position", "feedback_orientation", "feedback_omega_body", "feedback_position", "tracking_error")
+    __slots__ = ("index", "deadline_ns", "lateness_ns", "work_ns", "feedback_age_ns", "state", "fault", "motion_number", "is_written", "overruns", "missed", "path_index", "path_fraction", "speed", "q", "omega_body", "alpha_body", "position", "feedback_q", "feedback_omega_body", "feedback_position", "tracking_error")
     INDEX_FIELD_NUMBER: _ClassVar[int]
     DEADLINE_NS_FIELD_NUMBER: _ClassVar[int]
     LATENESS_NS_FIELD_NUMBER: _ClassVar[int]
@@ -442,11 +444,11 @@ class Cycle(_message.Message):
     PATH_INDEX_FIELD_NUMBER: _ClassVar[int]
     PATH_FRACTION_FIELD_NUMBER: _ClassVar[int]
     SPEED_FIELD_NUMBER: _ClassVar[int]
-    ORIENTATION_FIELD_NUMBER: _ClassVar[int]
+    Q_FIELD_NUMBER: _ClassVar[int]
     OMEGA_BODY_FIELD_NUMBER: _ClassVar[int]
     ALPHA_BODY_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
-    FEEDBACK_ORIENTATION_FIELD_NUMBER: _ClassVar[int]
+    FEEDBACK_Q_FIELD_NUMBER: _ClassVar[int]
     FEEDBACK_OMEGA_BODY_FIELD_NUMBER: _ClassVar[int]
     FEEDBACK_POSITION_FIELD_NUMBER: _ClassVar[int]
     TRACKING_ERROR_FIELD_NUMBER: _ClassVar[int]
@@ -464,15 +466,15 @@ class Cycle(_message.Message):
     path_index: int
     path_fraction: float
     speed: float
-    orientation: Quaternion
+    q: Quaternion
     omega_body: Vector3
     alpha_body: Vector3
     position: Vector3
-    feedback_orientation: Quaternion
+    feedback_q: Quaternion
     feedback_omega_body: Vector3
     feedback_position: Vector3
     tracking_error: float
-    def __init__(self, index: _Optional[int] = ..., deadline_ns: _Optional[int] = ..., lateness_ns: _Optional[int] = ..., work_ns: _Optional[int] = ..., feedback_age_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., motion_number: _Optional[int] = ..., is_written: bool = ..., overruns: _Optional[int] = ..., missed: _Optional[int] = ..., path_index: _Optional[int] = ..., path_fraction: _Optional[float] = ..., speed: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., alpha_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., feedback_omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_position: _Optional[_Union[Vector3, _Mapping]] = ..., tracking_error: _Optional[float] = ...) -> None: ...
+    def __init__(self, index: _Optional[int] = ..., deadline_ns: _Optional[int] = ..., lateness_ns: _Optional[int] = ..., work_ns: _Optional[int] = ..., feedback_age_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., motion_number: _Optional[int] = ..., is_written: bool = ..., overruns: _Optional[int] = ..., missed: _Optional[int] = ..., path_index: _Optional[int] = ..., path_fraction: _Optional[float] = ..., speed: _Optional[float] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., alpha_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_q: _Optional[_Union[Quaternion, _Mapping]] = ..., feedback_omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_position: _Optional[_Union[Vector3, _Mapping]] = ..., tracking_error: _Optional[float] = ...) -> None: ...
 
 class Device(_message.Message):
     __slots__ = ("name", "driver", "rate_hz", "limits", "lead", "phase")
@@ -491,8 +493,13 @@ class Device(_message.Message):
     def __init__(self, name: _Optional[str] = ..., driver: _Optional[str] = ..., rate_hz: _Optional[float] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., lead: _Optional[float] = ..., phase: _Optional[float] = ...) -> None: ...
 
 class DeviceReport(_message.Message):
-    __slots__ = ("device", "state", "fault", "fault_text", "is_paused", "speed", "motion_number", "motion_id", "path_time", "duration", "servo_pid", "scheduling", "is_memory_locked", "cycle", "motion_name", "is_free", "health", "cycle_age")
-    DEVICE_FIELD_NUMBER: _ClassVar[int]
+    __slots__ = ("name", "driver", "rate_hz", "limits", "lead", "phase", "state", "fault", "fault_text", "is_paused", "speed", "motion_number", "motion_id", "path_time", "duration", "servo_pid", "scheduling", "is_memory_locked", "cycle", "motion_name", "is_free", "health", "cycle_age", "feedback_age", "is_stale")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    DRIVER_FIELD_NUMBER: _ClassVar[int]
+    RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    LIMITS_FIELD_NUMBER: _ClassVar[int]
+    LEAD_FIELD_NUMBER: _ClassVar[int]
+    PHASE_FIELD_NUMBER: _ClassVar[int]
     STATE_FIELD_NUMBER: _ClassVar[int]
     FAULT_FIELD_NUMBER: _ClassVar[int]
     FAULT_TEXT_FIELD_NUMBER: _ClassVar[int]
@@ -510,7 +517,14 @@ class DeviceReport(_message.Message):
     IS_FREE_FIELD_NUMBER: _ClassVar[int]
     HEALTH_FIELD_NUMBER: _ClassVar[int]
     CYCLE_AGE_FIELD_NUMBER: _ClassVar[int]
-    device: Device
+    FEEDBACK_AGE_FIELD_NUMBER: _ClassVar[int]
+    IS_STALE_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    driver: str
+    rate_hz: float
+    limits: Limits
+    lead: float
+    phase: float
     state: State
     fault: Fault
     fault_text: str
@@ -528,7 +542,9 @@ class DeviceReport(_message.Message):
     is_free: bool
     health: _containers.RepeatedCompositeFieldContainer[PartHealth]
     cycle_age: float
-    def __init__(self, device: _Optional[_Union[Device, _Mapping]] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ..., is_free: bool = ..., health: _Optional[_Iterable[_Union[PartHealth, _Mapping]]] = ..., cycle_age: _Optional[float] = ...) -> None: ...
+    feedback_age: float
+    is_stale: bool
+    def __init__(self, name: _Optional[str] = ..., driver: _Optional[str] = ..., rate_hz: _Optional[float] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., lead: _Optional[float] = ..., phase: _Optional[float] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ..., is_free: bool = ..., health: _Optional[_Iterable[_Union[PartHealth, _Mapping]]] = ..., cycle_age: _Optional[float] = ..., feedback_age: _Optional[float] = ..., is_stale: bool = ...) -> None: ...
 
 class PartHealth(_message.Message):
     __slots__ = ("name", "age", "is_stale", "voltage", "temperature", "current", "warning")
@@ -561,22 +577,20 @@ class LeaseReport(_message.Message):
     def __init__(self, holder: _Optional[str] = ..., remaining: _Optional[float] = ..., identity: _Optional[str] = ..., devices: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class DaemonReport(_message.Message):
-    __slots__ = ("version", "pid", "uptime", "socket", "configuration", "lease", "leases")
+    __slots__ = ("version", "pid", "uptime", "socket", "configuration", "leases")
     VERSION_FIELD_NUMBER: _ClassVar[int]
     PID_FIELD_NUMBER: _ClassVar[int]
     UPTIME_FIELD_NUMBER: _ClassVar[int]
     SOCKET_FIELD_NUMBER: _ClassVar[int]
     CONFIGURATION_FIELD_NUMBER: _ClassVar[int]
-    LEASE_FIELD_NUMBER: _ClassVar[int]
     LEASES_FIELD_NUMBER: _ClassVar[int]
     version: str
     pid: int
     uptime: float
     socket: str
     configuration: str
-    lease: LeaseReport
     leases: _containers.RepeatedCompositeFieldContainer[LeaseReport]
-    def __init__(self, version: _Optional[str] = ..., pid: _Optional[int] = ..., uptime: _Optional[float] = ..., socket: _Optional[str] = ..., configuration: _Optional[str] = ..., lease: _Optional[_Union[LeaseReport, _Mapping]] = ..., leases: _Optional[_Iterable[_Union[LeaseReport, _Mapping]]] = ...) -> None: ...
+    def __init__(self, version: _Optional[str] = ..., pid: _Optional[int] = ..., uptime: _Optional[float] = ..., socket: _Optional[str] = ..., configuration: _Optional[str] = ..., leases: _Optional[_Iterable[_Union[LeaseReport, _Mapping]]] = ...) -> None: ...
 
 class GetStateRequest(_message.Message):
     __slots__ = ("device",)
@@ -725,12 +739,10 @@ class PlanRequest(_message.Message):
     def __init__(self, device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., sample_rate_hz: _Optional[float] = ..., plan_timeout: _Optional[float] = ...) -> None: ...
 
 class PlanResponse(_message.Message):
-    __slots__ = ("plan", "samples")
+    __slots__ = ("plan",)
     PLAN_FIELD_NUMBER: _ClassVar[int]
-    SAMPLES_FIELD_NUMBER: _ClassVar[int]
     plan: Plan
-    samples: _containers.RepeatedCompositeFieldContainer[MotionSample]
-    def __init__(self, plan: _Optional[_Union[Plan, _Mapping]] = ..., samples: _Optional[_Iterable[_Union[MotionSample, _Mapping]]] = ...) -> None: ...
+    def __init__(self, plan: _Optional[_Union[Plan, _Mapping]] = ...) -> None: ...
 
 class GetPlanRequest(_message.Message):
     __slots__ = ("device", "motion_id", "sample_rate_hz")
@@ -743,12 +755,10 @@ class GetPlanRequest(_message.Message):
     def __init__(self, device: _Optional[str] = ..., motion_id: _Optional[str] = ..., sample_rate_hz: _Optional[float] = ...) -> None: ...
 
 class GetPlanResponse(_message.Message):
-    __slots__ = ("plan", "samples")
+    __slots__ = ("plan",)
     PLAN_FIELD_NUMBER: _ClassVar[int]
-    SAMPLES_FIELD_NUMBER: _ClassVar[int]
     plan: Plan
-    samples: _containers.RepeatedCompositeFieldContainer[MotionSample]
-    def __init__(self, plan: _Optional[_Union[Plan, _Mapping]] = ..., samples: _Optional[_Iterable[_Union[MotionSample, _Mapping]]] = ...) -> None: ...
+    def __init__(self, plan: _Optional[_Union[Plan, _Mapping]] = ...) -> None: ...
 
 class MoveRequest(_message.Message):
     __slots__ = ("lease_token", "device", "motion", "motion_id", "progress_rate_hz", "queue", "blend_tolerance", "start_time", "on_target", "plan_timeout", "lease_sequence", "start_ns", "holder", "beside")
@@ -823,13 +833,13 @@ class MoveStarted(_message.Message):
     def __init__(self, motion_number: _Optional[int] = ..., plan: _Optional[_Union[Plan, _Mapping]] = ..., timing: _Optional[_Union[MoveTiming, _Mapping]] = ..., speed: _Optional[float] = ..., lease: _Optional[_Union[Lease, _Mapping]] = ...) -> None: ...
 
 class MoveProgress(_message.Message):
-    __slots__ = ("path_time", "duration", "state", "is_paused", "speed", "orientation", "omega_body", "position", "lateness", "tracking_error", "overruns")
+    __slots__ = ("path_time", "duration", "state", "is_paused", "speed", "q", "omega_body", "position", "lateness", "tracking_error", "overruns")
     PATH_TIME_FIELD_NUMBER: _ClassVar[int]
     DURATION_FIELD_NUMBER: _ClassVar[int]
     STATE_FIELD_NUMBER: _ClassVar[int]
     IS_PAUSED_FIELD_NUMBER: _ClassVar[int]
     SPEED_FIELD_NUMBER: _ClassVar[int]
-    ORIENTATION_FIELD_NUMBER: _ClassVar[int]
+    Q_FIELD_NUMBER: _ClassVar[int]
     OMEGA_BODY_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
     LATENESS_FIELD_NUMBER: _ClassVar[int]
@@ -840,13 +850,13 @@ class MoveProgress(_message.Message):
     state: State
     is_paused: bool
     speed: float
-    orientation: Quaternion
+    q: Quaternion
     omega_body: Vector3
     position: Vector3
     lateness: float
     tracking_error: float
     overruns: int
-    def __init__(self, path_time: _Optional[float] = ..., duration: _Optional[float] = ..., state: _Optional[_Union[State, str]] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., lateness: _Optional[float] = ..., tracking_error: _Optional[float] = ..., overruns: _Optional[int] = ...) -> None: ...
+    def __init__(self, path_time: _Optional[float] = ..., duration: _Optional[float] = ..., state: _Optional[_Union[State, str]] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., lateness: _Optional[float] = ..., tracking_error: _Optional[float] = ..., overruns: _Optional[int] = ...) -> None: ...
 
 class Durations(_message.Message):
     __slots__ = ("p50", "p99", "p99_9", "largest")
@@ -987,9 +997,9 @@ class TrackRequest(_message.Message):
     def __init__(self, start: _Optional[_Union[TrackStart, _Mapping]] = ..., target: _Optional[_Union[TrackTarget, _Mapping]] = ...) -> None: ...
 
 class TrackResponse(_message.Message):
-    __slots__ = ("state", "orientation", "omega_body", "time_ns", "targets", "left_out", "refused", "refusal", "error")
+    __slots__ = ("state", "q", "omega_body", "time_ns", "targets", "left_out", "refused", "refusal", "error")
     STATE_FIELD_NUMBER: _ClassVar[int]
-    ORIENTATION_FIELD_NUMBER: _ClassVar[int]
+    Q_FIELD_NUMBER: _ClassVar[int]
     OMEGA_BODY_FIELD_NUMBER: _ClassVar[int]
     TIME_NS_FIELD_NUMBER: _ClassVar[int]
     TARGETS_FIELD_NUMBER: _ClassVar[int]
@@ -998,7 +1008,7 @@ class TrackResponse(_message.Message):
     REFUSAL_FIELD_NUMBER: _ClassVar[int]
     ERROR_FIELD_NUMBER: _ClassVar[int]
     state: State
-    orientation: Quaternion
+    q: Quaternion
     omega_body: Vector3
     time_ns: int
     targets: int
@@ -1006,7 +1016,7 @@ class TrackResponse(_message.Message):
     refused: int
     refusal: str
     error: float
-    def __init__(self, state: _Optional[_Union[State, str]] = ..., orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ...) -> None: ...
+    def __init__(self, state: _Optional[_Union[State, str]] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ...) -> None: ...
 
 class PauseRequest(_message.Message):
     __slots__ = ("lease_token", "device", "lease_sequence")

@@ -11,13 +11,6 @@ import grpc
 
 from orientd.errors import DaemonError, LateError, OrientdError
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.reports import MoveTiming, Plan, Progress, Summary
-from orientd.rpc.wire import (
-    plan_from_message,
-    progress_from_message,
-    summary_from_message,
-    timing_from_message,
-)
 
 
 class Stream(Protocol):
@@ -37,6 +30,7 @@ class MoveHandle:
         motion_number: 1 for the first motion of the device.
         timing: what passed before its first setpoint.
         speed: of the device when it began, which somebody may have set before; 1 is as planned.
+        lease: the lease that the move took by itself; ``None`` if the client had one.
     """
 
     def __init__(
@@ -64,9 +58,9 @@ class MoveHandle:
         self._explain = explain
         self._stop = stop
         self._news = threading.Condition()
-        self._progress: Progress | None = None
+        self._progress: pb.MoveProgress | None = None
         self._reports = 0
-        self._summary: Summary | None = None
+        self._summary: pb.MoveSummary | None = None
         self._error: OrientdError | None = None
         timer = None
         if armed_by is not None:
@@ -84,15 +78,16 @@ class MoveHandle:
         finally:
             if timer is not None:
                 timer.cancel()
-        self.plan: Plan = plan_from_message(first.plan)
+        self.plan: pb.Plan = first.plan
         self.motion_number: int = first.motion_number
-        self.timing: MoveTiming = timing_from_message(first.timing)
+        self.timing: pb.MoveTiming = first.timing
         self.speed: float = first.speed
+        self.lease: pb.Lease | None = first.lease if first.HasField("lease") else None
         self._reader = threading.Thread(target=self._read, name="orientd move", daemon=True)
         self._reader.start()
 
     @property
-    def progress(self) -> Progress | None:
+    def progress(self) -> pb.MoveProgress | None:
         """The newest report; ``None`` before the first, which comes within a twentieth second."""
         return self._progress
 
@@ -101,7 +96,7 @@ class MoveHandle:
         """Whether the motion has ended, however it did."""
         return self._summary is not None or self._error is not None
 
-    def wait(self, timeout: float | None = None) -> Summary:
+    def wait(self, timeout: float | None = None) -> pb.MoveSummary:
         """Wait until the motion has ended and return how.
 
         A motion that was stopped, or ended by a fault, has a summary too: see its ``outcome``.
@@ -136,7 +131,7 @@ class MoveHandle:
         self._stream.cancel()
         self._reader.join()
 
-    def __iter__(self) -> Iterator[Progress]:
+    def __iter__(self) -> Iterator[pb.MoveProgress]:
         """Yield the reports as they come, until the motion has ended; slow readers miss some."""
         seen = 0
         while True:
@@ -162,10 +157,10 @@ class MoveHandle:
         event = message.WhichOneof("event")
         with self._news:
             if event == "progress":
-                self._progress = progress_from_message(message.progress)
+                self._progress = message.progress
                 self._reports += 1
             elif event == "summary":
-                self._summary = summary_from_message(message.summary)
+                self._summary = message.summary
             self._news.notify_all()
 
     def _end(self, error: OrientdError) -> None:

@@ -12,8 +12,7 @@ import grpc
 from orientd.errors import DaemonError
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.connection import Connection
-from orientd.rpc.descriptions import Outline
-from orientd.rpc.wire import outline_from_messages
+from orientd.rpc.reports import Outline, outline
 from orientd.stream import CYCLE_RECORD, Cycle, unpack_cycle
 
 
@@ -72,25 +71,26 @@ class Observer:
             yield batch.records, batch.lost
 
     def sight(
-        self, device: str = "", *, rate_hz: float = 20.0
+        self, device: str = "", *, rate_hz: float = 20.0, with_outline: bool = True
     ) -> Iterator[tuple[list[Cycle], Outline]]:
         """Yield every cycle of a device and its shape after each batch of them, until closed.
 
         Args:
             device: its name.
             rate_hz: batches a second, 0.1 to 100.
+            with_outline: whether to ask for the shape.
 
         Raises:
             UnknownNameError: there is no such device.
             DaemonError: the daemon is lost, or packs its records otherwise.
         """
         request = pb.WatchStateRequest(
-            device=device, rate_hz=rate_hz, as_records=True, with_outline=True
+            device=device, rate_hz=rate_hz, as_records=True, with_outline=with_outline
         )
         for batch in self._records(request):
             starts = range(0, len(batch.records), CYCLE_RECORD.size)
             cycles = [unpack_cycle(batch.records, start) for start in starts]
-            yield cycles, outline_from_messages(batch.outline)
+            yield cycles, outline(batch.outline)
 
     def events(self, device: str = "") -> Iterator[pb.Event]:
         """Yield what happens to a device, or to all of them, until closed.

@@ -17,8 +17,7 @@ from orientd.rotation import Quaternion
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.connection import Connection
 from orientd.rpc.motion_request import keyframe_mappings
-from orientd.rpc.reports import TrackReport
-from orientd.rpc.wire import report_from_message, target_to_message
+from orientd.rpc.targets import target_to_message
 from orientd.spelling import did_you_mean
 
 Frame = Literal["body", "world"]
@@ -48,7 +47,7 @@ class Tracking:
         self._error: OrientdError | None = None
         self._ended = threading.Event()
         try:
-            self._report = report_from_message(next(iter(self._stream)))
+            self._report: pb.TrackResponse = next(iter(self._stream))
         except grpc.RpcError as error:
             raise connection.explain(error) from error
         self._reader = threading.Thread(target=self._read, name="orientd track", daemon=True)
@@ -61,7 +60,7 @@ class Tracking:
         self.close()
 
     @property
-    def report(self) -> TrackReport:
+    def report(self) -> pb.TrackResponse:
         """The newest report."""
         return self._report
 
@@ -130,7 +129,7 @@ class Tracking:
     def _read(self) -> None:
         try:
             for message in self._stream:
-                self._report = report_from_message(message)
+                self._report = message
         except grpc.RpcError as error:
             self._error = self._connection.explain(error)
         finally:

@@ -3,7 +3,7 @@
 A field is declared once: as an attribute of :class:`~orientd.planner.MotionRequest` or of
 :class:`~orientd.planner.Keyframe`, with its type, its default, and a line of the class's
 docstring.  From these follow the keys of a motion file and how they are read, its JSON Schema, and
-the way to a message and back (:mod:`orientd.rpc.wire.motion`).
+the way to a message and back (:mod:`orientd.rpc.motion`).
 
 >>> [field.name for field in KEYFRAME]
 ['time', 'q', 'position', 'turns', 'free_roll', 'frame', 'relative', 'name']

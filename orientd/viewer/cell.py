@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from orientd.rpc import STALE, DeviceReport
+from orientd.rpc import STALE
+from orientd.rpc import control_pb2 as pb
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +27,7 @@ class Member:
     is_alive: bool
     age: float | None = None
     age_bound: float | None = None
-    devices: Sequence[DeviceReport] = ()
+    devices: Sequence[pb.DeviceReport] = ()
 
     @property
     def problem(self) -> str:

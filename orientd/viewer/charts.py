@@ -5,8 +5,9 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-from orientd.planner import AXES, Certificate, Limits
-from orientd.rpc import DeviceReport
+from orientd.planner import AXES, Limits
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc import limits_from_message
 from orientd.viewer.strips import COLUMNS
 
 _SOLID: list[int] = []
@@ -18,18 +19,19 @@ Chart = dict[str, Any]
 shows a ``column`` of the strips or a constant ``level``, by ``name``, ``tint`` and ``dashes``."""
 
 
-def charts_of(device: DeviceReport, certificate: Certificate | None) -> list[Chart]:
+def charts_of(device: pb.DeviceReport, certificate: pb.Certificate | None) -> list[Chart]:
     """Return the charts of a device, with its limits, or those of the motion if they are lower."""
     lowest = {} if certificate is None else {
         "velocity": certificate.peak_velocity.limit,
         "acceleration": certificate.peak_acceleration.limit,
     }  # fmt: skip
-    velocity = _rates(device.limits, "velocity", lowest)
+    limits = limits_from_message(device.limits)
+    velocity = _rates(limits, "velocity", lowest)
     if len(velocity) == 2:
         velocity.insert(1, _strip("measured", "velocity_measured", "--x", _DASHED))
     return [
         _chart("Velocity, rad/s", 1.0, velocity),
-        _chart("Acceleration, rad/s²", 1.0, _rates(device.limits, "acceleration", lowest)),
+        _chart("Acceleration, rad/s²", 1.0, _rates(limits, "acceleration", lowest)),
         _chart("Tracking error, mrad", 1e3, [_strip("largest", "tracking_error", "--z", _SOLID)]),
         _chart(
             "Lateness, ms",

@@ -11,7 +11,7 @@ from orientd.rpc import Robot
 from orientd.structured_text import structured
 
 if TYPE_CHECKING:
-    from orientd.teaching import Teaching
+    from orientd.rpc import Teaching
 
 
 class Lesson:

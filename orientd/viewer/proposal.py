@@ -7,16 +7,17 @@ from typing import Any
 
 from orientd import motion_file
 from orientd.errors import OrientdError
-from orientd.rpc import MoveHandle, Outcome, Plan, Robot
+from orientd.rpc import MoveHandle, Robot, samples
+from orientd.rpc import control_pb2 as pb
 from orientd.viewer import words
 from orientd.viewer.watcher import sample_rate
 
 _OUTCOMES = {
-    Outcome.STOPPED: "was stopped on its path",
-    Outcome.FAULT: "was ended by a fault",
-    Outcome.REPLACED: "was replaced by another one",
-    Outcome.PASSED: "was blended into the next one",
-    Outcome.UNSETTLED: "was sent to its end, but the device is not where it should be",
+    pb.OUTCOME_STOPPED: "was stopped on its path",
+    pb.OUTCOME_FAULT: "was ended by a fault",
+    pb.OUTCOME_REPLACED: "was replaced by another one",
+    pb.OUTCOME_PASSED: "was blended into the next one",
+    pb.OUTCOME_UNSETTLED: "was sent to its end, but the device is not where it should be",
 }
 
 
@@ -32,7 +33,7 @@ class Proposal:
         self._lock = threading.Lock()
         self._handle: MoveHandle | None = None
         self.lines: list[words.Line] = []
-        self.plan: Plan | None = None
+        self.plan: pb.Plan | None = None
 
     def read(self, name: str, content: bytes, robot: Robot, device: str, device_hz: float) -> None:
         """Plan the motion file *content* called *name*, or say in its place what is wrong."""
@@ -78,11 +79,12 @@ class Proposal:
                 self.lines = [("note", _ending(handle), "")]
 
 
-def path_of(plan: Plan | None) -> dict[str, Any] | None:
+def path_of(plan: pb.Plan | None) -> dict[str, Any] | None:
     """Return what the page draws of a plan: orientations along it and at its keyframes."""
-    if plan is None or plan.samples is None:
+    if plan is None or not plan.samples:
         return None
-    q, times = plan.samples.q.round(5).tolist(), plan.samples.times
+    path = samples(plan)
+    q, times = path.q.round(5).tolist(), path.times
     nearest = [int(abs(times - time).argmin()) for time in plan.keyframe_times]
     return {"q": q, "keyframes": [q[k] for k in nearest]}
 
@@ -93,6 +95,6 @@ def _ending(handle: MoveHandle) -> str:
         summary = handle.wait()
     except OrientdError as error:
         return f"{motion}: {error}"
-    if summary.outcome is Outcome.DONE:
+    if summary.outcome == pb.OUTCOME_DONE:
         return f"{motion} was run to its end."
     return f"{motion} {_OUTCOMES[summary.outcome]}: {summary.text or 'no reason given'}"

@@ -13,8 +13,8 @@ from typing import Any
 
 from orientd import first_stop
 from orientd.errors import LeaseError, OrientdError
-from orientd.rpc import Plan, Robot
-from orientd.stream import ServoState
+from orientd.rpc import Robot
+from orientd.rpc import control_pb2 as pb
 from orientd.viewer import words
 from orientd.viewer.charts import charts_of
 from orientd.viewer.lesson import Lesson
@@ -91,7 +91,7 @@ class View:
     def picture(self, seen: dict[str, Any]) -> dict[str, Any]:
         """See :class:`~orientd.viewer.server.Source`."""
         now, sight = time.monotonic(), self._watcher.sight
-        cell, report, cycle = sight.cell, sight.report, sight.cycle
+        cell, report = sight.cell, sight.report
         picture: dict[str, Any] = {
             "said": now,
             "age": sight.age(now),
@@ -104,13 +104,8 @@ class View:
             "path": self._path(sight.plan),
             "outline": [line.tolist() for line in sight.outline],
         }
-        if cycle is not None:
-            picture["pose"] = {
-                "sent": cycle.q,
-                "position": cycle.position,
-                "measured": cycle.feedback_q if cycle.has_feedback else None,
-                "measuredPosition": cycle.feedback_position,
-            }
+        if sight.pose is not None:
+            picture["pose"] = sight.pose
         if cell is None or report is None:
             return picture | {"status": [("alert", "✕ Not connected", sight.trouble(now))]}
         certificate = None if sight.plan is None else sight.plan.certificate
@@ -128,7 +123,7 @@ class View:
             ),
         }
 
-    def _path(self, plan: Plan | None) -> dict[str, Any] | None:
+    def _path(self, plan: pb.Plan | None) -> dict[str, Any] | None:
         """Return the path of a plan; the same object for the same plan."""
         if plan is None:
             return None
@@ -146,17 +141,17 @@ class View:
         has_plan = self._proposal.plan is not None
         enabled = {
             "lease": is_connected,
-            "pause": can_command and state is ServoState.STREAMING,
+            "pause": can_command and state == pb.STATE_STREAMING,
             "speed": can_command,
-            "reset": can_command and state is ServoState.FAULT,
+            "reset": can_command and state == pb.STATE_FAULT,
             "file": is_connected,
             "send": can_command and has_plan,
-            "hand": can_command and state in (ServoState.IDLE, ServoState.HOLDING),
+            "hand": can_command and state in (pb.STATE_IDLE, pb.STATE_HOLDING),
             "take": lesson.is_on,
             "remove": bool(lesson.taken),
         }
         shown = {
-            "reset": state is ServoState.FAULT,
+            "reset": state == pb.STATE_FAULT,
             "send": has_plan,
             "discard": bool(self._proposal.lines),
             "download": bool(lesson.taken),

@@ -10,9 +10,11 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 from orientd.errors import DaemonError, OrientdError
-from orientd.rpc import STALE, CellReport, DeviceReport, Observer, Outline, Plan, Robot
+from orientd.rpc import STALE, CellReport, Observer, Outline, Robot, to_quaternion, to_vector
+from orientd.rpc import control_pb2 as pb
 from orientd.stream import Cycle
 from orientd.viewer.strips import Strips
 
@@ -33,7 +35,7 @@ class Sight:
         problem: why nothing newer is known; empty while all is well.
         cell: the daemon and its devices; ``None`` before they were first seen.
         device: name of the device.
-        cycle: its newest cycle.
+        pose: of its newest cycle, as the page draws it.
         outline: its shape.
         plan: of its newest motion, with samples.
         seen: when the daemon last answered, s on :func:`time.monotonic`.
@@ -43,14 +45,14 @@ class Sight:
     problem: str = ""
     cell: CellReport | None = None
     device: str = ""
-    cycle: Cycle | None = None
+    pose: dict[str, Any] | None = None
     outline: Outline = ()
-    plan: Plan | None = None
+    plan: pb.Plan | None = None
     seen: float = 0.0
     alive: float = 0.0
 
     @property
-    def report(self) -> DeviceReport | None:
+    def report(self) -> pb.DeviceReport | None:
         """The device as the daemon reports it."""
         return None if self.cell is None else self.cell.devices.get(self.device)
 
@@ -189,10 +191,10 @@ class Watcher:
                 problem="",
                 cell=cell,
                 device=device,
-                cycle=self.sight.cycle if self.is_streaming else report.cycle,
+                pose=self.sight.pose if self.is_streaming else _reported(report),
                 plan=plan,
                 seen=max(asked, self.sight.seen),
-                alive=max(asked - report.cycle_age * (report.servo_pid is not None), alive),
+                alive=max(asked - report.cycle_age * bool(report.servo_pid), alive),
             )
             if self._is_watched and not self.is_streaming:
                 self._begin_stream(robot, report)
@@ -201,7 +203,7 @@ class Watcher:
 
     # The stream of cycles, with the lock held
 
-    def _begin_stream(self, robot: Robot, report: DeviceReport) -> None:
+    def _begin_stream(self, robot: Robot, report: pb.DeviceReport) -> None:
         self.strips = strips = Strips(round(report.lead * report.rate_hz))
         self._observer = observer = robot.observe()
         arguments = observer, strips, report.name
@@ -222,7 +224,7 @@ class Watcher:
                         return
                     self.sight = replace(
                         self.sight,
-                        cycle=cycles[-1] if cycles else self.sight.cycle,
+                        pose=_recorded(cycles[-1]) if cycles else self.sight.pose,
                         outline=outline,
                         seen=now,
                         alive=now if cycles else self.sight.alive,
@@ -232,3 +234,26 @@ class Watcher:
         with self._lock:
             if self._observer is observer:
                 self._end_stream()
+
+
+def _recorded(cycle: Cycle) -> dict[str, Any]:
+    """Return the pose of a cycle that was streamed."""
+    return {
+        "sent": cycle.q,
+        "position": cycle.position,
+        "measured": cycle.feedback_q if cycle.has_feedback else None,
+        "measuredPosition": cycle.feedback_position,
+    }
+
+
+def _reported(report: pb.DeviceReport) -> dict[str, Any] | None:
+    """Return the pose of the newest cycle in *report*, if it has one."""
+    if not report.HasField("cycle"):
+        return None
+    cycle = report.cycle
+    return {
+        "sent": to_quaternion(cycle.q),
+        "position": to_vector(cycle.position),
+        "measured": to_quaternion(cycle.feedback_q) if cycle.HasField("feedback_q") else None,
+        "measuredPosition": to_vector(cycle.feedback_position),
+    }

@@ -6,21 +6,19 @@ name and a value, ``alert`` lines stand out, and ``note`` lines have one text.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from orientd.errors import Fault
-from orientd.planner import Certificate, Peak
 from orientd.rotation import to_euler
-from orientd.rpc import DaemonReport, DeviceReport, titled
-from orientd.stream import ServoState
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc import titled, to_quaternion
 from orientd.viewer.cell import Member
 
 Line = tuple[str, str, str]
 
-FAULTS = {
+FAULTS: dict[int, str] = {
     Fault.NONE: "No fault.",
     Fault.LINK_LOST: "The connection to the device is lost.",
     Fault.FEEDBACK_STALE: "The device has not reported its position for too long.",
@@ -33,30 +31,30 @@ FAULTS = {
     Fault.SERVO_STALLED: "The servo process stood still for too long.",
 }
 
-_STATES = {
-    ServoState.IDLE: ("○ Idle", "not enabled, nothing is sent"),
-    ServoState.HOLDING: ("● Holding", "at rest, ready to move"),
-    ServoState.STREAMING: ("▶ Moving", ""),
-    ServoState.STOPPING: ("▼ Stopping", "coming to rest"),
-    ServoState.FAULT: ("⚠ Fault", "stopped; reset it once it is safe to"),
-    ServoState.TRACKING: ("◎ Tracking", "following targets"),
+_STATES: dict[int, tuple[str, str]] = {
+    pb.STATE_IDLE: ("○ Idle", "not enabled, nothing is sent"),
+    pb.STATE_HOLDING: ("● Holding", "at rest, ready to move"),
+    pb.STATE_STREAMING: ("▶ Moving", ""),
+    pb.STATE_STOPPING: ("▼ Stopping", "coming to rest"),
+    pb.STATE_FAULT: ("⚠ Fault", "stopped; reset it once it is safe to"),
+    pb.STATE_TRACKING: ("◎ Tracking", "following targets"),
 }
 
 
-def state(device: DeviceReport) -> tuple[str, str]:
+def state(device: pb.DeviceReport) -> tuple[str, str]:
     """Return what a device does: a sign with a word, and what there is to add."""
     at_speed = "" if device.speed == 1.0 else f" at {100.0 * device.speed:.0f} % speed"
-    if device.state is ServoState.STREAMING:
+    if device.state == pb.STATE_STREAMING:
         motion = titled(device.motion_number, device.motion_name)
         where = f"motion {motion}, {device.path_time:.1f} of {device.duration:.1f} s"
         return "Ⅱ Paused" if device.is_paused else "▶ Moving", where + at_speed
     if device.is_free:
         return "✋ Free", "can be moved by hand, nothing is sent"
     word, more = _STATES[device.state]
-    return word, more + (at_speed if device.state is ServoState.HOLDING else "")
+    return word, more + (at_speed if device.state == pb.STATE_HOLDING else "")
 
 
-def current(device: DeviceReport, *, is_known: bool) -> Line:
+def current(device: pb.DeviceReport, *, is_known: bool) -> Line:
     """Return what a device does, or did if that *is_known* no more."""
     word, more = state(device)
     if not is_known:
@@ -65,7 +63,12 @@ def current(device: DeviceReport, *, is_known: bool) -> Line:
 
 
 def status(
-    device: DeviceReport, daemon: DaemonReport, *, is_ours: bool, problem: str, is_connected: bool
+    device: pb.DeviceReport,
+    daemon: pb.DaemonReport,
+    *,
+    is_ours: bool,
+    problem: str,
+    is_connected: bool,
 ) -> list[Line]:
     """Return the head of the page.
 
@@ -80,7 +83,7 @@ def status(
     if problem:
         lines.append(("alert", "✕ Out of date" if is_connected else "✕ Not connected", problem))
     lines.append(current(device, is_known=not problem))
-    if device.state is ServoState.FAULT:
+    if device.state == pb.STATE_FAULT:
         lines.append(("alert", f"⚠ {FAULTS[device.fault]}", device.fault_text))
     return [
         *lines,
@@ -91,34 +94,31 @@ def status(
     ]
 
 
-def lease(device: DeviceReport, daemon: DaemonReport, *, is_ours: bool) -> str:
+def lease(device: pb.DeviceReport, daemon: pb.DaemonReport, *, is_ours: bool) -> str:
     """Return who may command a device."""
     if is_ours:
         return "held by this view"
-    held = daemon.lease_of(device.name)
+    leases = (lease for lease in daemon.leases if device.name in lease.devices)
+    held = next(leases, pb.LeaseReport())
     whose = f"{held.holder} ({held.identity})" if held.identity else held.holder
     return f"held by {whose}" if held.holder else "free"
 
 
-def measured(device: DeviceReport) -> str:
+def measured(device: pb.DeviceReport) -> str:
     """Return how long ago the device was measured, in steps that a reader can follow."""
-    age = device.feedback_age
-    if age is None:
+    if not device.HasField("feedback_age"):
         return "never"
+    age = device.feedback_age
     return "less than 0.1 s ago" if age < 0.1 else f"{age:.1f} s ago"
 
 
-def where(device: DeviceReport) -> list[Line]:
+def where(device: pb.DeviceReport) -> list[Line]:
     """Return the orientation that was sent, and the one that was measured, in numbers."""
-    cycle = device.cycle
-    if cycle is None:
+    if not device.HasField("cycle"):
         return []
-    lines = _orientation("Sent", cycle.q)
-    if cycle.has_feedback:
-        lines += _orientation("Measured", cycle.feedback_q)
-    if cycle.joints:
-        angles = " ".join(f"{math.degrees(angle):.2f}°" for angle in cycle.joints)
-        lines.append(("row", "Axes measured", angles))
+    lines = _orientation("Sent", to_quaternion(device.cycle.q))
+    if device.cycle.HasField("feedback_q"):
+        lines += _orientation("Measured", to_quaternion(device.cycle.feedback_q))
     return lines
 
 
@@ -142,7 +142,7 @@ def cell(members: Sequence[Member]) -> list[Line]:
             is_known = not (member.problem or device.is_stale)
             _, word, more = current(device, is_known=is_known)
             lines.append(("current", f"{device.name}: {word}", more))
-            if device.state is ServoState.FAULT:
+            if device.state == pb.STATE_FAULT:
                 lines.append(("alert", f"⚠ {FAULTS[device.fault]}", device.fault_text))
     return lines
 
@@ -156,7 +156,7 @@ def _age(member: Member) -> str:
     return f"{text} (±{member.age_bound:.1f} s)" if is_vague else text
 
 
-def certificate(of: Certificate) -> list[Line]:
+def certificate(of: pb.Certificate) -> list[Line]:
     """Return what a motion promises."""
     usual = min(of.usual_stop_time or of.stop_time, of.stop_time)
     rows = [
@@ -171,16 +171,16 @@ def certificate(of: Certificate) -> list[Line]:
         rows.append(("Linear velocity", peak(of.peak_linear_velocity, "m/s")))
         rows.append(("Linear accel.", peak(of.peak_linear_acceleration, "m/s²")))
     rows.append(("A stop takes", f"about {usual:.2f} s, at most {of.stop_time:.2f} s"))
-    for name, value, unit, limit, _ in of.figures:
-        against = "" if limit is None else f" of {limit:.3g}"
-        rows.append((name, f"{value:.3g}{against} {unit}"))
+    for figure in of.figures:
+        against = f" of {figure.limit:.3g}" if figure.HasField("limit") else ""
+        rows.append((figure.name, f"{figure.value:.3g}{against} {figure.unit}"))
     return [("row", *row) for row in rows] + [("note", note, "") for note in of.notes]
 
 
-def peak(measured: Peak, unit: str) -> str:
+def peak(measured: pb.Peak, unit: str) -> str:
     """Return a largest value against its limit.
 
-    >>> peak(Peak(1.5, 0.25, 2.5), "rad/s")
+    >>> peak(pb.Peak(value=1.5, time=0.25, limit=2.5), "rad/s")
     '1.5 of 2.5 rad/s (60 %)'
     """
     share = 100.0 * measured.value / measured.limit

@@ -15,7 +15,7 @@ from harness import until
 from lossy_network import HERE, LossyNetwork, is_possible
 
 import orientd
-from orientd.stream import ServoState
+from orientd.rpc import control_pb2 as pb
 
 pytest.importorskip("zenoh")
 pytestmark = [
@@ -33,6 +33,7 @@ ASKER = """
 import json, sys, time
 from orientd.fleet import FleetMotion, connect_fleet, move_together
 from orientd.motion_file import parse
+from orientd.rpc import control_pb2 as pb
 endpoint, cell, certificate, key, ca, rounds, angle, velocity, *names = sys.argv[1:]
 with connect_fleet(endpoint, cell=cell, certificate=certificate, key=key, ca=ca, wait_for=names,
                    timeout=30.0) as fleet:
@@ -121,12 +122,12 @@ def test_starts_over_a_link_that_delays_and_loses(folder, capsys, delay, jitter,
 
 
 def are_moving(cell):
-    return all(state is ServoState.STREAMING for state, _ in states(cell).values())
+    return all(state == pb.STATE_STREAMING for state, _ in states(cell).values())
 
 
 def are_free_and_at_rest(cell):
     return all(
-        state is ServoState.HOLDING and not is_leased for state, is_leased in states(cell).values()
+        state == pb.STATE_HOLDING and not is_leased for state, is_leased in states(cell).values()
     )
 
 

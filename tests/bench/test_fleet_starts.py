@@ -22,7 +22,8 @@ import orientd
 from orientd.errors import StateError
 from orientd.fleet import FleetMotion, connect_fleet, move_together
 from orientd.motion_file import parse
-from orientd.stream import ServoState
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc import to_quaternion
 
 pytest.importorskip("zenoh")
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(1200)]
@@ -135,13 +136,13 @@ def poses(cell):
     return {
         f"{name} {axis}": part
         for name, one in reports(cell).items()
-        for axis, part in zip("wxyz", one.devices["arm"].cycle.q, strict=True)
+        for axis, part in zip("wxyz", to_quaternion(one.devices["arm"].cycle.q), strict=True)
     }
 
 
 def are_at_rest(cell):
     return all(
-        one.devices["arm"].state in (ServoState.HOLDING, ServoState.IDLE) and not one.daemon.leases
+        one.devices["arm"].state in (pb.STATE_HOLDING, pb.STATE_IDLE) and not one.daemon.leases
         for one in reports(cell).values()
     )
 

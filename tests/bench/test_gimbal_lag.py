@@ -17,7 +17,7 @@ from reference.wire import GOAL, PtyTee
 
 import orientd
 from orientd import rotation
-from orientd.stream import ServoState
+from orientd.rpc import control_pb2 as pb
 
 pytest.importorskip("dynamixel_sdk")
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(300)]
@@ -58,7 +58,7 @@ def turned(robot, says):
 @pytest.mark.parametrize("gimbal", [100, 200], indirect=True)
 def test_goals_on_the_wire_are_5_ms_late_at_most(gimbal, says):
     robot, tee = gimbal
-    until(lambda: robot.state().devices["gimbal"].state is ServoState.HOLDING, "a gimbal at rest")
+    until(lambda: robot.state().devices["gimbal"].state == pb.STATE_HOLDING, "a gimbal at rest")
     began = turned(robot, says)
     goals = [one for one in tee.reader.written if (one.servo, one.address) == (1, GOAL)]
     late = [

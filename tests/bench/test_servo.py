@@ -101,6 +101,6 @@ def test_a_killed_servo_is_told_soon(tmp_path):
             times.append(round((time.monotonic() - began) * 1e3, 1))
             *_, last = stream
             assert last.summary.outcome == pb.OUTCOME_FAULT
-            assert daemon.device().device.name == DEVICE
+            assert daemon.device().name == DEVICE
     show("a killed servo is told after", ms=times)
     assert max(times) <= 100.0

@@ -17,9 +17,10 @@ from stage import ATTEMPTS, LONGEST, STARVED, Calls, longest_wait, waiting
 import orientd
 from orientd import motion_file
 from orientd.errors import OrientdError
-from orientd.rpc.reports import Outcome
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc import word
 from orientd.servo.watchdog import SHORTEST_NS
-from orientd.stream import CycleFlag, ServoState
+from orientd.stream import CycleFlag
 
 EMULATOR_PRIORITY = 70
 """A real device has a processor of its own: its emulator comes first, where that is permitted."""
@@ -107,7 +108,7 @@ class DeviceStage:
     def check_well(self):
         """See that there is no fault yet."""
         report = self.state()
-        assert report.state is not ServoState.FAULT, f"before any harm: {report.fault_text}"
+        assert report.state != pb.STATE_FAULT, f"before any harm: {report.fault_text}"
 
     def turn(self):
         """Begin the example's motion."""
@@ -164,7 +165,7 @@ class DeviceStage:
     def reset(self):
         """Reset the device until it holds, unless it does already."""
         end = time.monotonic() + 30.0
-        while self.state().state is not ServoState.HOLDING:
+        while self.state().state != pb.STATE_HOLDING:
             # Servos and robots need some time after their own stops until they can be unlocked.
             try:
                 self.robot.reset(self.device)
@@ -178,12 +179,12 @@ class DeviceStage:
 
     def await_holding(self, seconds):
         """Wait until the device holds."""
-        until(lambda: self.state().state is ServoState.HOLDING, "holding", seconds)
+        until(lambda: self.state().state == pb.STATE_HOLDING, "holding", seconds)
 
     def turn_once(self):
         """Make the example's motion."""
         summary = self.turn().wait(60.0)
-        assert summary.outcome is Outcome.DONE, summary.text
+        assert summary.outcome == pb.OUTCOME_DONE, summary.text
 
     def unless_starved(self, work):
         """Return what *work* returns, begun anew where the daemon had no processor for it."""
@@ -193,7 +194,7 @@ class DeviceStage:
             try:
                 return work()
             except (AssertionError, OrientdError):
-                fault = self.state().fault.name.lower()
+                fault = word(self.state(), "fault")
                 if fault not in STARVED or longest_wait(pid, before) <= LONGEST:
                     raise
                 self.tally.met["begun anew, the daemon waiting for a processor"] += 1

@@ -9,8 +9,7 @@ from harness import until
 from ledger import Tally, rounds_of
 
 from orientd.errors import Fault
-from orientd.rpc.reports import Outcome
-from orientd.stream import ServoState
+from orientd.rpc import control_pb2 as pb
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 
@@ -60,12 +59,12 @@ def test_a_device_is_lost(tmp_path, name, harm):
             handle = stage.unless_starved(lambda: begin(stage, number, generator))
             mend = harm(stage)
             try:
-                until(lambda: stage.state().state is ServoState.FAULT, "the fault", 4.0)
+                until(lambda: stage.state().state == pb.STATE_FAULT, "the fault", 4.0)
                 until(lambda: stage.state().fault_text, "the fault in words", 1.0)
                 report = stage.state()
                 assert report.fault in FAULTS, report.fault
-                stage.tally.met[report.fault.name.lower()] += 1
-                assert handle.wait(5.0).outcome is Outcome.FAULT
+                stage.tally.met[word(report, "fault")] += 1
+                assert handle.wait(5.0).outcome == pb.OUTCOME_FAULT
             finally:
                 mend()
             stage.recover()

@@ -15,7 +15,7 @@ from ledger import Tally, rounds_of
 from emulated_ur.process import EmulatedRobot
 from orientd.errors import OrientdError
 from orientd.rpc import control_pb2 as pb
-from orientd.stream import ServoState
+from orientd.rpc import word
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 
@@ -63,9 +63,9 @@ def test_a_controller_takes_its_time(tmp_path, harm):
             for order in orders:
                 robot.ask(order)
             try:
-                until(lambda: stage.state().state is ServoState.FAULT, "the fault", 4.0)
+                until(lambda: stage.state().state == pb.STATE_FAULT, "the fault", 4.0)
                 until(lambda: stage.state().fault_text, "the fault in words", 1.0)
-                stage.tally.met[stage.state().fault.name.lower()] += 1
+                stage.tally.met[word(stage.state(), "fault")] += 1
                 handle.wait(5.0)
                 each_call_once(stage)
             finally:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap.writer import CompressionType, Writer
+from orientd.batch.requests import mapping_of
 from recorded import OFFSET_NS, RATE_HZ, moving
 from scipy.spatial.transform import Rotation
 from test_bags import humble
@@ -15,7 +16,6 @@ from test_bags import humble
 import orientd
 from orientd import config, motion_file
 from orientd.batch import open_requests
-from orientd.batch.requests import mapping_of
 from orientd.errors import OrientdError
 from orientd.recorder import load_recording, read_orientations, strands
 from orientd.recorder.mcap_records import Damages, records
@@ -72,7 +72,7 @@ def _record(path):
     event.time_ns = 5_000_000_000
     for k in range(5):
         sample = event.samples.add(path_time=0.1 * k)
-        sample.orientation.w = 1.0
+        sample.q.w = 1.0
     with RecordingWriter(path, offset_ns=OFFSET_NS) as writer:
         writer.add_device("arm", RATE_HZ)
         writer.add_configuration('{"devices": {}}', {})

@@ -10,7 +10,7 @@ import sys
 
 import orientd
 from orientd.errors import OrientdError
-from orientd.rpc import client, move_handle, stop_call, tls_problem, trust  # noqa: F401 - see below
+from orientd.rpc import client, move_handle, stop_call, trust  # noqa: F401 - see below
 
 
 class Terminal:

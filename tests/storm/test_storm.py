@@ -22,7 +22,7 @@ from wild import anywhere, wild_motion
 import orientd as api
 from orientd.bench.lateness import busy_cores, processes
 from orientd.errors import DaemonError, Fault, OrientdError, PlanError, RequestError, StateError
-from orientd.rpc import MoveHandle, Plan
+from orientd.rpc import MoveHandle, Plan, word
 from orientd.rpc import control_pb2 as pb
 from orientd.tolerances import GUARD_TOLERANCE
 
@@ -116,7 +116,7 @@ class Pilot:
         """Clear a fault, which has been told of, so that the storm goes on."""
         report = self.robot.state().devices[self.device]
         if report.fault is not Fault.NONE:
-            self.calls.fail(f"fault {report.fault.name.lower()}: {report.fault_text}")
+            self.calls.fail(f"fault {word(report, 'fault')}: {report.fault_text}")
             with contextlib.suppress(OrientdError):
                 self.robot.reset(self.device)
 

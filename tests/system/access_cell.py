@@ -85,9 +85,8 @@ class Cell:
             device.motion_number,
             device.is_paused,
             device.servo_pid,
-            device.cycle.orientation,
-            answer.daemon.lease.holder,
-            answer.daemon.lease.identity,
+            device.cycle.q,
+            [(lease.holder, lease.identity) for lease in answer.daemon.leases],
         )
 
 

@@ -12,7 +12,7 @@ from harness import until
 
 from orientd import connect
 from orientd.errors import OrientdError
-from orientd.stream import ServoState
+from orientd.rpc import control_pb2 as pb
 
 ROOT = Path(__file__).parents[2]
 
@@ -80,10 +80,10 @@ def await_hold(daemon, device):
     with connect(daemon.socket) as robot:
 
         def holds():
-            if robot.state().devices[device].state is ServoState.FAULT:
+            if robot.state().devices[device].state == pb.STATE_FAULT:
                 with contextlib.suppress(OrientdError):
                     robot.reset(device)
-            return robot.state().devices[device].state is ServoState.HOLDING
+            return robot.state().devices[device].state == pb.STATE_HOLDING
 
         until(seldom(holds), f"the {device} to hold")
 

@@ -150,24 +150,27 @@ def test_tls_is_1_3_and_nothing_before(cell):
 
 def test_a_client_takes_no_daemon_of_another_authority(cell):
     files = cell.files("pendant") | {"ca": cell.folder / "other/ca.pem"}
-    with pytest.raises(DaemonError, match=r"the daemon at .* is signed by another authority"):
+    with pytest.raises(
+        DaemonError,
+        match=r"the certificate of the daemon at .* is refused: self.signed certificate",
+    ):
         orientd.connect(address=cell.address, **files)
 
 
 @pytest.mark.parametrize(
-    ("name", "folder", "told"),
+    ("name", "folder"),
     [
-        ("pendant", "other", "refuses this certificate: it is signed by another authority"),
-        ("expired", "ca", "refuses this certificate: it has expired"),
-        ("revoked", "ca", "does not admit this certificate: it has no role there, or is revoked"),
-        ("server", "ca", r"refuses this certificate: it is not one for clients"),
-        ("listed", "ca", "does not admit this certificate"),
-        ("unknown", "ca", "does not admit this certificate"),
+        ("pendant", "other"),
+        ("expired", "ca"),
+        ("revoked", "ca"),
+        ("server", "ca"),
+        ("listed", "ca"),
+        ("unknown", "ca"),
     ],
 )
-def test_whoever_does_not_get_in_is_told_why(cell, name, folder, told):
+def test_a_certificate_that_is_not_admitted_is_told_so(cell, name, folder):
     files = cell.files(name, folder) | {"ca": cell.folder / "ca/ca.pem"}
-    with pytest.raises(DaemonError, match=told):
+    with pytest.raises(DaemonError, match=r"does not admit this certificate: .* its log says"):
         orientd.connect(address=cell.address, **files)
 
 
@@ -208,8 +211,8 @@ def test_silent_connections_of_the_same_user_give_way(cell):
             one.close()
 
 
-def test_a_wrong_name_and_no_daemon_are_told_apart(cell):
-    with pytest.raises(DaemonError, match=r"the certificate of the daemon at .* is for another"):
+def test_a_name_that_there_is_not_and_no_daemon_are_told_apart(cell):
+    with pytest.raises(DaemonError, match=r"no daemon listens at 127\.1:.*lookup failed"):
         orientd.connect(address=f"127.1:{cell.port}", **cell.files("pendant"))
     with pytest.raises(DaemonError, match=r"no daemon listens at 127.0.0.1:.*refused"):
         orientd.connect(address=f"127.0.0.1:{free_port()}", **cell.files("pendant"))
@@ -238,7 +241,7 @@ def free(cell):
     stub = cell.daemon.stub
     stub.ReleaseLease(pb.ReleaseLeaseRequest(token=cell.daemon.token))
     yield
-    until(lambda: not stub.GetState(pb.GetStateRequest()).daemon.lease.holder, "the lease", 40.0)
+    until(lambda: not stub.GetState(pb.GetStateRequest()).daemon.leases, "the lease", 40.0)
     answer = stub.AcquireLease(pb.AcquireLeaseRequest(holder="test"))
     cell.daemon.token = answer.lease.token
 
@@ -246,8 +249,8 @@ def free(cell):
 def test_an_operator_moves_over_tcp(cell, free):
     with cell.robot("pendant") as robot:
         report = robot.move([{"rotation_vector": [0.0, 0.0, 0.1]}], approach=True).wait(20.0)
-        assert report.outcome.name == "DONE"
-        assert robot.state().daemon.lease_identity == "certificate:pendant"
+        assert report.outcome == pb.OUTCOME_DONE
+        assert robot.state().daemon.leases[0].identity == "certificate:pendant"
         with pytest.raises(AccessError, match="SeizeLease needs the role administrator"):
             robot.seize_lease("impatience")
 
@@ -257,8 +260,9 @@ def test_a_token_is_of_no_use_to_others(cell, free):
         robot.acquire_lease()
         with pytest.raises(LeaseError, match=r"held by 'pendant' \(certificate:pendant\)"):
             chief.acquire_lease(beside=True)
+        connection, request = chief._connection, pb.RenewLeaseRequest(token=robot.lease_token)
         with pytest.raises(LeaseError, match="its token is of no use to certificate:chief"):
-            chief._renew(robot.lease_token)
+            connection.ask(connection.stub.RenewLease, request)
         robot.enable()
 
     def is_told():
@@ -284,8 +288,8 @@ def test_an_administrator_seizes_the_lease_and_what_ran_stops(cell, free):
             chief.seize_lease("")
         chief.seize_lease("arm in the way")
         summary = motion.wait(20.0)
-        assert (summary.outcome.name, summary.text) == (
-            "STOPPED",
+        assert (summary.outcome, summary.text) == (
+            pb.OUTCOME_STOPPED,
             "the lease of pendant (certificate:pendant) was seized by chief (certificate:chief): "
             "arm in the way",
         )

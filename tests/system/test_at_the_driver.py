@@ -69,7 +69,11 @@ def test_what_is_sent_is_what_was_certified(streamed):
     assert_limits_kept(q, period)
     found = peaks(q, period)
     certificate, measured = plan.certificate, summary.statistics
-    certified = (certificate.velocity, certificate.acceleration, certificate.jerk)
+    certified = (
+        certificate.peak_velocity,
+        certificate.peak_acceleration,
+        certificate.peak_jerk,
+    )
     for value, peak in zip(found, certified, strict=True):
         assert value == pytest.approx(peak.on_records, rel=1e-6)
         assert value <= peak.value * (1 + 1e-6)
@@ -85,4 +89,4 @@ def test_acceleration_is_continuous_from_hold_to_hold(streamed):
     assert np.linalg.norm(alpha[-1]) == 0.0
     steps = np.linalg.norm(np.diff(alpha, axis=0), axis=1)
     # A step of the acceleration would be larger by orders than what the jerk makes of a period.
-    assert steps.max() <= 1.5 * plan.certificate.jerk.value * period
+    assert steps.max() <= 1.5 * plan.certificate.peak_jerk.value * period

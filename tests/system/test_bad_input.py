@@ -382,7 +382,7 @@ def test_a_signal_to_a_move_stops_the_motion_on_its_path(daemon, tmp_path, numbe
     device = daemon.device()
     assert device.state == pb.STATE_HOLDING
     assert device.path_time < device.duration
-    assert not daemon.stub.GetState(pb.GetStateRequest()).daemon.lease.holder
+    assert not daemon.stub.GetState(pb.GetStateRequest()).daemon.leases
     assert not list(daemon.socket.parent.glob("control.sock.lease*"))
 
 

@@ -271,7 +271,7 @@ def test_a_move_that_was_killed_does_not_keep_others_from_commanding(daemon, slo
     process.communicate()
     until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest")
     state = pb.GetStateRequest()
-    until(lambda: not daemon.stub.GetState(state).daemon.lease.holder, "the lease's end")
+    until(lambda: not daemon.stub.GetState(state).daemon.leases, "the lease's end")
     done = inside("enable", "--socket", daemon.socket)
     assert (done.returncode, done.stdout, done.stderr) == (0, "arm: holding\n", "")
 

@@ -18,8 +18,8 @@ import orientd
 from orientd.errors import AccessError, DaemonError, StateError
 from orientd.fleet import FleetMotion, client, connect_fleet, move_together
 from orientd.motion_file import parse
-from orientd.rpc import Outcome
-from orientd.stream import ServoState
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc import to_quaternion
 
 pytest.importorskip("zenoh")
 pytestmark = pytest.mark.skipif(OPENSSL is None, reason="there is no openssl here")
@@ -52,9 +52,8 @@ def poses(cell):
     for name in cell.names:
         with orientd.connect(cell.control(name)) as robot:
             (device,) = robot.state().devices.values()
-            found |= {
-                f"{name} {axis}": part for axis, part in zip("wxyz", device.cycle.q, strict=True)
-            }
+            q = to_quaternion(device.cycle.q)
+            found |= {f"{name} {axis}": part for axis, part in zip("wxyz", q, strict=True)}
     return found
 
 
@@ -63,7 +62,7 @@ def are_at_rest(cell):
         with orientd.connect(cell.control(name)) as robot:
             report = robot.state()
             (device,) = report.devices.values()
-            if device.state is not ServoState.HOLDING or report.daemon.leases:
+            if device.state != pb.STATE_HOLDING or report.daemon.leases:
                 return False
     return True
 
@@ -89,7 +88,7 @@ def test_one_stop_ends_every_motion_and_is_acknowledged_by_each(cell, fleet):
     for name, move, robot in zip(cell.names, moves, robots, strict=True):
         assert told[name].problem == ""
         assert told[name].devices[0]["state"] == "STREAMING"
-        assert move.wait(20.0).outcome is Outcome.STOPPED
+        assert move.wait(20.0).outcome == pb.OUTCOME_STOPPED
         robot.close()
         until(lambda name=name: '"certificate:pendant"' in cell.audit(name), "the audit log")
 
@@ -104,7 +103,7 @@ def test_a_daemon_that_hangs_is_stopped_all_the_same(cell, fleet):
         finally:
             os.kill(daemon, signal.SIGCONT)
         assert told["arm-1"].devices[0]["state"] == "STREAMING"
-        assert move.wait(20.0).outcome is Outcome.STOPPED
+        assert move.wait(20.0).outcome == pb.OUTCOME_STOPPED
 
 
 def test_the_offset_of_a_clock_is_within_its_bound(cell, fleet):
@@ -116,7 +115,7 @@ def test_the_offset_of_a_clock_is_within_its_bound(cell, fleet):
 def test_motions_start_together_and_tell_their_skew(cell, fleet):
     together = move_together(fleet, [FleetMotion(name, "", turn(0.2)) for name in cell.names])
     assert together.problem == ""
-    assert [one.summary.outcome for one in together.ended] == [Outcome.DONE] * 2
+    assert [one.summary.outcome for one in together.ended] == [pb.OUTCOME_DONE] * 2
     assert together.skew >= 0.0
     assert together.skew_bound > 0.0
 
@@ -239,7 +238,7 @@ def test_what_moves_goes_on_when_the_router_dies(cell, fleet):
             with pytest.raises(TimeoutError):
                 move.wait(1.0)
             robot.stop()
-            assert move.wait(20.0).outcome is Outcome.STOPPED
+            assert move.wait(20.0).outcome == pb.OUTCOME_STOPPED
         finally:
             cell.start("router")
             cell.await_ready("router")

@@ -11,7 +11,8 @@ from harness import until
 
 from orientd import rotation
 from orientd.rotation import Quaternion
-from orientd.stream import ServoState
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc import to_quaternion
 
 pytest.importorskip("zenoh")
 
@@ -43,13 +44,11 @@ def test_a_device_follows_targets_and_comes_to_rest_at_their_end(fleet):
 
             def is_there():
                 tracking.aim(AIM)
-                return tracking.report.error is not None and tracking.report.error < 1e-3
+                return tracking.report.HasField("error") and tracking.report.error < 1e-3
 
             until(is_there, "it is there")
-        assert (
-            rotation.angle(np.array(cycle(robot).q), np.array([AIM.w, AIM.x, AIM.y, AIM.z])) < 1e-3
-        )
-        assert cycle(robot).state is ServoState.HOLDING
+        assert rotation.angle(to_quaternion(cycle(robot).q), [AIM.w, AIM.x, AIM.y, AIM.z]) < 1e-3
+        assert cycle(robot).state == pb.STATE_HOLDING
         assert tracking.report.refused == 0
 
 
@@ -58,7 +57,7 @@ def test_whoever_follows_stops_when_the_caller_has_gone(cell, fleet):
         tracking = other.robot("arm-1").track()
         tracking.aim(AIM)
     with fleet.robot("arm-1") as robot:
-        until(lambda: cycle(robot).state is ServoState.HOLDING, "it holds")
+        until(lambda: cycle(robot).state == pb.STATE_HOLDING, "it holds")
         until(lambda: not robot.state().daemon.leases, "the lease runs out")
 
 

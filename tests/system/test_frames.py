@@ -12,7 +12,7 @@ import orientd
 from orientd import config, rotation
 from orientd.errors import ConfigError, RequestError
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.reports import Outcome
+from orientd.rpc import samples, to_quaternion, to_vector
 
 CAMERA = """
 [devices.arm.frames.camera]
@@ -32,40 +32,47 @@ def daemon(tmp_path_factory):
         yield process
 
 
+def commanded(robot):
+    """Return orientation and position that were sent last."""
+    cycle = robot.state().devices[DEVICE].cycle
+    return to_quaternion(cycle.q), to_vector(cycle.position)
+
+
 def test_a_motion_in_a_configured_frame_is_reported_in_it_and_sent_as_the_flange(daemon):
     with orientd.connect(daemon.socket, holder="ana") as robot:
         robot.move([{**TURNS[0]}], frame="camera").wait()
         plan = robot.plan(TURNS, frame="camera", sample_rate_hz=100.0)
-        assert plan.samples.q[-1] == pytest.approx(rotation.exp([0, 0, 0.3]), abs=1e-9)
-        assert plan.samples.position[-1] == pytest.approx([0, 0.02, 0.1], abs=1e-9)
+        path = samples(plan)
+        assert path.q[-1] == pytest.approx(rotation.exp([0, 0, 0.3]), abs=1e-9)
+        assert path.position[-1] == pytest.approx([0, 0.02, 0.1], abs=1e-9)
         # What is kept for everybody is in the coordinates of the device.
-        kept = robot.planned(plan.motion_id, sample_rate_hz=100.0).samples
+        kept = samples(robot.planned(plan.motion_id, sample_rate_hz=100.0))
         # So often that the last report is from shortly before the end.
         handle = robot.move(plan, progress_rate_hz=100.0)
         reports = list(handle)
-        assert handle.wait().outcome is Outcome.DONE
-        cycle = robot.state().devices[DEVICE].cycle
-    assert reports[-1].position == pytest.approx([0, 0.02, 0.1], abs=1e-3)
-    assert rotation.angle(reports[-1].q, plan.samples.q[-1]) < 0.02
-    assert cycle.q == pytest.approx(kept.q[-1], abs=1e-12)
-    turned = rotation.multiply(cycle.q, rotation.from_euler("y", [np.pi / 2]))
+        assert handle.wait().outcome == pb.OUTCOME_DONE
+        q, position = commanded(robot)
+    assert to_vector(reports[-1].position) == pytest.approx([0, 0.02, 0.1], abs=1e-3)
+    assert rotation.angle(to_quaternion(reports[-1].q), path.q[-1]) < 0.02
+    assert q == pytest.approx(kept.q[-1], abs=1e-12)
+    turned = rotation.multiply(q, rotation.from_euler("y", [np.pi / 2]))
     assert rotation.angle(turned, rotation.exp([0, 0, 0.3])) < 1e-9
-    assert cycle.position == pytest.approx(
-        np.array([0, 0.02, 0.1]) - rotation.rotate(cycle.q, [0, 0, 0.1]), abs=1e-12
+    assert position == pytest.approx(
+        np.array([0, 0.02, 0.1]) - rotation.rotate(q, [0, 0, 0.1]), abs=1e-12
     )
 
 
 def test_a_relative_keyframe_is_seen_from_where_the_tool_is(daemon):
     with orientd.connect(daemon.socket, holder="ana") as robot:
-        before = robot.state().devices[DEVICE].cycle
+        before_q, before_position = commanded(robot)
         on = {"rotation_vector": [0.2, 0, 0], "position": [0.01, 0, 0], "relative": True}
         robot.move([on]).wait()
-        after = robot.state().devices[DEVICE].cycle
-    assert after.q == pytest.approx(
-        rotation.multiply(before.q, rotation.exp([0.2, 0, 0])), abs=1e-9
+        after_q, after_position = commanded(robot)
+    assert after_q == pytest.approx(
+        rotation.multiply(before_q, rotation.exp([0.2, 0, 0])), abs=1e-9
     )
-    step = np.array(after.position) - before.position
-    assert step == pytest.approx(rotation.rotate(before.q, [0.01, 0, 0]), abs=1e-9)
+    step = np.array(after_position) - before_position
+    assert step == pytest.approx(rotation.rotate(before_q, [0.01, 0, 0]), abs=1e-9)
 
 
 def test_an_unknown_frame_is_refused_with_those_that_there_are(daemon):

@@ -11,6 +11,7 @@ from harness import until
 from recorded_facts import states
 
 from orientd import connect
+from orientd.rpc import word
 
 pytest.importorskip("dynamixel_sdk")
 
@@ -82,9 +83,9 @@ def test_servos_that_are_powered_later_are_found_then(bus, daemon):
     assert "not ready" in daemon.process.stdout.readline()
     with connect(daemon.socket) as robot:
         device = robot.state().devices["gimbal"]
-        assert device.fault.name == "LINK_LOST"
+        assert word(device, "fault") == "link_lost"
         assert "servo 2 (pitch) does not answer" in device.fault_text
     bus.tell("connect 2")
     assert daemon.process.stdout.readline().startswith("ready")
     with connect(daemon.socket) as robot:
-        assert robot.state().devices["gimbal"].state.name == "HOLDING"
+        assert word(robot.state().devices["gimbal"], "state") == "holding"

@@ -10,7 +10,7 @@ from reference.wire import PtyTee
 
 import orientd
 from orientd.errors import OrientdError
-from orientd.stream import ServoState
+from orientd.rpc import control_pb2 as pb
 
 pytest.importorskip("dynamixel_sdk")
 
@@ -54,13 +54,13 @@ def hold(robot):
 
     def holds():
         now = robot.state().devices[DEVICE]
-        if now.state in (ServoState.FAULT, ServoState.IDLE):
+        if now.state in (pb.STATE_FAULT, pb.STATE_IDLE):
             told.append(now.fault_text)
             try:
                 robot.reset(DEVICE)
             except OrientdError as error:
                 told.append(str(error))
-        return now.state is ServoState.HOLDING
+        return now.state == pb.STATE_HOLDING
 
     try:
         until(seldom(holds), "rest")
@@ -87,7 +87,7 @@ def test_no_goal_on_the_wire_leads_away_after_a_fault(bus, tee, robot, cause, ro
         time.sleep(chance.uniform(0.2, 1.2))
         servo = chance.choice(SERVOS)
         bus.tell(CAUSES[cause].format(servo))
-        until(lambda: robot.state().devices[DEVICE].state is ServoState.FAULT, "the fault")
+        until(lambda: robot.state().devices[DEVICE].state == pb.STATE_FAULT, "the fault")
         # What brakes has come to rest by then.
         time.sleep(0.5)
         stood, written = positions(bus), len(tee.reader.written)

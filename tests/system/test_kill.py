@@ -20,7 +20,7 @@ from harness import (
 
 from orientd import planner, rotation
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.wire.motion import to_request
+from orientd.rpc.motion import to_request
 
 RANDOM = random.Random(7)
 MOMENTS = [

@@ -17,7 +17,7 @@ import orientd_ur
 from orientd import connect
 from orientd.driver import python_command, python_version
 from orientd.errors import ConfigError
-from orientd.rpc import Outcome
+from orientd.rpc import control_pb2 as pb
 
 OURS = Path(importlib.util.find_spec("numpy").origin).parents[1]
 
@@ -124,7 +124,8 @@ def test_each_has_its_own_version_of_a_package(tmp_path, python, pinned):
         assert [part.name for part in device.health] == ["vendor 2 of theirs"]
         assert Path(f"/proc/{device.servo_pid}/cmdline").read_bytes().startswith(bytes(python))
         assert (
-            robot.move([{"euler": {"axes": "z", "degrees": [10]}}]).wait().outcome is Outcome.DONE
+            robot.move([{"euler": {"axes": "z", "degrees": [10]}}]).wait().outcome
+            == pb.OUTCOME_DONE
         )
 
 
@@ -212,7 +213,8 @@ def test_a_gimbal_moves_on_another_version_of_the_vendors_sdk(tmp_path, bus, pyt
     assert Path(loaded.read_text()).is_relative_to(packages)
     with connect(daemon.socket) as robot:
         assert (
-            robot.move([{"euler": {"axes": "z", "degrees": [10]}}]).wait().outcome is Outcome.DONE
+            robot.move([{"euler": {"axes": "z", "degrees": [10]}}]).wait().outcome
+            == pb.OUTCOME_DONE
         )
     daemon.end()
     done = orientd("doctor", "--config", daemon.config, "--json")

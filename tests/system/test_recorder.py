@@ -89,7 +89,7 @@ def test_a_recording_has_plan_certificate_request_and_settings(recorded):
     assert started.motion.end_velocity == pb.Vector3(x=0.3, y=0.0, z=0.5)
     path = daemon.folder.with_name("a.mcap")
     assert configurations(path)[""]["devices"][DEVICE]["driver"] == "loopback"
-    assert states(path)[0].devices[0].device.name == DEVICE
+    assert states(path)[0].devices[0].name == DEVICE
     _, planned = planned_orientations(recording, DEVICE)
     known = np.isfinite(planned[:, 0])
     assert np.count_nonzero(known) >= started.plan.duration * 500

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,9 +27,9 @@ from emulated_ur.process import EmulatedRobot, LaunchError
 from orientd import connect, motion_file
 from orientd.errors import DeviceError, OrientdError, StateError
 from orientd.rotation import angle, exp
-from orientd.rpc import Outcome
 from orientd.rpc import control_pb2 as pb
-from orientd.stream import ServoState, unpack_cycle
+from orientd.rpc import to_quaternion
+from orientd.stream import unpack_cycle
 from orientd.stream.records import CYCLE_RECORD
 
 MILLIRADIAN = 1e-3
@@ -41,8 +42,12 @@ JOINTS = [
 TURNS = [(1, 200), (2, 150), (3, -120), (1, -90)]
 
 
+def measured_ns(cycle):
+    return cycle.deadline_ns - cycle.feedback_age_ns
+
+
 def measured_at(robot):
-    return robot.state().devices["arm"].cycle.feedback_time_ns
+    return measured_ns(robot.state().devices["arm"].cycle)
 
 
 @contextlib.contextmanager
@@ -75,7 +80,7 @@ def replay(daemon, robot, file):
     """Run a motion file; return what was sent of it."""
     with cycles_of(daemon) as cycles:
         summary = robot.move(motion_file.load(file)).wait()
-        assert summary.outcome is Outcome.DONE, summary
+        assert summary.outcome == pb.OUTCOME_DONE, summary
     last = max(cycle.motion for cycle in cycles)
     return [cycle for cycle in cycles if cycle.motion == last]
 
@@ -125,7 +130,7 @@ def test_an_arm_in_freedrive_is_taught_and_passes_every_pose_again(arm, tmp_path
         truths = []
         with robot.teach() as teaching:
             report = robot.state().devices["arm"]
-            assert (report.state, report.is_free) == (ServoState.IDLE, True)
+            assert (report.state, report.is_free) == (pb.STATE_IDLE, True)
             for joints in JOINTS:
                 emulated.ask(push.format(*joints))
 
@@ -141,7 +146,7 @@ def test_an_arm_in_freedrive_is_taught_and_passes_every_pose_again(arm, tmp_path
         with pytest.raises(LaunchError, match="freedrive is off"):
             emulated.ask(push.format(*JOINTS[0]))
         report = robot.state().devices["arm"]
-        assert (report.state, report.is_free) == (ServoState.HOLDING, False)
+        assert (report.state, report.is_free) == (pb.STATE_HOLDING, False)
         file = tmp_path / "taught.yaml"
         request = teaching.save(file, "taught")
         assert motion_file.load(file) == request
@@ -171,7 +176,7 @@ def test_the_page_teaches_and_holds_the_arm_when_it_gives_up(arm):
         lesson.take("")
         lesson.remove()
         lesson.end()
-        assert robot.state().devices["arm"].state is ServoState.HOLDING
+        assert robot.state().devices["arm"].state == pb.STATE_HOLDING
         found = motion_file.loads(lesson.content("seen").encode(), "seen.yaml")
     assert (found.name, len(found.keyframes)) == ("seen", 2)
     assert found.keyframes[0].name == "here & now"
@@ -188,7 +193,7 @@ def test_an_arm_is_held_again_when_whoever_taught_it_is_killed(arm, teach, tmp_p
     until(lambda: report().is_free, "the arm to be let go")
     process.kill()
     process.wait()
-    until(lambda: report().state is ServoState.HOLDING, "the arm to hold again")
+    until(lambda: report().state == pb.STATE_HOLDING, "the arm to hold again")
     assert not report().is_free
 
 
@@ -226,14 +231,14 @@ def test_a_gimbal_without_torque_is_taught_by_the_command_and_passes_every_pose_
             here = [bus.state(number)["position"] for number in (1, 2, 3)]
             turned_ns = time.monotonic_ns()
             until(
-                seldom(lambda: state().devices["gimbal"].cycle.feedback_time_ns > turned_ns),  # noqa: B023
+                seldom(lambda: measured_ns(state().devices["gimbal"].cycle) > turned_ns),  # noqa: B023
                 "feedback",
             )
             teaching.stdin.write("take\n")
             teaching.stdin.flush()
             assert teaching.stdout.readline().startswith(f"{len(taken) + 1} at ")
             taken.append(here)
-            taught.append(state().devices["gimbal"].cycle.feedback_q)
+            taught.append(to_quaternion(state().devices["gimbal"].cycle.feedback_q))
         teaching.stdin.write("name corner\nend\n")
         teaching.stdin.flush()
         assert "is called 'corner'" in teaching.stdout.readline()
@@ -263,7 +268,7 @@ def test_a_device_that_cannot_be_moved_by_hand_says_so_and_follows_again(loopbac
     with connect(loopback.socket) as robot:
         with pytest.raises(OrientdError, match="'loopback' cannot be moved by hand"):
             robot.teach()
-        assert robot.state().devices["arm"].state is ServoState.HOLDING
+        assert robot.state().devices["arm"].state == pb.STATE_HOLDING
 
 
 def test_a_signal_takes_a_keyframe_and_a_keyframe_can_be_removed(loopback, teach, tmp_path):
@@ -326,19 +331,12 @@ def test_an_old_file_is_not_written_over_and_nothing_taken_writes_none(loopback,
 
 
 def test_feedback_that_has_stopped_is_no_pose(loopback):
-    from dataclasses import replace
-
     with connect(loopback.socket) as robot:
         teaching = robot.teach(by_hand=False)
         teaching.take()
         told = robot.state()
-        report = told.devices["arm"]
-        old = replace(report.cycle, feedback_time_ns=report.cycle.deadline_ns - 600_000_000)
-        teaching._robot = type(
-            "Told",
-            (),
-            {"state": lambda _: replace(told, devices={"arm": replace(report, cycle=old)})},
-        )()
+        told.devices["arm"].cycle.feedback_age_ns = 600_000_000
+        teaching._robot = SimpleNamespace(state=lambda: told)
         with pytest.raises(DeviceError, match=r"has not said where it is for 0\.6 s"):
             teaching.take()
         assert len(teaching.keyframes) == 1

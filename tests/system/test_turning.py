@@ -10,7 +10,6 @@ from orientd import endless_turn
 from orientd.errors import LimitError, LimitKind
 from orientd.rotation import conjugate, log, multiply
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.reports import Outcome
 
 RATE = 1.0
 
@@ -32,7 +31,7 @@ def test_an_endless_turn_goes_on_at_its_rate_until_it_is_stopped(tmp_path, monke
             summary = turn.wait(20.0)
             reader.join(20.0)
             assert not reader.is_alive()
-        assert (summary.outcome, turn.problem) == (Outcome.STOPPED, "")
+        assert (summary.outcome, turn.problem) == (pb.OUTCOME_STOPPED, "")
         daemon.assert_limits_kept()
         q = daemon.sent()
         turned = log(multiply(conjugate(q[:-1]), q[1:])) / daemon.period

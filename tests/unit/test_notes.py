@@ -7,18 +7,18 @@ import warnings
 
 import numpy as np
 import pytest
+from orientd.batch.requests import motion_of_rows
 
 import orientd
-from orientd.batch.requests import motion_of_rows
 from orientd.cli import texts
 from orientd.errors import RequestError
 from orientd.motion_file import loads, parse, written
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
 from orientd.rotation import angle, from_euler, normalize
 from orientd.rpc import control_pb2 as pb
+from orientd.rpc.motion import from_request, to_request
 from orientd.rpc.motion_request import motion_request
-from orientd.rpc.wire.motion import from_request, to_request
-from orientd.rpc.wire.track import target_from_message
+from orientd.rpc.targets import target_from_message
 
 CASES = int(os.environ.get("ORIENTD_CASES", "30"))
 FIRST = {"quaternion": {"w": 1, "x": 0, "y": 0, "z": 0}}

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import orientd
 from orientd import motion_file
-from orientd.rpc.wire.motion import from_request, to_request
+from orientd.rpc.motion import from_request, to_request
 
 ROOT = str(Path(orientd.__file__).parent)
 MOST_FUNCTIONS = 40

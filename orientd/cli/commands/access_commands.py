@@ -39,13 +39,13 @@ def seize(
 
     Takes that of one device, or of all; their motions stop.  For administrators only.
     """
-    from orientd.rpc import LeaseReport
+    from orientd.rpc import control_pb2 as pb
 
     with connect_as(socket, "lease seize") as robot:
         leases = robot.state().daemon.leases
         before = [one for one in leases if not device or device in one.devices]
         robot.seize_lease(reason, *filter(None, [device]))
-    first = before[0] if before else LeaseReport("", 0.0)
+    first = before[0] if before else pb.LeaseReport()
     whose = ", ".join(f"{one.holder} ({one.identity})" for one in before)
     answer(
         {"holder": first.holder, "identity": first.identity, "leases": before},

@@ -43,7 +43,7 @@ def run(
     from orientd import config as configuration
     from orientd.daemon import run as serve
     from orientd.daemon import set_up_log
-    from orientd.rpc import daemon_from_message, default_socket
+    from orientd.rpc import default_socket
 
     path = config or configuration.find()
     settings = configuration.load_or_default(path)
@@ -68,7 +68,7 @@ def run(
         if problems:
             line = f"not ready at {report.socket}: {'; '.join(problems)}; tried again"
         content = {"ready": not problems, "problems": problems}
-        answer({**content, "daemon": daemon_from_message(report)}, line, as_json=as_json)
+        answer({**content, "daemon": report}, line, as_json=as_json)
 
     serve(
         settings,
@@ -91,7 +91,7 @@ def _end_with_input() -> None:
 def status(socket: Socket = None, as_json: AsJson = False) -> None:
     """Show the daemon, the leases and the state of each device."""
     from orientd.cli import texts
-    from orientd.rpc import connect, tracking_error
+    from orientd.rpc import connect, to_quaternion
 
     with connect(socket) as robot:
         report = robot.state()
@@ -116,16 +116,18 @@ def status(socket: Socket = None, as_json: AsJson = False) -> None:
         servo = f"process {device.servo_pid}, {device.scheduling}, {memory}"
         say(f"  servo        {servo if device.servo_pid else 'none'}")
         say(f"  motion       {texts.motion(device)}")
-        cycle = device.cycle
-        if cycle is not None:
-            say(f"  orientation  {texts.orientation(cycle.q)}")
+        if device.HasField("cycle"):
+            cycle = device.cycle
+            error = cycle.tracking_error if cycle.HasField("tracking_error") else None
+            age = device.feedback_age if device.HasField("feedback_age") else None
+            say(f"  orientation  {texts.orientation(to_quaternion(cycle.q))}")
             late = texts.milliseconds(cycle.lateness_ns * 1e-9)
             say(
                 f"  cycle        {cycle.index}: {texts.age(device.cycle_age)}, late {late}, "
                 f"{texts.count(cycle.overruns, 'overrun')}, {cycle.missed} missed, "
-                f"tracking {texts.small_angle(tracking_error(cycle))}"
+                f"tracking {texts.small_angle(error)}"
             )
-            say(f"  measured     {texts.age(device.feedback_age)}")
+            say(f"  measured     {texts.age(age)}")
         for part in device.health:
             say(f"  {part.name:<11}  {texts.health(part)}")
 
@@ -134,7 +136,7 @@ def devices(socket: Socket = None, as_json: AsJson = False) -> None:
     """List the devices of the daemon's configuration."""
     from orientd.cli import texts
     from orientd.planner import ANGULAR
-    from orientd.rpc import connect
+    from orientd.rpc import connect, limits_from_message
 
     with connect(socket) as robot:
         found = robot.devices()
@@ -143,7 +145,7 @@ def devices(socket: Socket = None, as_json: AsJson = False) -> None:
             device.name,
             device.driver,
             f"{device.rate_hz:g}",
-            *(texts.limit(device.limits.rate(name)) for name in ANGULAR),
+            *(texts.limit(limits_from_message(device.limits).rate(name)) for name in ANGULAR),
         ]
         for device in found
     ]

@@ -19,7 +19,8 @@ from orientd.cli.own_daemon import begun
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.rpc import Plan, Robot
+    from orientd.rpc import Robot
+    from orientd.rpc import control_pb2 as pb
     from orientd.stream import Cycle
 
 RATE_HZ = 500
@@ -57,7 +58,8 @@ def demo(
     from orientd import plots
     from orientd.cli import texts
     from orientd.cli.commands.motion_commands import follow, raise_unless_done
-    from orientd.rpc import Outcome, connect
+    from orientd.rpc import connect
+    from orientd.rpc import control_pb2 as pb
     from orientd.stream import ServoState
 
     plots.check_format(plot)
@@ -84,7 +86,7 @@ def demo(
         plan = handle.plan
     moving = [cycle for cycle in cycles if cycle.state is ServoState.STREAMING]
     why_not = ""
-    if summary.outcome is not Outcome.DONE:
+    if summary.outcome != pb.OUTCOME_DONE:
         why_not = "none of a part of the motion"
     elif not plots.is_available():
         why_not = "none: pip install 'orientd-motion[plot]' for one"
@@ -142,12 +144,11 @@ def _recorded(robot: Robot) -> Iterator[list[Cycle]]:
         thread.join()
 
 
-def _draw(path: Path, moving: list[Cycle], plan: Plan) -> None:
+def _draw(path: Path, moving: list[Cycle], plan: pb.Plan) -> None:
     """Draw what was sent, and how punctually."""
     import numpy as np
 
-    from orientd import plots
-    from orientd.rpc import tracking_error
+    from orientd import plots, rotation
 
     period = 1.0 / RATE_HZ
     first = moving[0].path_index
@@ -173,8 +174,11 @@ def _draw(path: Path, moving: list[Cycle], plan: Plan) -> None:
         plots.Timing(
             times=times,
             lateness=1e-9 * np.array([cycle.lateness_ns for cycle in moving]),
-            # An error that is not known is not a number.
-            tracking_error=np.array([tracking_error(cycle) for cycle in moving], dtype=float),
+            tracking_error=np.where(
+                [cycle.has_feedback for cycle in moving],
+                rotation.angle(q, np.array([cycle.feedback_q for cycle in moving])),
+                np.nan,
+            ),
             period=period,
         ),
         title=f"orientd demo: {len(keyframe_times)} keyframes at {RATE_HZ} Hz, as sent",

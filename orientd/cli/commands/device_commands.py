@@ -12,7 +12,8 @@ from orientd.cli.command import AsJson, Beside, DeviceName, Socket, connect_as
 from orientd.cli.output import answer
 
 if TYPE_CHECKING:
-    from orientd.rpc import DeviceReport, Robot
+    from orientd.rpc import Robot
+    from orientd.rpc import control_pb2 as pb
 
 
 def _of_all(name: str, told: str) -> Callable[..., None]:
@@ -53,7 +54,7 @@ def _command(
     device: str,
     is_beside: bool,
     as_json: bool,
-    act: Callable[[Robot], DeviceReport],
+    act: Callable[[Robot], pb.DeviceReport],
 ) -> None:
     from orientd.cli import texts
 

@@ -24,8 +24,8 @@ from orientd.cli.output import answer, say, working
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.endless_turn import EndlessTurn
-    from orientd.rpc import MoveHandle, OnTarget, Summary
+    from orientd.rpc import EndlessTurn, MoveHandle
+    from orientd.rpc import control_pb2 as pb
 
 MotionFile = Annotated[Path, typer.Argument(metavar="FILE", help="A motion file, YAML or JSON.")]
 
@@ -75,16 +75,17 @@ def plan(
     with working(f"planning {file.name}"):
         motion = planner.plan_offline(request, from_device=from_robot)
     samples = samples_of(motion, settings.rate_hz, planner.report_frame(request))
+    planned = plan_of(motion)
     if output is not None:
-        sample_files.write(output, samples, motion.certificate)
+        sample_files.write(output, samples, planned.certificate)
     if plot is not None:
         with working(f"drawing {plot}"):
             motion.plot(plot, title=f"{file.name}: {request.method}")
     answer(
-        {"plan": plan_of(motion), "output": output, "plot": plot},
+        {"plan": planned, "output": output, "plot": plot},
         f"{request.method} through {len(request.keyframes)} keyframes",
         "",
-        *texts.certificate(motion.certificate),
+        *texts.certificate(planned.certificate),
         *(f"wrote {written}" for written in (output, plot) if written is not None),
         as_json=as_json,
     )
@@ -164,9 +165,9 @@ def move(
     conclude(handle, summary, as_json=as_json)
 
 
-def _gate(text: str) -> OnTarget:
+def _gate(text: str) -> pb.OnTarget:
     """Return the gate that ``DEG,DEG/S,S[,S]`` stands for."""
-    from orientd.rpc import OnTarget
+    from orientd.rpc import control_pb2 as pb
 
     try:
         tolerance, rate, *seconds = map(float, text.split(","))
@@ -180,7 +181,13 @@ def _gate(text: str) -> OnTarget:
             f"got {text!r}",
             param_hint="--on-target",
         ) from None
-    return OnTarget(math.radians(tolerance), math.radians(rate), *seconds)
+    settle_time, *timeout = seconds
+    return pb.OnTarget(
+        tolerance=math.radians(tolerance),
+        rate=math.radians(rate),
+        settle_time=settle_time,
+        timeout=timeout[0] if timeout else 0.0,
+    )
 
 
 def follow(
@@ -190,7 +197,7 @@ def follow(
     introduction: str = "",
     notes: Sequence[str] = (),
     is_silent: bool,
-) -> Summary:
+) -> pb.MoveSummary:
     """Show a motion until it has ended; Ctrl-C stops it on its path.
 
     Raises:
@@ -214,7 +221,7 @@ def follow(
 
 
 def conclude(
-    handle: MoveHandle | EndlessTurn, summary: Summary, *, as_json: bool, **more: object
+    handle: MoveHandle | EndlessTurn, summary: pb.MoveSummary, *, as_json: bool, **more: object
 ) -> None:
     """Say how a motion went, with *more* for programs.
 
@@ -229,9 +236,10 @@ def conclude(
     raise_unless_done(summary)
 
 
-def raise_unless_done(summary: Summary) -> None:
+def raise_unless_done(summary: pb.MoveSummary) -> None:
     """Raise what makes a command fail after a motion that was not run to its end."""
     from orientd.cli import texts
+    from orientd.rpc import GOOD_OUTCOMES
 
-    if not summary.outcome.is_as_asked:
+    if summary.outcome not in GOOD_OUTCOMES:
         raise OrientdError(f"motion {summary.motion_number} {texts.ending(summary)}")

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from orientd.curves import Fit
     from orientd.planner import MotionRequest
+    from orientd.rpc import control_pb2 as pb
 
 
 Pace = Literal["recorded", "minimum"]
@@ -106,9 +107,10 @@ def replay(
 
         planner = device_settings(config, device).planner()
         motion, slower = _planned(fit, pace, planner.plan_offline, output)
+        planned = plan_of(motion)
         answer(
-            {"fit": fitted, "slower": slower, "plan": plan_of(motion), "output": output},
-            *_lines(motion, slower, output),
+            {"fit": fitted, "slower": slower, "plan": planned, "output": output},
+            *_lines(planned, slower, output),
             as_json=as_json,
         )
         return
@@ -161,7 +163,7 @@ def _planned(
     return planned, slower
 
 
-def _lines(planned: Any, slower: float, output: Path | None) -> list[str]:  # noqa: ANN401 - two kinds
+def _lines(planned: pb.Plan, slower: float, output: Path | None) -> list[str]:
     from orientd.cli import texts
 
     first = f"{slower:.3f} times as long as recorded"

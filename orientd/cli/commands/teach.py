@@ -21,7 +21,7 @@ from orientd.errors import DeviceError, OrientdError, StateError
 
 if TYPE_CHECKING:
     from orientd.planner import Keyframe
-    from orientd.teaching import Teaching
+    from orientd.rpc import Teaching
 
 ENDINGS = (".yaml", ".yml", ".json")
 

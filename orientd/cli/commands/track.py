@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -43,6 +42,7 @@ def track(
     line was bad.
     """
     from orientd.cli import texts
+    from orientd.rpc import to_quaternion
 
     lines = _Lines(time_to_live)
     with connect_as(socket, "track") as robot:
@@ -51,14 +51,13 @@ def track(
             for target in lines.targets(sys.stdin.buffer):
                 tracking.hand_over(target)
         report = tracking.report
-    report = replace(report, refused=report.refused + lines.bad)
-    if lines.bad:
-        report = replace(report, refusal=report.refusal or lines.last)
+    report.refused += lines.bad
+    report.refusal = report.refusal or lines.last
     answer(
         report,
         f"{report.targets} targets followed, {report.left_out} of them left out as late, "
         f"{report.refused} refused",
-        f"at rest at {texts.orientation(report.q)}",
+        f"at rest at {texts.orientation(to_quaternion(report.q))}",
         *([f"last refusal: {report.refusal}"] if report.refusal else []),
         as_json=as_json,
     )

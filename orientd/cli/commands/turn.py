@@ -13,8 +13,7 @@ from orientd.cli.commands.motion_commands import conclude, follow
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.endless_turn import EndlessTurn
-    from orientd.rpc import MoveHandle, Robot
+    from orientd.rpc import EndlessTurn, MoveHandle, Robot
 
 
 def home(

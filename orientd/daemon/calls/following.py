@@ -5,13 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import AsyncIterator
 
-from orientd.daemon.calls.report import quaternion, vector
 from orientd.daemon.device import Device
 from orientd.driver import Quaternion
 from orientd.errors import OrientdError
 from orientd.floats import difference, norm
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc import target_from_message
+from orientd.rpc import quaternion, target_from_message, vector
 
 
 class Following:
@@ -48,7 +47,7 @@ class Following:
         given, left_out = self._device.targets
         return pb.TrackResponse(
             state=f"STATE_{cycle.state.name}",
-            orientation=quaternion(cycle.q),
+            q=quaternion(cycle.q),
             omega_body=vector(cycle.omega_body),
             time_ns=cycle.deadline_ns,
             targets=given - self._given,

@@ -9,7 +9,8 @@ from collections.abc import Iterable
 from orientd.daemon.device import Device, QueuedMotion
 from orientd.driver import PartHealth, Quaternion, Vector3
 from orientd.floats import difference, norm
-from orientd.planner import ANGULAR, NO_AXES, UNITS, Frame, Limits
+from orientd.planner import Frame
+from orientd.rpc import STALE, limits_to_message, quaternion, vector
 from orientd.rpc import control_pb2 as pb
 from orientd.stream import UNKNOWN, Cycle, CycleFlag, ServoState, record_index, unpack_cycle
 
@@ -20,32 +21,13 @@ _MOST_CYCLES = 4096
 _SHARED_CYCLES = 1024
 
 
-def vector(values: Vector3) -> pb.Vector3:
-    """Return a vector as a message."""
-    return pb.Vector3(x=values[0], y=values[1], z=values[2])
-
-
-def quaternion(q: Quaternion) -> pb.Quaternion:
-    """Return a quaternion ``(w, x, y, z)`` as a message."""
-    return pb.Quaternion(w=q[0], x=q[1], y=q[2], z=q[3])
-
-
-def limits_message(limits: Limits) -> pb.Limits:
-    """Return all limits as a message; limits of the axes only where there are any."""
-    message = pb.Limits(**{name: getattr(limits, name) for name in UNITS})
-    for name in ANGULAR:
-        if limits.axes(name) != NO_AXES:
-            getattr(message, f"axis_{name}").CopyFrom(vector(limits.axes(name)))
-    return message
-
-
 def device_description(device: Device) -> pb.Device:
     """Return what the configuration says of *device*."""
     return pb.Device(
         name=device.name,
         driver=device.driver,
         rate_hz=device.rate_hz,
-        limits=limits_message(device.limits),
+        limits=limits_to_message(device.limits),
         lead=device.lead,
         phase=device.phase,
     )
@@ -56,8 +38,16 @@ def device_report(device: Device) -> pb.DeviceReport:
     now = device.snapshot()
     facts = now.motion.facts if now.motion else None
     now_ns = time.monotonic_ns()
+    cycle, age, feedback_age = now.cycle, cycle_age(now.cycle), None
+    if cycle is not None and cycle.has_feedback:
+        feedback_age = age + cycle.feedback_age_ns / NANOSECONDS
     return pb.DeviceReport(
-        device=device_description(device),
+        name=device.name,
+        driver=device.driver,
+        rate_hz=device.rate_hz,
+        limits=limits_to_message(device.limits),
+        lead=device.lead,
+        phase=device.phase,
         state=f"STATE_{now.state.name}",
         fault=f"FAULT_{now.fault.name}",
         fault_text=now.fault_text,
@@ -68,11 +58,13 @@ def device_report(device: Device) -> pb.DeviceReport:
         motion_name=facts.name if facts else "",
         path_time=now.path_time,
         duration=facts.duration if facts else 0.0,
-        servo_pid=now.servo_pid or 0,
+        servo_pid=now.servo_pid,
         scheduling=now.scheduling,
         is_memory_locked=now.memory_locked,
-        cycle=None if now.cycle is None else cycle_message(now.cycle),
-        cycle_age=cycle_age(now.cycle),
+        cycle=None if cycle is None else cycle_message(cycle),
+        cycle_age=age,
+        feedback_age=feedback_age,
+        is_stale=now.servo_pid is not None and age > STALE,
         is_free=device.is_free and now.state is ServoState.IDLE,
         health=[_part(part, now_ns) for part in now.health],
     )
@@ -116,13 +108,13 @@ def cycle_message(cycle: Cycle) -> pb.Cycle:
         path_index=cycle.path_index,
         path_fraction=cycle.path_fraction,
         speed=cycle.speed,
-        orientation=quaternion(cycle.q),
+        q=quaternion(cycle.q),
         omega_body=vector(cycle.omega_body),
         alpha_body=vector(cycle.alpha_body),
         position=vector(cycle.position),
     )
     if cycle.has_feedback:
-        message.feedback_orientation.CopyFrom(quaternion(cycle.feedback_q))
+        message.feedback_q.CopyFrom(quaternion(cycle.feedback_q))
         message.feedback_omega_body.CopyFrom(vector(cycle.feedback_omega_body))
         message.feedback_position.CopyFrom(vector(cycle.feedback_position))
         message.tracking_error = norm(difference(cycle.q, cycle.feedback_q))
@@ -202,7 +194,7 @@ class ProgressReader:
             state=f"STATE_{now.state.name}",
             is_paused=now.is_paused,
             speed=now.cycle.speed,
-            orientation=quaternion(q),
+            q=quaternion(q),
             omega_body=vector(omega_body),
             position=vector(position),
             lateness=latest / NANOSECONDS,
@@ -229,7 +221,7 @@ def summary(run: QueuedMotion, devices: Iterable[Device]) -> pb.MoveSummary:
             skew = (max(instants) - min(instants)) / NANOSECONDS
     return pb.MoveSummary(
         motion_number=run.number,
-        outcome=f"OUTCOME_{outcome.name}",
+        outcome=outcome,
         text=text,
         statistics=run.statistics,
         settled_after=run.settled_after,

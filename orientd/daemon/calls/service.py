@@ -43,8 +43,8 @@ from orientd.errors import (
     RequestError,
     StateError,
 )
-from orientd.rpc import Outcome, limits_to_wish
 from orientd.rpc import control_pb2 as pb
+from orientd.rpc import limits_to_wish
 from orientd.stream import CYCLE_RECORD, record_index
 
 _log = logging.getLogger(__name__)
@@ -127,7 +127,6 @@ class Service:
             uptime=time.monotonic() - self._began,
             socket=str(self._socket),
             configuration=self._configuration,
-            lease=leases[0] if leases else None,
             leases=leases,
         )
 
@@ -404,7 +403,7 @@ class Service:
                 if now is not None:
                     yield now
             outcome, text = run.ended.result(timeout=0)
-            if outcome is Outcome.FAULT:
+            if outcome == pb.OUTCOME_FAULT:
                 raise StateError(text)
         finally:
             if reading is not None:

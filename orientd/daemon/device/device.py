@@ -35,7 +35,7 @@ from orientd.errors import (
 )
 from orientd.planner import Limits
 from orientd.planner import State as PlannedState
-from orientd.rpc import Outcome
+from orientd.rpc import control_pb2 as pb
 from orientd.servo import LEFT_OUT_WORD
 from orientd.stream import NOT_GIVEN, UNKNOWN, Command, Cycle, ServoState, unpack_cycle
 
@@ -62,11 +62,11 @@ _TIMED = 16
 """Motions with a start time of which the device remembers when they began."""
 
 _OUTCOMES = {
-    EventKind.MOTION_DONE: Outcome.DONE,
-    EventKind.MOTION_PASSED: Outcome.PASSED,
-    EventKind.MOTION_REPLACED: Outcome.REPLACED,
-    EventKind.MOTION_UNSETTLED: Outcome.UNSETTLED,
-    EventKind.MOTION_STOPPED: Outcome.STOPPED,
+    EventKind.MOTION_DONE: pb.OUTCOME_DONE,
+    EventKind.MOTION_PASSED: pb.OUTCOME_PASSED,
+    EventKind.MOTION_REPLACED: pb.OUTCOME_REPLACED,
+    EventKind.MOTION_UNSETTLED: pb.OUTCOME_UNSETTLED,
+    EventKind.MOTION_STOPPED: pb.OUTCOME_STOPPED,
 }
 
 
@@ -174,7 +174,7 @@ class Device:
         if self._thread is not None:
             self._thread.join()
         for queued in self.unfinished():
-            self._conclude(queued, (Outcome.STOPPED, GOING_DOWN))
+            self._conclude(queued, (pb.OUTCOME_STOPPED, GOING_DOWN))
 
     def _start_servo(self) -> None:
         self._queue.restart()
@@ -629,16 +629,16 @@ class Device:
     def _how(self, kind: EventKind, queued: QueuedMotion, text: str) -> Ended | None:
         """Return how a motion has ended, and why; ``None`` if it has not by that."""
         outcome = _OUTCOMES.get(kind)
-        if outcome is not Outcome.STOPPED:
+        if outcome != pb.OUTCOME_STOPPED:
             return None if outcome is None else (outcome, text)
         now = self.snapshot()
         if now.fault is not Fault.NONE:
-            return Outcome.FAULT, now.fault_text or text
+            return pb.OUTCOME_FAULT, now.fault_text or text
         self._hear_stops()
         reason = queued.reason
         if not reason or text in (STOPPED, reason):
-            return Outcome.STOPPED, reason or text
-        return Outcome.STOPPED, f"{text}: {reason}"
+            return pb.OUTCOME_STOPPED, reason or text
+        return pb.OUTCOME_STOPPED, f"{text}: {reason}"
 
     def _conclude(self, queued: QueuedMotion, ended: Ended) -> None:
         self._unfinished.discard(queued)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from orientd.rpc import Outcome
+from orientd.rpc import control_pb2 as pb
 
 if TYPE_CHECKING:
     from orientd.daemon.planners import PlannedMotion
@@ -57,7 +57,7 @@ class DeviceEvent:
     path_index: int | None = None
     motion_id: str = ""
     motion_name: str = ""
-    outcome: Outcome | None = None
+    outcome: pb.Outcome | None = None
     reason: str = ""
     commander: str = ""
     identity: str = ""

@@ -10,11 +10,10 @@ from orientd.daemon.device.feeder import Feeder
 from orientd.daemon.device.meter import MotionMeter
 from orientd.daemon.planners import PlannedMotion
 from orientd.errors import RequestError, StateError
-from orientd.rpc import Outcome
 from orientd.rpc import control_pb2 as pb
 from orientd.stream import UNKNOWN, Cycle
 
-Ended = tuple[Outcome, str]
+Ended = tuple[pb.Outcome, str]
 """How a motion has ended, and why."""
 
 

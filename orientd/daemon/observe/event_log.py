@@ -6,6 +6,7 @@ import logging
 
 from orientd.daemon.device import DeviceEvent, EventKind
 from orientd.daemon.observe.log import about
+from orientd.rpc import control_pb2 as pb
 from orientd.rpc import titled
 
 _log = logging.getLogger(__name__)
@@ -28,6 +29,9 @@ class EventLog:
         is_ended = event.outcome is not None
         title = titled(event.motion_number, event.motion_name)
         text = event.reason if is_ended else event.text
+        outcome = None
+        if event.outcome is not None:
+            outcome = pb.Outcome.Name(event.outcome).removeprefix("OUTCOME_").lower()
         _log.log(
             self._level(event),
             "%s: %s%s%s",
@@ -41,7 +45,7 @@ class EventLog:
                 motion=event.motion_number,
                 motion_id=event.motion_id,
                 motion_name=event.motion_name,
-                outcome=event.outcome.name.lower() if event.outcome is not None else None,
+                outcome=outcome,
             ),
         )
         if event.commander:

@@ -6,21 +6,16 @@ of which every field is there has always the same length.
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import numpy as np
 
 from orientd.curves import METHODS
 from orientd.errors import RequestError
-from orientd.planner import Frame, Motion
+from orientd.planner import Certificate, Frame, Motion
 from orientd.planner import PathSamples as Sampled
 from orientd.rotation import Floats
-from orientd.rpc import (
-    MethodDescription,
-    Plan,
-    Samples,
-    from_request,
-    method_to_message,
-    plan_to_message,
-)
+from orientd.rpc import Samples, from_request
 from orientd.rpc import control_pb2 as pb
 
 MOST_SAMPLES = 300_000
@@ -34,17 +29,23 @@ _FIXED64 = 1
 _LENGTH = 2
 
 
-def plan_of(motion: Motion) -> Plan:
-    """Return what there is to say about *motion* before it is run."""
-    return Plan(
+def plan_of(motion: Motion) -> pb.Plan:
+    """Return the plan of *motion*, without samples."""
+    return pb.Plan(
         motion_id=motion.id,
         duration=motion.duration,
         start_time=motion.start_time,
         end_time=motion.end_time,
-        keyframe_times=tuple(motion.keyframe_times.tolist()),
-        certificate=motion.certificate,
+        keyframe_times=motion.keyframe_times.tolist(),
+        certificate=certificate(motion.certificate),
         name=motion.request.name,
     )
+
+
+def certificate(of: Certificate) -> pb.Certificate:
+    """Return the message of a certificate; the two have the same fields."""
+    figures = [figure._asdict() for figure in of.figures]
+    return pb.Certificate(**{**asdict(of), "figures": figures})
 
 
 def samples_of(motion: Motion, rate_hz: float, frame: Frame | None = None) -> Samples:
@@ -59,10 +60,10 @@ def samples_of(motion: Motion, rate_hz: float, frame: Frame | None = None) -> Sa
     return Samples(times, *sampled)
 
 
-def known_methods() -> list[MethodDescription]:
+def known_methods() -> list[pb.Method]:
     """Return the families of curves that motions can be made of."""
     return [
-        MethodDescription(
+        pb.Method(
             name=name,
             summary=family.summary,
             source=family.source,
@@ -72,11 +73,6 @@ def known_methods() -> list[MethodDescription]:
         )
         for name, family in METHODS.items()
     ]
-
-
-def plan(motion: Motion) -> pb.Plan:
-    """Return the message of what there is to say about *motion*."""
-    return plan_to_message(plan_of(motion))
 
 
 def plan_response(motion: Motion, rate_hz: float, frame: Frame | None = None) -> bytes:
@@ -92,17 +88,19 @@ def plan_response(motion: Motion, rate_hz: float, frame: Frame | None = None) ->
             "sample_rate_hz",
             f"{motion.duration:.6g} s make more than {MOST_SAMPLES} samples at {rate_hz:g} Hz",
         )
-    response = pb.PlanResponse(plan=plan(motion)).SerializeToString()
+    response = pb.PlanResponse(plan=plan_of(motion)).SerializeToString()
     if not rate_hz:
         return response
     times, samples = _sampled(motion, rate_hz, frame)
-    field = pb.PlanResponse.DESCRIPTOR.fields_by_name["samples"].number
-    return response + _samples(field, times, list(samples))
+    field = pb.Plan.DESCRIPTOR.fields_by_name["samples"].number
+    # Messages put one behind the other are merged: this is the rest of the same plan.
+    rest = _samples(field, times, list(samples))
+    return response + bytes([1 << 3 | _LENGTH]) + _varint(len(rest)) + rest
 
 
 def event(motion: Motion) -> bytes:
     """Return a serialised ``Event`` with plan, request and some samples of a motion that starts."""
-    message = pb.Event(plan=plan(motion), motion=from_request(motion.request))
+    message = pb.Event(plan=plan_of(motion), motion=from_request(motion.request))
     times, samples = _sampled(motion, min(EVENT_RATE_HZ, EVENT_SAMPLES / motion.duration))
     field = pb.Event.DESCRIPTOR.fields_by_name["samples"].number
     return message.SerializeToString() + _samples(field, times, list(samples[:2]))
@@ -110,8 +108,7 @@ def event(motion: Motion) -> bytes:
 
 def methods() -> bytes:
     """Return a serialised ``ListMethodsResponse``."""
-    found = [method_to_message(method) for method in known_methods()]
-    return pb.ListMethodsResponse(methods=found).SerializeToString()
+    return pb.ListMethodsResponse(methods=known_methods()).SerializeToString()
 
 
 def _sampled(motion: Motion, rate_hz: float, frame: Frame | None = None) -> tuple[Floats, Sampled]:
@@ -127,8 +124,7 @@ def _sampled(motion: Motion, rate_hz: float, frame: Frame | None = None) -> tupl
 def _samples(number: int, times: Floats, parts: list[Floats]) -> bytes:
     """Return a repeated field of ``MotionSample``, serialised: times and the first few *parts*."""
     size = 9 + sum(2 + 9 * part.shape[1] for part in parts)
-    length = [size & 127 | 128, size >> 7] if size > 127 else [size]
-    head = [number << 3 | _LENGTH, *length]
+    head = [number << 3 | _LENGTH, *_varint(size)]
     table = np.zeros((len(times), len(head) + size), dtype=np.uint8)
     table[:, : len(head)] = head
     at = _double(table, len(head), 1, times)
@@ -138,6 +134,15 @@ def _samples(number: int, times: Floats, parts: list[Floats]) -> bytes:
         for k in range(part.shape[1]):
             at = _double(table, at, k + 1, part[:, k])
     return table.tobytes()
+
+
+def _varint(number: int) -> bytes:
+    """Return a length as messages have it: seven bits a byte, the lowest first."""
+    parts = []
+    while number > 127:
+        parts.append(number & 127 | 128)
+        number >>= 7
+    return bytes([*parts, number])
 
 
 def _double(

@@ -80,7 +80,7 @@ class Worker:
         return Planned(
             facts=motion.facts,
             leave=leave,
-            plan=b"" if first else reporting.plan(motion).SerializeToString(),
+            plan=b"" if first else reporting.plan_of(motion).SerializeToString(),
             response=reporting.plan_response(motion, rate_hz, frame) if rate_hz else b"",
             frame=frame,
             end=end,

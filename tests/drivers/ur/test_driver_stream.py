@@ -107,7 +107,7 @@ def sweep(device):
     """Turn by 0.8 rad and back, at up to 1 rad/s; return the statistics and the cycles."""
     motion = swing_motion(device, angle=0.8, seconds=3.2)
     certificate = pb.Plan.FromString(motion.plan).certificate
-    assert certificate.velocity.value == pytest.approx(1.0, abs=0.15)
+    assert certificate.peak_velocity.value == pytest.approx(1.0, abs=0.15)
     begun = run(device, motion)
     streaming(device)
     until(lambda: is_holding(device), "the end")

@@ -13,7 +13,7 @@ from orientd.curves.roles import is_pair
 from orientd.planner import DEFAULT_LIMITS, State
 from orientd.planner import plan as planned
 from orientd.rotation import angle
-from orientd.rpc.wire.motion import from_request, to_request
+from orientd.rpc.motion import from_request, to_request
 
 KEYFRAMES = """
 keyframes:

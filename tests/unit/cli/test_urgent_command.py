@@ -28,7 +28,7 @@ class Daemon(ControlServicer):
     """One device that was stopped."""
 
     def GetState(self, request, context):  # noqa: N802 - gRPC's name
-        device = pb.DeviceReport(device=pb.Device(name=request.device or "arm"))
+        device = pb.DeviceReport(name=request.device or "arm")
         device.state = pb.STATE_STOPPING
         return pb.GetStateResponse(devices=[device])
 

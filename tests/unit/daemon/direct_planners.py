@@ -10,7 +10,7 @@ from orientd.daemon.device import AT_ONCE
 from orientd.daemon.planners import PlanCall, PlanInput, PlannedMotion, reporting
 from orientd.daemon.planners.task import RecordFile, Task
 from orientd.daemon.planners.worker import Worker
-from orientd.rpc.wire.motion import from_request
+from orientd.rpc.motion import from_request
 
 
 class DirectPlanners:

@@ -29,7 +29,7 @@ from orientd.errors import (
 )
 from orientd.planner import Keyframe, MotionRequest, State
 from orientd.rotation import exp
-from orientd.rpc.reports import Outcome
+from orientd.rpc import control_pb2 as pb
 from orientd.stream import ServoState
 
 SECOND = 1_000_000_000
@@ -108,7 +108,7 @@ def test_a_motion_runs_to_its_end(cell, arm, servo):
     run = begin(cell, arm, cell.leases.acquire("ana").token)
     assert not run.ended.done()
     servo.finish()
-    assert ended(arm, run) == (Outcome.DONE, "")
+    assert ended(arm, run) == (pb.OUTCOME_DONE, "")
 
 
 def test_a_motion_needs_the_lease(cell, arm, servo):
@@ -128,21 +128,21 @@ def test_a_motion_of_an_expired_lease_is_stopped(cell, arm, clock):
     assert not run.ended.done()
     clock.advance(5 * SECOND)
     cell.leases.expire()
-    assert ended(arm, run) == (Outcome.STOPPED, "the lease of 'ana' has expired")
+    assert ended(arm, run) == (pb.OUTCOME_STOPPED, "the lease of 'ana' has expired")
 
 
 def test_a_motion_of_a_released_lease_is_stopped(cell, arm):
     lease = cell.leases.acquire("ana")
     run = begin(cell, arm, lease.token)
     cell.leases.release(lease.token)
-    assert ended(arm, run) == (Outcome.STOPPED, "the lease of 'ana' was released")
+    assert ended(arm, run) == (pb.OUTCOME_STOPPED, "the lease of 'ana' was released")
 
 
 def test_only_motions_of_that_lease_are_stopped_with_it(cell, arm, servo):
     lease = cell.leases.acquire("ana")
     run = begin(cell, arm, lease.token)
     servo.finish()
-    assert ended(arm, run)[0] is Outcome.DONE
+    assert ended(arm, run)[0] == pb.OUTCOME_DONE
     cell.leases.release(lease.token)
     assert "stop" not in servo.asked
 
@@ -151,13 +151,13 @@ def test_whoever_takes_an_expired_lease_finds_its_motion_stopped(cell, arm, cloc
     run = begin(cell, arm, cell.leases.acquire("ana").token)
     clock.advance(5 * SECOND)
     cell.leases.acquire("ben")
-    assert ended(arm, run)[0] is Outcome.STOPPED
+    assert ended(arm, run)[0] == pb.OUTCOME_STOPPED
 
 
 def test_anybody_may_stop_and_is_named(cell, arm):
     run = begin(cell, arm, cell.leases.acquire("ana").token)
     cell.stop("arm", "ben")
-    assert ended(arm, run) == (Outcome.STOPPED, "stopped by ben")
+    assert ended(arm, run) == (pb.OUTCOME_STOPPED, "stopped by ben")
 
 
 def test_an_empty_name_stops_every_device(cell, servo):
@@ -211,7 +211,7 @@ def test_a_stop_while_a_motion_is_started_stops_it(cell, arm, servo):
     # The stop finds the device still at rest.
     servo.during_start = lambda: arm.note_stop("stopped by ben")
     run = begin(cell, arm, cell.leases.acquire("ana").token)
-    assert ended(arm, run) == (Outcome.STOPPED, "stopped by ben")
+    assert ended(arm, run) == (pb.OUTCOME_STOPPED, "stopped by ben")
 
 
 def test_a_lease_that_is_lost_while_a_motion_is_started_stops_it(cell, arm, servo, clock):
@@ -219,13 +219,13 @@ def test_a_lease_that_is_lost_while_a_motion_is_started_stops_it(cell, arm, serv
     servo.during_start = lambda: clock.advance(5 * SECOND)
     run = begin(cell, arm, token)
     cell.leases.expire()
-    assert ended(arm, run)[0] is Outcome.STOPPED
+    assert ended(arm, run)[0] == pb.OUTCOME_STOPPED
 
 
 def test_a_fault_ends_a_motion_as_a_fault(cell, arm, servo):
     run = begin(cell, arm, cell.leases.acquire("ana").token)
     servo.fall(Fault.LIMIT_GUARD, "velocity of 3 rad/s")
-    assert ended(arm, run) == (Outcome.FAULT, "velocity of 3 rad/s")
+    assert ended(arm, run) == (pb.OUTCOME_FAULT, "velocity of 3 rad/s")
 
 
 def test_the_reason_of_a_stop_is_not_that_of_a_later_one(cell, arm, servo):
@@ -234,7 +234,7 @@ def test_the_reason_of_a_stop_is_not_that_of_a_later_one(cell, arm, servo):
     cell.stop("arm", "ben")
     run = begin(cell, arm, token)
     servo.be(ServoState.HOLDING)
-    assert ended(arm, run) == (Outcome.STOPPED, "stopped on its path")
+    assert ended(arm, run) == (pb.OUTCOME_STOPPED, "stopped on its path")
 
 
 def test_the_reason_of_a_stop_outlives_a_move_that_is_refused_meanwhile(cell, arm, servo):
@@ -245,7 +245,7 @@ def test_the_reason_of_a_stop_outlives_a_move_that_is_refused_meanwhile(cell, ar
     with pytest.raises(StateError, match="not holding"):
         start(arm, token, run.motion)
     servo.be(ServoState.HOLDING)
-    assert ended(arm, run) == (Outcome.STOPPED, "halted by 'ben'")
+    assert ended(arm, run) == (pb.OUTCOME_STOPPED, "halted by 'ben'")
 
 
 def test_an_abandoned_motion_is_stopped_but_not_the_one_after_it(cell, arm, servo):
@@ -258,7 +258,7 @@ def test_an_abandoned_motion_is_stopped_but_not_the_one_after_it(cell, arm, serv
     tend(arm)
     assert not second.ended.done()
     arm.abandon(second, "gone")
-    assert ended(arm, second) == (Outcome.STOPPED, "gone")
+    assert ended(arm, second) == (pb.OUTCOME_STOPPED, "gone")
 
 
 def test_a_motion_whose_caller_goes_away_is_stopped(cell, arm, servo):
@@ -361,7 +361,7 @@ def test_shutdown_stops_what_runs_and_takes_no_more(cell, arm, servo):
 
     servo.ask = ask
     cell.shutdown()
-    assert run.ended.result(0) == (Outcome.STOPPED, "the daemon is going down")
+    assert run.ended.result(0) == (pb.OUTCOME_STOPPED, "the daemon is going down")
     assert servo.asked[-2:] == ["stop", "end"]
     with pytest.raises(DaemonError, match="going down"):
         cell.check(token, arm)
@@ -376,7 +376,7 @@ def test_shutdown_ends_what_a_dead_servo_cannot(cell, arm, servo):
 
     servo.ask = ask
     cell.shutdown()
-    assert run.ended.result(0)[0] is Outcome.FAULT
+    assert run.ended.result(0)[0] == pb.OUTCOME_FAULT
 
 
 def test_what_keeps_a_device_from_being_ready_is_told(cell, servo):

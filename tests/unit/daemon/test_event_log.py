@@ -6,7 +6,7 @@ import pytest
 
 from orientd.daemon.device import DeviceEvent, EventKind
 from orientd.daemon.observe import EventLog
-from orientd.rpc import Outcome
+from orientd.rpc import control_pb2 as pb
 
 DIED, READY = EventKind.SERVO_DIED, EventKind.READY
 
@@ -47,7 +47,7 @@ def test_a_motion_that_starts_is_logged_with_who_commands_it(caplog):
 def test_a_motion_that_ends_is_logged_with_the_reason(caplog):
     event = DeviceEvent(
         "arm", EventKind.MOTION_STOPPED, 3, "stopped on its path", 0,
-        outcome=Outcome.STOPPED, reason="stopped by ben",
+        outcome=pb.OUTCOME_STOPPED, reason="stopped by ben",
     )  # fmt: skip
     with caplog.at_level(logging.INFO):
         EventLog().hear(event)

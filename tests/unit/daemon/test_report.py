@@ -13,7 +13,6 @@ from orientd.daemon.device import MoveOptions, QueuedMotion
 from orientd.daemon.planners import reporting
 from orientd.errors import Fault
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.reports import Outcome
 from orientd.stream import CycleFlag, ServoState, record_index
 
 SETTINGS = config.default_settings().devices["arm"]
@@ -114,7 +113,7 @@ def test_samples_begin_and_end_with_the_motion(motion):
 def test_a_summary_has_what_was_measured_of_its_motion():
     for measured in (STATISTICS, None):
         run = QueuedMotion(number=1, _measured=(measured, None))
-        run.ended.set_result((Outcome.STOPPED, "why"))
+        run.ended.set_result((pb.OUTCOME_STOPPED, "why"))
         summary = report.summary(run, [])
         assert (summary.outcome, summary.text) == (pb.OUTCOME_STOPPED, "why")
         assert summary.HasField("statistics") == (measured is not None)
@@ -127,7 +126,7 @@ def test_motions_with_one_start_time_are_compared():
     devices = [SimpleNamespace(began_ns={start_ns: one}.get) for one in began]
     for one, lateness in zip(began, (3e-6, 11e-6), strict=True):
         run = QueuedMotion(options=MoveOptions(start_ns=start_ns), _measured=(None, one))
-        run.ended.set_result((Outcome.DONE, ""))
+        run.ended.set_result((pb.OUTCOME_DONE, ""))
         summary = report.summary(run, devices)
         assert summary.start_lateness == pytest.approx(lateness)
         assert summary.start_skew == pytest.approx(8e-6)
@@ -155,7 +154,7 @@ def test_every_method_says_what_it_is():
 
 def test_a_cycle_without_feedback_reports_none():
     told = report.cycle_message(cycle(3))
-    assert not told.HasField("feedback_orientation")
+    assert not told.HasField("feedback_q")
     assert (told.index, told.state, told.fault) == (3, pb.STATE_HOLDING, pb.FAULT_NONE)
 
 
@@ -164,7 +163,7 @@ def test_a_cycle_reports_its_feedback_and_the_angle_to_it():
     fed = replace(cycle(3), flags=CycleFlag.FEEDBACK, feedback_q=(half, half, 0.0, 0.0))
     told = report.cycle_message(fed)
     assert told.tracking_error == pytest.approx(np.pi / 2)
-    assert told.feedback_orientation.x == half
+    assert told.feedback_q.x == half
 
 
 @pytest.mark.parametrize(

@@ -68,7 +68,7 @@ def test_commands_need_the_lease(service, cell):
         asyncio.run(service.Enable(pb.EnableRequest(device="arm"), ANA))
     token = lease_of(service).token
     answer = asyncio.run(service.Enable(pb.EnableRequest(device="arm", lease_token=token), ANA))
-    assert answer.device.device.name == "arm"
+    assert answer.device.name == "arm"
     assert servo_of(cell.device("arm")).asked == ["enable"]
 
 

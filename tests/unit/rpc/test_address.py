@@ -7,8 +7,8 @@ import pytest
 
 from orientd import first_stop
 from orientd.errors import DaemonError
-from orientd.rpc import address
-from orientd.rpc.address import MAX_PATH_BYTES, default_socket, target
+from orientd.rpc import channel
+from orientd.rpc.channel import MAX_PATH_BYTES, default_socket, target
 
 
 def test_the_socket_is_in_the_runtime_directory(monkeypatch):
@@ -36,12 +36,12 @@ def test_the_daemon_of_the_system_is_found_where_the_user_has_none(tmp_path, mon
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     own, shared = tmp_path / "orientd" / "control.sock", tmp_path / "system.sock"
     monkeypatch.setattr(first_stop, "SYSTEM_SOCKET", str(shared))
-    assert address.found_socket() == own
+    assert channel.found_socket() == own
     shared.touch()
-    assert address.found_socket() == shared
-    assert address.default_socket() == own
+    assert channel.found_socket() == shared
+    assert channel.default_socket() == own
     own.parent.mkdir()
     own.touch()
-    assert address.found_socket() == own
+    assert channel.found_socket() == own
     monkeypatch.setenv("ORIENTD_SOCKET", str(tmp_path / "named"))
-    assert address.found_socket() == tmp_path / "named"
+    assert channel.found_socket() == tmp_path / "named"

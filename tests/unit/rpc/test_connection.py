@@ -1,9 +1,5 @@
 """A client that has hung up, or never got through."""
 
-import contextlib
-import socket
-from concurrent.futures import ThreadPoolExecutor
-
 import pytest
 
 import orientd
@@ -43,28 +39,6 @@ def test_what_is_called_wrongly_is_not_taken_for_a_closed_connection(tmp_path):
         robot.plan([{"rotation_vector": [0.1]}])
     assert not isinstance(caught.value, DaemonError)
     robot.close()
-
-
-def test_a_daemon_that_is_there_and_says_nothing_is_told_from_none(tmp_path):
-    way = Way(tmp_path / "a.sock")
-    with socket.socket(socket.AF_UNIX) as listening:
-        listening.bind(str(way.socket))
-        listening.listen()
-        assert "does not answer" in str(way.why_not())
-    assert way.why_not() is None
-
-
-def test_a_daemon_that_hangs_up_is_none_any_more(tmp_path):
-    way = Way(tmp_path / "a.sock")
-    with socket.socket(socket.AF_UNIX) as listening, ThreadPoolExecutor(1) as other:
-        listening.bind(str(way.socket))
-        listening.listen()
-        answer = other.submit(way.why_not)
-        listening.settimeout(0.1)
-        while not answer.done():
-            with contextlib.suppress(TimeoutError):
-                listening.accept()[0].close()
-        assert answer.result(10.0) is None
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ from orientd import motion_file
 from orientd.errors import RequestError
 from orientd.planner import DEFAULT_LIMITS, MotionRequest
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.wire.motion import from_request, to_request
-from orientd.rpc.wire.state import limits_from_message, limits_to_message
+from orientd.rpc.limits import limits_from_message, limits_to_message
+from orientd.rpc.motion import from_request, to_request
 
 FILE = {
     "method": "kks_hermite_spline",

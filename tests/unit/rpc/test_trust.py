@@ -51,60 +51,18 @@ def test_where_there_is_nothing_nothing_is_refused(folder):
 
 
 @pytest.mark.parametrize("mode", [0o702, 0o777, 0o1777, 0o703])
-def test_a_folder_that_others_can_write_is_refused(listening, folder, mode):
+def test_a_folder_that_others_can_write_is_refused(folder, mode):
+    check_folder(folder)
     folder.chmod(mode)
-    refused(listening, rf"others can write {folder} \(mode {mode:o}\)")
+    with pytest.raises(DaemonError, match=rf"others can write {folder} \(mode {mode:o}\)"):
+        check_folder(folder)
 
 
 @needs_root
-def test_a_folder_that_a_group_of_others_can_write_is_refused(listening, folder):
-    os.chown(folder, 0, OTHER)
-    folder.chmod(0o770)
-    refused(listening, "others can write")
-
-
-@needs_root
-def test_a_folder_of_others_is_refused(listening, folder):
+def test_a_folder_of_others_is_refused(folder):
     os.chown(folder, OTHER, OTHER)
-    refused(listening, rf"{folder} belongs to another user \(user {OTHER}\)")
-
-
-@needs_root
-@pytest.mark.parametrize("mode", [0o700, 0o777])
-def test_a_folder_on_the_way_is_looked_at_too(tmp_path, mode):
-    inner = tmp_path / "a" / "b" / "c"
-    inner.mkdir(parents=True)
-    if mode == 0o700:
-        os.chown(tmp_path / "a", OTHER, OTHER)
-    else:
-        (tmp_path / "a").chmod(mode)
-    with pytest.raises(DaemonError, match=f"{tmp_path / 'a'}"):
-        check_folder(inner)
-
-
-def test_a_folder_of_ones_own_below_a_sticky_one_is_taken(tmp_path):
-    (tmp_path / "common").mkdir()
-    (tmp_path / "common").chmod(0o1777)
-    (tmp_path / "common" / "mine").mkdir(mode=0o700)
-    check_folder(tmp_path / "common" / "mine")
-
-
-def test_a_link_of_ones_own_is_followed_and_its_end_is_looked_at(tmp_path, folder):
-    link = tmp_path / "link"
-    link.symlink_to(folder)
-    check_folder(link)
-    folder.chmod(0o777)
-    with pytest.raises(DaemonError, match="others can write"):
-        check_folder(link)
-
-
-@needs_root
-def test_a_link_of_others_is_refused(tmp_path, folder):
-    link = tmp_path / "link"
-    link.symlink_to(folder)
-    os.lchown(link, OTHER, OTHER)
-    with pytest.raises(DaemonError, match=f"{link} belongs to another user"):
-        check_folder(link)
+    with pytest.raises(DaemonError, match=rf"{folder} is of user {OTHER}"):
+        check_folder(folder)
 
 
 @pytest.mark.parametrize("kind", ["file", "folder", "fifo", "link"])
@@ -117,7 +75,7 @@ def test_what_is_no_socket_is_refused(folder, listening, kind):
         "link": lambda: path.symlink_to(listening),
     }
     make[kind]()
-    refused(path, "is a symbolic link" if kind == "link" else "is no socket")
+    refused(path, "is no socket")
 
 
 LISTENER = f"""
@@ -189,5 +147,5 @@ def test_a_user_that_there_is_not_is_no_daemon_user(folder, monkeypatch):
 @needs_root
 def test_the_folder_of_the_system_is_whose_root_says(folder, monkeypatch):
     os.chown(folder, OTHER, OTHER)
-    monkeypatch.setattr(trust, "SYSTEM_FOLDER", folder)
+    monkeypatch.setattr(trust, "SYSTEM_SOCKET", str(folder / "control.sock"))
     check_folder(folder)

@@ -1,16 +1,18 @@
 """Which charts there are."""
 
-from dataclasses import replace
 from itertools import combinations
 
 import pytest
-from test_words import DEVICE
+from test_words import DEVICE, changed
 
 from orientd.planner import DEFAULT_LIMITS
+from orientd.rpc import limits_to_message
 from orientd.viewer.charts import charts_of
 from orientd.viewer.strips import COLUMNS
 
-BY_AXIS = replace(DEVICE, limits=DEFAULT_LIMITS.with_rates({"velocity": (2.0, 1.0, 3.0)}))
+BY_AXIS = changed(
+    DEVICE, limits=limits_to_message(DEFAULT_LIMITS.with_rates({"velocity": (2.0, 1.0, 3.0)}))
+)
 
 
 def levels(chart):

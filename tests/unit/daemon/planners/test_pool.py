@@ -18,7 +18,7 @@ from orientd.errors import DaemonError, DeadlineError, PlanError, RequestError, 
 from orientd.planner import Keyframe, MotionRequest, State
 from orientd.rotation import exp
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.wire.motion import from_request
+from orientd.rpc.motion import from_request
 
 SETTINGS = config.default_settings().devices["arm"]
 HERE = State.at_rest((1.0, 0.0, 0.0, 0.0))

@@ -7,7 +7,7 @@ from orientd import planner
 from orientd.daemon.planners import reporting
 from orientd.errors import RequestError
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.wire.move import samples_from_messages
+from orientd.rpc import samples
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ def motion():
 def test_samples_are_read_back_as_they_are(motion, rate_hz):
     response = pb.PlanResponse.FromString(reporting.plan_response(motion, rate_hz))
     read, meant = (
-        samples_from_messages(list(response.samples)),
+        samples(response.plan),
         reporting.samples_of(motion, rate_hz),
     )
     for name in ("times", "q", "omega_body", "alpha_body", "position", "velocity"):
@@ -35,13 +35,13 @@ def test_samples_are_read_back_as_they_are(motion, rate_hz):
 
 
 def test_a_plan_without_samples_has_none(motion):
-    assert not pb.PlanResponse.FromString(reporting.plan_response(motion, 0.0)).samples
+    assert not pb.PlanResponse.FromString(reporting.plan_response(motion, 0.0)).plan.samples
 
 
 def test_an_event_has_orientations_and_velocities_only(motion):
     event = pb.Event.FromString(reporting.event(motion))
     meant = reporting.samples_of(motion, 50.0)
-    read = samples_from_messages(list(event.samples))
+    read = samples(pb.Plan(samples=event.samples))
     np.testing.assert_array_equal(read.q, meant.q)
     np.testing.assert_array_equal(read.omega_body, meant.omega_body)
     assert not event.samples[0].HasField("position")

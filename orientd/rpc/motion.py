@@ -26,8 +26,8 @@ from orientd.planner import (
     check_method,
 )
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.wire.limits import asked_rates, limits_message
-from orientd.rpc.wire.values import RATES, quaternion, vector
+from orientd.rpc.limits import asked_rates, limits_message
+from orientd.rpc.values import RATES, quaternion, vector
 from orientd.schema import (
     FORMS,
     KEYFRAME,

@@ -1,4 +1,4 @@
-"""Limits that a caller asks for, on the wire."""
+"""Limits on the wire: those of a device, and those that a caller asks for."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from orientd.errors import RequestError
-from orientd.planner import ANGULAR, Limits, Rate
+from orientd.planner import ANGULAR, NO_AXES, Limits, Rate
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.wire.values import RATES, to_vector, vector
+from orientd.rpc.values import RATES, to_vector, vector
 
 
 def limits_message(rates: Mapping[str, Rate]) -> pb.Limits:
@@ -60,3 +60,21 @@ def asked_rates(message: pb.Limits) -> dict[str, Any]:
                 raise RequestError(name, f"expected one of {name} and {axes}, got both")
             rates[name] = list(to_vector(getattr(message, axes)))
     return rates
+
+
+def limits_to_message(limits: Limits) -> pb.Limits:
+    """Return all limits of a device; those of the axes only if there are any."""
+    message = pb.Limits(**{name: getattr(limits, name) for name in RATES})
+    for name in ANGULAR:
+        if limits.axes(name) != NO_AXES:
+            getattr(message, f"axis_{name}").CopyFrom(vector(limits.axes(name)))
+    return message
+
+
+def limits_from_message(message: pb.Limits) -> Limits:
+    """Return the limits of a device."""
+    axes = (
+        to_vector(getattr(message, f"axis_{name}")) if message.HasField(f"axis_{name}") else NO_AXES
+        for name in ANGULAR
+    )
+    return Limits(*(getattr(message, name) for name in RATES), *axes)

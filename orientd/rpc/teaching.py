@@ -10,14 +10,16 @@ from typing import TYPE_CHECKING
 from orientd import motion_file
 from orientd.errors import FeedbackError, RequestError, StateError
 from orientd.planner import Keyframe, MotionRequest
-from orientd.stream import UNKNOWN, ServoState
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.values import to_quaternion, to_vector
+from orientd.stream import UNKNOWN
 from orientd.structured_text import write_structured
 
 if TYPE_CHECKING:
     from typing import Self
 
     from orientd.planner import Quaternion, Vector3
-    from orientd.rpc import Robot
+    from orientd.rpc.client import Robot
 
 OLDEST_FEEDBACK = 0.5
 """Older feedback does not say where a device is that is being moved, s."""
@@ -65,7 +67,7 @@ class Teaching:
         self._is_freed = by_hand
         self._was_enabled = False
         if by_hand:
-            self._was_enabled = reports[self.device].state is ServoState.HOLDING
+            self._was_enabled = reports[self.device].state == pb.STATE_HOLDING
             try:
                 robot.disable(self.device, by_hand=True)
             except BaseException:
@@ -87,12 +89,17 @@ class Teaching:
         """
         report = self._robot.state().devices[self.device]
         cycle = report.cycle
-        if cycle is None or not cycle.has_feedback:
+        if not cycle.HasField("feedback_q"):
             raise FeedbackError(f"{self.device} does not say where it is")
-        age = (cycle.deadline_ns - cycle.feedback_time_ns) * _NANO
+        age = cycle.feedback_age_ns * _NANO
         if age > OLDEST_FEEDBACK:
             raise FeedbackError(f"{self.device} has not said where it is for {age:.1f} s")
-        return MeasuredPose(cycle.feedback_q, cycle.feedback_position, cycle.feedback_time_ns, age)
+        return MeasuredPose(
+            to_quaternion(cycle.feedback_q),
+            to_vector(cycle.feedback_position),
+            cycle.deadline_ns - cycle.feedback_age_ns,
+            age,
+        )
 
     def take(self, name: str = "") -> Keyframe:
         """Take the pose of now as a keyframe, with the time since the first one, and return it.

@@ -9,9 +9,7 @@ from orientd.driver import Quaternion, Vector3
 from orientd.errors import RequestError
 from orientd.floats import rotate_back
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.reports import TrackReport
-from orientd.rpc.wire.codec import Codec
-from orientd.rpc.wire.values import quaternion, to_quaternion, to_vector, vector
+from orientd.rpc.values import quaternion, to_quaternion, to_vector, vector
 from orientd.tolerances import NORM_TOLERANCE
 
 TIME_TO_LIVE = 0.5
@@ -100,8 +98,3 @@ def target_to_message(
     if position is not None:
         message.position.CopyFrom(vector(position))
     return message
-
-
-REPORT = Codec(TrackReport, pb.TrackResponse, names={"q": "orientation"})
-
-report_to_message, report_from_message = REPORT.to_message, REPORT.from_message

@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Any
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.rpc import MoveHandle, Plan, Progress, Robot, Summary
+    from orientd.rpc import control_pb2 as pb
+    from orientd.rpc.client import Robot
+    from orientd.rpc.move_handle import MoveHandle
 
 SECONDS = 60.0
 """How long each motion turns at the rate; half of it is left when the next one is planned."""
@@ -46,7 +48,7 @@ class EndlessTurn:
         """
         self._robot, self._rate, self._fields = robot, rate, fields
         self._handle = self._begin()
-        self.plan: Plan = self._handle.plan
+        self.plan: pb.Plan = self._handle.plan
         self.speed = self._handle.speed
         self.problem = ""
         self._ending = threading.Event()
@@ -54,7 +56,7 @@ class EndlessTurn:
         self._thread = threading.Thread(target=self._work, name="orientd turn", daemon=True)
         self._thread.start()
 
-    def wait(self, timeout: float | None = None) -> Summary:
+    def wait(self, timeout: float | None = None) -> pb.MoveSummary:
         """Wait until the device has come to rest, and return how its last motion ended.
 
         Args:
@@ -83,7 +85,7 @@ class EndlessTurn:
             if self._handle is not stopped:
                 self._handle.cancel()
 
-    def __iter__(self) -> Iterator[Progress]:
+    def __iter__(self) -> Iterator[pb.MoveProgress]:
         """Yield the reports as they come, each of its motion."""
         handle = None
         while handle is not self._handle:

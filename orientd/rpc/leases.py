@@ -1,0 +1,141 @@
+"""The leases of a client, each renewed until the client gives it back."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from orientd.errors import LeaseError, OrientdError
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.connection import Connection
+
+RENEWALS = 3
+"""Renewals within the time that a lease lasts."""
+
+_RELEASE_TIMEOUT = 2.0
+"""How long the daemon may take to answer a release, s."""
+
+
+@dataclass
+class _Held:
+    """A lease: its token, its devices, and the error that cost it."""
+
+    token: str
+    devices: Sequence[str]
+    ended: threading.Event = field(default_factory=threading.Event)
+    lost: OrientdError | None = None
+
+
+class Leases:
+    """Hold leases, each renewed by a thread of its own."""
+
+    def __init__(self, connection: Connection, *, holder: str, beside: bool = False) -> None:
+        """Hold nothing yet.
+
+        Args:
+            connection: to the daemon.
+            holder: the name that others are shown.
+            beside: whether to command beside other programs of the same user, on purpose.
+        """
+        self.holder = holder
+        self.beside = beside
+        self._connection = connection
+        self._lock = threading.RLock()
+        self._held: list[_Held] = []
+
+    def token(self, device: str = "") -> str:
+        """Return the token of the lease of *device*; empty if none is held.
+
+        Without a device this is the token of the only device that is held.
+
+        Raises:
+            LeaseError: the lease was lost since it was last used.
+        """
+        with self._lock:
+            held = self._find(device)
+            if held is not None and held.lost is not None:
+                self._held.remove(held)
+                raise LeaseError(f"the lease was lost: {held.lost}") from held.lost
+            return held.token if held is not None else ""
+
+    def is_held(self, device: str = "") -> bool:
+        """Return whether a lease of *device* is held."""
+        with self._lock:
+            held = self._find(device)
+            return held is not None and held.lost is None
+
+    def needed(self, device: str) -> str:
+        """Return the token of the lease of *device*, and acquire that first if none is held.
+
+        Raises:
+            LeaseError: somebody else holds it, or it was lost since it was last used.
+        """
+        with self._lock:
+            return self.token(device) or self.acquire([device]).token
+
+    def acquire(self, devices: Sequence[str], *, beside: bool = False) -> pb.Lease:
+        """Take one lease of *devices*, of every device of the daemon if there are none.
+
+        Raises:
+            LeaseError: somebody else holds one of them.
+        """
+        request = pb.AcquireLeaseRequest(
+            holder=self.holder, devices=devices, beside=beside or self.beside
+        )
+        with self._lock:
+            return self.keep(
+                self._connection.ask(self._connection.stub.AcquireLease, request).lease
+            )
+
+    def seize(self, reason: str, devices: Sequence[str]) -> None:
+        """Take the lease of *devices* from whoever holds it.
+
+        Raises:
+            AccessError: that is for administrators.
+        """
+        request = pb.SeizeLeaseRequest(holder=self.holder, reason=reason, devices=devices)
+        self.keep(self._connection.ask(self._connection.stub.SeizeLease, request).lease)
+
+    def keep(self, lease: pb.Lease) -> pb.Lease:
+        """Renew *lease* from now on, and use it for its devices."""
+        held = _Held(lease.token, lease.devices)
+        with self._lock:
+            self._held.insert(0, held)
+        interval = lease.seconds / RENEWALS
+        renew = threading.Thread(target=self._renew, args=(held, interval), daemon=True)
+        renew.name = "orientd lease"
+        renew.start()
+        return lease
+
+    def release(self) -> None:
+        """Give every lease back; it does not matter whether the daemon still knows it."""
+        with self._lock:
+            all_held, self._held = self._held, []
+        for held in all_held:
+            held.ended.set()
+            if held.lost is None:
+                request = pb.ReleaseLeaseRequest(token=held.token)
+                with contextlib.suppress(OrientdError):
+                    self._connection.call(
+                        self._connection.stub.ReleaseLease, request, timeout=_RELEASE_TIMEOUT
+                    )
+
+    def _find(self, device: str) -> _Held | None:
+        found = [held for held in self._held if not device or device in held.devices]
+        is_clear = device or (len(found) == 1 and len(found[0].devices) == 1)
+        return found[0] if found and is_clear else None
+
+    def _renew(self, held: _Held, interval: float) -> None:
+        request, failures = pb.RenewLeaseRequest(token=held.token), 0
+        while not held.ended.wait(interval):
+            try:
+                self._connection.ask(self._connection.stub.RenewLease, request)
+                failures = 0
+            except OrientdError as error:
+                failures += 1
+                # A daemon that is only slow may still answer in time.
+                if isinstance(error, LeaseError) or failures == RENEWALS:
+                    held.lost = error
+                    return

@@ -1,0 +1,145 @@
+"""The client's leases: taken when needed, renewed, lost, given back."""
+
+import threading
+from types import SimpleNamespace
+
+import pytest
+
+from orientd.errors import DaemonError, LeaseError
+from orientd.rpc import control_pb2 as pb
+from orientd.rpc.leases import RENEWALS, Leases
+
+
+class Daemon:
+    """A connection to a daemon that has two devices."""
+
+    def __init__(self, seconds=3600.0):
+        self.seconds = seconds
+        self.acquired = []
+        self.released = []
+        self.renewed = threading.Semaphore(0)
+        self.failures = []
+        self.stub = SimpleNamespace(
+            AcquireLease=self.acquire,
+            RenewLease=self.renew,
+            ReleaseLease=self.release,
+            SeizeLease=self.acquire,
+        )
+
+    def ask(self, method, request):
+        return method(request)
+
+    def call(self, method, request, *, timeout):
+        return method(request)
+
+    def acquire(self, request):
+        self.acquired.append(request)
+        lease = pb.Lease(
+            token=f"t{len(self.acquired)}", seconds=self.seconds, devices=request.devices
+        )
+        return pb.AcquireLeaseResponse(lease=lease)
+
+    def renew(self, request):
+        self.renewed.release()
+        if self.failures:
+            raise self.failures.pop(0)
+        return pb.RenewLeaseResponse()
+
+    def release(self, request):
+        self.released.append(request.token)
+        raise LeaseError("it has expired")
+
+
+@pytest.fixture
+def daemon():
+    return Daemon()
+
+
+@pytest.fixture
+def leases(daemon):
+    leases = Leases(daemon, holder="ana")
+    yield leases
+    leases.release()
+
+
+def quick(daemon, leases):
+    daemon.seconds = 0.01
+    return leases.needed("arm")
+
+
+def until_lost(leases):
+    """Wait until the lease is known to be lost."""
+    for _ in range(10_000):
+        if not leases.is_held("arm"):
+            return
+        threading.Event().wait(0.001)
+    raise AssertionError("the lease is still held")
+
+
+def test_a_lease_is_taken_once_and_when_it_is_needed(daemon, leases):
+    assert not leases.is_held("arm")
+    assert daemon.acquired == []
+    assert leases.needed("arm") == leases.needed("arm") == leases.token("arm") == "t1"
+    assert leases.is_held("arm")
+    assert not leases.is_held("leg")
+    assert leases.needed("leg") == "t2"
+
+
+def test_the_only_device_needs_no_name(leases):
+    assert leases.token() == ""
+    leases.acquire(["arm"])
+    assert leases.token() == leases.needed("") == "t1"
+    leases.acquire(["leg"])
+    assert leases.token() == ""
+
+
+def test_a_lease_that_a_move_has_taken_is_kept(daemon, leases):
+    leases.keep(pb.Lease(token="of the move", seconds=60.0, devices=["arm"]))
+    assert leases.needed("arm") == "of the move"
+    assert daemon.acquired == []
+
+
+def test_a_seized_lease_goes_before_one_that_was_refused(leases):
+    leases.needed("arm")
+    leases.seize("in the way", ["arm"])
+    assert leases.needed("arm") == "t2"
+
+
+def test_a_lease_is_given_back_even_if_the_daemon_knows_better(daemon, leases):
+    leases.release()
+    assert daemon.released == []
+    leases.needed("arm")
+    leases.release()
+    assert daemon.released == ["t1"]
+    assert not leases.is_held("arm")
+
+
+def test_a_lease_is_renewed_in_the_background(daemon, leases):
+    quick(daemon, leases)
+    for _ in range(5):
+        assert daemon.renewed.acquire(timeout=10.0)
+
+
+def test_a_lost_lease_is_an_error_once_then_acquired_again(daemon, leases):
+    daemon.failures = [LeaseError("it has expired")]
+    quick(daemon, leases)
+    until_lost(leases)
+    with pytest.raises(LeaseError, match="the lease was lost: it has expired"):
+        leases.needed("arm")
+    assert leases.needed("arm") == "t2"
+
+
+def test_a_daemon_that_is_slow_once_does_not_cost_the_lease(daemon, leases):
+    daemon.failures = [DaemonError("slow")]
+    quick(daemon, leases)
+    for _ in range(RENEWALS + 2):
+        assert daemon.renewed.acquire(timeout=10.0)
+    assert leases.is_held("arm")
+
+
+def test_a_daemon_that_is_gone_costs_the_lease(daemon, leases):
+    daemon.failures = [DaemonError("gone")] * RENEWALS
+    quick(daemon, leases)
+    until_lost(leases)
+    with pytest.raises(LeaseError, match="gone"):
+        leases.token("arm")
