@@ -146,4 +146,3 @@ def test_the_daemon_reports_its_leases_in_the_order_in_which_they_were_taken(ser
     lease_of(service, BEN, devices=["arm"])
     report = service.daemon_report()
     assert [one.identity for one in report.leases] == ["user:1", "user:2"]
-    assert report.lease == report.leases[0]
