@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from orientd.cli.output import Output
 from orientd.errors import OrientdError, RequestError
 
 if TYPE_CHECKING:
@@ -96,34 +97,42 @@ _REMOTE = {
 }
 
 
-def with_remote(run: Callable[..., None]) -> Callable[..., None]:
-    """Return a command with the options of a daemon over TCP, if it has ``socket`` at all."""
-    signature = inspect.signature(run, eval_str=True)
-    if "socket" not in signature.parameters or "address" in signature.parameters:
-        return run
+def with_options(run: Callable[..., None]) -> Callable[..., None]:
+    """Return a command with the options that it has for what its function takes.
+
+    A function that takes ``out``, an :class:`.Output`, has ``--json``.  One that takes ``socket``
+    has the options of a daemon that is reached over TCP.
+    """
+    taken = inspect.signature(run, eval_str=True).parameters
+    is_done = hasattr(run, "__wrapped__")
+    remote = _REMOTE if "socket" in taken and not is_done else {}
+    added = {"as_json": AsJson, **remote} if "out" in taken else remote
 
     @functools.wraps(run)
-    def reaching(**options: Any) -> None:  # noqa: ANN401 - those of the command
-        for name in _REMOTE:
-            given = options.pop(name)
-            if name == "address" and given is not None and ":" not in given:
-                raise typer.BadParameter(
-                    f"expected HOST:PORT or fleet:NAME, got {given!r}", param_hint="--address"
-                )
-            if given is not None:
-                os.environ[f"ORIENTD_{name.upper()}"] = str(given)
-                if name == "address":
-                    options["socket"] = None
-        run(**options)
+    def with_all(**given: Any) -> None:  # noqa: ANN401 - those of the command
+        if "out" in taken:
+            given["out"] = Output(as_json=bool(given.pop("as_json")))
+        for name in remote:
+            value = given.pop(name)
+            if name == "address" and value is not None:
+                given["socket"] = None
+                if ":" not in value:
+                    problem = f"expected HOST:PORT or fleet:NAME, got {value!r}"
+                    raise typer.BadParameter(problem, param_hint="--address")
+            if value is not None:
+                os.environ[f"ORIENTD_{name.upper()}"] = str(value)
+        run(**given)
 
-    more = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
-        for name, kind in _REMOTE.items()
+    listed = [
+        *(one for one in taken.values() if one.name != "out"),
+        *(
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
+            for name, kind in added.items()
+        ),
     ]
-    listed = [*signature.parameters.values(), *more]
-    reaching.__signature__ = signature.replace(parameters=listed)  # type: ignore[attr-defined] # typer reads it
-    reaching.__annotations__ = {**run.__annotations__, **_REMOTE}
-    return reaching
+    with_all.__signature__ = inspect.Signature(listed)  # type: ignore[attr-defined] # typer reads it
+    with_all.__annotations__ = {one.name: one.annotation for one in listed}
+    return with_all if added else run
 
 
 def connect_as(socket: Path | None, command: str) -> Robot:
@@ -175,8 +184,3 @@ def need_extra(extra: str) -> None:
     """
     if any(find_spec(module) is None for module in _EXTRAS[extra]):
         raise OrientdError(f"this needs the extra `{extra}`: pip install 'orientd-motion[{extra}]'")
-
-
-def command(run: Callable[..., None]) -> Callable[..., None]:
-    """Return *run* as it is."""
-    return run

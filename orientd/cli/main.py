@@ -18,8 +18,8 @@ import typer
 from typer.core import TyperGroup
 
 import orientd
-from orientd.cli.command import with_remote
-from orientd.cli.output import complain, plain, say
+from orientd.cli.command import with_options
+from orientd.cli.output import PEOPLE, complain, plain
 from orientd.errors import LimitError, OrientdError, RequestError
 from orientd.one_line import one_line
 
@@ -80,12 +80,13 @@ class Commands(TyperGroup):
         alone = typer.Typer(rich_markup_mode=None)
         if isinstance(found, typer.Typer):
             alone.add_typer(found)
-            for inner in found.registered_commands:
-                inner.callback = inner.callback and with_remote(inner.callback)
+            for inner in (*found.registered_commands, found.registered_callback):
+                if inner is not None and inner.callback is not None:
+                    inner.callback = with_options(inner.callback)
         else:
             # A negative speed is a wrong speed, not an option.
             is_lax = cmd_name == "speed"
-            alone.command(context_settings={"ignore_unknown_options": is_lax})(with_remote(found))
+            alone.command(context_settings={"ignore_unknown_options": is_lax})(with_options(found))
         return typer.main.get_group(alone).commands[cmd_name]
 
     def main(  # type: ignore[override] # of all that Click passes only this matters here
@@ -183,7 +184,7 @@ app = typer.Typer(
 
 def _version(is_asked: bool) -> None:
     if is_asked:
-        say(f"orientd {orientd.__version__}")
+        PEOPLE.say(f"orientd {orientd.__version__}")
         raise typer.Exit
 
 

@@ -21,29 +21,35 @@ from orientd.one_line import one_line, shown
 _QUATERNIONS = {"q", "feedback_q"}
 
 
-def say(*lines: str) -> None:
-    """Print lines for people, at once: a pipe shows them as they come, like a terminal."""
-    if lines:
-        print("\n".join(map(shown, lines)), flush=True)  # noqa: T201
+class Output:
+    """What a command prints to standard output: lines for people, or one JSON object.
+
+    Attributes:
+        as_json: whether a program reads it.
+    """
+
+    def __init__(self, *, as_json: bool) -> None:
+        self.as_json = as_json
+
+    def say(self, *lines: str) -> None:
+        """Print lines for people, at once: a pipe shows them as they come, like a terminal."""
+        if lines and not self.as_json:
+            print("\n".join(map(shown, lines)), flush=True)  # noqa: T201
+
+    def answer(self, content: object, *lines: str) -> None:
+        """Print what a command has found: *content* for programs, or *lines* for people."""
+        if self.as_json:
+            print(json.dumps(plain(content)), flush=True)  # noqa: T201
+        self.say(*lines)
 
 
-def say_json(content: object) -> None:
-    """Print one JSON object, at once."""
-    print(json.dumps(plain(content)), flush=True)  # noqa: T201
+PEOPLE = Output(as_json=False)
 
 
 def complain(error: Mapping[str, Any], *, as_json: bool, more: str = "") -> None:
     """Print what went wrong: its JSON object, or its message on one line with *more* behind."""
     said = f"orientd: {one_line(error['message'])}{more}"
     print(json.dumps({"error": error}) if as_json else said, file=sys.stderr)  # noqa: T201
-
-
-def answer(content: object, *lines: str, as_json: bool) -> None:
-    """Print what a command has found: one JSON object, or lines for people."""
-    if as_json:
-        say_json(content)
-    else:
-        say(*lines)
 
 
 def plain(content: Any) -> Any:  # noqa: ANN401 - whatever JSON can hold

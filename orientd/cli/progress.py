@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 
 from orientd.cli import texts
-from orientd.cli.output import is_terminal, say
+from orientd.cli.output import Output, is_terminal
 from orientd.rpc import STALE, to_quaternion, to_vector
 from orientd.rpc import control_pb2 as pb
 
@@ -24,18 +24,18 @@ Show = Callable[[pb.MoveProgress], None]
 
 
 @contextlib.contextmanager
-def view(title: str, *, is_silent: bool) -> Iterator[Show]:
+def view(title: str, out: Output) -> Iterator[Show]:
     """Yield what shows progress while the context lasts."""
-    if is_silent:
+    if out.as_json:
         yield lambda _: None
     elif not is_terminal():
-        yield _lines()
+        yield _lines(out)
     else:
         with _live_line(title) as show:
             yield show
 
 
-def _lines() -> Show:
+def _lines(out: Output) -> Show:
     """Return what prints a line, if the last one was long enough ago."""
     due = 0.0
 
@@ -45,7 +45,7 @@ def _lines() -> Show:
         if now >= due:
             due = now + PLAIN_INTERVAL
             times = f"{progress.path_time:.2f} of {progress.duration:.2f} s"
-            say(f"{times}  {_figures(progress)}{_pace(progress)}")
+            out.say(f"{times}  {_figures(progress)}{_pace(progress)}")
 
     return show
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from orientd.planner import ANGULAR, AXES, Rate
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc import titled, word
+from orientd.rpc import titled, to_quaternion, word
 
 
 def orientation(q: Sequence[float]) -> str:
@@ -227,3 +227,26 @@ def motion(device: pb.DeviceReport) -> str:
         return "none yet" if device.speed == 1.0 else f"none yet; speed {device.speed:g} is set"
     of = titled(device.motion_number, device.motion_name)
     return f"{of}: {device.path_time:.3f} of {device.duration:.3f} s, speed {device.speed:g}"
+
+
+def device(of: pb.DeviceReport) -> list[str]:
+    """Return what a device is and does, line by line."""
+    memory = "memory locked" if of.is_memory_locked else "memory not locked"
+    servo = f"process {of.servo_pid}, {of.scheduling}, {memory}"
+    lines = [
+        f"{of.name}  {of.driver} at {of.rate_hz:g} Hz: {state(of)}",
+        f"  servo        {servo if of.servo_pid else 'none'}",
+        f"  motion       {motion(of)}",
+    ]
+    if of.HasField("cycle"):
+        cycle = of.cycle
+        error = cycle.tracking_error if cycle.HasField("tracking_error") else None
+        measured = of.feedback_age if of.HasField("feedback_age") else None
+        lines += [
+            f"  orientation  {orientation(to_quaternion(cycle.q))}",
+            f"  cycle        {cycle.index}: {age(of.cycle_age)}, late "
+            f"{milliseconds(cycle.lateness_ns * 1e-9)}, {count(cycle.overruns, 'overrun')}, "
+            f"{cycle.missed} missed, tracking {small_angle(error)}",
+            f"  measured     {age(measured)}",
+        ]
+    return lines + [f"  {part.name:<11}  {health(part)}" for part in of.health]

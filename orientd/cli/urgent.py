@@ -19,6 +19,7 @@ from orientd.first_stop import Answers
 from orientd.rpc import ask_to_stop
 
 if TYPE_CHECKING:
+    from orientd.cli.output import Output
     from orientd.rpc import control_pb2 as pb
 
 _TIMEOUT = 2.0
@@ -53,20 +54,19 @@ def run(asked: dict[str, str], answers: Answers | None) -> bool:
         _tell_little(told, as_json=as_json)
         return True
     try:
-        tell(reports, as_json=as_json)
+        tell(reports, output.Output(as_json=as_json))
     except BrokenPipeError:
         output.close_output()
         raise SystemExit(1) from None
     return True
 
 
-def tell(reports: list[pb.DeviceReport], *, as_json: bool) -> None:
+def tell(reports: list[pb.DeviceReport], out: Output) -> None:
     """Say what each device was doing when it was told to come to rest."""
     from orientd.cli import texts
-    from orientd.cli.output import answer
 
     lines = [f"{report.name}: {texts.state(report)}" for report in reports]
-    answer({"devices": reports}, *lines, as_json=as_json)
+    out.answer({"devices": reports}, *lines)
 
 
 def _tell_little(told: list[dict[str, Any]], *, as_json: bool) -> None:

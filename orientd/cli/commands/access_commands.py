@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, Socket, connect_as
-from orientd.cli.output import answer
+from orientd.cli.command import DeviceName, Socket, connect_as
+from orientd.cli.output import PEOPLE, Output
 from orientd.errors import OrientdError
 
 lease = typer.Typer(name="lease", help="Seize the lease to command.", no_args_is_help=True)
@@ -33,7 +33,7 @@ def seize(
     ],
     device: DeviceName = "",
     socket: Socket = None,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Take the lease from whoever holds it, and free it.
 
@@ -47,10 +47,9 @@ def seize(
         robot.seize_lease(reason, *filter(None, [device]))
     first = before[0] if before else pb.LeaseReport()
     whose = ", ".join(f"{one.holder} ({one.identity})" for one in before)
-    answer(
+    out.answer(
         {"holder": first.holder, "identity": first.identity, "leases": before},
         f"taken from {whose}; it is free now" if whose else "nobody held it; it is free",
-        as_json=as_json,
     )
 
 

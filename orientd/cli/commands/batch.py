@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, ConfigFile, DeviceName, device_settings
-from orientd.cli.output import is_terminal, say, say_json
+from orientd.cli.command import ConfigFile, DeviceName, device_settings
+from orientd.cli.output import PEOPLE, Output, is_terminal
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def batch(
     ] = -1,
     config: ConfigFile = None,
     device: DeviceName = "",
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Plan a file of many motions, without a daemon.
 
@@ -62,22 +62,19 @@ def batch(
     try:
         for _ in run.run():
             now = time.monotonic()
-            if not as_json and (is_terminal() or now >= shown + _INTERVAL):
+            if not out.as_json and (is_terminal() or now >= shown + _INTERVAL):
                 shown = now
-                _show(run, now - began)
+                _show(run, now - began, out)
     except KeyboardInterrupt:
         raise OrientdError(
             f"interrupted with {run.done:,} requests done; the same command goes on from there"
         ) from None
-    if as_json:
-        say_json({"plans": run.table, "count": run.count})
-        return
     if is_terminal():
-        say("")
-    say(f"wrote {run.table}")
+        out.say("")
+    out.answer({"plans": run.table, "count": run.count}, f"wrote {run.table}")
 
 
-def _show(run: Batch, seconds: float) -> None:
+def _show(run: Batch, seconds: float, out: Output) -> None:
     text = f"{run.done:,} of {run.count:,} requests ({run.done / max(1, run.count):.0%})"
     rate = (run.done - run.begun_with) / max(1e-9, seconds)
     if rate > 0.0:
@@ -85,4 +82,4 @@ def _show(run: Batch, seconds: float) -> None:
     if is_terminal():
         print(f"\r{text}\x1b[K", end="", flush=True)  # noqa: T201
     else:
-        say(text)
+        out.say(text)

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orientd.cli.command import AsJson
-from orientd.cli.output import is_terminal, say, say_json, table
+from orientd.cli.output import PEOPLE, Output, is_terminal, table
 
 if TYPE_CHECKING:
     from orientd.bench import Comparison, CurveSpeed
@@ -25,7 +24,7 @@ def measure(
     ] = 3,
     servo: Annotated[bool, typer.Option(help="Measure the servo's lateness.")] = True,
     curves: Annotated[bool, typer.Option(help="Measure the curves' speed.")] = True,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Measure the servo's lateness and the curves' speed.
 
@@ -34,11 +33,10 @@ def measure(
     if context.invoked_subcommand is not None:
         return
     found = {
-        "curves": _curves(as_json=as_json) if curves else None,
-        "servo": _servo(seconds, slots, as_json=as_json) if servo else None,
+        "curves": _curves(out) if curves else None,
+        "servo": _servo(seconds, slots, out) if servo else None,
     }
-    if as_json:
-        say_json(found)
+    out.answer(found)
 
 
 @bench.command()
@@ -56,7 +54,7 @@ def retarget(
     priority: Annotated[
         int, typer.Option(min=0, max=99, help="SCHED_FIFO priority of the servo; 0 for none.")
     ] = 0,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Measure how long a retarget takes.
 
@@ -68,10 +66,6 @@ def retarget(
     found = measure_retargets(
         tuple(keyframes or (1, 20)), count=count, rate_hz=rate, priority=priority
     )
-    if as_json:
-        say_json({"rate_hz": rate, "priority": priority, "retargets": found})
-        return
-    say(f"retargets on the way at {rate:g} Hz, p50 / p99 in ms; each part begins after the other")
     rows = [
         [
             str(one.keyframes),
@@ -84,16 +78,20 @@ def retarget(
         ]
         for one in found
     ]
-    say(*table(["keyframes", "count", "replanned", *PARTS], rows))
+    out.answer(
+        {"rate_hz": rate, "priority": priority, "retargets": found},
+        f"retargets on the way at {rate:g} Hz, p50 / p99 in ms; each part begins after the other",
+        *table(["keyframes", "count", "replanned", *PARTS], rows),
+    )
 
 
-def _curves(*, as_json: bool) -> CurveSpeed:
+def _curves(out: Output) -> CurveSpeed:
     from orientd.bench import measure_curves
 
     found = measure_curves(steps=(1.0,))
-    if as_json:
-        return found
-    say(f"c2_cumulative of {found.keyframes} keyframes, ns a sample; SciPy is its RotationSpline")
+    out.say(
+        f"c2_cumulative of {found.keyframes} keyframes, ns a sample; SciPy is its RotationSpline"
+    )
     rows = [
         [
             str(sampling.instants),
@@ -103,18 +101,18 @@ def _curves(*, as_json: bool) -> CurveSpeed:
         ]
         for sampling in found.samplings
     ]
-    say(*table(["instants", "sorted", "unsorted", "SciPy"], rows), "")
+    out.say(*table(["instants", "sorted", "unsorted", "SciPy"], rows), "")
     for building in found.buildings:
-        say(
+        out.say(
             f"built from {building.few} keyframes {building.step:g} rad apart in "
             f"{1e3 * building.few_s:.1f} ms, from {100 * building.few} in "
             f"{building.many_s:.2f} s: {building.growth:.0f} times the time"
         )
-    say("")
+    out.say("")
     return found
 
 
-def _servo(seconds: float, slots: int, *, as_json: bool) -> list[dict[str, Any]]:
+def _servo(seconds: float, slots: int, out: Output) -> list[dict[str, Any]]:
     from orientd.bench import compare, conditions
     from orientd.errors import OrientdError
 
@@ -126,8 +124,8 @@ def _servo(seconds: float, slots: int, *, as_json: bool) -> list[dict[str, Any]]
         scheduler = f"FIFO {priority}" if priority else "OTHER"
         asked = {"rate_hz": rate_hz, "load": load, "priority": priority, "spin_us": spin_us}
         row = [f"{rate_hz:g}", load, scheduler, f"{spin_us}"]
-        if not as_json and is_terminal():
-            say(f"{rate_hz:g} Hz, {load}, {scheduler}, spin {spin_us} us ...")
+        if is_terminal():
+            out.say(f"{rate_hz:g} Hz, {load}, {scheduler}, spin {spin_us} us ...")
         try:
             comparison = compare(condition, slots=slots, seconds=seconds)
         except OrientdError as error:
@@ -136,9 +134,8 @@ def _servo(seconds: float, slots: int, *, as_json: bool) -> list[dict[str, Any]]
             continue
         done.append({**asked, **_figures(comparison)})
         rows.append([*row, *_cells(comparison)])
-    if not as_json:
-        header = ["Hz", "load", "scheduler", "spin us", "p50 us", "p99 us", "C p99"]
-        say(*table([*header, "overruns", "work p99"], rows))
+    header = ["Hz", "load", "scheduler", "spin us", "p50 us", "p99 us", "C p99"]
+    out.say(*table([*header, "overruns", "work p99"], rows))
     return done
 
 

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from orientd.cli.command import AsJson
 from orientd.cli.commands.motion_commands import MotionFile
-from orientd.cli.output import answer, table, working
+from orientd.cli.output import PEOPLE, Output, table, working
 from orientd.errors import RequestError
 
 if TYPE_CHECKING:
@@ -65,7 +64,7 @@ def compare(
     sort: Annotated[
         Column, typer.Option("--sort", help="Sort by this column, best first.")
     ] = "effort",
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Compare all families of curves on the keyframes of FILE.
 
@@ -92,11 +91,10 @@ def compare(
         title = f"{file.name}: every family"
         with working(f"drawing {plot}"):
             plots.draw_sheet(plot, task, candidates, limits=request.limits, title=title)
-    answer(
+    out.answer(
         {"times": task.times, "families": list(map(_row, candidates)), "plot": plot},
         *_lines(candidates, has_torque=moments is not None),
         *(["", f"wrote {plot}"] if plot is not None else []),
-        as_json=as_json,
     )
 
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from orientd.cli.command import AsJson, ConfigFile, Socket
-from orientd.cli.output import answer, say, say_json, table
+from orientd.cli.command import ConfigFile, Socket
+from orientd.cli.output import PEOPLE, Output, table
 from orientd.daemon import LogFormat
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def run(
     require_devices: Annotated[
         bool, typer.Option("--require-devices", help="End if a device is not ready.")
     ] = False,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Run the daemon in the foreground until SIGTERM or Ctrl-C.
 
@@ -68,7 +68,7 @@ def run(
         if problems:
             line = f"not ready at {report.socket}: {'; '.join(problems)}; tried again"
         content = {"ready": not problems, "problems": problems}
-        answer({**content, "daemon": report}, line, as_json=as_json)
+        out.answer({**content, "daemon": report}, line)
 
     serve(
         settings,
@@ -88,51 +88,30 @@ def _end_with_input() -> None:
     os.kill(os.getpid(), signal.SIGTERM)
 
 
-def status(socket: Socket = None, as_json: AsJson = False) -> None:
+def status(socket: Socket = None, out: Output = PEOPLE) -> None:
     """Show the daemon, the leases and the state of each device."""
     from orientd.cli import texts
-    from orientd.rpc import connect, to_quaternion
+    from orientd.rpc import connect
 
     with connect(socket) as robot:
         report = robot.state()
-    if as_json:
-        say_json(report)
-        return
     daemon = report.daemon
-    say(
+    lines = [
         f"daemon  orientd {daemon.version}, process {daemon.pid}, up {texts.clock(daemon.uptime)}, "
         f"at {daemon.socket}"
-    )
+    ]
     for one in daemon.leases:
         of = f"of {', '.join(one.devices)}: " if len(report.devices) > 1 else ""
         whose = f" ({one.identity})" if one.identity else ""
-        say(f"lease   {of}{one.holder}{whose}, for another {one.remaining:.1f} s")
+        lines.append(f"lease   {of}{one.holder}{whose}, for another {one.remaining:.1f} s")
     if not daemon.leases:
-        say("lease   free")
+        lines.append("lease   free")
     for device in report.devices.values():
-        say("")
-        say(f"{device.name}  {device.driver} at {device.rate_hz:g} Hz: {texts.state(device)}")
-        memory = "memory locked" if device.is_memory_locked else "memory not locked"
-        servo = f"process {device.servo_pid}, {device.scheduling}, {memory}"
-        say(f"  servo        {servo if device.servo_pid else 'none'}")
-        say(f"  motion       {texts.motion(device)}")
-        if device.HasField("cycle"):
-            cycle = device.cycle
-            error = cycle.tracking_error if cycle.HasField("tracking_error") else None
-            age = device.feedback_age if device.HasField("feedback_age") else None
-            say(f"  orientation  {texts.orientation(to_quaternion(cycle.q))}")
-            late = texts.milliseconds(cycle.lateness_ns * 1e-9)
-            say(
-                f"  cycle        {cycle.index}: {texts.age(device.cycle_age)}, late {late}, "
-                f"{texts.count(cycle.overruns, 'overrun')}, {cycle.missed} missed, "
-                f"tracking {texts.small_angle(error)}"
-            )
-            say(f"  measured     {texts.age(age)}")
-        for part in device.health:
-            say(f"  {part.name:<11}  {texts.health(part)}")
+        lines += ["", *texts.device(device)]
+    out.answer(report, *lines)
 
 
-def devices(socket: Socket = None, as_json: AsJson = False) -> None:
+def devices(socket: Socket = None, out: Output = PEOPLE) -> None:
     """List the devices of the daemon's configuration."""
     from orientd.cli import texts
     from orientd.planner import ANGULAR
@@ -150,7 +129,7 @@ def devices(socket: Socket = None, as_json: AsJson = False) -> None:
         for device in found
     ]
     lines = table(["name", "driver", "Hz", "rad/s", "rad/s^2", "rad/s^3"], rows)
-    answer({"devices": found}, *lines, as_json=as_json)
+    out.answer({"devices": found}, *lines)
 
 
 def methods(
@@ -162,7 +141,7 @@ def methods(
         Literal["svg", "png", "pdf"],
         typer.Option("--format", help="Format of the gallery's files."),
     ] = "svg",
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """List the families of curves that a motion file can name.  Needs no daemon."""
     from orientd.daemon import known_methods
@@ -174,8 +153,7 @@ def methods(
 
         for path in plots.draw_gallery(gallery, picture_format):
             pictures.append(path)
-            if not as_json:
-                say(f"wrote {path}")
+            out.say(f"wrote {path}")
     rows = [
         [
             method.name,
@@ -189,4 +167,4 @@ def methods(
     ]
     header = ["name", "interpolates", "local", "end velocities", "what it is"]
     lines = table(header, rows) if gallery is None else []
-    answer({"methods": found, "gallery": pictures}, *lines, as_json=as_json)
+    out.answer({"methods": found, "gallery": pictures}, *lines)

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson
-from orientd.cli.output import answer, say
+from orientd.cli.output import PEOPLE, Output
 from orientd.cli.own_daemon import begun
 from orientd.errors import OrientdError
 
@@ -46,7 +45,7 @@ def demo(
     plot: Annotated[
         Path, typer.Option("--plot", "-p", help="Where to draw the picture (extra plot).")
     ] = Path("orientd-demo.png"),
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Show a motion without hardware, and how well it went.
 
@@ -66,14 +65,13 @@ def demo(
     if not plot.absolute().parent.is_dir():
         raise OrientdError(f"cannot write {plot}: {os.strerror(errno.ENOENT)}")
     with _daemon() as socket, connect(socket, holder="orientd demo") as robot:
-        if not as_json:
-            (device,) = robot.state().devices.values()
-            say(
-                f"device {device.name}: {device.driver} at {device.rate_hz:g} Hz, servo process "
-                f"{device.servo_pid}, {device.scheduling}",
-                f"motion: {len(KEYFRAMES)} keyframes, begins with {START_VELOCITY} rad/s, "
-                f"ends with {END_VELOCITY} rad/s",
-            )
+        (device,) = robot.state().devices.values()
+        out.say(
+            f"device {device.name}: {device.driver} at {device.rate_hz:g} Hz, servo process "
+            f"{device.servo_pid}, {device.scheduling}",
+            f"motion: {len(KEYFRAMES)} keyframes, begins with {START_VELOCITY} rad/s, "
+            f"ends with {END_VELOCITY} rad/s",
+        )
         with _recorded(robot) as cycles:
             handle = robot.move(
                 [{"rotation_vector": turn, "position": place} for turn, place in KEYFRAMES],
@@ -82,7 +80,7 @@ def demo(
                 approach=True,
                 limits=LIMITS,
             )
-            summary = follow(handle, title="demo", is_silent=as_json)
+            summary = follow(handle, out, title="demo")
         plan = handle.plan
     moving = [cycle for cycle in cycles if cycle.state is ServoState.STREAMING]
     why_not = ""
@@ -94,12 +92,11 @@ def demo(
         why_not = "none: no cycle of the motion was reported"
     else:
         _draw(plot, moving, plan)
-    answer(
+    out.answer(
         {"plan": plan, "summary": summary, "picture": None if why_not else plot.absolute()},
         "",
         *texts.summary(summary, plan),
         f"  picture              {why_not or plot.absolute()}",
-        as_json=as_json,
     )
     raise_unless_done(summary)
 

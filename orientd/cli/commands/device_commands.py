@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, Beside, DeviceName, Socket, connect_as
-from orientd.cli.output import answer
+from orientd.cli.command import Beside, DeviceName, Socket, connect_as
+from orientd.cli.output import PEOPLE, Output
 
 if TYPE_CHECKING:
     from orientd.rpc import Robot
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 def _of_all(name: str, told: str) -> Callable[..., None]:
     """Return the command that brings devices to rest, whoever holds their leases."""
 
-    def act(device: DeviceName = "", socket: Socket = None, as_json: AsJson = False) -> None:
+    def act(device: DeviceName = "", socket: Socket = None, out: Output = PEOPLE) -> None:
         from orientd.cli.urgent import tell
 
         with connect_as(socket, name) as robot:
             reports = getattr(robot, name)(device)
-        tell(reports, as_json=as_json)
+        tell(reports, out)
 
     return _named(name, told, act)
 
@@ -36,9 +36,9 @@ def _of_one(name: str, told: str) -> Callable[..., None]:
         device: DeviceName = "",
         lease: Beside = False,
         socket: Socket = None,
-        as_json: AsJson = False,
+        out: Output = PEOPLE,
     ) -> None:
-        _command(name, socket, device, lease, as_json, lambda robot: getattr(robot, name)(device))
+        _command(name, socket, device, lease, out, lambda robot: getattr(robot, name)(device))
 
     return _named(name, told, act)
 
@@ -53,7 +53,7 @@ def _command(
     socket: Path | None,
     device: str,
     is_beside: bool,
-    as_json: bool,
+    out: Output,
     act: Callable[[Robot], pb.DeviceReport],
 ) -> None:
     from orientd.cli import texts
@@ -62,7 +62,7 @@ def _command(
         robot.acquire_lease(device, beside=is_beside)
         report = act(robot)
     speed = "" if report.speed == 1.0 else f", speed {report.speed:g}"
-    answer(report, f"{report.name}: {texts.state(report)}{speed}", as_json=as_json)
+    out.answer(report, f"{report.name}: {texts.state(report)}{speed}")
 
 
 stop = _of_all("stop", "Stop a device, or all of them, on the path.  Needs no lease.")
@@ -87,7 +87,7 @@ def speed(
     device: DeviceName = "",
     lease: Beside = False,
     socket: Socket = None,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Run motions at X times the planned speed, from now on."""
-    _command("speed", socket, device, lease, as_json, lambda robot: robot.set_speed(factor, device))
+    _command("speed", socket, device, lease, out, lambda robot: robot.set_speed(factor, device))

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, devices
-from orientd.cli.output import answer, table, working
+from orientd.cli.command import devices
+from orientd.cli.output import PEOPLE, Output, table, working
 from orientd.driver import Finding, Verdict
 from orientd.errors import ConfigError, OrientdError
 
@@ -36,7 +36,7 @@ def doctor(
             autocompletion=devices,
         ),
     ] = "",
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Check whether this machine is fit for real time.
 
@@ -56,7 +56,7 @@ def doctor(
         if latency:
             with working(f"moving {latency}"):
                 found.append(latency_finding(settings.devices[latency]))
-    _report(found, as_json=as_json)
+    _report(found, out)
     if any(one.verdict is Verdict.PROBLEM for one in found):
         raise typer.Exit(1)
 
@@ -130,15 +130,14 @@ def latency_finding(device: DeviceSettings) -> Finding:
     return Finding(name, found, Verdict.IMPROVE, mend)
 
 
-def _report(found: list[Finding], *, as_json: bool) -> None:
+def _report(found: list[Finding], out: Output) -> None:
     count = {verdict: sum(one.verdict is verdict for one in found) for verdict in Verdict}
     rows = [[one.verdict.value, one.name, one.found] for one in found]
-    answer(
+    out.answer(
         {"findings": found, "counts": {one.value: number for one, number in count.items()}},
         *table(["verdict", "what", "found"], rows),
         "",
         *(f"{one.name}: {one.mend}" for one in found if one.mend),
         f"{count[Verdict.OK]} ok, {count[Verdict.IMPROVE]} to improve, "
         f"{count[Verdict.PROBLEM]} problems",
-        as_json=as_json,
     )

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orientd.cli.command import AsJson, need_extra
+from orientd.cli.command import need_extra
 from orientd.cli.commands.record import OutFile, Scalars, Seconds, check_output, ending, tell
 from orientd.cli.commands.view import PORT, Dark, Host, NoOpen, Port, serve_page
-from orientd.cli.output import is_terminal, say, say_json, table
+from orientd.cli.output import PEOPLE, Output, is_terminal, table
 from orientd.errors import DaemonError, OrientdError
 from orientd.rpc import STALE
 
@@ -72,7 +72,7 @@ def status(
     once: Annotated[
         bool, typer.Option("--once", help="Print one table, even on a terminal.")
     ] = False,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Show all daemons, what moves, what is wrong, and the age of each figure.
 
@@ -81,11 +81,9 @@ def status(
     from orientd.fleet import Overview
 
     with _connected(connect, cell, cert, key, ca) as client, Overview(client) as overview:
-        if as_json:
-            say_json({"daemons": [_figures(member) for member in overview.members()]})
-            return
-        if once or not is_terminal():
-            say(*_table(overview))
+        if once or out.as_json or not is_terminal():
+            found = {"daemons": [_figures(member) for member in overview.members()]}
+            out.answer(found, *_table(overview))
             return
         from rich.live import Live
         from rich.text import Text
@@ -136,7 +134,7 @@ def view(
     ca: Ca = None,
     no_open: NoOpen = False,
     dark: Dark = False,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Show all devices of the cell beside each other in the browser, until Ctrl-C or SIGTERM.
 
@@ -149,7 +147,7 @@ def view(
 
     with _connected(connect, cell, cert, key, ca) as client, Overview(client) as overview:
         page = CellView(overview, host=host, port=port, is_dark=dark)
-        serve_page(page, host, no_open=no_open, as_json=as_json)
+        serve_page(page, host, no_open=no_open, out=out)
 
 
 @fleet.command()
@@ -163,7 +161,7 @@ def stop(
         bool,
         typer.Option("--halt", help="As quickly as the limits allow, off the path if need be."),
     ] = False,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Stop every device of the cell by one message, which each daemon acknowledges."""
     from orientd.servo import set_scheduling
@@ -172,12 +170,11 @@ def stop(
     with _connected(connect, cell, cert, key, ca) as client:
         answers = client.stop(is_quickest=halt)
     silent = [one for one in answers if one.problem]
-    if as_json:
-        say_json({"stopped": answers})
-    else:
-        for one in answers:
-            devices = ", ".join(f"{d['name']} ({str(d['state']).lower()})" for d in one.devices)
-            say(f"{one.daemon}: {one.problem or devices}, {one.seconds * 1e3:.1f} ms")
+    lines = []
+    for one in answers:
+        devices = ", ".join(f"{d['name']} ({str(d['state']).lower()})" for d in one.devices)
+        lines.append(f"{one.daemon}: {one.problem or devices}, {one.seconds * 1e3:.1f} ms")
+    out.answer({"stopped": answers}, *lines)
     if silent:
         raise DaemonError("; ".join(f"{one.daemon}: {one.problem}" for one in silent))
 
@@ -194,7 +191,7 @@ def move(
         float | None,
         typer.Option(metavar="SECONDS", help="Time from the end of planning to the start."),
     ] = None,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Move devices of several daemons from one instant, or none.
 
@@ -211,12 +208,12 @@ def move(
             motions,
             start_in=start_in or planned_in,
             holder=f"orientd fleet move, process {os.getpid()}",
-            tell=(lambda _: None) if as_json else say,
+            tell=out.say,
         )
-    tell_together(together, as_json=as_json)
+    tell_together(together, out)
 
 
-def tell_together(together: Together, *, as_json: bool) -> None:
+def tell_together(together: Together, out: Output) -> None:
     """Print how motions went that started together.
 
     Raises:
@@ -224,22 +221,22 @@ def tell_together(together: Together, *, as_json: bool) -> None:
     """
     from orientd.cli import texts
 
-    if as_json:
-        ended = [
-            {"daemon": one.motion.daemon, "device": one.motion.device, "plan": one.plan,
-             "summary": one.summary, "problem": one.problem}
-            for one in together.ended
-        ]  # fmt: skip
-        say_json({"motions": ended, "skew": together.skew, "skew_bound": together.skew_bound})
-    else:
-        for one in together.ended:
-            how = one.problem if one.summary is None else texts.ending(one.summary)
-            say(f"{one.motion}: {how}")
-        if together.skew is not None and together.skew_bound is not None:
-            say(
-                f"started within {together.skew * 1e3:.3f} ms of each other, "
-                f"known to {together.skew_bound * 1e3:.3f} ms"
-            )
+    ended = [
+        {"daemon": one.motion.daemon, "device": one.motion.device, "plan": one.plan,
+         "summary": one.summary, "problem": one.problem}
+        for one in together.ended
+    ]  # fmt: skip
+    lines = [
+        f"{one.motion}: {one.problem if one.summary is None else texts.ending(one.summary)}"
+        for one in together.ended
+    ]
+    if together.skew is not None and together.skew_bound is not None:
+        lines.append(
+            f"started within {together.skew * 1e3:.3f} ms of each other, "
+            f"known to {together.skew_bound * 1e3:.3f} ms"
+        )
+    found = {"motions": ended, "skew": together.skew, "skew_bound": together.skew_bound}
+    out.answer(found, *lines)
     if together.problem:
         raise OrientdError(together.problem)
 
@@ -258,7 +255,7 @@ def record(
     cert: Cert = None,
     key: Key = None,
     ca: Ca = None,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Record every cycle, event and plan of the cell to one MCAP file, on one clock.
 
@@ -268,11 +265,10 @@ def record(
     check_output(file, seconds)
     with _connected(connect, cell, cert, key, ca) as client:
         recording = client.record(file, daemon or (), has_scalars=scalars)
-        if not as_json:
-            say(f"recording {', '.join(daemon or client.daemons)} to {file}")
+        out.say(f"recording {', '.join(daemon or client.daemons)} to {file}")
         with ending(recording, seconds):
             recording.run()
-    tell(recording, file, as_json=as_json)
+    tell(recording, file, out)
     if recording.problems:
         raise DaemonError("; ".join(f"{name}: {why}" for name, why in recording.problems.items()))
 
@@ -297,17 +293,17 @@ def router(
 
     configuration = router_configuration(config)
     if show:
-        say(json.dumps(configuration, indent=2))
+        PEOPLE.say(json.dumps(configuration, indent=2))
         return
     with open_session(configuration):
-        say(f"ready at {' '.join(configuration['listen']['endpoints'])}")
+        PEOPLE.say(f"ready at {' '.join(configuration['listen']['endpoints'])}")
         threading.Event().wait()
 
 
 @fleet.command()
 def demo(
     daemons: Annotated[int, typer.Option("--daemons", min=2, max=16, help="How many.")] = 3,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Start three daemons with a device each, and one motion on all of them at once.
 
@@ -321,8 +317,7 @@ def demo(
         names = [f"arm-{number}" for number in range(1, daemons + 1)]
         client.find(names)
         with Overview(client) as overview:
-            if not as_json:
-                say(*_table(overview))
+            out.say(*_table(overview))
         request = parse({
             "keyframes": [{"rotation_vector": [0, 0, 0.8]}, {"rotation_vector": [0.4, 0.3, 0]}],
             "approach": True,
@@ -331,6 +326,6 @@ def demo(
             client,
             [FleetMotion(name, "", request) for name in names],
             holder="orientd fleet demo",
-            tell=(lambda _: None) if as_json else say,
+            tell=out.say,
         )
-    tell_together(together, as_json=as_json)
+    tell_together(together, out)

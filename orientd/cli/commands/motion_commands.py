@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from orientd.cli.command import (
-    AsJson,
     Beside,
     ConfigFile,
     DeviceName,
@@ -20,7 +19,7 @@ from orientd.cli.command import (
     connect_as,
     device_settings,
 )
-from orientd.cli.output import answer, say, working
+from orientd.cli.output import PEOPLE, Output, working
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -50,7 +49,7 @@ def plan(
     from_robot: Annotated[
         bool, typer.Option("--from-robot", help="Ask the device where it stands; nothing moves.")
     ] = False,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Plan the motion of FILE without a daemon.
 
@@ -81,13 +80,12 @@ def plan(
     if plot is not None:
         with working(f"drawing {plot}"):
             motion.plot(plot, title=f"{file.name}: {request.method}")
-    answer(
+    out.answer(
         {"plan": planned, "output": output, "plot": plot},
         f"{request.method} through {len(request.keyframes)} keyframes",
         "",
         *texts.certificate(planned.certificate),
         *(f"wrote {written}" for written in (output, plot) if written is not None),
-        as_json=as_json,
     )
 
 
@@ -118,7 +116,7 @@ def move(
     ] = "",
     lease: Beside = False,
     socket: Socket = None,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Run the motion of FILE on a device, and show its progress.
 
@@ -152,17 +150,14 @@ def move(
         )
         plan = handle.plan
         motion = f"motion {titled(handle.motion_number, plan.name)}"
-        summary = follow(
-            handle,
-            title=motion,
-            introduction=f"{motion}: "
-            f"{texts.count(len(request.keyframes), 'keyframe')}, "
-            f"{plan.duration:.3f} s with a lead-in of {plan.certificate.lead_in:.3f} s and a "
-            f"lead-out of {plan.certificate.lead_out:.3f} s",
-            notes=plan.certificate.notes,
-            is_silent=as_json,
+        introduction = (
+            f"{motion}: {texts.count(len(request.keyframes), 'keyframe')}, {plan.duration:.3f} s "
+            f"with a lead-in of {plan.certificate.lead_in:.3f} s and a lead-out of "
+            f"{plan.certificate.lead_out:.3f} s"
         )
-    conclude(handle, summary, as_json=as_json)
+        lines = [introduction, *plan.certificate.notes]
+        summary = follow(handle, out, title=motion, lines=lines)
+    conclude(handle, summary, out)
 
 
 def _gate(text: str) -> pb.OnTarget:
@@ -191,12 +186,7 @@ def _gate(text: str) -> pb.OnTarget:
 
 
 def follow(
-    handle: MoveHandle | EndlessTurn,
-    *,
-    title: str,
-    introduction: str = "",
-    notes: Sequence[str] = (),
-    is_silent: bool,
+    handle: MoveHandle | EndlessTurn, out: Output, *, title: str, lines: Iterable[str] = ()
 ) -> pb.MoveSummary:
     """Show a motion until it has ended; Ctrl-C stops it on its path.
 
@@ -206,9 +196,8 @@ def follow(
     from orientd.cli import progress, texts
 
     try:
-        if not is_silent:
-            say(*filter(None, [introduction]), *texts.speed_left(handle.speed), *notes)
-        with progress.view(title, is_silent=is_silent) as show:
+        out.say(*lines, *texts.speed_left(handle.speed))
+        with progress.view(title, out) as show:
             for report in handle:
                 show(report)
         return handle.wait()
@@ -221,7 +210,7 @@ def follow(
 
 
 def conclude(
-    handle: MoveHandle | EndlessTurn, summary: pb.MoveSummary, *, as_json: bool, **more: object
+    handle: MoveHandle | EndlessTurn, summary: pb.MoveSummary, out: Output, **more: object
 ) -> None:
     """Say how a motion went, with *more* for programs.
 
@@ -232,7 +221,7 @@ def conclude(
 
     moved = {"plan": handle.plan, "summary": summary, "speed": handle.speed}
     lines = texts.summary(summary, handle.plan, speed=handle.speed)
-    answer({**more, **moved}, *lines, as_json=as_json)
+    out.answer({**more, **moved}, *lines)
     raise_unless_done(summary)
 
 

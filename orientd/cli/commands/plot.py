@@ -8,9 +8,9 @@ from typing import Annotated, Literal
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, Partial, Topic, need_extra
+from orientd.cli.command import DeviceName, Partial, Topic, need_extra
 from orientd.cli.commands.compare import Ends, Times, need_two
-from orientd.cli.output import answer, table, working
+from orientd.cli.output import PEOPLE, Output, table, working
 from orientd.errors import OrientdError, RequestError
 
 Show = Literal["motion", "triads", "rates", "body"]
@@ -54,7 +54,7 @@ def plot(
     device: DeviceName = "",
     topic: Topic = "",
     partial: Partial = False,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Draw a motion file, a recording, a family of curves or a figure.
 
@@ -65,7 +65,7 @@ def plot(
     from orientd.curves import METHODS
 
     if what is None:
-        _list(as_json=as_json)
+        _list(out)
         return
     path = output or Path(f"{Path(what).stem}.svg")
     plots.check_format(path)
@@ -84,17 +84,17 @@ def plot(
                 f"{what!r} is neither a file nor a name; `orientd plot` lists the names"
             )
     lines = [*(f"note: {note}" for note in notes), f"wrote {path}"]
-    answer({"plot": path, "notes": notes}, *lines, as_json=as_json)
+    out.answer({"plot": path, "notes": notes}, *lines)
 
 
-def _list(*, as_json: bool) -> None:
+def _list(out: Output) -> None:
     from orientd.curves import METHODS
     from orientd.plots import FIGURES
 
     families = {name: family.summary for name, family in METHODS.items()}
     figures = {name: " ".join(figure.title.split()) for name, figure in FIGURES.items()}
     lines = table(["name", "what is drawn"], [*families.items(), *figures.items()])
-    answer({"families": families, "figures": figures}, *lines, as_json=as_json)
+    out.answer({"families": families, "figures": figures}, *lines)
 
 
 def _draw_recording(

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orientd.cli.command import (
-    AsJson,
     DeviceName,
     Partial,
     Socket,
@@ -21,7 +20,7 @@ from orientd.cli.command import (
     devices,
     need_extra,
 )
-from orientd.cli.output import answer, say
+from orientd.cli.output import PEOPLE, Output
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -52,7 +51,7 @@ def record(
     seconds: Seconds = None,
     scalars: Scalars = False,
     socket: Socket = None,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Record every cycle, event and plan to an MCAP file.
 
@@ -64,11 +63,10 @@ def record(
 
     with connect_as(socket, "record") as robot:
         session = RecordingSession(robot, file, device or (), has_scalars=scalars)
-        if not as_json:
-            say(f"recording to {file}")
+        out.say(f"recording to {file}")
         with ending(session, seconds):
             session.run()
-    tell(session, file, as_json=as_json)
+    tell(session, file, out)
 
 
 def check_output(file: Path, seconds: float | None) -> None:
@@ -106,7 +104,7 @@ def ending(session: LiveRecording, seconds: float | None) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def tell(session: LiveRecording, file: Path, *, as_json: bool) -> None:
+def tell(session: LiveRecording, file: Path, out: Output) -> None:
     """Say what was recorded to *file*."""
     size = file.stat().st_size
     figures = {"cycles": session.cycles, "lost": session.lost, "events": session.events}
@@ -115,7 +113,7 @@ def tell(session: LiveRecording, file: Path, *, as_json: bool) -> None:
         for name, cycles in session.cycles.items()
     ]
     lines.append(f"wrote {file}: {session.events} events, {size / 1e6:.2f} MB")
-    answer({"recording": file, "bytes": size, **figures}, *lines, as_json=as_json)
+    out.answer({"recording": file, "bytes": size, **figures}, *lines)
 
 
 ENDINGS = (".csv", ".npz", ".parquet")
@@ -131,7 +129,7 @@ def export(
     ],
     device: DeviceName = "",
     partial: Partial = False,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Write the cycles of a recording as a table.
 
@@ -146,9 +144,8 @@ def export(
     recording = load_recording(file, partial=partial)
     rows = write(recording, recording.device(device), output)
     cut = [] if recording.is_complete else [f"{file} is not whole: {recording.damages.told()}"]
-    answer(
+    out.answer(
         {"output": output, "rows": rows, "is_complete": recording.is_complete},
         *cut,
         f"wrote {output}: {rows} cycles",
-        as_json=as_json,
     )

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from orientd.cli.command import (
-    AsJson,
     Beside,
     ConfigFile,
     DeviceName,
@@ -21,7 +20,7 @@ from orientd.cli.command import (
     device_settings,
     need_extra,
 )
-from orientd.cli.output import answer, say, working
+from orientd.cli.output import PEOPLE, Output, working
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -69,7 +68,7 @@ def replay(
     device: DeviceName = "",
     lease: Beside = False,
     socket: Socket = None,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Repeat a recorded orientation.
 
@@ -93,35 +92,32 @@ def replay(
     with working(f"fitting {len(found.times)} samples"):
         fit = fit_orientations(found.times, found.q, tolerance=math.radians(error))
     fitted = _figures(found.topic, fit, found.notes)
-    if not as_json:
-        say(
-            *(f"note: {note}" for note in fitted["notes"]),
-            f"{fitted['topic'] or 'orientation'}: {fitted['samples']} samples in "
-            f"{fitted['seconds']:.2f} s, noise {fitted['noise_deg']:.3f} deg, "
-            f"{fitted['left_out']} left out",
-            f"spline with {fitted['knots']} knots, at most {fitted['error_deg']:.3f} deg from the "
-            "filtered samples",
-        )
+    out.say(
+        *(f"note: {note}" for note in fitted["notes"]),
+        f"{fitted['topic'] or 'orientation'}: {fitted['samples']} samples in "
+        f"{fitted['seconds']:.2f} s, noise {fitted['noise_deg']:.3f} deg, "
+        f"{fitted['left_out']} left out",
+        f"spline with {fitted['knots']} knots, at most {fitted['error_deg']:.3f} deg from the "
+        "filtered samples",
+    )
     if dry_run:
         from orientd.daemon import plan_of
 
         planner = device_settings(config, device).planner()
         motion, slower = _planned(fit, pace, planner.plan_offline, output)
         planned = plan_of(motion)
-        answer(
+        out.answer(
             {"fit": fitted, "slower": slower, "plan": planned, "output": output},
             *_lines(planned, slower, output),
-            as_json=as_json,
         )
         return
     with connect_as(socket, "replay") as robot:
         robot.acquire_lease(device, beside=lease)
         plan, slower = _planned(fit, pace, lambda one: robot.plan(one, device=device), output)
-        if not as_json:
-            say(*_lines(plan, slower, output))
+        out.say(*_lines(plan, slower, output))
         handle = robot.move(plan, device=device)
-        summary = follow(handle, title=f"motion {handle.motion_number}", is_silent=as_json)
-    conclude(handle, summary, as_json=as_json, fit=fitted, slower=slower)
+        summary = follow(handle, out, title=f"motion {handle.motion_number}")
+    conclude(handle, summary, out, fit=fitted, slower=slower)
 
 
 def _figures(topic: str, fit: Fit, notes: tuple[str, ...]) -> dict[str, Any]:

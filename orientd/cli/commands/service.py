@@ -11,8 +11,7 @@ from typing import Annotated
 
 import typer
 
-from orientd.cli.command import AsJson
-from orientd.cli.output import answer
+from orientd.cli.output import PEOPLE, Output
 from orientd.errors import ConfigError
 
 service = typer.Typer(
@@ -56,7 +55,7 @@ def install(
     only_print: Annotated[
         bool, typer.Option("--print", help="Print the unit; write nothing.")
     ] = False,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Write a hardened unit, and say how to start it.  Starts nothing itself."""
     from orientd import config as configuration
@@ -64,7 +63,7 @@ def install(
     configuration.load(config)
     text = unit(python=sys.executable, config=config.absolute(), user=None if for_user else run_as)
     if only_print:
-        answer({"unit": text}, text.rstrip("\n"), as_json=as_json)
+        out.answer({"unit": text}, text.rstrip("\n"))
         return
     if not for_user and os.geteuid() == 0:
         check_runs(sys.executable, config.absolute(), run_as)
@@ -76,7 +75,7 @@ def install(
         raise ConfigError(f"cannot write {path}: {error.strerror}") from error
     steps = _steps(for_user=for_user, run_as=run_as)
     lines = [f"wrote {path}; now:", *(f"  {step}" for step in steps)]
-    answer({"path": path, "steps": steps}, *lines, as_json=as_json)
+    out.answer({"path": path, "steps": steps}, *lines)
 
 
 def check_runs(python: str, config: Path, user: str) -> None:

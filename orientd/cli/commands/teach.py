@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orientd.cli.command import AsJson, DeviceName, Socket, check_ending, connect_as
-from orientd.cli.output import answer, say
+from orientd.cli.command import DeviceName, Socket, check_ending, connect_as
+from orientd.cli.output import PEOPLE, Output
 from orientd.errors import DeviceError, OrientdError, StateError
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def teach(
         typer.Option("--watch", help="Leave the device as it is; something else moves it."),
     ] = False,
     socket: Socket = None,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Teach a motion file by moving a device by hand.
 
@@ -66,15 +66,14 @@ def teach(
             robot.acquire_lease(device)
         # From here on a signal is an order, and whatever happens the device is held again.
         with _Orders() as orders, robot.teach(device=device, by_hand=not watch) as teaching:
-            if not as_json:
-                say(f"{teaching.device}: {'watched' if watch else 'can be moved by hand'}")
-                say(*([_HELP] if orders.is_terminal else ()))
-            _follow(teaching, orders, file, name, is_silent=as_json)
+            out.say(f"{teaching.device}: {'watched' if watch else 'can be moved by hand'}")
+            out.say(*([_HELP] if orders.is_terminal else ()))
+            _follow(teaching, orders, file, name, out)
             # Told before the device holds again: whether or not it does, the file is there.
-            _conclude(teaching, file, name, as_json=as_json)
+            _conclude(teaching, file, name, out)
 
 
-def _conclude(teaching: Teaching, file: Path, name: str, *, as_json: bool) -> None:
+def _conclude(teaching: Teaching, file: Path, name: str, out: Output) -> None:
     """Write what was taken, and say so.
 
     Raises:
@@ -85,19 +84,18 @@ def _conclude(teaching: Teaching, file: Path, name: str, *, as_json: bool) -> No
         raise OrientdError("no keyframe was taken; nothing is written")
     request = teaching.save(file, name)
     count, duration = len(request.keyframes), request.keyframes[-1].time or 0.0
-    answer(
+    out.answer(
         {"file": file, "keyframes": count, "duration": duration},
         f"wrote {file}: {count} keyframes in {duration:.2f} s",
-        as_json=as_json,
     )
 
 
-def _follow(teaching: Teaching, orders: _Orders, file: Path, name: str, *, is_silent: bool) -> None:
+def _follow(teaching: Teaching, orders: _Orders, file: Path, name: str, out: Output) -> None:
     """Do as is told, until that is to end; what was taken is in the file after every order."""
     while True:
         order = orders.next(_REFRESH)
         if order is None:
-            if orders.is_terminal and not is_silent:
+            if orders.is_terminal and not out.as_json:
                 _show(_live(teaching))
             continue
         verb, _, text = order.partition(" ")
@@ -111,8 +109,7 @@ def _follow(teaching: Teaching, orders: _Orders, file: Path, name: str, *, is_si
                 teaching.save(file, name)
         except (DeviceError, StateError, ValueError) as error:
             said = f"not done: {error}"
-        if not is_silent:
-            say(f"{_CLEAR if orders.is_terminal else ''}{said}")
+        out.say(f"{_CLEAR if orders.is_terminal else ''}{said}")
 
 
 def _obey(teaching: Teaching, verb: str, text: str) -> str:

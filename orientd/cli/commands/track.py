@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, Beside, DeviceName, Socket, connect_as
-from orientd.cli.output import answer
+from orientd.cli.command import Beside, DeviceName, Socket, connect_as
+from orientd.cli.output import PEOPLE, Output
 from orientd.one_line import one_line
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def track(
     ] = 0.5,
     lease: Beside = False,
     socket: Socket = None,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Follow targets that arrive on standard input.
 
@@ -53,13 +53,12 @@ def track(
         report = tracking.report
     report.refused += lines.bad
     report.refusal = report.refusal or lines.last
-    answer(
+    out.answer(
         report,
         f"{report.targets} targets followed, {report.left_out} of them left out as late, "
         f"{report.refused} refused",
         f"at rest at {texts.orientation(to_quaternion(report.q))}",
         *([f"last refusal: {report.refusal}"] if report.refusal else []),
-        as_json=as_json,
     )
     if report.refused and not report.targets:
         raise typer.Exit(1)

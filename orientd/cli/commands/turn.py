@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from orientd.cli.command import AsJson, Beside, DeviceName, Socket, connect_as
+from orientd.cli.command import Beside, DeviceName, Socket, connect_as
 from orientd.cli.commands.motion_commands import conclude, follow
+from orientd.cli.output import PEOPLE, Output
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -17,13 +18,13 @@ if TYPE_CHECKING:
 
 
 def home(
-    device: DeviceName = "", lease: Beside = False, socket: Socket = None, as_json: AsJson = False
+    device: DeviceName = "", lease: Beside = False, socket: Socket = None, out: Output = PEOPLE
 ) -> None:
     """Turn every axis of a gimbal to zero, and unwind whole turns.
 
     Ctrl-C stops it on its path.
     """
-    _run("home", lambda robot: robot.home(device), device, lease, socket, as_json)
+    _run("home", lambda robot: robot.home(device), device, lease, socket, out)
 
 
 def turn(
@@ -47,7 +48,7 @@ def turn(
     device: DeviceName = "",
     lease: Beside = False,
     socket: Socket = None,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Turn at a constant rate, from rest to rest, as a turntable does.
 
@@ -62,7 +63,7 @@ def turn(
             return robot.turn_endlessly(omega, **fields)
         return robot.turn(omega, duration, **fields)
 
-    _run("turn", begin, device, lease, socket, as_json)
+    _run("turn", begin, device, lease, socket, out)
 
 
 def _run(
@@ -71,13 +72,12 @@ def _run(
     device: str,
     is_beside: bool,
     socket: Path | None,
-    as_json: bool,
+    out: Output,
 ) -> None:
     with connect_as(socket, name) as robot:
         robot.acquire_lease(device, beside=is_beside)
         handle = begin(robot)
-        notes = handle.plan.certificate.notes
-        summary = follow(handle, title=name, notes=notes, is_silent=as_json)
-    conclude(handle, summary, as_json=as_json)
+        summary = follow(handle, out, title=name, lines=handle.plan.certificate.notes)
+    conclude(handle, summary, out)
     if problem := getattr(handle, "problem", ""):
         raise OrientdError(f"the turn could not go on: {problem}")

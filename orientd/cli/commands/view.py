@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import AsJson, Beside, Socket, connect_as, need_extra
-from orientd.cli.output import answer
+from orientd.cli.command import Beside, Socket, connect_as, need_extra
+from orientd.cli.output import PEOPLE, Output
 
 if TYPE_CHECKING:
     from orientd.viewer import CellView, View
@@ -40,7 +40,7 @@ def view(
     dark: Dark = False,
     lease: Beside = False,
     socket: Socket = None,
-    as_json: AsJson = False,
+    out: Output = PEOPLE,
 ) -> None:
     """Show a daemon's devices in the browser, until Ctrl-C or SIGTERM.
 
@@ -58,14 +58,14 @@ def view(
         is_dark=dark,
         is_beside=lease,
     )
-    serve_page(page, host, no_open=no_open, as_json=as_json)
+    serve_page(page, host, no_open=no_open, out=out)
 
 
-def serve_page(page: View | CellView, host: str, *, no_open: bool, as_json: bool) -> None:
+def serve_page(page: View | CellView, host: str, *, no_open: bool, out: Output) -> None:
     """Serve a page until Ctrl-C or SIGTERM, and open it in a browser where there is one."""
     url = f"http://{f'[{host}]' if ':' in host else host}:{page.port}"
     with contextlib.suppress(KeyboardInterrupt):
-        answer({"ready": True, "url": url}, f"ready at {url}", as_json=as_json)
+        out.answer({"ready": True, "url": url}, f"ready at {url}")
         # Without a display, a browser of the terminal would take the terminal.
         if not no_open and {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
             webbrowser.open(url)
