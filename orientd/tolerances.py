@@ -9,3 +9,6 @@ NORM_TOLERANCE = 1e-6
 
 TYPED_NORM_TOLERANCE = 1e-3
 """The same of a keyframe, which people type with four digits: it is scaled to one, with a note."""
+
+ROUNDING = 1e-15
+"""How far from one the norm of a quaternion is that dividing by it would not bring nearer."""

@@ -16,8 +16,7 @@ from generators import words
 from orientd.config import DeviceSettings, Settings
 from orientd.config.presets import PRESETS
 from orientd.daemon.calls import Telemetry
-from orientd.planner import UNITS
-from orientd.schema import attribute_lines, motion_schema
+from orientd.model import UNITS, attribute_lines, motion_schema
 
 _TABLES = {
     "daemon": "[daemon]",

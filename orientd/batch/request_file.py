@@ -18,7 +18,6 @@ from typing import Any
 from orientd.bounded_file import check_regular
 from orientd.errors import OrientdError
 from orientd.one_line import one_line
-from orientd.schema import MOTION, FieldKind
 from orientd.structured_text import MOST_BYTES
 
 _Q = ("qw", "qx", "qy", "qz")
@@ -26,8 +25,7 @@ _POSITION = ("x", "y", "z")
 _VELOCITIES = {
     name: tuple(f"{name}_{axis}" for axis in "xyz") for name in ("start_velocity", "end_velocity")
 }
-_KINDS = {FieldKind.TEXT, FieldKind.CHOICE}
-_TEXTS = tuple(field.name for field in MOTION if field.kind in _KINDS)
+_TEXTS = ("method", "velocity_frame", "name", "pointing_axis", "frame")
 _FLOATS = ("time", *_Q, *_POSITION, *itertools.chain(*_VELOCITIES.values()))
 _ROWS = 10_000
 

@@ -1,4 +1,4 @@
-"""The tables of devices, and the limits in them; see :func:`.plain_values.angular_rate`.
+"""The tables of devices, and the limits in them; see :func:`orientd.model.angular_rate`.
 
 >>> from pydantic import TypeAdapter
 >>> TypeAdapter(AngularLimit).validate_python([2, 1, 3])
@@ -16,7 +16,7 @@ from pydantic_core import PydanticCustomError
 
 from orientd.config.table import Name, Positive, Table, checked
 from orientd.errors import RequestError
-from orientd.plain_values import angular_rate
+from orientd.model import angular_rate
 
 if TYPE_CHECKING:
     from orientd.planner import DevicePlanner, Frame, Limits
@@ -184,11 +184,9 @@ class DeviceSettings(Table):
         """
         if not self.frames:
             return {}
-        # As with the limits, what needs NumPy is loaded when there is something for it.
-        from orientd.planner import named_frames
-        from orientd.schema import read_frames
+        from orientd.model import named_frames, read_frames
 
-        return dict(named_frames(read_frames(self.frames)))
+        return named_frames(read_frames(self.frames))
 
     def planner(self) -> DevicePlanner:
         """Return what plans for this device, without a daemon.

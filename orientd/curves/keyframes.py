@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orientd.rotation import ROUNDING, Floats, align, between, log_half
-from orientd.tolerances import NORM_TOLERANCE
+from orientd.rotation import Floats, align, between, log_half
+from orientd.tolerances import NORM_TOLERANCE, ROUNDING
 
 EndState = tuple[Floats | None, Floats | None]
 """Body angular velocity, rad/s, and acceleration, rad/s^2, at an end; ``None`` where not given."""

@@ -15,19 +15,25 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.driver import Quaternion, Vector3
+    from orientd.model import (
+        ANGULAR,
+        AXES,
+        DEFAULT_LIMITS,
+        DEFAULT_METHOD,
+        NO_AXES,
+        UNITS,
+        Frame,
+        Keyframe,
+        Limits,
+        MotionRequest,
+        Pose,
+        Rate,
+        named_frames,
+    )
     from orientd.planner.axis_path import reshaped
     from orientd.planner.blending import blend
     from orientd.planner.certify.certificate import Certificate, Peak
     from orientd.planner.device_planner import DevicePlanner
-    from orientd.planner.limits import (
-        ANGULAR,
-        AXES,
-        DEFAULT_LIMITS,
-        NO_AXES,
-        UNITS,
-        Limits,
-        Rate,
-    )
     from orientd.planner.methods import check_method, curve_of
     from orientd.planner.motion import Motion
     from orientd.planner.offline import in_parallel, need_backend, plan_many
@@ -41,35 +47,33 @@ if TYPE_CHECKING:
         RecordedMotion,
         states_between,
     )
-    from orientd.planner.request import (
-        DEFAULT_METHOD,
-        Frame,
-        Keyframe,
-        MotionRequest,
-        Pose,
-        State,
-        named_frames,
-    )
     from orientd.planner.resolve import in_device_coordinates, report_frame
+    from orientd.planner.state import State
     from orientd.planner.task import distinct, plan_as_recorded, replay_request, task_of
 
 __getattr__ = lazily(
     __name__,
     {
         "orientd.driver": ("Quaternion", "Vector3"),
+        "orientd.model": (
+            "ANGULAR",
+            "AXES",
+            "DEFAULT_LIMITS",
+            "DEFAULT_METHOD",
+            "NO_AXES",
+            "UNITS",
+            "Frame",
+            "Keyframe",
+            "Limits",
+            "MotionRequest",
+            "Pose",
+            "Rate",
+            "named_frames",
+        ),
         "orientd.planner.axis_path": ("reshaped",),
         "orientd.planner.blending": ("blend",),
         "orientd.planner.certify.certificate": ("Certificate", "Peak"),
         "orientd.planner.device_planner": ("DevicePlanner",),
-        "orientd.planner.limits": (
-            "ANGULAR",
-            "AXES",
-            "DEFAULT_LIMITS",
-            "NO_AXES",
-            "UNITS",
-            "Limits",
-            "Rate",
-        ),
         "orientd.planner.methods": ("check_method", "curve_of"),
         "orientd.planner.motion": ("Motion",),
         "orientd.planner.offline": ("in_parallel", "need_backend", "plan_many"),
@@ -83,16 +87,8 @@ __getattr__ = lazily(
             "RecordedMotion",
             "states_between",
         ),
-        "orientd.planner.request": (
-            "DEFAULT_METHOD",
-            "Frame",
-            "Keyframe",
-            "MotionRequest",
-            "Pose",
-            "State",
-            "named_frames",
-        ),
         "orientd.planner.resolve": ("in_device_coordinates", "report_frame"),
+        "orientd.planner.state": ("State",),
         "orientd.planner.task": ("distinct", "plan_as_recorded", "replay_request", "task_of"),
     },
 )

@@ -13,14 +13,14 @@ import numpy as np
 
 from orientd.curves import Trajectory
 from orientd.errors import PlanError
+from orientd.model import Limits, MotionRequest
 from orientd.planner.connect import join, try_joins
 from orientd.planner.job import certified
-from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath, quintic
 from orientd.planner.planning import plan, timed
 from orientd.planner.recorded import HISTORY, RecordedMotion
-from orientd.planner.request import MotionRequest, State
+from orientd.planner.state import State
 from orientd.planner.timing import Indices, KeyframePath, quickest
 from orientd.rotation import Floats, angle
 

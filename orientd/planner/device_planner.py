@@ -11,14 +11,14 @@ import numpy as np
 from orientd.driver import Driver, Feedback, Locatable, switch, tune
 from orientd.errors import LimitError, LimitKind, LinkError, PlanError, RequestError
 from orientd.mechanism import Gimbal, Mechanical, Mechanism, pointed
+from orientd.model import Frame, Limits, MotionRequest
 from orientd.planner.blending import blend
 from orientd.planner.fitting import Fitting
-from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.planning import plan
 from orientd.planner.recorded import RecordedMotion
-from orientd.planner.request import Frame, MotionRequest, State
 from orientd.planner.resolve import at_rate, in_device_coordinates, report_frame
+from orientd.planner.state import State
 from orientd.rotation import rotate
 from orientd.stream import tuning_text
 

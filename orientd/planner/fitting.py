@@ -28,12 +28,12 @@ from orientd.mechanism import (
     route,
     together,
 )
+from orientd.model import Limits, MotionRequest
 from orientd.planner.axis_path import reshaped
-from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.planning import plan
 from orientd.planner.refusal import check_total
-from orientd.planner.request import MotionRequest, State
+from orientd.planner.state import State
 from orientd.rotation import Floats
 
 _POWERS = {

@@ -11,6 +11,7 @@ import numpy as np
 
 from orientd.curves import METHODS, Trajectory
 from orientd.errors import LimitError, PlanError
+from orientd.model import LONGEST, Limits, MotionRequest, is_still
 from orientd.planner import refusal
 from orientd.planner.certify import before, measure, summed_up
 from orientd.planner.connect import (
@@ -23,12 +24,11 @@ from orientd.planner.connect import (
     lead_out,
     position_lead,
 )
-from orientd.planner.limits import LONGEST, Limits, is_still
 from orientd.planner.methods import Ends, build, check_method
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath, end_states, position_path
-from orientd.planner.request import MotionRequest, State
 from orientd.planner.resolve import half_turn_notes
+from orientd.planner.state import State
 from orientd.planner.timing import KeyframePath, Knots, aimed_at, chord_knots, chosen_knots
 from orientd.rotation import Floats
 from orientd.tolerances import GUARD_TOLERANCE

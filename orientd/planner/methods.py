@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orientd.curves import (
     METHODS,
@@ -23,7 +24,7 @@ from orientd.curves import (
     turns_name,
 )
 from orientd.errors import PlanError, RequestError
-from orientd.planner.request import DEFAULT_METHOD, MotionRequest, Turns
+from orientd.model import DEFAULT_METHOD, MotionRequest
 from orientd.rotation import Floats, angle
 from orientd.spelling import did_you_mean
 
@@ -112,7 +113,9 @@ def _check_turns(request: MotionRequest, family: type[Curve]) -> None:
         )
 
 
-def build(request: MotionRequest, keys: Floats, times: Floats, turns: Turns, ends: Ends) -> Curve:
+def build(
+    request: MotionRequest, keys: Floats, times: Floats, turns: NDArray[np.int64], ends: Ends
+) -> Curve:
     """Return the curve of a request; an end without a velocity is that of a device that holds.
 
     Args:

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from orientd.curves import is_same
 from orientd.drawing import Drawable
 from orientd.driver import Vector3
+from orientd.model import Limits, MotionRequest
 from orientd.planner.certify import Certificate, before
-from orientd.planner.limits import Limits
 from orientd.planner.path import Path, PathSamples, RecordedPath
 from orientd.planner.recorded import (
     HISTORY,
@@ -22,8 +22,8 @@ from orientd.planner.recorded import (
     joints_of,
     ring_records,
 )
-from orientd.planner.request import MotionRequest, State
 from orientd.planner.saving import write_archive
+from orientd.planner.state import State
 from orientd.rotation import Floats, to_scipy
 
 if TYPE_CHECKING:

@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.errors import OrientdError, RequestError
-from orientd.planner.limits import DEFAULT_LIMITS, Limits, Rate
+from orientd.model import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, Rate
 from orientd.planner.motion import Motion
 from orientd.planner.planning import plan
-from orientd.planner.request import Keyframe, MotionRequest, State
 from orientd.planner.resolve import in_device_coordinates
+from orientd.planner.state import State
 from orientd.rotation import Quaternion, is_rotation, unnamed
 from orientd.spelling import unknown_key
 

@@ -16,15 +16,15 @@ from functools import cache, partial
 import numpy as np
 
 from orientd.errors import LimitError, PlanError, RequestError, StartError
+from orientd.model import ANGULAR, DEFAULT_METHOD, LONGEST, PERIODS, UNITS, Limits, MotionRequest
 from orientd.planner import refusal, resting
 from orientd.planner.certify import share_to_stop
 from orientd.planner.connect import CONNECTIONS, SAME_PLACE, WITHOUT_RESERVE, approach
 from orientd.planner.job import PlanJob
-from orientd.planner.limits import ANGULAR, LONGEST, PERIODS, UNITS, Limits
 from orientd.planner.motion import Motion
 from orientd.planner.path import PositionPath, end_states
-from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
 from orientd.planner.resolve import resolved
+from orientd.planner.state import State
 from orientd.planner.timing import (
     LEAST_SHARE,
     LONGEST_STOP,

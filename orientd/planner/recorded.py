@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from orientd.driver import Vector3
-from orientd.planner.limits import Limits
-from orientd.planner.request import State
+from orientd.model import Limits
+from orientd.planner.state import State
 from orientd.rotation import Floats
 from orientd.stream import JOINTS, PATH_FLOATS
 

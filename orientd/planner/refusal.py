@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.errors import LimitError, LimitKind, PlanError, StartError
+from orientd.model import ANGULAR, AXES, DEFAULT_METHOD, LONGEST, UNITS, Limits, MotionRequest
 from orientd.planner.certify import SLOWEST_STOP, Peak, Peaks
-from orientd.planner.limits import ANGULAR, AXES, LONGEST, UNITS, Limits
-from orientd.planner.request import DEFAULT_METHOD, MotionRequest, State
+from orientd.planner.state import State
 from orientd.rotation import Floats, angle
 from orientd.tolerances import GUARD_TOLERANCE
 

@@ -16,9 +16,9 @@ import numpy as np
 from orientd.curves import METHODS
 from orientd.driver import Vector3
 from orientd.errors import RequestError, StartError
-from orientd.planner.limits import Limits
+from orientd.model import Frame, Keyframe, Limits, MotionRequest, Pose
 from orientd.planner.methods import can_turn
-from orientd.planner.request import Frame, Keyframe, MotionRequest, Pose, State
+from orientd.planner.state import State
 from orientd.rotation import (
     HALF_TURN,
     Floats,

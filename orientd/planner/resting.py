@@ -16,6 +16,7 @@ from typing import cast
 import numpy as np
 
 from orientd.curves import Trajectory
+from orientd.model import DEFAULT_METHOD, LONGEST, Keyframe, Limits, MotionRequest
 from orientd.planner import refusal
 from orientd.planner.connect import (
     USUAL,
@@ -25,11 +26,10 @@ from orientd.planner.connect import (
     turn_to_stop,
 )
 from orientd.planner.job import PlanJob
-from orientd.planner.limits import LONGEST, Limits
 from orientd.planner.methods import Ends
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath
-from orientd.planner.request import DEFAULT_METHOD, Keyframe, MotionRequest, State
+from orientd.planner.state import State
 from orientd.planner.timing import SAME, SHARE, KeyframePath
 from orientd.rotation import Floats, angle, log
 from orientd.rotation import between as turn_between

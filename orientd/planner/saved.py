@@ -20,12 +20,11 @@ import numpy as np
 from orientd.bounded_file import check_regular
 from orientd.errors import OrientdError
 from orientd.mechanism import Figure
+from orientd.model import Keyframe, Limits, MotionRequest
 from orientd.planner.certify import Certificate, Peak
-from orientd.planner.limits import Limits
 from orientd.planner.motion import Motion
 from orientd.planner.path import RecordedPath
 from orientd.planner.recorded import HISTORY, STATE_FLOATS
-from orientd.planner.request import Keyframe, MotionRequest
 from orientd.planner.saving import FORMAT, VERSION
 
 _AXES = ("axis_velocity", "axis_acceleration", "axis_jerk")

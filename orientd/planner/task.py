@@ -10,8 +10,7 @@ import numpy as np
 
 from orientd.curves import CurveTask, Fit
 from orientd.errors import RequestError
-from orientd.planner.limits import DEFAULT_LIMITS
-from orientd.planner.request import Keyframe, MotionRequest, Pace
+from orientd.model import DEFAULT_LIMITS, Keyframe, MotionRequest, Pace
 from orientd.planner.timing import Indices, Knots, chord_knots, turn_lengths
 
 Times = Literal["file", "uniform", "chord"]

@@ -20,7 +20,6 @@ from orientd.rotation.convert import (
 from orientd.rotation.jacobian import right_jacobian, right_jacobian_inverse
 from orientd.rotation.quaternion import (
     HALF_TURN,
-    ROUNDING,
     Floats,
     align,
     angle,

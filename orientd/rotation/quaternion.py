@@ -17,12 +17,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orientd.tolerances import NORM_TOLERANCE
+from orientd.tolerances import NORM_TOLERANCE, ROUNDING
 
 Floats = NDArray[np.float64]
-
-ROUNDING = 1e-15
-"""How far from one the norm of a quaternion is that dividing by it would not bring nearer."""
 
 HALF_TURN = 1e-7
 """Of the dot product of two unit quaternions, below which one is half a turn from the other: what

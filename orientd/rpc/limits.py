@@ -36,10 +36,9 @@ def limits_to_wish(message: pb.Limits) -> Limits:
     Raises:
         RequestError: one is not positive, or is given twice.
     """
+    rates = asked_rates(message)
     try:
-        return Limits.partial(**asked_rates(message))
-    except RequestError as error:
-        raise RequestError(f"limits.{error.field}", error.problem) from None
+        return Limits.partial(**rates)
     except ValueError as error:
         raise RequestError("limits", str(error)) from error
 
@@ -57,7 +56,8 @@ def asked_rates(message: pb.Limits) -> dict[str, Any]:
         axes = f"axis_{name}"
         if message.HasField(axes):
             if name in rates:
-                raise RequestError(name, f"expected one of {name} and {axes}, got both")
+                problem = f"expected one of {name} and {axes}, got both"
+                raise RequestError(f"limits.{name}", problem)
             rates[name] = list(to_vector(getattr(message, axes)))
     return rates
 

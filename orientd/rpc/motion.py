@@ -1,55 +1,33 @@
-"""Motion requests on the wire: from the fields of a request to those of its message, and back.
+"""Motion requests on the wire: from the fields of a message to those of a request, and back.
 
-What a message does not say has the default of the request; a value that is none is refused in the
-words of the motion file, and by the path that it would have there.
+The message has the fields of a motion file, by the same names.  So reading one makes the mapping
+that a file would be, and the model checks it: a value that is not well formed is refused in the
+same words, by the same path.  Only keyframes in columns are read apart.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from google.protobuf.message import Message
 from google.protobuf.struct_pb2 import Struct
 
-from orientd import plain_values as plain
 from orientd.errors import RequestError
-from orientd.planner import (
-    ANGULAR,
-    Frame,
-    Keyframe,
-    Limits,
-    MotionRequest,
-    Pose,
-    Vector3,
-    check_method,
-)
+from orientd.model import Frame, Limits, MotionRequest, Pose, read_request
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.limits import asked_rates, limits_message
 from orientd.rpc.values import RATES, quaternion, vector
-from orientd.schema import (
-    FORMS,
-    KEYFRAME,
-    MOTION,
-    Field,
-    FieldKind,
-    Written,
-    form_notes,
-    implied,
-    quaternions,
-    the_only,
-)
-
-Taker = Callable[[Any], Any]
-"""Returns what a field of a message says."""
-
-Giver = Callable[[Any], Any]
-"""Returns what to say in a field of a message."""
 
 _FRAMES = (pb.FRAME_BODY, pb.FRAME_WORLD)
-_FRAMED = tuple(field.name for field in MOTION if field.kind is FieldKind.VECTOR)
-"""What is given in one of them."""
+_FRAMED = ("start_velocity", "end_velocity", "rate")
+"""Fields that are given in one of them."""
+
+_NUMBERS = {"duration_seconds": "duration", "pace_share": "pace"}
+"""Fields of a message for the numbers that stand in place of a word."""
+
+_AS_NUMBER = {name: field for field, name in _NUMBERS.items()}
 
 
 def to_request(message: pb.MotionRequest) -> MotionRequest:
@@ -62,142 +40,41 @@ def to_request(message: pb.MotionRequest) -> MotionRequest:
         for name in _FRAMED:
             if message.HasField(name):
                 raise RequestError("velocity_frame", f"expected body or world, for {name}")
-    taken = _taken(message, _TAKEN)
-    keyframes, notes = taken.pop("keyframes", ((), ()))
+    content = _table(message)
     if message.HasField("columns"):
-        if keyframes:
+        if message.keyframes:
             raise RequestError("columns", "expected without keyframes only")
-        keyframes = _from_columns(message.columns)
-    taken["notes"] = [*taken.get("notes", ()), *notes]
-    request = MotionRequest(keyframes, **taken)
-    check_method(request)
-    return request
+        content["keyframes"] = _rows(content.pop("columns"))
+    return read_request(content)
 
 
-def from_request(request: MotionRequest) -> pb.MotionRequest:
-    """Return the message that asks for what *request* does; orientations become quaternions."""
-    return pb.MotionRequest(**_given(request, _BESIDE_KEYFRAMES), columns=_columns(request))
+def _table(message: Any) -> dict[str, Any]:  # noqa: ANN401 - any message
+    """Return what a file would say in place of a message."""
+    content: dict[str, Any] = {}
+    for field, value in message.ListFields():
+        if field.enum_type is not None:
+            number = field.enum_type.values_by_number.get(value)
+            if number is not None:
+                prefix = field.enum_type.values[0].name.removesuffix("UNSPECIFIED")
+                content[field.name] = number.name.removeprefix(prefix).lower()
+        else:
+            content[_NUMBERS.get(field.name, field.name)] = _plain(value)
+    return content
 
 
-_COLUMNS: tuple[tuple[str, str, int], ...] = (
-    ("quaternions", "q", 4),
-    ("times", "time", 1),
-    ("positions", "position", 3),
-    ("turns", "turns", 1),
-    ("free_roll", "free_roll", 1),
-    ("relative", "relative", 1),
-    ("frames", "frame", 1),
-    ("names", "name", 1),
-)
-"""Columns, the fields of a keyframe that they are of, and how many entries each keyframe has."""
+def _plain(value: Any) -> Any:  # noqa: ANN401 - whatever a field holds
+    if isinstance(value, str | bytes | bool | int | float):
+        return value
+    if isinstance(value, Message):
+        return _READERS.get(value.DESCRIPTOR.name, _table)(value)
+    if isinstance(value, Mapping):
+        return {key: _plain(value[key]) for key in value}
+    return [_plain(one) for one in value]
 
 
-def _columns(request: MotionRequest) -> pb.KeyframeColumns:
-    columns = pb.KeyframeColumns(quaternions=request.keys.ravel().tolist())
-    if request.times is not None:
-        columns.times.extend(request.times.tolist())
-    if request.positions is not None:
-        columns.positions.extend(request.positions.ravel().tolist())
-    for column, name, _ in _COLUMNS[3:]:
-        values = [getattr(keyframe, name) for keyframe in request.keyframes]
-        if any(values):
-            getattr(columns, column).extend(values)
-    return columns
-
-
-def _from_columns(message: pb.KeyframeColumns) -> list[Keyframe]:
-    count = len(message.quaternions) // 4
-    given: dict[str, Any] = {}
-    for column, name, width in _COLUMNS:
-        values = getattr(message, column)
-        if not values:
-            continue
-        if len(values) != width * count:
-            expected = f"expected {width * count} entries for {count} keyframes"
-            raise RequestError(f"columns.{column}", f"{expected}, got {len(values)}")
-        given[name] = values if width == 1 else zip(*[iter(values)] * width, strict=True)
-    if "position" in given:
-        given["position"] = [None if one[0] != one[0] else one for one in given["position"]]
-    return [
-        Keyframe(**dict(zip(given, values, strict=True)))
-        for values in zip(*given.values(), strict=True)
-    ]
-
-
-def _limits_message(limits: Limits) -> pb.Limits:
-    return limits_message({name: limits.rate(name) for name in RATES})
-
-
-def _limits(message: pb.Limits) -> Limits | None:
-    given = asked_rates(message)
-    for name, rate in given.items():
-        reader = plain.angular_limit if name in ANGULAR else plain.linear_limit
-        try:
-            given[name] = reader(rate)
-        except RequestError as error:
-            raise plain.placed(name, error) from None
-    return Limits.partial(**given) if given else None
-
-
-def _keyframes(messages: Iterable[pb.Keyframe]) -> tuple[list[Keyframe], list[str]]:
-    """Return the keyframes, and notes on how they were read."""
-    written: list[Written] = []
-    others: list[dict[str, Any]] = []
-    try:
-        for message in messages:
-            written.append(_orientation(message))
-            others.append(_taken(message, _BESIDE_ORIENTATION) | implied(written[-1]))
-    except RequestError as error:
-        raise plain.placed(f"[{len(others)}]", error) from None
-    found = quaternions(written)
-    keyframes = [Keyframe(q, **more) for q, more in zip(found, others, strict=True)]
-    return keyframes, form_notes(written)
-
-
-def _orientation(message: pb.Keyframe) -> Written:
-    form = message.WhichOneof("orientation")
-    if form is None:
-        return the_only({})
-    try:
-        return form, _FORMS[form](getattr(message, form))
-    except RequestError as error:
-        raise plain.placed(form, error) from None
-
-
-# What is not finite is for the reader of the file to find and to name.
-
-
-def _vector(message: pb.Vector3) -> Vector3:
-    x, y, z = message.x, message.y, message.z
-    return (x, y, z) if math.isfinite(x + y + z) else plain.vector([x, y, z])
-
-
-def _quaternion(message: pb.Quaternion) -> Any:  # noqa: ANN401 - as its reader returns it
-    q = message.w, message.x, message.y, message.z
-    return q if math.isfinite(sum(q)) else FORMS["quaternion"](dict(zip("wxyz", q, strict=True)))
-
-
-def _by_reader(form: str, as_written: Callable[[Any], Any]) -> Taker:
-    """Return what takes a *form* by its reader, from what *as_written* makes of the message."""
-    return lambda message: FORMS[form](as_written(message))
-
-
-_WRITTEN: dict[str, Callable[[Any], Any]] = {
-    "euler": lambda euler: {"axes": euler.axes, "degrees": list(euler.degrees)},
-    "matrix": lambda matrix: [
-        list(matrix.elements[k : k + 3]) for k in range(0, len(matrix.elements), 3)
-    ],
-    "azimuth_elevation": lambda to: {"azimuth": to.azimuth, "elevation": to.elevation},
-    "look_at": lambda at: {"point": list(_vector(at.point)), "place": list(_vector(at.place))},
-}
-"""What a file would say in place of a message, of the forms that are taken by their readers."""
-
-_FORMS: dict[str, Taker] = {
-    "quaternion": _quaternion,
-    "rotation_vector": _vector,
-    "direction": _vector,
-    **{form: _by_reader(form, as_written) for form, as_written in _WRITTEN.items()},
-}
+def _with(*names: str) -> Callable[[Any], dict[str, Any]]:
+    """Return the reader of a message whose fields are there whether or not they are set."""
+    return lambda message: {name: _plain(getattr(message, name)) for name in names}
 
 
 def _from_struct(content: Any) -> Any:  # noqa: ANN401 - whatever a method's options hold
@@ -211,128 +88,95 @@ def _from_struct(content: Any) -> Any:  # noqa: ANN401 - whatever a method's opt
     return [_from_struct(inner) for inner in content]
 
 
-def _to_struct(options: Mapping[str, Any]) -> Struct:
-    struct = Struct()
-    struct.update(plain.to_plain(options))
-    return struct
+_READERS: dict[str, Callable[[Any], Any]] = {
+    "Vector3": lambda message: [message.x, message.y, message.z],
+    "Quaternion": _with("w", "x", "y", "z"),
+    "EulerAngles": _with("axes", "degrees"),
+    "AzimuthElevation": _with("azimuth", "elevation"),
+    "LookAt": _with("point", "place"),
+    "Matrix": lambda message: [
+        list(message.elements[k : k + 3]) for k in range(0, len(message.elements), 3)
+    ],
+    "Limits": asked_rates,
+    "Struct": _from_struct,
+    "KeyframeColumns": lambda message: message,
+}
+
+_COLUMNS: tuple[tuple[str, str, int, object], ...] = (
+    ("quaternions", "q", 4, None),
+    ("times", "time", 1, None),
+    ("positions", "position", 3, None),
+    ("turns", "turns", 1, 0),
+    ("free_roll", "free_roll", 1, False),
+    ("relative", "relative", 1, False),
+    ("frames", "frame", 1, ""),
+    ("names", "name", 1, ""),
+)
+"""Columns, the fields of a keyframe that they are of, how many entries each keyframe has in one,
+and what all of them have in a field whose column is empty."""
+
+_NOWHERE = (math.nan, math.nan, math.nan)
+"""In the column of positions, of a keyframe without one."""
 
 
-def _frames(messages: Mapping[str, pb.NamedFrame]) -> dict[str, Frame]:
-    found: dict[str, Frame] = {}
-    for name, message in messages.items():
-        try:
-            found[name] = Frame(_pose(message.base, "base"), _pose(message.tool, "tool"))
-        except RequestError as error:
-            raise plain.placed(name, error) from None
-    return found
+def _rows(columns: pb.KeyframeColumns) -> list[dict[str, Any]]:
+    """Return what a file would say in place of columns."""
+    count = len(columns.quaternions) // 4
+    given: dict[str, Any] = {}
+    for column, name, width, _ in _COLUMNS:
+        values = getattr(columns, column)
+        if not values:
+            continue
+        if len(values) != width * count:
+            expected = f"expected {width * count} entries for {count} keyframes"
+            raise RequestError(f"columns.{column}", f"{expected}, got {len(values)}")
+        given[name] = values if width == 1 else zip(*[iter(values)] * width, strict=True)
+    if "position" in given:
+        given["position"] = [None if math.isnan(one[0]) else one for one in given["position"]]
+    given["quaternion"] = given.pop("q", ())
+    return [dict(zip(given, values, strict=True)) for values in zip(*given.values(), strict=True)]
 
 
-def _pose(message: pb.Pose, place: str) -> Pose:
-    q = message.quaternion
-    position = message.position.x, message.position.y, message.position.z
-    try:
-        if not message.HasField("quaternion"):
-            return Pose(position=position)
-        return Pose((q.w, q.x, q.y, q.z), position)
-    except RequestError as error:
-        raise plain.placed(place, error) from None
+def from_request(request: MotionRequest) -> pb.MotionRequest:
+    """Return the message that asks for what *request* does; orientations become quaternions."""
+    message = pb.MotionRequest(**dict(_fields(request)))
+    for column, name, _, usual in _COLUMNS:
+        values = [getattr(keyframe, name) for keyframe in request.keyframes]
+        if values.count(usual) == len(values):
+            continue
+        if name in ("q", "position"):
+            values = [number for one in values for number in one or _NOWHERE]
+        getattr(message.columns, column).extend(values)
+    return message
 
 
-def _frame_messages(frames: Mapping[str, Frame]) -> dict[str, pb.NamedFrame]:
-    return {
-        name: pb.NamedFrame(base=_pose_message(frame.base), tool=_pose_message(frame.tool))
-        for name, frame in frames.items()
-    }
+def _fields(request: MotionRequest) -> Iterator[tuple[str, Any]]:
+    for name, value in request.given().items():
+        if name == "keyframes" or value in (None, {}):
+            continue
+        field = pb.MotionRequest.DESCRIPTOR.fields_by_name[name]
+        if isinstance(value, float):
+            yield _AS_NUMBER[name], value
+        elif field.enum_type is not None:
+            prefix = field.enum_type.values[0].name.removesuffix("UNSPECIFIED")
+            yield name, f"{prefix}{value.upper()}"
+        elif isinstance(value, Limits):
+            yield name, limits_message({rate: value.rate(rate) for rate in RATES})
+        elif name in _FRAMED:
+            yield name, vector(value)
+        elif name == "frames":
+            yield name, {key: _frame_message(frame) for key, frame in value.items()}
+        elif isinstance(value, Mapping):
+            struct = Struct()
+            struct.update(value)
+            yield name, struct
+        else:
+            yield name, value
+
+
+def _frame_message(frame: Frame) -> pb.NamedFrame:
+    return pb.NamedFrame(base=_pose_message(frame.base), tool=_pose_message(frame.tool))
 
 
 def _pose_message(pose: Pose) -> pb.Pose:
     return pb.Pose(quaternion=quaternion(pose.q), position=vector(pose.position))
-
-
-_KINDS: dict[FieldKind, tuple[Taker | None, Giver | None]] = {
-    FieldKind.NUMBER: (plain.number, None),
-    FieldKind.VECTOR: (_vector, vector),
-    FieldKind.OPTIONS: (_from_struct, _to_struct),
-    FieldKind.LIMITS: (_limits, _limits_message),
-    FieldKind.ORIENTATION: (_quaternion, quaternion),
-    FieldKind.KEYFRAMES: (_keyframes, None),
-    FieldKind.FRAMES: (_frames, _frame_messages),
-}
-"""How a kind is taken from a message and given to one; as it is where nothing is said."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Entry:
-    """A field of a request in its message; *wire* is its name there."""
-
-    name: str
-    wire: str
-    take: Taker | None = None
-    give: Giver | None = None
-
-
-_NUMBERS = {"duration": "duration_seconds", "pace": "pace_share"}
-"""What a field is called where it is a number, not one of its choices."""
-
-
-def _entries(fields: Iterable[Field], of: Any) -> Iterator[_Entry]:  # noqa: ANN401 - a descriptor
-    for field in fields:
-        yield _entry(field, of)
-        if field.kind is FieldKind.CHOICE_OR_NUMBER:
-            yield _Entry(field.name, _NUMBERS[field.name], plain.number, _number)
-
-
-def _number(value: float | str) -> float | None:
-    return None if isinstance(value, str) else value
-
-
-def _entry(field: Field, of: Any) -> _Entry:  # noqa: ANN401 - as above
-    # What a message gives is a quaternion, whichever form it was asked for in.
-    name = "quaternion" if field.kind is FieldKind.ORIENTATION else field.name
-    wire = of.fields_by_name[name]
-    if field.choices:
-        numbers = {
-            choice: number.number
-            for choice in field.choices
-            for number in wire.enum_type.values
-            if number.name.endswith(f"_{choice.upper()}")
-        }
-        choices = {number: choice for choice, number in numbers.items()}
-        return _Entry(field.name, name, choices.get, numbers.get)
-    take, give = _KINDS.get(field.kind, (None, None))
-    return _Entry(field.name, name, take, give)
-
-
-_MOTION = tuple(_entries(MOTION, pb.MotionRequest.DESCRIPTOR))
-_BESIDE_KEYFRAMES = tuple(entry for entry in _MOTION if entry.name != "keyframes")
-_KEYFRAME = tuple(_entries(KEYFRAME, pb.Keyframe.DESCRIPTOR))
-_TAKEN = {entry.wire: entry for entry in _MOTION}
-_BESIDE_ORIENTATION = {entry.wire: entry for entry in _KEYFRAME if entry.name == entry.wire}
-
-
-def _taken(message: Any, entries: Mapping[str, _Entry]) -> dict[str, Any]:  # noqa: ANN401 - of a kind
-    """Return the values that *message* sets of the fields that there are *entries* for."""
-    values: dict[str, Any] = {}
-    for field, value in message.ListFields():
-        entry = entries.get(field.name)
-        if entry is None:
-            continue
-        if entry.take is not None:
-            try:
-                value = entry.take(value)
-            except RequestError as error:
-                raise plain.placed(entry.name, error) from None
-        if value is not None:
-            values[entry.name] = value
-    return values
-
-
-def _given(of: object, entries: Iterable[_Entry]) -> dict[str, Any]:
-    """Return what a message is made of that says the same."""
-    fields: dict[str, Any] = {}
-    for entry in entries:
-        value = getattr(of, entry.name)
-        is_empty = isinstance(value, Mapping) and not value
-        if value is not None and not is_empty:
-            fields[entry.wire] = value if entry.give is None else entry.give(value)
-    return fields

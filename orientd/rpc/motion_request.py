@@ -9,16 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Literal, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from orientd import motion_file
 from orientd.errors import RequestError
-from orientd.plain_values import to_plain
-from orientd.planner import MotionRequest
-from orientd.rotation import Quaternion, is_rotation
+from orientd.model import MotionRequest, read_request, to_plain
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 EXPECTED = (
     "expected a scipy Rotation, Quaternion(w=, x=, y=, z=), or a mapping with quaternion, "
@@ -94,7 +91,7 @@ def motion_request(
     mapping = {key: to_plain(field) for key, field in fields.items() if field is not None}
     columns = {key: mapping.pop(key, None) for key in ("times", "positions")}
     mapping["keyframes"] = keyframe_mappings(keyframes, **columns)
-    return motion_file.parse(mapping)
+    return read_request(mapping)
 
 
 def keyframe_mappings(
@@ -114,10 +111,17 @@ def keyframe_mappings(
     Raises:
         RequestError: an item is none of these, or *times* or *positions* are not as many.
 
-    >>> keyframe_mappings([Quaternion(w=1, x=0, y=0, z=0)], times=[0.5])
-    [{'quaternion': {'w': 1.0, 'x': 0.0, 'y': 0.0, 'z': 0.0}, 'time': 0.5}]
+    >>> import orientd
+    >>> keyframe_mappings([orientd.Quaternion(w=1, x=0, y=0, z=0)], times=[0.5])
+    [{'quaternion': {'w': 1, 'x': 0, 'y': 0, 'z': 0}, 'time': 0.5}]
     """
-    if isinstance(keyframes, Mapping | str | Quaternion):
+    try:
+        iter(keyframes)
+    except TypeError:
+        is_sequence = False
+    else:
+        is_sequence = not isinstance(keyframes, Mapping | str)
+    if not is_sequence:
         raise RequestError("keyframes", f"expected a sequence, got {type(keyframes).__name__}")
     mappings = [_mapping(keyframe, f"keyframes[{k}]") for k, keyframe in enumerate(keyframes)]
     for key, column in (("time", times), ("position", positions)):
@@ -137,24 +141,19 @@ def keyframe_mappings(
 def _mapping(keyframe: object, place: str) -> dict[str, Any]:
     if isinstance(keyframe, Mapping):
         return {str(key): to_plain(content) for key, content in keyframe.items()}
-    if isinstance(keyframe, Quaternion):
-        parts = {part: getattr(keyframe, part) for part in "wxyz"}
-    elif is_rotation(keyframe):
-        if not keyframe.single:  # type: ignore[attr-defined]
-            raise RequestError(place, "expected one rotation, got a Rotation of many")
-        # SciPy's own order is scalar last.
-        x, y, z, w = keyframe.as_quat(canonical=False).tolist()  # type: ignore[attr-defined]
-        parts = {"w": w, "x": x, "y": y, "z": z}
-    elif isinstance(keyframe, np.ndarray | list | tuple):
+    if isinstance(keyframe, list | tuple) or hasattr(keyframe, "tolist"):
         raise RequestError(place, f"{EXPECTED}; a bare sequence does not say its order")
-    else:
+    from orientd.rotation import Quaternion, is_rotation
+
+    if isinstance(keyframe, Quaternion):
+        return {"quaternion": to_plain(keyframe)}
+    if not is_rotation(keyframe):
         raise RequestError(place, f"{EXPECTED}; got {type(keyframe).__name__}")
-    return {"quaternion": {name: _number(part) for name, part in parts.items()}}
-
-
-def _number(part: object) -> object:
-    part = to_plain(part)
-    return float(part) if isinstance(part, int) and not isinstance(part, bool) else part
+    if not keyframe.single:  # type: ignore[attr-defined]
+        raise RequestError(place, "expected one rotation, got a Rotation of many")
+    # SciPy's own order is scalar last.
+    x, y, z, w = keyframe.as_quat(canonical=False).tolist()  # type: ignore[attr-defined]
+    return {"quaternion": {"w": w, "x": x, "y": y, "z": z}}
 
 
 def plan_seconds(seconds: float | None) -> float:

@@ -9,10 +9,10 @@ from typing import Literal, Self, get_args
 
 import grpc
 
-from orientd import motion_file
 from orientd.driver import Quaternion as Orientation
 from orientd.driver import Vector3
 from orientd.errors import OrientdError, RequestError
+from orientd.model import FORMS, joined, read_keyframe
 from orientd.rotation import Quaternion
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.connection import Connection
@@ -180,13 +180,12 @@ def _orientation(target: object) -> Orientation:
     if isinstance(target, Quaternion):
         return (float(target.w), float(target.x), float(target.y), float(target.z))
     mapping = keyframe_mappings([target])[0]
-    for key in sorted(set(mapping) - set(motion_file.FORMS)):
+    for key in sorted(set(mapping) - set(FORMS)):
         if key in TARGET_KEYS:
             raise RequestError(f"target.{key}", "expected beside the orientation, not among it")
-        near = did_you_mean(key, [*motion_file.FORMS, *TARGET_KEYS])
+        near = did_you_mean(key, [*FORMS, *TARGET_KEYS])
         raise RequestError("target", f"unknown key {key!r}{near}")
     try:
-        return motion_file.parse({"keyframes": [mapping, mapping]}).keyframes[0].q
+        return read_keyframe(mapping).q
     except RequestError as error:
-        field = error.field.replace("keyframes[0]", "target", 1)
-        raise RequestError(field, error.problem) from None
+        raise RequestError(joined("target", error.field), error.problem) from None

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from orientd.model import Limits
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, LAW
-from orientd.planner.limits import Limits
 from orientd.rotation import Floats
 
 _SIGMA, _G = LAW[0][:, :, None]

@@ -9,9 +9,9 @@ from reference.brake import least_brake_rate
 from reference.drawn import drawn
 
 from orientd import kernels
+from orientd.model import Limits
 from orientd.planner.certify import limit_table
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, LAW
-from orientd.planner.limits import Limits
 from orientd.planner.recorded import HISTORY
 from orientd.rotation import Floats, conjugate, log, multiply
 

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from orientd.model import Limits
 from orientd.planner.certify import OFF_GRID, Peaks, measure
-from orientd.planner.limits import Limits
 from orientd.planner.path import Path
 from orientd.planner.recorded import HISTORY
 from orientd.planner.timing.keyframe_path import KeyframePath

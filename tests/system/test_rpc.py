@@ -26,10 +26,10 @@ from orientd.errors import (
     StateError,
     UnknownNameError,
 )
+from orientd.rotation import Quaternion
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc import samples, to_quaternion
 from orientd.rpc.control_pb2_grpc import ControlStub
-from orientd.rpc.motion_request import Quaternion
 
 LEASE_SECONDS = 3.0
 TURNS = [[0, 0, 0], [0.1, 0, 0.3], [0.2, -0.2, 0.4]]
@@ -187,7 +187,7 @@ def rest(daemon):
 def test_a_client_that_is_killed_stops_its_motion(daemon):
     code = (
         "import sys, time, orientd\n"
-        "from orientd.rpc.motion_request import Quaternion as Q\n"
+        "from orientd import Quaternion as Q\n"
         "robot = orientd.connect(sys.argv[1])\n"
         "turn = {'rotation_vector': [0, 0, 1.5]}\n"
         "back = {'rotation_vector': [0, 0.5, 0]}\n"

@@ -110,12 +110,12 @@ def test_euler_angles_take_any_order_fixed_or_turning():
         (KEYFRAMES + "limts: {}", "limts", "unknown key; did you mean 'limits'?"),
         (KEYFRAMES + "limits: {velocty: 3}", "limits.velocty", "did you mean 'velocity'?"),
         ("keyfrmes: []", "keyfrmes", "unknown key; did you mean 'keyframes'?"),
-        ("method: slerp", "keyframes", "missing"),
+        ("method: slerp", "keyframes", "expected at least 1, got 0"),
         (
             "keyframes:\n  - {tme: 1, quaternion: {w: 1, x: 0, y: 0, z: 0}}\n" + SECOND,
             "keyframes[0].tme",
-            "unknown key; did you mean 'time'?; known are time, quaternion, rotation_vector, "
-            "euler, matrix, direction, azimuth_elevation, look_at, position, turns, free_roll",
+            "unknown key; did you mean 'time'?; known are quaternion, rotation_vector, euler, "
+            "matrix, direction, azimuth_elevation, look_at, time, position, turns, free_roll",
         ),
         (
             "keyframes:\n  - {quaternion: {w: 1, x: 0, y: 0, q: 0}}\n" + SECOND,
@@ -249,13 +249,6 @@ def test_euler_angles_take_any_order_fixed_or_turning():
             "keyframes[1].time",
             "must be later than keyframes[0] at 2 s, got 1 s",
         ),
-        # Methods
-        (
-            KEYFRAMES + "method: c2_cumulativ",
-            "method",
-            "unknown method 'c2_cumulativ'; did you mean 'c2_cumulative'?",
-        ),
-        (KEYFRAMES + "options: {foo: 1}", "options.foo", "unknown option of c2_cumulative"),
         (KEYFRAMES + "velocity_frame: tool", "velocity_frame", "expected 'body' or 'world'"),
         # The file itself
         ("- 1\n- 2", "", "a motion must be a mapping with the key 'keyframes', got [1, 2]"),
@@ -283,8 +276,9 @@ def test_what_is_wrong_is_named_with_its_field(written, text, field, problem):
         ("\ta: 1", "line 1: not YAML"),
         ("a: 1\n---\nb: 2", "line 2: not YAML"),
         ("a: \x00", "not YAML"),
-        ("[" * 100_000, "line 1: nested too deeply"),
-        ("{a: " * 20_000 + "1" + "}" * 20_000, "nested too deeply"),
+        (f"a: {'[' * 64}{']' * 64}", "line 1: not YAML: nested too deeply"),
+        ("[" * 100_000, "line 1: not YAML: "),
+        ("{a: " * 20_000 + "1" + "}" * 20_000, "line 1: not YAML: "),
     ],
 )
 def test_a_file_that_is_no_yaml_is_named_with_the_line(written, text, problem):
@@ -377,7 +371,8 @@ def test_the_duration_is_a_minimum_or_left_to_the_method(written):
     assert load(written(KEYFRAMES + "duration: minimum")).duration == "minimum"
     assert load(written(KEYFRAMES)).duration is None
     field, problem = refusal(written(KEYFRAMES + "duration: shortest"))
-    assert (field, problem) == ("duration", "expected 'minimum', got the text 'shortest'")
+    assert field == "duration"
+    assert problem == "expected 'minimum' or seconds, got the text 'shortest'"
 
 
 def test_the_schema_admits_three_limits_where_the_reader_does():

@@ -13,31 +13,37 @@ import pytest
 from orientd import config, motion_file
 from orientd.daemon.device import EventKind
 from orientd.errors import Fault, RequestError
+from orientd.model import ANGULAR, FORMS, UNITS, attribute_lines
 from orientd.planner import Frame, Keyframe, Limits, MotionRequest, Pose
-from orientd.planner.limits import ANGULAR, UNITS
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc import motion_request
 from orientd.rpc.motion import from_request, to_request
-from orientd.schema.fields import KEYFRAME, MOTION, FieldKind, attribute_lines
-from orientd.schema.orientations import FORMS
 from orientd.stream import Cycle, ServoState
 
 ROOT = Path(__file__).parents[2] / "orientd"
 
-REQUEST = {field.name for field in MOTION}
-OF_KEYFRAMES = {field.name for field in KEYFRAME} - {"q"} | FORMS.keys()
+REQUEST = {field.name for field in fields(MotionRequest)}
+OF_KEYFRAMES = {field.name for field in fields(Keyframe)} - {"q"} | {"quaternion"}
 COLUMNS = {"times", "positions"}
 """What the Python client takes in one piece for all keyframes."""
 
 SAMPLES = {
-    FieldKind.TEXT: "pick and place",
-    FieldKind.TEXTS: ("one", "two"),
-    FieldKind.FLAG: True,
-    FieldKind.VECTOR: (0.1, 0.2, 0.3),
-    FieldKind.OPTIONS: {"align": False},
-    FieldKind.CHOICE_OR_NUMBER: 0.75,
-    FieldKind.LIMITS: Limits.partial(velocity=(1.0, 2.0, 3.0), linear_velocity=0.5),
-    FieldKind.FRAMES: {"camera": Frame(Pose((0.8, 0.0, 0.6, 0.0), (1.0, 2.0, 3.0)), Pose())},
+    "method": "squad",
+    "start_velocity": (0.1, 0.2, 0.3),
+    "end_velocity": (0.1, 0.2, 0.3),
+    "velocity_frame": "world",
+    "approach": True,
+    "limits": Limits.partial(velocity=(1.0, 2.0, 3.0), linear_velocity=0.5),
+    "options": {"align": False, "orders": [1, 2.5]},
+    "device_options": {"gain": 300},
+    "duration": 7.5,
+    "pace": 0.75,
+    "name": "pick and place",
+    "pointing_axis": "z",
+    "frame": "camera",
+    "frames": {"camera": Frame(Pose((0.8, 0.0, 0.6, 0.0), (1.0, 2.0, 3.0)), Pose())},
+    "rate": (0.1, 0.2, 0.3),
+    "notes": ("one", "two"),
 }
 TURNED = (0.8, 0.0, 0.0, 0.6)
 
@@ -65,16 +71,16 @@ def test_columns_hold_every_field_of_a_keyframe():
         "names",
     }
     assert names(pb.KeyframeColumns) == once
-    assert len(once) == len(KEYFRAME)
+    assert len(once) == len(OF_KEYFRAMES - set(FORMS)) + 1
 
 
 def test_every_field_of_a_request_is_in_the_file_the_message_and_the_client():
     assert set(motion_file.motion_schema()["properties"]) == REQUEST
     # Where a field is a choice or a number, the number has a field of its own.
     assert names(pb.MotionRequest) == REQUEST | {"duration_seconds", "pace_share", "columns"}
-    fields = motion_request.RequestFields
-    assert fields.__optional_keys__ == REQUEST - {"keyframes"} | COLUMNS
-    assert set(attribute_lines(fields)) == fields.__optional_keys__
+    arguments = motion_request.RequestFields
+    assert arguments.__optional_keys__ == REQUEST - {"keyframes"} | COLUMNS
+    assert set(attribute_lines(arguments)) == arguments.__optional_keys__
 
 
 def test_every_field_of_a_keyframe_is_in_the_file_and_the_message():
@@ -89,34 +95,31 @@ def test_every_limit_is_in_the_file_the_configuration_and_the_message():
     assert names(pb.Limits) == UNITS.keys() | axes == {entry.name for entry in fields(Limits)}
 
 
-@pytest.mark.parametrize("field", [*MOTION, *KEYFRAME], ids=lambda field: field.name)
-def test_every_field_says_what_it_is(field):
-    assert field.says
+@pytest.mark.parametrize("kind", [MotionRequest, Keyframe, Frame, Pose])
+def test_every_field_says_what_it_is(kind):
+    assert attribute_lines(kind).keys() == {field.name for field in fields(kind)}
 
 
-@pytest.mark.parametrize("field", MOTION[1:], ids=lambda field: field.name)
-def test_every_field_survives_the_file_the_wire_and_the_client(field):
-    sample = {
-        **SAMPLES,
-        FieldKind.CHOICE: next((one for one in field.choices if one != field.default), None),
-    }[field.kind]
-    value = {"method": "squad", "options": {}}.get(field.name, sample)
+@pytest.mark.parametrize("name", sorted(REQUEST - {"keyframes"}))
+def test_every_field_survives_the_file_the_wire_and_the_client(name):
+    value = SAMPLES[name]
     keyframes = [Keyframe((1.0, 0.0, 0.0, 0.0)), Keyframe(TURNED)]
-    request = MotionRequest(keyframes, **{field.name: value})
+    request = MotionRequest(keyframes, **{name: value})
     mapping = motion_file.written(request)
-    fields = {key: entry for key, entry in mapping.items() if key != "keyframes"}
+    others = {key: entry for key, entry in mapping.items() if key != "keyframes"}
     for again in (
         motion_file.parse(mapping),
         to_request(from_request(request)),
-        motion_request.motion_request(mapping["keyframes"], **fields),
+        motion_request.motion_request(mapping["keyframes"], **others),
     ):
-        assert getattr(again, field.name) == value
+        assert getattr(again, name) == value
 
 
 def test_every_field_of_a_keyframe_survives_the_file_and_the_wire():
     others = {"turns": -2, "free_roll": True, "frame": "camera", "relative": True, "name": "grasp"}
     whole = Keyframe(TURNED, time=1.5, position=(1.0, 2.0, 3.0), **others)
-    assert all(getattr(whole, field.name) != field.default for field in KEYFRAME)
+    given = {field.name for field in fields(Keyframe)} - set(FORMS)
+    assert all(getattr(whole, name) not in (None, 0, "", False) for name in given)
     request = MotionRequest([Keyframe((1.0, 0.0, 0.0, 0.0), time=0.0), whole])
     assert motion_file.parse(motion_file.written(request)).keyframes[1] == whole
     assert to_request(from_request(request)).keyframes[1] == whole

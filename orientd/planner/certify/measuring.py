@@ -35,9 +35,9 @@ from functools import lru_cache
 import numpy as np
 
 from orientd import kernels
+from orientd.model import ANGULAR, Limits
 from orientd.planner.certify.brake import LAW
 from orientd.planner.certify.certificate import Peak
-from orientd.planner.limits import ANGULAR, Limits
 from orientd.planner.path import Path
 from orientd.planner.recorded import HISTORY
 from orientd.rotation import Floats

@@ -9,12 +9,12 @@ import numpy as np
 
 from orientd.curves import METHODS
 from orientd.mechanism import Figure
+from orientd.model import ANGULAR, AXES, UNITS, MotionRequest
 from orientd.planner.certify.certificate import Certificate, Peak
 from orientd.planner.certify.measuring import Peaks
-from orientd.planner.limits import ANGULAR, AXES, UNITS
 from orientd.planner.path import Path, RecordedPath
 from orientd.planner.recorded import HISTORY
-from orientd.planner.request import MotionRequest, State
+from orientd.planner.state import State
 from orientd.rotation import Floats, angle, exp, multiply
 
 

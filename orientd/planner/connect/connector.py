@@ -17,9 +17,9 @@ import numpy as np
 from orientd import kernels
 from orientd.curves import Indices, Trajectory
 from orientd.errors import PlanError
+from orientd.model import LONGEST, Limits
 from orientd.planner.certify import limit_table
-from orientd.planner.limits import LONGEST, Limits
-from orientd.planner.request import State
+from orientd.planner.state import State
 from orientd.planner.timing import KeyframePath
 from orientd.rotation import Floats, angle
 

@@ -18,6 +18,7 @@ import numpy as np
 from orientd import kernels
 from orientd.curves import AxisTurn, Trajectory
 from orientd.errors import PlanError
+from orientd.model import LONGEST, Limits, is_still
 from orientd.planner.certify import limit_table
 from orientd.planner.connect.connector import (
     CONNECTOR_RESERVE,
@@ -29,9 +30,8 @@ from orientd.planner.connect.connector import (
     state_row,
 )
 from orientd.planner.connect.position_stop import check_lead, position_lead
-from orientd.planner.limits import LONGEST, Limits, is_still
 from orientd.planner.path import UNIT_ACCELERATION, UNIT_JERK, UNIT_VELOCITY, PositionPath
-from orientd.planner.request import State
+from orientd.planner.state import State
 from orientd.planner.timing import CAREFUL_JERK_SHARE, SHARE, phases_of_turn
 from orientd.rotation import Floats, angle, nearer_sign
 

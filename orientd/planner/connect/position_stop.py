@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orientd.errors import PlanError
-from orientd.planner.limits import LONGEST, Limits
+from orientd.model import LONGEST, Limits
 from orientd.planner.path import DEGREE, Motion3, PositionPath, quintic
-from orientd.planner.request import State
+from orientd.planner.state import State
 from orientd.rotation import Floats
 
 Booleans = NDArray[np.bool_]

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orientd.curves import Trajectory
-from orientd.planner.limits import STEADY, STILL
+from orientd.model import STEADY, STILL, Frame
 from orientd.planner.path.position import PositionPath
-from orientd.planner.request import Frame, State
+from orientd.planner.state import State
 from orientd.rotation import Floats, conjugate, rotate
 
 Booleans = NDArray[np.bool_]

@@ -13,7 +13,7 @@ import numpy as np
 
 from orientd.planner.path.path import Path, PathSamples
 from orientd.planner.recorded import HISTORY, STATE_FLOATS, joint_rates, joints_of, states_at
-from orientd.planner.request import State
+from orientd.planner.state import State
 from orientd.rotation import Floats, align, angle, conjugate, exp, log, multiply
 
 SAME_ANGLE = 1e-9

@@ -9,10 +9,10 @@ from typing import Self
 import numpy as np
 
 from orientd.curves import Trajectory
+from orientd.model import STILL, Limits, is_still
 from orientd.planner import refusal
-from orientd.planner.limits import STILL, Limits, is_still
 from orientd.planner.path import PositionPath, end_states
-from orientd.planner.request import State
+from orientd.planner.state import State
 from orientd.rotation import Floats
 
 _NO_MOVES = np.empty(0), np.empty((0, 18))

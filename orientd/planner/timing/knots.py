@@ -21,9 +21,8 @@ import numpy as np
 
 from orientd import kernels
 from orientd.errors import PlanError, RequestError
+from orientd.model import DEFAULT_METHOD, LONGEST, Limits, MotionRequest
 from orientd.planner.certify import limit_table
-from orientd.planner.limits import LONGEST, Limits
-from orientd.planner.request import DEFAULT_METHOD, MotionRequest
 from orientd.rotation import Floats, align, angle, between
 
 SAME = 1e-9

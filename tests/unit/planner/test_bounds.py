@@ -9,8 +9,8 @@ from reference.differences import certified as extremes
 from reference.differences import differences
 
 from orientd.errors import OrientdError
+from orientd.model import DEFAULT_LIMITS, Limits
 from orientd.planner import Keyframe, MotionRequest, State, plan, states_between
-from orientd.planner.limits import DEFAULT_LIMITS, Limits
 from orientd.planner.recorded import HISTORY
 from orientd.rotation import exp, multiply
 

@@ -5,10 +5,10 @@ import pytest
 from planned import LIMITS, PERIOD, differences, rotations, vector
 
 from orientd.errors import PlanError
+from orientd.model import is_still
 from orientd.planner import Limits, State
 from orientd.planner.connect.connector import connector
 from orientd.planner.connect.leads import approach, approach_cycles, lead_out
-from orientd.planner.limits import is_still
 from orientd.rotation import angle, conjugate, exp, log, multiply
 
 ARM = LIMITS["arm"]

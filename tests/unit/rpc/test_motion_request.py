@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from orientd.errors import RequestError
-from orientd.rpc.motion_request import Quaternion, motion_request
+from orientd.rotation import Quaternion
+from orientd.rpc.motion_request import motion_request
 
 HALF = np.sqrt(0.5)
 

@@ -151,8 +151,11 @@ def test_options_keep_whole_numbers_and_lists():
         ({"times": [0.0, 1.0, 2.0]}, "columns.times: expected 2 entries for 2 keyframes, got 3"),
         ({"positions": [0.0] * 5}, "columns.positions: expected 6 entries for 2 keyframes, got 5"),
         ({"quaternions": [1.0] * 7}, "columns.quaternions: expected 4 entries for 1 keyframes"),
-        ({"quaternions": [1.0, 0.0, 0.0, math.nan]}, r"keyframes\[0\].quaternion: expected finite"),
-        ({"times": [0.0, math.nan]}, r"keyframes\[1\].time: expected finite numbers"),
+        (
+            {"quaternions": [1.0, 0.0, 0.0, math.nan]},
+            r"keyframes\[0\].quaternion.z: expected a finite",
+        ),
+        ({"times": [0.0, math.nan]}, r"keyframes\[1\].time: expected a finite number, got nan"),
         ({"turns": [1, 0]}, r"keyframes\[0\].turns: there is no keyframe before the first"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -64,6 +65,38 @@ _TABLE = (
     *((name, "") for name in UNITS if name not in ANGULAR),
 )
 """Quantity and axis, empty for the norm, of each number of :meth:`Limits.numbers`."""
+
+
+def linear_rate(content: object) -> float:
+    """Return the limit of a norm.
+
+    Raises:
+        ValueError: *content* is none; the message is what was expected.
+    """
+    if isinstance(content, bool) or not isinstance(content, int | float):
+        raise ValueError("a number")
+    # A whole number may be beyond all floats.
+    if not -sys.float_info.max <= content <= sys.float_info.max:
+        raise ValueError("a finite number")
+    if not content > 0.0:
+        raise ValueError("a number greater than 0")
+    return float(content)
+
+
+def angular_rate(content: object) -> float | Triple:
+    """Return the limit of a norm, or three of the components in the body frame.
+
+    Raises:
+        ValueError: *content* is neither; the message is what was expected.
+    """
+    if not isinstance(content, list | tuple):
+        return linear_rate(content)
+    try:
+        x, y, z = map(linear_rate, content)
+    except ValueError:
+        expected = "three finite numbers greater than 0, for the body's x, y and z axes"
+        raise ValueError(expected) from None
+    return x, y, z
 
 
 @dataclass(frozen=True, slots=True)

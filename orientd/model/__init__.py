@@ -1,0 +1,73 @@
+"""The one model of a motion request: what a file, Python and a message say is the same."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.model.limits import (
+        ACCELERATION_RESERVE,
+        ANGULAR,
+        AXES,
+        DEFAULT_LIMITS,
+        LONGEST,
+        NO_AXES,
+        PERIODS,
+        STEADY,
+        STILL,
+        UNITS,
+        Limits,
+        Rate,
+        angular_rate,
+        is_still,
+    )
+    from orientd.model.orientation import FORMS
+    from orientd.model.plain import joined, shown, to_plain
+    from orientd.model.reading import read_frames, read_keyframe, read_request, written
+    from orientd.model.request import (
+        DEFAULT_METHOD,
+        Frame,
+        Keyframe,
+        MotionRequest,
+        Pace,
+        Pose,
+        named_frames,
+    )
+    from orientd.model.schema import attribute_lines, motion_schema
+
+__getattr__ = lazily(
+    __name__,
+    {
+        "orientd.model.limits": (
+            "ACCELERATION_RESERVE",
+            "ANGULAR",
+            "AXES",
+            "DEFAULT_LIMITS",
+            "LONGEST",
+            "NO_AXES",
+            "PERIODS",
+            "STEADY",
+            "STILL",
+            "UNITS",
+            "Limits",
+            "Rate",
+            "angular_rate",
+            "is_still",
+        ),
+        "orientd.model.orientation": ("FORMS",),
+        "orientd.model.plain": ("joined", "shown", "to_plain"),
+        "orientd.model.reading": ("read_frames", "read_keyframe", "read_request", "written"),
+        "orientd.model.request": (
+            "DEFAULT_METHOD",
+            "Frame",
+            "Keyframe",
+            "MotionRequest",
+            "Pace",
+            "Pose",
+            "named_frames",
+        ),
+        "orientd.model.schema": ("attribute_lines", "motion_schema"),
+    },
+)

@@ -1,0 +1,201 @@
+"""The kinds of fields that a request is made of: what each takes, and how it is read.
+
+Numbers are numbers: a text, true or false, or what is not finite is refused.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, NotRequired
+
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    Strict,
+    WithJsonSchema,
+    WrapValidator,
+)
+from typing_extensions import TypedDict
+
+from orientd.errors import RequestError
+from orientd.model.limits import Limits, angular_rate, linear_rate
+from orientd.model.plain import shown, to_plain
+
+CONFIG = ConfigDict(extra="forbid", validate_by_name=True, validate_by_alias=True)
+"""Of every table: no key but the known ones."""
+
+LONGEST_NAME = 80
+"""Characters."""
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Text = Annotated[str, Strict()]
+Flag = Annotated[bool, Strict()]
+Whole = Annotated[int, Strict(), BeforeValidator(to_plain)]
+
+
+class Components(TypedDict):
+    """A unit quaternion, Hamilton's product, tool to world."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # pydantic's way
+
+    w: Number
+    x: Number
+    y: Number
+    z: Number
+
+
+class EulerAngles(TypedDict):
+    """Turns about coordinate axes, one after the other.
+
+    Attributes:
+        axes: one to three letters: xyz about fixed axes, XYZ about axes that turn along.
+        degrees: one for each letter, degrees.
+    """
+
+    __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # as above
+
+    axes: Text
+    degrees: list[Number]
+
+
+class AzimuthElevation(TypedDict):
+    """Where to point, as angles; the roll is free.
+
+    Attributes:
+        azimuth: about z, from x towards y, degrees.
+        elevation: above the plane of x and y, degrees.
+    """
+
+    __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # as above
+
+    azimuth: Number
+    elevation: Number
+
+
+def _components(content: object, read: Any) -> tuple[float, ...]:  # noqa: ANN401 - pydantic's
+    """Return the components of a quaternion from a mapping; a list does not say its order."""
+    if isinstance(content, tuple) or hasattr(content, "tolist"):
+        numbers = content if isinstance(content, tuple) else tuple(content.tolist())
+        if len(numbers) != 4:
+            raise RequestError("", f"expected four numbers w, x, y, z, got {content}")
+        if set(map(type, numbers)) == {float} and math.isfinite(sum(numbers)):
+            return numbers
+        content = dict(zip("wxyz", numbers, strict=True))
+    if not isinstance(content, Mapping):
+        raise RequestError("", f"expected {{w: ..., x: ..., y: ..., z: ...}}, got {shown(content)}")
+    return tuple(read(content).values())
+
+
+def _printable(text: str) -> str:
+    if len(text) > LONGEST_NAME or not text.isprintable():
+        expected = f"expected at most {LONGEST_NAME} printable characters"
+        raise RequestError("", f"{expected}, got {len(text)}: {text[:20]!r}")
+    return text
+
+
+def _limits(content: object, read: Any) -> Limits | None:  # noqa: ANN401 - pydantic's
+    """Return limits as a request asks for them; nothing where none is given."""
+    if content is None or isinstance(content, Limits):
+        return content
+    rates = {name: rate for name, rate in read(to_plain(content)).items() if rate is not None}
+    return Limits.partial(**rates) if rates else None
+
+
+def _read_by(reader: Callable[[object], Any]) -> PlainValidator:
+    def read(content: object) -> Any:  # noqa: ANN401 - a limit, or three
+        try:
+            return None if content is None else reader(content)
+        except ValueError as error:
+            raise RequestError("", f"expected {error}, got {shown(content)}") from None
+
+    return PlainValidator(read)
+
+
+_POSITIVE: dict[str, Any] = {"type": "number", "exclusiveMinimum": 0}
+_AXES: dict[str, Any] = {"type": "array", "items": _POSITIVE, "minItems": 3, "maxItems": 3}
+_NOTHING: dict[str, Any] = {"type": "null"}
+AngularRate = Annotated[
+    Any, _read_by(angular_rate), WithJsonSchema({"anyOf": [_POSITIVE, _AXES, _NOTHING]})
+]
+LinearRate = Annotated[Any, _read_by(linear_rate), WithJsonSchema({"anyOf": [_POSITIVE, _NOTHING]})]
+
+
+class Rates(TypedDict, total=False):
+    """What a motion may not exceed; what is not given is the device's own limit.
+
+    Attributes:
+        velocity: angular velocity, rad/s.
+        acceleration: angular acceleration, rad/s^2.
+        jerk: angular jerk, rad/s^3.
+        linear_velocity: velocity of the position, m/s.
+        linear_acceleration: acceleration of the position, m/s^2.
+    """
+
+    __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # as above
+
+    velocity: AngularRate
+    acceleration: AngularRate
+    jerk: AngularRate
+    linear_velocity: LinearRate
+    linear_acceleration: LinearRate
+
+
+def word_or_number(word: str, most: float, unit: str) -> BeforeValidator:
+    """Return what refuses all but nothing, a *word*, or a number above 0 and at most *most*."""
+
+    def check(content: object) -> object:
+        if content is None or content == word:
+            return content
+        is_number = isinstance(content, int | float) and not isinstance(content, bool)
+        if is_number and 0.0 < content <= most and content != math.inf:  # type: ignore[operator]
+            return content
+        raise RequestError("", f"expected {word!r} or {unit}, got {shown(content)}")
+
+    return BeforeValidator(check)
+
+
+if TYPE_CHECKING:
+    from orientd import driver
+
+    Quaternion = driver.Quaternion
+    Vector3 = driver.Vector3
+    Name = str
+    AskedLimits = Limits
+    Options = Mapping[str, Any]
+    Rows = Sequence[Vector3]
+else:
+    Quaternion = Annotated[Components, WrapValidator(_components)]
+    Vector3 = Annotated[tuple[Number, Number, Number], BeforeValidator(to_plain)]
+    Rows = Annotated[tuple[Vector3, Vector3, Vector3], BeforeValidator(to_plain)]
+    Name = Annotated[Text, AfterValidator(_printable)]
+    AskedLimits = Annotated[Rates, WrapValidator(_limits)]
+    Options = Annotated[dict[Text, Any], BeforeValidator(to_plain)]
+
+
+class PointFromPlace(TypedDict):
+    """A point to look at, from the origin or from a place; the roll is free.
+
+    Attributes:
+        point: in the world, m.
+        place: from where, m; without it the origin.
+    """
+
+    __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # as above
+
+    point: Vector3
+    place: NotRequired[Vector3]
+
+
+def _seen_from(content: object) -> object:
+    """Return a point by itself as one that is seen from the origin."""
+    content = to_plain(content)
+    return {"point": content} if isinstance(content, list) else content
+
+
+LookAt = Annotated[
+    PointFromPlace, BeforeValidator(_seen_from, json_schema_input_type=Vector3 | PointFromPlace)
+]

@@ -1,0 +1,142 @@
+"""The forms in which a request gives an orientation, and what quaternions they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from orientd.errors import RequestError
+from orientd.tolerances import NORM_TOLERANCE, ROUNDING
+
+if TYPE_CHECKING:
+    from orientd.driver import Quaternion, Vector3
+
+_ROUNDED = 1e-9  # what an angle may be beyond a turn
+_LONGEST = 1e100  # rad
+
+Read = tuple["Quaternion", str]
+"""A quaternion, and what the certificate says of how it was read."""
+
+
+def unit(q: Quaternion, tolerance: float) -> Read:
+    """Return *q* at norm one, with a note where it was off by more than rounding.
+
+    Raises:
+        RequestError: its norm is off by more than the tolerance.
+    """
+    w, x, y, z = q
+    norm = math.sqrt(w * w + x * x + y * y + z * z)
+    error = abs(norm - 1.0)
+    if not error <= tolerance:
+        problem = f"norm must be 1 within {tolerance:g}, got {norm:.9g}"
+        raise RequestError("quaternion", problem)
+    if error <= ROUNDING:
+        return q, ""
+    note = f"of norm {norm:.6f} was scaled to norm 1" if error > NORM_TOLERANCE else ""
+    return (w / norm, x / norm, y / norm, z / norm), note
+
+
+def _from_vector(vector: Vector3) -> Read:
+    from orientd.rotation import exp
+
+    angle, note = math.hypot(*vector), ""
+    if angle > _LONGEST:
+        raise RequestError("rotation_vector", f"expected an angle in rad, got {angle:g}")
+    if angle > math.pi + _ROUNDED:
+        rest = math.degrees(math.remainder(angle, 2.0 * math.pi))
+        note = (
+            f"is {angle:.6g} rad long, more than half a turn, and taken for {rest:.4g} deg: its "
+            "unit is rad, `euler` takes degrees, `turns` whole turns"
+        )
+    return exp(vector).tolist(), note
+
+
+def _from_matrix(rows: Sequence[Vector3]) -> Read:
+    from orientd.rotation import from_matrix
+
+    try:
+        return from_matrix(rows).tolist(), ""
+    except ValueError as error:
+        raise RequestError("matrix", str(error).removeprefix("matrix ")) from None
+
+
+def _from_euler(given: Any) -> Read:  # noqa: ANN401 - EulerAngles
+    from orientd.rotation import from_euler
+
+    axes, degrees = given["axes"], given["degrees"]
+    try:
+        from_euler(axes, [0.0] * len(axes))
+    except ValueError as error:
+        raise RequestError("euler.axes", str(error).removeprefix("axes ")) from None
+    if len(degrees) != len(axes):
+        expected = f"expected {len(axes)} angles for the axes {axes!r}"
+        raise RequestError("euler.degrees", f"{expected}, got {len(degrees)}")
+    q, note = from_euler(axes, [math.radians(angle) for angle in degrees]).tolist(), ""
+    angle = max(degrees, key=abs)
+    if abs(angle) > 360.0 + _ROUNDED:
+        rest = math.remainder(angle, 360.0) + 0.0  # of nothing no negative
+        note = (
+            f"has an angle of {angle:.6g} deg, more than a whole turn, and taken for {rest:.4g} "
+            "deg: `turns` takes whole turns"
+        )
+    return q, note
+
+
+def _from_direction(vector: Vector3, form: str = "direction") -> Read:
+    x, y, z = vector
+    if not math.hypot(x, y, z) > 0.0:
+        raise RequestError(form, "expected a direction, got none: the vector is zero")
+    return _level(math.atan2(y, x), math.atan2(z, math.hypot(x, y)))
+
+
+def _from_angles(given: Any) -> Read:  # noqa: ANN401 - AzimuthElevation
+    return _level(math.radians(given["azimuth"]), math.radians(given["elevation"]))
+
+
+def _from_point(given: Any) -> Read:  # noqa: ANN401 - LookAt
+    x, y, z = map(float.__sub__, given["point"], given.get("place", (0.0, 0.0, 0.0)))
+    return _from_direction((x, y, z), "look_at")
+
+
+def _level(azimuth: float, elevation: float) -> Read:
+    """Return the orientation without roll whose x axis points somewhere."""
+    # A turn about z, then one about the new y, by minus the elevation.
+    c, s, b, d = (f(0.5 * a) for a in (azimuth, elevation) for f in (math.cos, math.sin))
+    return (c * b, s * d, -c * d, s * b), ""
+
+
+READERS: dict[str, Callable[[Any], Read]] = {
+    "rotation_vector": _from_vector,
+    "euler": _from_euler,
+    "matrix": _from_matrix,
+    "direction": _from_direction,
+    "azimuth_elevation": _from_angles,
+    "look_at": _from_point,
+}
+"""How each form but the quaternion is read."""
+
+FORMS = ("quaternion", *READERS)
+DIRECTIONS = FORMS[4:]
+"""Forms that only say where to point."""
+
+
+def read(given: Mapping[str, Any], tolerance: float) -> tuple[str, Quaternion, str]:
+    """Return the form of an orientation, its quaternion, and the note on how it was read.
+
+    Args:
+        given: what was given in each form that is possible; ``None`` for nothing.
+        tolerance: how far the norm of a quaternion may be from one.
+
+    Raises:
+        RequestError: it was given in no form or in several, or is no orientation.
+    """
+    found = [form for form, content in given.items() if content is not None]
+    if len(found) != 1:
+        came = " and ".join(found) or "none of them"
+        raise RequestError("", f"expected one of {', '.join(given)}; got {came}")
+    form = found[0]
+    if form == "quaternion":
+        return form, *unit(given[form], tolerance)
+    (w, x, y, z), note = READERS[form](given[form])
+    return form, unit((w, x, y, z), tolerance)[0], note

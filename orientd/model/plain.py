@@ -1,0 +1,55 @@
+"""Plain values, as YAML and JSON have them: made of what Python holds, and shown in errors."""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Mapping
+from typing import Any
+
+
+def to_plain(content: Any) -> Any:  # noqa: ANN401 - whatever a request holds
+    """Return *content* with NumPy's arrays and numbers, tuples and records made plain."""
+    if hasattr(content, "tolist"):
+        return content.tolist()
+    if content is None or isinstance(content, str | int | float):
+        return content
+    if isinstance(content, Mapping):
+        return {key: to_plain(inner) for key, inner in content.items()}
+    if isinstance(content, list | tuple):
+        return [to_plain(inner) for inner in content]
+    if hasattr(content, "__dataclass_fields__"):
+        return {name: to_plain(getattr(content, name)) for name in content.__dataclass_fields__}
+    return content
+
+
+def joined(place: str, field: str) -> str:
+    """Return the path of a field within what *place* is the path of."""
+    return f"{place}{'.' if place and field and not field.startswith('[') else ''}{field}"
+
+
+def shown(came: object) -> str:
+    """Return what came, in the words of a file, on one short line."""
+    if came is None:
+        return "nothing"
+    if isinstance(came, str):
+        said = f"the text {came!r}"
+        if _is_number(came):
+            said += (
+                " (YAML takes it for a number when written with a point and a sign: 1.0e+3)"
+                if "e" in came.lower()
+                else " (without quotes it would be a number)"
+            )
+        return said if len(said) <= 120 else f"{said[:117]}..."
+    if isinstance(came, bool):
+        return "true" if came else "false"
+    # Aliases can make a value that would take for ever to write out in full.
+    said = reprlib.repr(came)
+    return said if len(said) <= 60 else f"{said[:57]}..."
+
+
+def _is_number(came: str) -> bool:
+    try:
+        float(came)
+    except ValueError:
+        return False
+    return True

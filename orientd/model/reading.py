@@ -1,0 +1,104 @@
+"""A request from plain values, as a file or a message has them, and back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from orientd.errors import RequestError
+from orientd.model.limits import UNITS, Limits
+from orientd.model.plain import shown, to_plain
+from orientd.model.refusal import refused
+from orientd.model.request import Frame, Keyframe, MotionRequest, Pose
+
+_FRAMES = dict[str, Frame]
+_REQUEST, _KEYFRAME = TypeAdapter(MotionRequest), TypeAdapter(Keyframe)
+
+
+def read_request(content: object) -> MotionRequest:
+    """Return the request that a mapping describes.
+
+    Args:
+        content: of the shape of :func:`~orientd.model.schema.motion_schema`.
+
+    Raises:
+        RequestError: it is not a well-formed motion.
+    """
+    if not isinstance(content, Mapping):
+        expected = "a motion must be a mapping with the key 'keyframes'"
+        raise RequestError("", f"{expected}, got {shown(content)}")
+    request: MotionRequest = _read(_REQUEST, MotionRequest, content)
+    return request
+
+
+def read_keyframe(content: object) -> Keyframe:
+    """Return the keyframe that a mapping describes.
+
+    Raises:
+        RequestError: it is not well formed.
+    """
+    keyframe: Keyframe = _read(_KEYFRAME, Keyframe, content)
+    return keyframe
+
+
+def read_frames(content: object) -> dict[str, Frame]:
+    """Return frames by name.
+
+    Raises:
+        RequestError: one is not well formed.
+    """
+    frames: dict[str, Frame] = _read(TypeAdapter(_FRAMES), _FRAMES, content)
+    return frames
+
+
+def _read(adapter: TypeAdapter[Any], of: Any, content: object) -> Any:  # noqa: ANN401 - any type
+    try:
+        # The attribute of a quaternion has the short name of formulas, which is no key.
+        return adapter.validate_python(content, by_alias=True, by_name=False)
+    except ValidationError as error:
+        raise refused(error, of) from None
+
+
+def written(request: MotionRequest) -> dict[str, Any]:
+    """Return the mapping of which :func:`read_request` makes *request*, without defaults."""
+    return _written(request)
+
+
+def _written(of: object) -> dict[str, Any]:
+    mapping: dict[str, Any] = {}
+    for name, default in _FIELDS[type(of)].items():
+        value = getattr(of, name)
+        if name == "q":
+            mapping["quaternion"] = dict(zip("wxyz", value, strict=True))
+        elif value != default:
+            mapping[name] = _plain(value)
+    return mapping
+
+
+def _plain(value: object) -> Any:  # noqa: ANN401 - whatever the field holds
+    if type(value) in _FIELDS:
+        return _written(value)
+    if isinstance(value, Limits):
+        rates = {name: value.rate(name) for name in UNITS}
+        return to_plain({name: rate for name, rate in rates.items() if rate != math.inf})
+    if isinstance(value, Mapping):
+        return {key: _plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(inner) for inner in value]
+    return value
+
+
+# The time comes first where people write keyframes.
+_MODELS: tuple[Any, ...] = (MotionRequest, Keyframe, Frame, Pose)
+_FIELDS: dict[type, dict[str, Any]] = {
+    kind: {
+        name: entry.get_default(call_default_factory=True)
+        for name, entry in sorted(
+            kind.__pydantic_fields__.items(), key=lambda field: field[0] != "time"
+        )
+    }
+    for kind in _MODELS
+}

@@ -1,0 +1,110 @@
+"""What pydantic says of a value that is not well formed, as one line with the path to the field."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable
+from typing import Any, TypeVar, get_args, get_type_hints
+
+from pydantic import ValidationError
+
+from orientd.errors import RequestError
+from orientd.model.plain import joined, shown
+from orientd.spelling import unknown_key
+
+_EXPECTED = {
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "int_type": "a whole number",
+    "int_parsing_size": "a smaller whole number",
+    "bool_type": "true or false",
+    "string_type": "a text",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "dict_type": "a mapping",
+    "dataclass_type": "a mapping",
+    "mapping_type": "a mapping",
+}
+_UNKNOWN = ("unexpected_keyword_argument", "extra_forbidden", "invalid_key")
+
+Kind = TypeVar("Kind")
+
+
+def refusing(kind: type[Kind]) -> type[Kind]:
+    """Have the constructor of a model raise :class:`RequestError` for what is not well formed."""
+    construct: Any = kind.__init__
+
+    @functools.wraps(construct)
+    def init(self: Kind, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - any model's
+        try:
+            construct(self, *args, **kwargs)
+        except ValidationError as error:
+            raise refused(error, kind) from None
+
+    kind.__init__ = init  # type: ignore[method-assign,assignment] # for every model
+    return kind
+
+
+def refused(error: ValidationError, of: Any) -> RequestError:  # noqa: ANN401 - any type
+    """Return what to raise for the first thing that is wrong.
+
+    Args:
+        error: what pydantic found.
+        of: the type that was read.
+    """
+    found = error.errors(include_url=False)
+    # A key that is missing is more often misspelt than forgotten.
+    first = next((one for one in found if one["type"] in _UNKNOWN), found[0])
+    loc, kind, came = first["loc"], first["type"], first["input"]
+    if kind in _UNKNOWN:
+        return RequestError(_path(loc), unknown_key(str(loc[-1]), _keys(of, loc[:-1])))
+    if kind == "value_error":
+        problem = first["ctx"]["error"]
+        if isinstance(problem, RequestError):
+            return RequestError(joined(_path(loc), problem.field), problem.problem)
+        return RequestError(_path(loc), str(problem))
+    if kind == "missing" and isinstance(loc[-1], int):
+        count = max(int(one["loc"][-1]) for one in found if one["loc"][:-1] == loc[:-1]) + 1
+        return RequestError(_path(loc[:-1]), f"expected {count} entries, got {len(came)}")
+    if kind == "missing":
+        return RequestError(_path(loc), "missing")
+    if kind == "too_long":
+        count, size = first["ctx"]["max_length"], first["ctx"]["actual_length"]
+        return RequestError(_path(loc), f"expected {count} entries, got {size}")
+    expected = _EXPECTED.get(kind) or first.get("ctx", {}).get("expected") or first["msg"]
+    return RequestError(_path(loc), f"expected {expected}, got {shown(came)}")
+
+
+def _path(loc: Iterable[int | str]) -> str:
+    place = ""
+    for part in loc:
+        if part != "[key]":
+            place = joined(place, f"[{part}]" if isinstance(part, int) else part)
+    return place
+
+
+def _keys(of: Any, loc: Iterable[int | str]) -> list[str]:  # noqa: ANN401 - any type
+    """Return the keys of the table at *loc* in a value of the type *of*."""
+    for part in loc:
+        of = _table(of)
+        if hasattr(of, "__annotations__"):
+            named = {name: key for key, name in _names(of).items()}
+            of = get_type_hints(of, include_extras=True)[named[str(part)]]
+        else:
+            of = get_args(of)[-1 if isinstance(part, str) else 0]
+    return list(_names(_table(of)).values())
+
+
+def _names(of: Any) -> dict[str, str]:  # noqa: ANN401 - a table
+    """Return the keys of a table by the names of its attributes."""
+    if not hasattr(of, "__pydantic_fields__"):
+        return {name: name for name in of.__annotations__}
+    known = of.__pydantic_fields__
+    return {name: str(field.validation_alias or name) for name, field in known.items()}
+
+
+def _table(of: Any) -> Any:  # noqa: ANN401 - any type
+    """Return the table, list or mapping that a type is of, without what it is annotated with."""
+    while hasattr(of, "__metadata__") or type(None) in get_args(of):
+        of = next(one for one in get_args(of) if one is not type(None))
+    return of

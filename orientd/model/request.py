@@ -1,0 +1,469 @@
+"""What a planner is asked for: keyframes, velocities at the ends, limits, and where to start.
+
+A request is one model for every way to make it.  The keys of a motion file, the arguments in
+Python and the fields of the message are its attributes.  A request that exists is well formed:
+:class:`~orientd.errors.RequestError` names the field that is not.
+
+Quaternions are ``(w, x, y, z)`` here; a mapping names their components.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import field, fields
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from pydantic import AfterValidator, Field
+from pydantic.dataclasses import dataclass
+
+from orientd.errors import RequestError
+from orientd.model.fields import (
+    CONFIG,
+    AskedLimits,
+    AzimuthElevation,
+    EulerAngles,
+    Flag,
+    LookAt,
+    Name,
+    Number,
+    Options,
+    Quaternion,
+    Rows,
+    Text,
+    Vector3,
+    Whole,
+    word_or_number,
+)
+from orientd.model.orientation import DIRECTIONS, FORMS, read
+from orientd.model.refusal import refusing
+from orientd.tolerances import NORM_TOLERANCE, TYPED_NORM_TOLERANCE
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike
+
+    from orientd.rotation import Floats
+
+    Turns = np.ndarray[Any, np.dtype[np.int64]]
+
+DEFAULT_METHOD = "c2_cumulative"
+"""The family of curves of a request that names none."""
+
+IDENTITY = (1.0, 0.0, 0.0, 0.0)
+LONGEST_NOTE = 300
+"""Characters."""
+MOST_NOTES, MOST_TURNS = 20, 1000
+FARTHEST = 1e12
+"""m from the origin, in every direction; squares of what is further away end in overflow."""
+MOST_FRAMES = 100
+"""In one request."""
+FARTHEST_FRAME = 1e6
+"""m from one frame to another, in every direction."""
+
+_NONE: Any = None  # which an orientation is only until it has been read
+_FEW = 3  # keyframes that are shown in full
+_FRAME_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
+
+Pace = Literal["even"]
+
+
+def _read_orientation(of: Any, forms: Sequence[str], tolerance: float) -> None:  # noqa: ANN401
+    """Make a quaternion of the one form in which a pose or a keyframe gives its orientation."""
+    given = {form: getattr(of, form) for form in forms[1:]}
+    form, q, note = read({"quaternion": of.q, **given}, tolerance)
+    if form != "quaternion":
+        _change(of, q=q, **{form: None})
+    elif q is not of.q:
+        _change(of, q=q)
+    if form in DIRECTIONS:
+        _change(of, free_roll=True)
+    if note:
+        _change(of, note=f"{form} {note}")
+
+
+def _change(of: object, **changes: object) -> None:
+    """Set attributes of what is frozen for everybody but its own constructor."""
+    for name, value in changes.items():
+        object.__setattr__(of, name, value)
+
+
+@refusing
+@dataclass(frozen=True, config=CONFIG)
+class Pose:
+    """Where one coordinate system is, seen from another.
+
+    Attributes:
+        q: orientation ``(w, x, y, z)``, of unit norm within 1e-6.
+        position: of the origin, m.
+        rotation_vector: the orientation as axis times angle, rad.
+        euler: the orientation as turns about coordinate axes, one after the other.
+        matrix: the orientation as rotation matrix for column vectors, row by row.
+    """
+
+    q: Quaternion = Field(default=_NONE, validation_alias="quaternion")
+    position: Vector3 = (0.0, 0.0, 0.0)
+    rotation_vector: Vector3 | None = Field(default=None, kw_only=True, repr=False)
+    euler: EulerAngles | None = Field(default=None, kw_only=True, repr=False)
+    matrix: Rows | None = Field(default=None, kw_only=True, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.q is self.rotation_vector is self.euler is self.matrix is None:
+            _change(self, q=IDENTITY)
+        _read_orientation(self, FORMS[:4], NORM_TOLERANCE)
+        if max(map(abs, self.position)) > FARTHEST_FRAME:
+            expected = f"three numbers of at most {FARTHEST_FRAME:g} m"
+            raise RequestError("position", f"expected {expected}, got {self.position!r}")
+
+
+@refusing
+@dataclass(frozen=True, config=CONFIG)
+class Frame:
+    """What the pose of a keyframe is that of, and what it is seen from.
+
+    Attributes:
+        base: from where poses are seen, in the world: ``q_world_base`` and its origin.
+        tool: what they are poses of, on the flange: ``q_flange_tool`` and its origin.
+    """
+
+    base: Pose = field(default_factory=Pose)
+    tool: Pose = field(default_factory=Pose)
+
+    def pose(self, q: ArrayLike, position: ArrayLike) -> tuple[Floats, Floats]:
+        """Return orientation and position of the tool, seen from the base.
+
+        Args:
+            q: orientations of the flange in the world, shape ``(..., 4)``.
+            position: of the flange in the world, m, shape ``(..., 3)``.
+        """
+        import numpy as np
+
+        from orientd.rotation import conjugate, multiply, rotate
+
+        to_base = conjugate(self.base.q)
+        from_base = np.asarray(position) + rotate(q, self.tool.position) - self.base.position
+        return multiply(to_base, multiply(q, self.tool.q)), rotate(to_base, from_base)
+
+    def vector(self, body: ArrayLike) -> Floats:
+        """Return vectors in coordinates of the flange in those of the tool, shape ``(..., 3)``."""
+        from orientd.rotation import conjugate, rotate
+
+        return rotate(conjugate(self.tool.q), body)
+
+
+@refusing
+@dataclass(frozen=True, config=CONFIG)
+class Keyframe:
+    """An orientation to pass, with what goes along with it.
+
+    The orientation is given in one form; whichever that is, *q* has it.
+
+    Attributes:
+        q: a unit quaternion ``(w, x, y, z)``, Hamilton's product, tool to world, of unit norm
+            within 1e-3.  One that is off by more than 1e-6 is scaled to norm one, with a note in
+            the certificate.
+        rotation_vector: axis times angle, rad.
+        euler: turns about coordinate axes, one after the other.
+        matrix: rotation matrix for column vectors, row by row.
+        direction: where to point, of any length; the roll is free.
+        azimuth_elevation: where to point, as angles; the roll is free.
+        look_at: a point to look at, m, from the origin or from a place; the roll is free.
+        time: when, in seconds on the request's own axis; ``None`` leaves it to the planner.
+        position: of the tool in the world, m; ``None`` where the position is left alone.
+        turns: whole turns to make on the way from the previous keyframe to this one, or from where
+            the device is to the only one.  Without them a half turn goes the positive way about z
+            of the body frame (about y or x where its axis has no z); -1 goes the other way.
+        free_roll: whether it only says where to point: to where the first axis of *q* does.
+        frame: name of the frame that it is given in; empty for the one of the request.
+        relative: whether it is seen from where the tool is when the motion begins.
+        name: what people call it; at most 80 printable characters.
+    """
+
+    note: ClassVar[str] = ""
+    """What the certificate says of how the orientation was read, without the keyframe."""
+
+    q: Quaternion = Field(default=_NONE, validation_alias="quaternion")
+    rotation_vector: Vector3 | None = Field(default=None, kw_only=True, repr=False)
+    euler: EulerAngles | None = Field(default=None, kw_only=True, repr=False)
+    matrix: Rows | None = Field(default=None, kw_only=True, repr=False)
+    direction: Vector3 | None = Field(default=None, kw_only=True, repr=False)
+    azimuth_elevation: AzimuthElevation | None = Field(default=None, kw_only=True, repr=False)
+    look_at: LookAt | None = Field(default=None, kw_only=True, repr=False)
+    time: Number | None = None
+    position: Vector3 | None = None
+    turns: Whole = 0
+    free_roll: Flag = False
+    frame: Text = ""
+    relative: Flag = False
+    name: Name = ""
+
+    def __post_init__(self) -> None:
+        _read_orientation(self, FORMS, TYPED_NORM_TOLERANCE)
+        if abs(self.turns) > MOST_TURNS:
+            raise RequestError("turns", f"expected at most {MOST_TURNS} turns, got {self.turns}")
+        if self.position is not None and (far := max(map(abs, self.position))) > FARTHEST:
+            raise RequestError("position", f"expected at most {FARTHEST:g} m, got {far:g} m")
+
+
+def named_frames(given: Mapping[str, Frame]) -> Mapping[str, Frame]:
+    """Return *given*, checked.
+
+    Raises:
+        RequestError: there are too many, or a name is none.
+    """
+    if len(given) > MOST_FRAMES:
+        raise RequestError("", f"expected at most {MOST_FRAMES}, got {len(given)}")
+    for name in given:
+        if not _FRAME_NAME.fullmatch(name):
+            expected = "expected a letter, then at most 31 letters, digits, '-' or '_'"
+            raise RequestError("", f"{expected}, got {name!r}")
+    return given
+
+
+if TYPE_CHECKING:
+    Keyframes = Sequence[Keyframe]
+    Frames = Mapping[str, Frame]
+    Notes = Sequence[str]
+    Duration = Literal["minimum"] | float
+    Paced = Pace | float
+else:
+    Keyframes = Annotated[tuple[Keyframe, ...], Field(fail_fast=True)]
+    Frames = Annotated[dict[Text, Frame], AfterValidator(named_frames)]
+    Notes = tuple[Text, ...]
+    Duration = Annotated[
+        Literal["minimum"] | Number, word_or_number("minimum", math.inf, "seconds")
+    ]
+    Paced = Annotated[Literal["even"] | Number, word_or_number("even", 1.0, "a share up to 1")]
+
+
+@refusing
+@dataclass(frozen=True, repr=False, config=CONFIG)
+class MotionRequest:
+    """A motion that somebody asks for.
+
+    Attributes:
+        keyframes: at least one; a single one is where to go from wherever the device is.  None with
+            a rate.
+        method: a name in :data:`orientd.curves.METHODS`.
+        start_velocity: angular velocity at the first keyframe, rad/s; ``None`` leaves it to the
+            method, which is rest where the method can choose.
+        end_velocity: the same at the last keyframe.
+        velocity_frame: in which frame these two are given.
+        approach: whether to lead in from wherever the device is; always with a single keyframe.
+        limits: narrower than the device's own, or ``None``; infinite ones are left to the device.
+        options: of the method.
+        device_options: of the device's driver, for this motion; checked where it is planned for a
+            device.
+        duration: without times, from first to last keyframe, s; by default ``"minimum"``.  Of a
+            rate, for how long to turn at it.
+        pace: without times, a share of the quickest, or ``"even"``, the method's own timing slowed.
+        name: what people call the motion, in reports and logs; at most 80 printable characters.
+        pointing_axis: axis of the tool that points where keyframes with a free roll say.
+        frame: name of the frame of keyframes that name none, of the velocities at these, and of
+            reports; empty for the device's own coordinates.
+        frames: by name, besides those of the device's configuration, which give way to these.
+        rate: angular velocity to turn at from wherever the device is, for the duration, rad/s, in
+            the frame of the velocities; it is taken up from rest and left to rest.
+        notes: what the certificate repeats of how the request was read, for example that a
+            quaternion was scaled to norm one; at most 20 lines of 300 printable characters.
+
+    Raises:
+        RequestError: something is not well formed.
+    """
+
+    keyframes: Keyframes = ()
+    method: Text = DEFAULT_METHOD
+    start_velocity: Vector3 | None = None
+    end_velocity: Vector3 | None = None
+    velocity_frame: Literal["body", "world"] = "body"
+    approach: Flag = False
+    limits: AskedLimits | None = None
+    options: Options = field(default_factory=dict)
+    device_options: Options = field(default_factory=dict)
+    duration: Duration | None = None
+    pace: Paced | None = None
+    name: Name = ""
+    pointing_axis: Literal["x", "y", "z"] = "x"
+    frame: Text = ""
+    frames: Frames = field(default_factory=dict)
+    rate: Vector3 | None = None
+    notes: Notes = ()
+
+    def __post_init__(self) -> None:
+        keyframes = self.keyframes
+        if not keyframes and self.rate is not None:
+            keyframes = (Keyframe(IDENTITY, relative=True),)
+        if not keyframes:
+            raise RequestError("keyframes", "expected at least 1, got 0")
+        notes = (*self.notes, *_reading_notes(keyframes, self.notes))
+        _check_notes(notes)
+        _check_times([one.time for one in keyframes])
+        if len(keyframes) > 1 and keyframes[0].turns:
+            problem = f"there is no keyframe before the first, got {keyframes[0].turns} turns"
+            raise RequestError("keyframes[0].turns", problem)
+        is_single = len(keyframes) == 1
+        _change(self, keyframes=keyframes, notes=notes, approach=self.approach or is_single)
+        if is_single:
+            self._check_single()
+        self._check_pace()
+
+    def __hash__(self) -> int:
+        return hash((self.keyframes, self.method, self.start_velocity, self.end_velocity))
+
+    def __repr__(self) -> str:
+        given = self.given()
+        keyframes = given.pop("keyframes")
+        is_short = len(keyframes) <= _FEW
+        said = repr(list(keyframes)) if is_short else f"{len(keyframes)} keyframes"
+        if self.has_times and not is_short:
+            said += f" from {keyframes[0].time:g} s to {keyframes[-1].time:g} s"
+        # Arguments other than their defaults; the method always counts.
+        usual: tuple[object, ...] = (None, False, {}, "body", "", "x", ())
+        others = [f"{k}={v!r}" for k, v in given.items() if k == "method" or v not in usual]
+        return f"MotionRequest({', '.join([said, *others])})"
+
+    def given(self) -> dict[str, Any]:
+        """Return what it was made of, by the names of its arguments."""
+        return {entry.name: getattr(self, entry.name) for entry in fields(self)}
+
+    @cached_property
+    def keys(self) -> Floats:
+        """The orientations, unit to rounding, shape ``(n, 4)``."""
+        import numpy as np
+
+        return np.array([one.q for one in self.keyframes])
+
+    @cached_property
+    def times(self) -> Floats | None:
+        """The keyframes' times in seconds, shape ``(n,)``, or ``None``."""
+        import numpy as np
+
+        return np.array([one.time for one in self.keyframes]) if self.has_times else None
+
+    @cached_property
+    def positions(self) -> Floats | None:
+        """Shape ``(n, 3)``, not a number where a keyframe has none; or ``None``."""
+        import numpy as np
+
+        places = [one.position for one in self.keyframes]
+        if all(place is None for place in places):
+            return None
+        return np.array([(math.nan,) * 3 if place is None else place for place in places])
+
+    @cached_property
+    def turns(self) -> Turns:
+        """Whole turns beyond the short way, shape ``(n,)``."""
+        import numpy as np
+
+        return np.array([one.turns for one in self.keyframes], dtype=np.int64)
+
+    @cached_property
+    def omega_start(self) -> Floats | None:
+        """The start velocity in the body frame of the first keyframe, rad/s."""
+        return self._to_body(self.start_velocity, 0)
+
+    @cached_property
+    def omega_end(self) -> Floats | None:
+        """The end velocity in the body frame of the last keyframe, rad/s."""
+        return self._to_body(self.end_velocity, -1)
+
+    @property
+    def has_times(self) -> bool:
+        """Whether the keyframes have times."""
+        return self.keyframes[0].time is not None
+
+    @property
+    def driver_options(self) -> dict[str, Any]:
+        """The device options without ``home``, which is the planner's for any gimbal."""
+        return {name: given for name, given in self.device_options.items() if name != "home"}
+
+    @property
+    def is_single(self) -> bool:
+        """Whether there is one keyframe only, and so no curve to plan beyond the way there."""
+        return len(self.keyframes) == 1
+
+    @property
+    def is_quickest(self) -> bool:
+        """Whether the timing is to be the quickest, or that slowed down."""
+        return not self.has_times and self.pace != "even"
+
+    @property
+    def total(self) -> float | None:
+        """The duration in seconds, if one was asked for."""
+        return None if isinstance(self.duration, str) else self.duration
+
+    def _check_pace(self) -> None:
+        for name in ("duration", "pace"):
+            if getattr(self, name) is not None and self.has_times:
+                raise RequestError(name, "leaves the times to the planner; give none")
+        if None not in (self.duration, self.pace) and (self.total is None or self.pace != "even"):
+            raise RequestError("pace", "a share of the quickest has its own duration; give one")
+
+    def _check_single(self) -> None:
+        if self.has_times:
+            problem = "is reached as quickly as the limits permit; times need another"
+            raise RequestError("keyframes[0].time", f"a single keyframe {problem}")
+        if self.start_velocity is not None:
+            problem = "a single keyframe is the end of a motion: give end_velocity"
+            raise RequestError("start_velocity", problem)
+
+    def _to_body(self, velocity: Vector3 | None, index: int) -> Floats | None:
+        if velocity is None:
+            return None
+        import numpy as np
+
+        from orientd.rotation import conjugate, rotate
+
+        if self.velocity_frame == "body":
+            return np.array(velocity)
+        return rotate(conjugate(self.keys[index]), np.array(velocity))
+
+
+def _reading_notes(keyframes: Sequence[Keyframe], known: Sequence[str]) -> list[str]:
+    """Return what the certificate says of how the keyframes were read, one line for each form."""
+    counts = Counter(one.note.partition(" ")[0] for one in keyframes if one.note)
+    lines = []
+    for form, count in counts.items():
+        index = next(k for k, one in enumerate(keyframes) if one.note.startswith(f"{form} "))
+        line = f"keyframes[{index}].{keyframes[index].note}"
+        if count > 1:
+            more = ", as {} more were" if form == "quaternion" else "; so are {} more"
+            line += more.format(count - 1)
+        lines.append(line)
+    return [line for line in lines if line not in known]
+
+
+def _check_notes(notes: Sequence[str]) -> None:
+    if len(notes) > MOST_NOTES:
+        raise RequestError("notes", f"expected at most {MOST_NOTES} lines")
+    for index, line in enumerate(notes):
+        if len(line) > LONGEST_NOTE or not line.isprintable():
+            expected = f"expected at most {LONGEST_NOTE} printable characters"
+            raise RequestError(f"notes[{index}]", f"{expected}, got {line[:20]!r}")
+
+
+def _check_times(times: Sequence[float | None]) -> None:
+    """Refuse times that do not increase, or that only some keyframes have."""
+    if times.count(None) == len(times):
+        return
+    before = -math.inf
+    for index, time in enumerate(times):
+        if time is None or times[0] is None:
+            other = next(k for k, one in enumerate(times) if one is not None)
+            raise RequestError(
+                f"keyframes[{index}].time",
+                f"missing: keyframes[{other}] has one, so every keyframe needs one (or none)",
+            )
+        if time <= before:
+            raise RequestError(
+                f"keyframes[{index}].time",
+                f"{time:.9g} s is the time of keyframes[{index - 1}] too: an interval of length "
+                "zero"
+                if time == before
+                else f"must be later than keyframes[{index - 1}] at {before:.9g} s, got {time:.9g} "
+                "s",
+            )
+        before = time

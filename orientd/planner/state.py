@@ -1,0 +1,58 @@
+"""Where a device is commanded to be when a motion begins, and how it is moving there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from orientd.rotation import Floats, check_unit
+
+_ZERO: list[float] = [0.0, 0.0, 0.0]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """Where a device is commanded to be, and how it is moving there.
+
+    Attributes:
+        q: orientation ``(w, x, y, z)``, tool to world.
+        omega_body: angular velocity, body frame, rad/s.
+        alpha_body: its derivative in body components, rad/s^2.
+        position: of the tool in the world, m.
+        velocity: of the position, m/s.
+        acceleration: of the position, m/s^2.
+        before: orientations ``(3, 4)`` and positions ``(3, 3)`` of the three setpoints before this
+            one, the oldest first; ``None`` where they are not known.
+    """
+
+    q: Floats
+    omega_body: Floats
+    alpha_body: Floats
+    position: Floats
+    velocity: Floats = field(default_factory=lambda: np.zeros(3))
+    acceleration: Floats = field(default_factory=lambda: np.zeros(3))
+    before: tuple[Floats, Floats] | None = None
+
+    @classmethod
+    def at_rest(cls, q: ArrayLike, position: ArrayLike = (0.0, 0.0, 0.0)) -> State:
+        """Return the state of holding at *q* and *position*."""
+        zero = np.zeros(3)
+        return cls(check_unit(q), zero, zero, np.asarray(position, dtype=np.float64))
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether neither velocity nor acceleration is there."""
+        is_turning = self.omega_body.tolist() != _ZERO or self.alpha_body.tolist() != _ZERO
+        return not (is_turning or self.is_position_moving)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the setpoints before it are known: they are where it is at rest."""
+        return self.before is not None or self.is_at_rest
+
+    @property
+    def is_position_moving(self) -> bool:
+        """Whether the position has a velocity or an acceleration."""
+        return [*self.velocity.tolist(), *self.acceleration.tolist()] != 2 * _ZERO
