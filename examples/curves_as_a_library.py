@@ -1,4 +1,4 @@
-"""A curve through five rotations, and a certified motion: no daemon, gRPC or pydantic."""
+"""A curve through five rotations, and a certified motion: no daemon, no gRPC."""
 
 import pickle
 

@@ -145,7 +145,7 @@ class _Reader:
     def __init__(self, events: Callable[[], Any], most_values: int) -> None:
         self._next, self._most = events, most_values
         # What an anchor names, and how many values that are; nothing yet while it is being read.
-        self._anchors: dict[str, tuple[Any, int] | None] = {}
+        self._anchors: dict[str | None, tuple[Any, int] | None] = {}
 
     def read(self) -> object:
         self._next()  # the stream begins
@@ -165,10 +165,11 @@ class _Reader:
         if isinstance(event, yaml.ScalarEvent):
             found: tuple[Any, int] = _scalar(event), 1
         elif isinstance(event, yaml.AliasEvent):
-            named = self._anchors.get(event.anchor, ())
-            if not named:
-                problem = f"nothing before is named &{event.anchor}"
-                raise _wrong("contains itself" if named is None else problem, event)
+            if event.anchor not in self._anchors:
+                raise _wrong(f"nothing before is named &{event.anchor}", event)
+            named = self._anchors[event.anchor]
+            if named is None:
+                raise _wrong("contains itself", event)
             return named
         else:
             if depth == DEEPEST:
@@ -203,8 +204,7 @@ class _Reader:
                 raise _wrong("a key must be a text", event)
             key = event.value
             if key in content:
-                line = event.start_mark.line + 1
-                raise RequestError(key, f"the key is given twice, again on line {line}")
+                raise RequestError(key, f"the key is given twice, again on line {_line(event)}")
             try:
                 content[key], more = self._value(self._next(), depth)
             except RequestError as error:
@@ -234,7 +234,11 @@ def _scalar(event: Any) -> Any:  # noqa: ANN401 - as above
 
 def _wrong(problem: str, event: Any) -> RequestError:  # noqa: ANN401 - as above
     """Return the error for a value; whoever knows its place puts that in front."""
-    return RequestError("", f"line {event.start_mark.line + 1}: {problem}")
+    return RequestError("", f"line {_line(event)}: {problem}")
+
+
+def _line(event: Any) -> int:  # noqa: ANN401 - as above
+    return int(event.start_mark.line) + 1
 
 
 def _problem(problem: str, event: Any) -> Exception:  # noqa: ANN401 - as above

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, NotRequired
 
 from pydantic import (
@@ -173,7 +174,9 @@ else:
     Rows = Annotated[tuple[Vector3, Vector3, Vector3], BeforeValidator(to_plain)]
     Name = Annotated[Text, AfterValidator(_printable)]
     AskedLimits = Annotated[Rates, WrapValidator(_limits)]
-    Options = Annotated[dict[Text, Any], BeforeValidator(to_plain)]
+    Options = Annotated[
+        dict[Text, Any], BeforeValidator(to_plain), AfterValidator(MappingProxyType)
+    ]
 
 
 class PointFromPlace(TypedDict):

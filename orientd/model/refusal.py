@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable
+from dataclasses import fields
 from typing import Any, TypeVar, get_args, get_type_hints
 
 from pydantic import ValidationError
@@ -53,6 +54,10 @@ def refused(error: ValidationError, of: Any) -> RequestError:  # noqa: ANN401 - 
         of: the type that was read.
     """
     found = error.errors(include_url=False)
+    for one in found:  # an argument by its place has the name of the field there
+        if one["loc"] and isinstance(one["loc"][0], int) and hasattr(of, "__pydantic_fields__"):
+            named = [field.name for field in fields(of) if not field.kw_only]
+            one["loc"] = (_names(of)[named[one["loc"][0]]], *one["loc"][1:])
     # A key that is missing is more often misspelt than forgotten.
     first = next((one for one in found if one["type"] in _UNKNOWN), found[0])
     loc, kind, came = first["loc"], first["type"], first["input"]

@@ -14,7 +14,8 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import field, fields
-from functools import cached_property
+from functools import cached_property, partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
@@ -111,7 +112,7 @@ class Pose:
     matrix: Rows | None = Field(default=None, kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
-        if self.q is self.rotation_vector is self.euler is self.matrix is None:
+        if all(one is None for one in (self.q, self.rotation_vector, self.euler, self.matrix)):
             _change(self, q=IDENTITY)
         _read_orientation(self, FORMS[:4], NORM_TOLERANCE)
         if max(map(abs, self.position)) > FARTHEST_FRAME:
@@ -209,7 +210,7 @@ class Keyframe:
 
 
 def named_frames(given: Mapping[str, Frame]) -> Mapping[str, Frame]:
-    """Return *given*, checked.
+    """Return *given* as nobody can change it any more.
 
     Raises:
         RequestError: there are too many, or a name is none.
@@ -220,7 +221,7 @@ def named_frames(given: Mapping[str, Frame]) -> Mapping[str, Frame]:
         if not _FRAME_NAME.fullmatch(name):
             expected = "expected a letter, then at most 31 letters, digits, '-' or '_'"
             raise RequestError("", f"{expected}, got {name!r}")
-    return given
+    return MappingProxyType(dict(given))
 
 
 if TYPE_CHECKING:
@@ -313,6 +314,9 @@ class MotionRequest:
     def __hash__(self) -> int:
         return hash((self.keyframes, self.method, self.start_velocity, self.end_velocity))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(MotionRequest, **self.given()), ()
+
     def __repr__(self) -> str:
         given = self.given()
         keyframes = given.pop("keyframes")
@@ -327,7 +331,11 @@ class MotionRequest:
 
     def given(self) -> dict[str, Any]:
         """Return what it was made of, by the names of its arguments."""
-        return {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        made = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        return {
+            name: dict(value) if isinstance(value, Mapping) else value
+            for name, value in made.items()
+        }
 
     @cached_property
     def keys(self) -> Floats:

@@ -46,7 +46,8 @@ def motion_schema() -> dict[str, Any]:
             "anyOf": [{"required": ["keyframes"]}, {"required": ["rate"]}],
         }
     )
-    schema["$defs"] = {_NAMES.get(name, name): table for name, table in schema["$defs"].items()}
+    inner = sorted(schema["$defs"].items(), key=lambda table: table[0] != "Keyframe")
+    schema["$defs"] = {_NAMES.get(name, name): table for name, table in inner}
     return schema
 
 
@@ -68,6 +69,8 @@ def _plain(schema: Any) -> Any:  # noqa: ANN401 - any part of it
         inner.pop("default", None)
     if "Attributes:" in str(inner.get("description")):
         inner["description"] = inner["description"].partition("\n")[0]
+    if "const" in inner:
+        inner["enum"] = [inner.pop("const")]
     if "prefixItems" in inner:
         inner["items"] = inner.pop("prefixItems")[0]
     if inner.get("type") == "object" and "properties" in inner:

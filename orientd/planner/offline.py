@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.errors import OrientdError, RequestError
-from orientd.model import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, Rate
+from orientd.model import DEFAULT_LIMITS, Limits, MotionRequest, Rate
 from orientd.planner.motion import Motion
 from orientd.planner.planning import plan
 from orientd.planner.resolve import in_device_coordinates
@@ -118,7 +118,8 @@ def _keyframes(
     times: ArrayLike | None,
     positions: ArrayLike | None,
     turns: ArrayLike | None,
-) -> list[Keyframe]:
+) -> list[Any]:
+    """Return the fields of keyframes."""
     keys = _keys(orientations)
     count = len(keys)
     columns = [
@@ -127,7 +128,7 @@ def _keyframes(
         [0, *_column("turns", turns, count - 1, usual=0)][:count],
     ]
     return [
-        Keyframe(tuple(q), time, tuple(position) if isinstance(position, list) else position, turn)
+        {"q": tuple(q), "time": time, "position": position, "turns": turn}
         for q, time, position, turn in zip(keys, *columns, strict=True)
     ]
 

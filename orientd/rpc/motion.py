@@ -66,7 +66,8 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - whatever a field holds
     if isinstance(value, str | bytes | bool | int | float):
         return value
     if isinstance(value, Message):
-        return _READERS.get(value.DESCRIPTOR.name, _table)(value)
+        read: Callable[[Any], Any] = _READERS.get(value.DESCRIPTOR.name, _table)
+        return read(value)
     if isinstance(value, Mapping):
         return {key: _plain(value[key]) for key in value}
     return [_plain(one) for one in value]

@@ -21,13 +21,13 @@ def run(path, folder, *names):
 def test_curves_are_a_library_of_a_few_lines(tmp_path):
     pytest.importorskip("matplotlib")
     assert len(LIBRARY.read_text().splitlines()) <= 15
-    done = run(LIBRARY, tmp_path, "grpc", "pydantic", "fcntl", "resource")
+    done = run(LIBRARY, tmp_path, "grpc", "fcntl", "resource")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "turn.svg").stat().st_size > 10_000
 
 
 def test_only_the_picture_needs_matplotlib(tmp_path):
-    done = run(LIBRARY, tmp_path, "grpc", "pydantic", "matplotlib", "fcntl", "resource")
+    done = run(LIBRARY, tmp_path, "grpc", "matplotlib", "fcntl", "resource")
     assert done.returncode == 1
     assert "pictures need Matplotlib" in done.stderr.splitlines()[-1]
     assert (tmp_path / "turn.npz").exists()

@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,6 +31,14 @@ limits: {velocity: 2.5, acceleration: 17, jerk: 8500}     # rad/s, rad/s^2, rad/
 options: {}                    # of the method
 device_options: {gain: 300}    # of the device's driver, for this motion
 """
+
+ROOT = Path(__file__).parents[2]
+EVERY_FILE = [
+    path
+    for folder in ("config", "docs", "examples", "tests/data")
+    for path in sorted((ROOT / folder).rglob("*.yaml"))
+    if "keyframes:" in path.read_text(encoding="utf-8")
+]
 
 
 @pytest.fixture
@@ -68,6 +77,11 @@ def test_every_key_of_a_file_reaches_the_request(written):
     assert request.end_velocity == (0, 0, 0)
     assert request.approach is True
     assert request.limits == Limits.partial(velocity=2.5, acceleration=17, jerk=8500)
+
+
+@pytest.mark.parametrize("path", EVERY_FILE, ids=lambda path: path.name)
+def test_every_motion_file_here_loads(path):
+    assert len(load(path).keys) == len(load(path).keyframes)
 
 
 def test_only_keyframes_are_needed(written):

@@ -129,7 +129,7 @@ def test_a_device_that_is_not_where_a_path_begins_is_measured_with_the_jump():
 
 
 def test_a_certificate_tells_the_peaks_of_a_position():
-    q = HERE.q.tolist()
+    q = tuple(HERE.q.tolist())
     keys = [Keyframe(q, 0.0, position=(0.0, 0.0, 0.0)), Keyframe(q, 1.0, position=(0.1, 0.2, 0.2))]
     certificate = made(MotionRequest(keys)).certificate
     assert certificate.peak_linear_velocity.value == pytest.approx(1.875 * 0.3, rel=1e-4)
@@ -207,7 +207,10 @@ def test_what_breaks_a_limit_gets_no_certificate():
 
 
 def test_what_can_hardly_be_stopped_gets_no_certificate():
-    keys = [Keyframe(HERE.q.tolist(), 0.0), Keyframe(tuple(exp(np.array([0.3, 0.0, 0.0]))), 1.0)]
+    keys = [
+        Keyframe(tuple(HERE.q.tolist()), 0.0),
+        Keyframe(tuple(exp(np.array([0.3, 0.0, 0.0]))), 1.0),
+    ]
     request = MotionRequest(keys, method="kks_quintic_hermite")
     most = made(request).certificate.peak_acceleration.value
     limits = Limits(10.0, most * 1.000001, 1e5, 1.0, 1.0)

@@ -323,5 +323,5 @@ def test_times_and_a_minimum_duration_are_refused_together():
     with pytest.raises(RequestError, match="leaves the times to the planner") as caught:
         MotionRequest([Keyframe(HERE, 0.0), Keyframe(about_z(1.0), 1.0)], duration="minimum")
     assert caught.value.field == "duration"
-    with pytest.raises(RequestError, match="expected 'minimum' or seconds, got 'least'"):
+    with pytest.raises(RequestError, match="expected 'minimum' or seconds, got the text 'least'"):
         MotionRequest([Keyframe(HERE), Keyframe(about_z(1.0))], duration="least")
