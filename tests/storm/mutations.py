@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap.writer import CompressionType, Writer
-from orientd.batch.requests import mapping_of
 from recorded import OFFSET_NS, RATE_HZ, moving
 from scipy.spatial.transform import Rotation
 from test_bags import humble
@@ -169,7 +168,9 @@ def read(path):
         yield lambda: orientd.load_motion(path).sample([0.1])
     elif path.stem == "motions":
         yield lambda: [
-            motion_file.parse(mapping_of(one) if isinstance(one, str) else one)
+            motion_file.loads(one.encode(), "one.json")
+            if isinstance(one, str)
+            else motion_file.parse(one)
             for one in open_requests(path).each()
         ]
     elif path.suffix in (".yaml", ".json"):
