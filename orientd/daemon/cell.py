@@ -254,14 +254,14 @@ class Cell:
             raise failures[0]
         return devices
 
-    def check(self, token: str, device: Device) -> Lease:
-        """Return the lease of *token*, under which somebody commands *device*.
+    def check(self, token: str, device: Device, owner: str) -> Lease:
+        """Return the lease of *token*, under which *owner* commands *device*.
 
         Raises:
-            LeaseError: *token* is not that of a lease of the device.
+            LeaseError: there is no such lease.
             DaemonError: the daemon is going down.
         """
-        lease = self.leases.check(token, device.name)
+        lease = self.leases.check(token, device.name, owner)
         if self.is_closing:
             raise DaemonError(GOING_DOWN)
         return lease

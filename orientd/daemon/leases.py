@@ -10,7 +10,6 @@ from __future__ import annotations
 import logging
 import secrets
 import threading
-from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -21,9 +20,6 @@ from orientd.one_line import one_line
 _log = logging.getLogger(__name__)
 
 NANOSECONDS = 1_000_000_000
-
-_KEPT = 64
-"""Leases that have ended of which their holders are still told that."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +74,6 @@ class Leases:
         self._clock = clock
         self._lock = threading.Lock()
         self._leases: dict[str, Lease] = {}
-        self._ended: OrderedDict[str, Lease] = OrderedDict()
 
     def held(self) -> list[Lease]:
         """Return the leases that are held now, in the order in which they were taken."""
@@ -95,13 +90,6 @@ class Leases:
         """Return for how many seconds *lease*, as last renewed, still lasts; never negative."""
         newest = self._leases.get(lease.token, lease)
         return max(0, newest.expires_ns - self._clock.now_ns()) / NANOSECONDS
-
-    def owner(self, token: str, device: str = "") -> str | None:
-        """Return whose the lease of *token*, of *device* if one is named, is; ``None`` if none."""
-        with self._lock:
-            lease = self._find(token)
-            is_held = lease is not None and (not device or device in lease.devices)
-            return lease.owner if lease is not None and is_held else None
 
     def acquire(
         self,
@@ -167,26 +155,26 @@ class Leases:
             self._lost(one, wanted, f"was seized by {lease.who}: {reason}")
         return lease
 
-    def renew(self, token: str) -> Lease:
-        """Let the lease of *token* last its full time from now.
+    def renew(self, token: str, owner: str | None = None) -> Lease:
+        """Let the lease of *token*, and of *owner* if one is given, last its full time from now.
 
         Raises:
-            LeaseError: *token* is not that of a lease.
+            LeaseError: there is no such lease.
         """
         with self._lock:
-            lease = replace(self._check(token), expires_ns=self._deadline())
+            lease = replace(self._check(token, owner=owner), expires_ns=self._deadline())
             self._leases[lease.token] = lease
             return lease
 
-    def release(self, token: str) -> None:
-        """Take the lease back from its holder.
+    def release(self, token: str, owner: str | None = None) -> None:
+        """Take the lease of *token*, and of *owner* if one is given, back from its holder.
 
         Raises:
-            LeaseError: *token* is not that of a lease.
+            LeaseError: there is no such lease.
         """
         with self._lock:
-            lease = self._check(token)
-            self._end(lease)
+            lease = self._check(token, owner=owner)
+            del self._leases[lease.token]
         _log.info("lease: released by %s", lease.who)
         self._lost(lease, lease.devices, "was released")
 
@@ -196,19 +184,24 @@ class Leases:
             valid = list(self._valid())
             expired = [lease for lease in self._leases.values() if lease not in valid]
             for lease in expired:
-                self._end(lease)
+                del self._leases[lease.token]
         for lease in expired:
             _log.warning("lease: that of %s has expired", lease.who)
             self._lost(lease, lease.devices, EXPIRED)
 
-    def check(self, token: str, device: str = "") -> Lease:
-        """Return the lease of *token*, of *device* if one is named.
+    def check(self, token: str, device: str = "", owner: str | None = None) -> Lease:
+        """Return the lease of *token*.
+
+        Args:
+            token: secret of its holder.
+            device: that it must be of; empty for any.
+            owner: whose it must be; ``None`` for anybody's.
 
         Raises:
-            LeaseError: *token* is not that of a lease of the device.
+            LeaseError: there is no such lease.
         """
         with self._lock:
-            return self._check(token, device)
+            return self._check(token, device, owner)
 
     # With the lock held
 
@@ -216,12 +209,6 @@ class Leases:
         lease = Lease(secrets.token_hex(16), holder, self._deadline(), devices, owner, name)
         self._leases[lease.token] = lease
         return lease
-
-    def _end(self, lease: Lease) -> None:
-        self._leases.pop(lease.token, None)
-        self._ended[lease.token] = lease
-        while len(self._ended) > _KEPT:
-            self._ended.popitem(last=False)
 
     def _take_away(self, devices: Collection[str]) -> list[Lease]:
         """Take *devices* out of every lease; return those that had any, as they were."""
@@ -231,7 +218,7 @@ class Leases:
             if left:
                 self._leases[lease.token] = replace(lease, devices=left)
             else:
-                self._end(lease)
+                del self._leases[lease.token]
         return before
 
     def _in_order(self, devices: Collection[str]) -> tuple[str, ...]:
@@ -252,24 +239,22 @@ class Leases:
             None,
         )
 
-    def _check(self, token: str, device: str = "") -> Lease:
+    def _check(self, token: str, device: str = "", owner: str | None = None) -> Lease:
         if not token:
             raise LeaseError("a command needs the lease: acquire it and send its token")
         lease = self._find(token)
+        if lease is not None and owner is not None and lease.owner != owner:
+            problem = f"the lease is held by {lease.owner}, its token is of no use to {owner}"
+            raise LeaseError(problem)
         if lease is not None and (not device or device in lease.devices):
             return lease
-        before = lease or self._leases.get(token) or self._ended.get(token)
-        names = {device} if device else set(before.devices if before else self._devices)
+        names = {device} if device else set(self._devices)
         for held in self._valid():
             if names & set(held.devices):
                 raise LeaseError(self._taken(held))
         if lease is not None:
             raise LeaseError(f"the lease is of {_listed(lease)}, not of {device}: acquire that too")
-        if before is not None:
-            raise LeaseError(
-                f"the lease of {before.holder!r} has expired or was released: acquire it again"
-            )
-        raise LeaseError("this is not the token of any lease: acquire the lease first")
+        raise LeaseError("the lease of this token has expired or was released: acquire it again")
 
     def _taken(self, held: Lease) -> str:
         of = f" of {_listed(held)}" if len(self._devices) > 1 else ""

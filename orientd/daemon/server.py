@@ -157,7 +157,6 @@ class _Daemon:
         self._authorization = Authorization(
             methods,
             self._audit,
-            owner_of=self._cell.leases.owner,
             count_call=self._count_call,
             most_calls=access.streams,
         )

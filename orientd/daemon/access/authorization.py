@@ -1,7 +1,7 @@
 """Authorization: every call passes it, whichever way it came, and is served behind it.
 
-It asks three things.  Does the caller's role allow the call?  Has the caller room for one more?  Is
-the lease that the request names the caller's own?  It records commands, and everything refused.
+It asks two things.  Does the caller's role allow the call?  Has the caller room for one more?  It
+records commands, and everything refused.
 Handlers raise what they refuse a call for; the caller gets it as a status with all details.
 """
 
@@ -32,7 +32,6 @@ from orientd.daemon.access.rules import Rule, rule
 from orientd.daemon.observe import about
 from orientd.errors import (
     AccessError,
-    LeaseError,
     OrientdError,
     RequestError,
     TooMuchError,
@@ -49,9 +48,6 @@ _MOST_TEXT = 200
 
 CountCall = Callable[[str, str, float], object]
 """Told the name of a call that has ended, its code, and how long it took in s."""
-
-OwnerOf = Callable[[str], str | None]
-"""Returns whose a lease is by its token; ``None`` if it is nobody's."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +81,6 @@ class Authorization:
         methods: Mapping[str, Method],
         audit: AuditLog,
         *,
-        owner_of: OwnerOf,
         count_call: CountCall,
         most_calls: int,
     ) -> None:
@@ -94,13 +89,12 @@ class Authorization:
         Args:
             methods: by their full names, ``/service/Name``.
             audit: records commands and refusals.
-            owner_of: says whose a lease is.
             count_call: called with every call that has ended.
             most_calls: of one identity at one time.
         """
         self.most_calls = most_calls
         self._methods, self._audit = methods, audit
-        self._owner_of, self._count_call = owner_of, count_call
+        self._count_call = count_call
         self._numbers = itertools.count(1)
         self._calls: Counter[str] = Counter()
 
@@ -179,7 +173,6 @@ class Authorization:
 
         Raises:
             RequestError: one cannot be read.
-            LeaseError: one names a lease that is somebody else's.
         """
         while True:
             try:
@@ -192,10 +185,6 @@ class Authorization:
                 raise RequestError("", problem) from error
             if request is None:
                 return
-            token = next((one for one in map(_token, _parts(request)) if one), "")
-            owner, key = self._owner_of(token) if token else None, call.caller.identity.key
-            if owner is not None and owner != key:
-                raise LeaseError(f"the lease is held by {owner}, its token is of no use to {key}")
             if not call.asked:
                 call.asked = describe(request)
             yield request
@@ -290,9 +279,3 @@ def _parts(request: Message) -> Iterator[Message]:
     part = getattr(request, "start", None)
     if isinstance(part, Message):
         yield part
-
-
-def _token(part: Message) -> str:
-    """Return the token of the lease that a request is made under; empty if it has none."""
-    found = (getattr(part, name, "") for name in SECRETS)
-    return next((one for one in found if isinstance(one, str) and one), "")

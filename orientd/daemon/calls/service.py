@@ -348,7 +348,7 @@ class Service:
         If the motion does not begin, the lease ends.
         """
         if request.lease_token or not request.holder:
-            yield self._cell.check(request.lease_token, device)
+            yield self._cell.check(request.lease_token, device, caller.identity.key)
             return
         lease = await self._acquire(request.holder, [device.name], caller, beside=request.beside)
         renewing = asyncio.create_task(self._keep_renewing(lease))
@@ -386,7 +386,7 @@ class Service:
         try:
             pause = interval("start.report_rate_hz", begin.report_rate_hz)
             limits = limits_to_wish(begin.limits)
-            self._cell.check(begin.lease_token, device)
+            self._cell.check(begin.lease_token, device, caller.identity.key)
             track = partial(device.track, limits, token=begin.lease_token)
             run = await self._cell.in_worker(track)
             following = Following(device)
@@ -426,13 +426,13 @@ class Service:
 
     async def Pause(self, request: pb.PauseRequest, caller: Caller) -> pb.PauseResponse:
         """Pause a motion."""
-        async with self._commanded(request) as (device, lease):
+        async with self._commanded(request, caller) as (device, lease):
             moving(device, "pause")
             return pb.PauseResponse(device=await self._done(device, lease, "pause", device.pause))
 
     async def Resume(self, request: pb.ResumeRequest, caller: Caller) -> pb.ResumeResponse:
         """Go on with a paused motion."""
-        async with self._commanded(request) as (device, lease):
+        async with self._commanded(request, caller) as (device, lease):
             moving(device, "resume")
             now = await self._done(device, lease, "resume", device.resume)
             return pb.ResumeResponse(device=now)
@@ -442,35 +442,37 @@ class Service:
         speed = request.speed
         if not 0.0 < speed <= 1.0:
             raise RequestError("speed", f"expected more than 0 and at most 1, got {speed:g}")
-        async with self._commanded(request) as (device, lease):
+        async with self._commanded(request, caller) as (device, lease):
             set_speed = partial(device.set_speed, speed)
             now = await self._done(device, lease, f"speed {speed:g}", set_speed)
             return pb.SetSpeedResponse(device=now)
 
     async def Enable(self, request: pb.EnableRequest, caller: Caller) -> pb.EnableResponse:
         """Make a device follow."""
-        async with self._commanded(request) as (device, lease):
+        async with self._commanded(request, caller) as (device, lease):
             now = await self._done(device, lease, "enable", device.enable)
             return pb.EnableResponse(device=now)
 
     async def Disable(self, request: pb.DisableRequest, caller: Caller) -> pb.DisableResponse:
         """Leave a device at rest, no longer following."""
         what = "disable, to be moved by hand" if request.by_hand else "disable"
-        async with self._commanded(request) as (device, lease):
+        async with self._commanded(request, caller) as (device, lease):
             disable = partial(device.disable, is_freed=request.by_hand)
             return pb.DisableResponse(device=await self._done(device, lease, what, disable))
 
     async def Reset(self, request: pb.ResetRequest, caller: Caller) -> pb.ResetResponse:
         """Clear a fault."""
-        async with self._commanded(request) as (device, lease):
+        async with self._commanded(request, caller) as (device, lease):
             return pb.ResetResponse(device=await self._done(device, lease, "reset", device.reset))
 
     @contextlib.asynccontextmanager
-    async def _commanded(self, request: _CommandRequest) -> AsyncIterator[tuple[Device, Lease]]:
+    async def _commanded(
+        self, request: _CommandRequest, caller: Caller
+    ) -> AsyncIterator[tuple[Device, Lease]]:
         """Return the device of a command and its lease, once it is the turn of the command."""
         device = self._cell.device(request.device)
         async with self._turns[device.name]:
-            yield device, self._cell.check(request.lease_token, device)
+            yield device, self._cell.check(request.lease_token, device, caller.identity.key)
 
     async def _done(
         self, device: Device, lease: Lease, what: str, act: Callable[[], object]
@@ -503,14 +505,15 @@ class Service:
     ) -> pb.RenewLeaseResponse:
         """Hold the lease for its full time again."""
         # At once and not in a worker, which might be busy until the lease has run out.
-        lease = self._leases.renew(request.token)
+        lease = self._leases.renew(request.token, caller.identity.key)
         return pb.RenewLeaseResponse(lease=self._lease_message(lease))
 
     async def ReleaseLease(
         self, request: pb.ReleaseLeaseRequest, caller: Caller
     ) -> pb.ReleaseLeaseResponse:
         """Give the lease back."""
-        await self._cell.in_worker(self._leases.release, request.token)
+        release = self._leases.release
+        await self._cell.in_worker(release, request.token, caller.identity.key)
         return pb.ReleaseLeaseResponse()
 
     async def SeizeLease(

@@ -364,7 +364,7 @@ def test_shutdown_stops_what_runs_and_takes_no_more(cell, arm, servo):
     assert run.ended.result(0) == (pb.OUTCOME_STOPPED, "the daemon is going down")
     assert servo.asked[-2:] == ["stop", "end"]
     with pytest.raises(DaemonError, match="going down"):
-        cell.check(token, arm)
+        cell.check(token, arm, "")
 
 
 def test_shutdown_ends_what_a_dead_servo_cannot(cell, arm, servo):

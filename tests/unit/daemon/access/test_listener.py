@@ -48,7 +48,6 @@ class Daemon:
         self.authorization = Authorization(
             methods,
             self.audit,
-            owner_of=lambda token: None,
             count_call=lambda *_: None,
             most_calls=most_calls,
         )
