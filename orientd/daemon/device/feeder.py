@@ -6,7 +6,6 @@ It keeps the ring filled ahead of the servo, and holds no more of a motion than 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orientd.planner import RecordedMotion
 from orientd.servo import FINAL_WORD, TAIL_WORD
@@ -83,7 +82,10 @@ class Feeder:
         count = min(most, room, self._until - self._fed)
         if count <= 0:
             return 0
-        block = self._records(self._fed, count)
+        floats = self.motion.records(self._fed, count)
+        block = np.empty(len(floats), dtype=_LAYOUT)
+        block["index"] = np.arange(ring.head, ring.head + len(floats))
+        block["floats"] = floats
         ring.put(block.tobytes(), ring.head)
         self._fed += len(block)
         if self._is_taken_up:
@@ -99,10 +101,3 @@ class Feeder:
     def _declare_end(self) -> None:
         if self.is_whole:
             self._ring.words[FINAL_WORD] = self.first_index + self.motion.facts.record_count
-
-    def _records(self, first: int, count: int) -> NDArray[np.void]:
-        floats = self.motion.records(first, count)
-        block = np.empty(len(floats), dtype=_LAYOUT)
-        block["index"] = np.arange(self._ring.head, self._ring.head + len(floats))
-        block["floats"] = floats
-        return block

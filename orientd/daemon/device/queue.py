@@ -161,7 +161,9 @@ class MotionQueue:
             self._servo.commanded()
             if self._motions:
                 raise LateError("a motion that was to follow has begun")
-            queued.options.check_start_time()
+            late = (time.monotonic_ns() - queued.options.start_ns) * 1e-9
+            if queued.options.start_ns != UNKNOWN and late > 0.0:
+                raise StateError(f"the motion was ready {late:.3f} s after its start time")
             if tuning != self._tuned:
                 self._servo.tune(tuning)
                 self._tuned = tuning
@@ -217,9 +219,7 @@ class MotionQueue:
             StateError: the servo does not take it.
             DaemonError: the servo does not answer.
         """
-        feeder = self._feeder(queued)
-        feeder.clear()
-        self._feed_first(feeder)
+        feeder = self._feed_first(queued, is_at_rest=True)
         self._metered = self._servo.next_cycle
         start_ns = UNKNOWN if queued.begins is not None else queued.options.start_ns
         posted = self._command(Command.START, queued, feeder, speed=self.speed, start_ns=start_ns)
@@ -476,9 +476,8 @@ class MotionQueue:
         """
         ring = self._servo.running().path
         head = ring.head
-        feeder = self._feeder(queued)
         try:
-            self._feed_first(feeder)
+            feeder = self._feed_first(queued, is_at_rest=False)
             leave_index = (left.first_index or 0) + record
             posted = self._command(Command.SPLICE, queued, feeder, leave_index=leave_index)
         except OrientdError as error:
@@ -491,35 +490,32 @@ class MotionQueue:
         self._add_meter(queued, after=left.meter)
         return posted
 
-    def _feeder(self, queued: QueuedMotion) -> Feeder:
-        """Return what feeds a motion from now on."""
-        ring, usual = self._servo.running().path, self._read_ahead
-        # Half of it bridges the daemon's own stalls, whatever a stop takes.
-        needed = self.needed(queued.motion.facts) + usual // 2
-        ahead = min(max(usual, needed), ring.capacity - MARGIN)
-        feeder = Feeder(ring, queued.motion, read_ahead=ahead)
-        queued.feeder, queued.first_index = feeder, feeder.first_index
-        return feeder
-
     def needed(self, facts: MotionFacts) -> int:
         """Return how many records of a motion the servo wants to see before it begins."""
         rates = [queued.motion.facts.brake_rate for queued in self._motions if queued.is_running]
         slowest = min([*rates, facts.brake_rate])
         return int((1.0 / slowest + _FEED_TIME) / facts.period) + 1
 
-    def _feed_first(self, feeder: Feeder) -> None:
-        """Put as much into the ring as the servo wants to see before it begins.
+    def _feed_first(self, queued: QueuedMotion, *, is_at_rest: bool) -> Feeder:
+        """Put as much of a motion into the ring as the servo wants to see before it begins.
 
         Until what ran before is behind, the slowest stop of them all must fit.
 
         Raises:
             NotYetError: the ring has no room for so much.
         """
-        needed = self.needed(feeder.motion.facts)
-        ring = self._servo.running().path
+        ring, usual = self._servo.running().path, self._read_ahead
+        needed = self.needed(queued.motion.facts)
+        # Half of the usual bridges the daemon's own stalls, whatever a stop takes.
+        ahead = min(max(usual, needed + usual // 2), ring.capacity - MARGIN)
+        feeder = Feeder(ring, queued.motion, read_ahead=ahead)
+        queued.feeder, queued.first_index = feeder, feeder.first_index
+        if is_at_rest:
+            feeder.clear()
         while not feeder.is_done and ring.head - feeder.first_index < needed:
             if not feeder.feed(min(BLOCK, needed), is_urgent=True):
                 raise NotYetError("motions replaced before they began fill the path ring")
+        return feeder
 
     def _command(
         self,

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 
 from orientd.daemon.device.feeder import Feeder
 from orientd.daemon.device.meter import MotionMeter
 from orientd.daemon.planners import PlannedMotion
-from orientd.errors import RequestError, StateError
+from orientd.errors import RequestError
 from orientd.rpc import control_pb2 as pb
 from orientd.stream import UNKNOWN, Cycle
 
@@ -58,16 +57,6 @@ class MoveOptions:
     blend: float = 0.0
     start_ns: int = UNKNOWN
     gate: ArrivalCondition | None = None
-
-    def check_start_time(self) -> None:
-        """Refuse a start time that has passed.
-
-        Raises:
-            StateError: it has.
-        """
-        late = (time.monotonic_ns() - self.start_ns) * 1e-9
-        if self.start_ns != UNKNOWN and late > 0.0:
-            raise StateError(f"the motion was ready {late:.3f} s after its start time")
 
 
 AT_ONCE = MoveOptions()

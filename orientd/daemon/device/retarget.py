@@ -13,7 +13,7 @@ import logging
 import math
 import time
 from collections import defaultdict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from orientd.daemon.device.queue import MOVING, MotionQueue
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
@@ -140,6 +140,8 @@ class Retargeting:
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
             DeadlineError: the motions that were asked for before take too long.
         """
+        late, problem = 0, ""
+        kind = len(call.motion).bit_length(), queued.options.is_queued
         try:
             with call.waiting():
                 async with asyncio.timeout(call.time_left):
@@ -150,32 +152,25 @@ class Retargeting:
                 "given motions that were asked for before"
             ) from None
         try:
-            await self._begin(queued, call, start)
+            while late < ATTEMPTS and call.time_left:
+                try:
+                    chosen = await self._plan(queued, call, kind, late)
+                    queued.planned_ns = time.monotonic_ns()
+                    posted = await asyncio.to_thread(start, queued)
+                except NotYetError as error:
+                    problem = str(error)
+                    with call.waiting():
+                        await self._await_steady()
+                except LateError as error:
+                    _log.info("%s: planned too late: %s", self._name, error)
+                    late, problem = late + 1, str(error)
+                else:
+                    queued.attempts = late + 1
+                    if queued.begins is not None:
+                        self._horizon.add(kind, posted - chosen)
+                    return
         finally:
             self._turn.release()
-
-    async def _begin(
-        self, queued: QueuedMotion, call: PlanCall, start: Callable[[QueuedMotion], float]
-    ) -> None:
-        late, problem = 0, ""
-        kind = len(call.motion).bit_length(), queued.options.is_queued
-        while late < ATTEMPTS and call.time_left:
-            try:
-                chosen = await self._plan(queued, call, kind, late)
-                queued.planned_ns = time.monotonic_ns()
-                posted = await asyncio.to_thread(start, queued)
-            except NotYetError as error:
-                problem = str(error)
-                with call.waiting():
-                    await self._await_steady()
-            except LateError as error:
-                _log.info("%s: planned too late: %s", self._name, error)
-                late, problem = late + 1, str(error)
-            else:
-                queued.attempts = late + 1
-                if queued.begins is not None:
-                    self._horizon.add(kind, posted - chosen)
-                return
         raise StateError(f"device {self._name} was too quick for {late} plans: {problem}")
 
     async def plan(self, call: PlanCall) -> PlannedMotion:
@@ -186,17 +181,16 @@ class Retargeting:
             StateError: the device is neither holding nor moving.
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
-        self._check_able()
-        # A motion stopped a moment ago may not have been taken out yet.
-        last = self._queue.last if self._is_moving() and self._queue.is_active else None
-        if last is None:
-            return await self._plan_from_rest(call)
-        tail = await self._tail(last.motion, last.motion.last_record)
-        start = tail.state_at(last.motion.last_record)
-        joints = last.motion.facts.last_joints or self._servo.joints()
-        return await self._planners.plan(
-            PlanInput(self._name, call.motion, start=start, joints=joints), call
-        )
+        cycle, queue = self._servo.newest(), self._queue
+        if cycle is None or cycle.state not in MOVING or not queue.is_active:
+            start, joints = self._servo.commanded(), self._servo.joints()
+        else:
+            # A motion stopped a moment ago may not have been taken out yet.
+            last = queue.last.motion
+            start = (await self._tail(last, last.last_record)).state_at(last.last_record)
+            joints = last.facts.last_joints or self._servo.joints()
+        plan_input = PlanInput(self._name, call.motion, start=start, joints=joints)
+        return await self._planners.plan(plan_input, call)
 
     def check_start(self, motion: PlannedMotion) -> None:
         """Refuse a kept plan unless it begins where the device, at rest, is commanded to be.
@@ -226,7 +220,6 @@ class Retargeting:
 
     async def _plan(self, queued: QueuedMotion, call: PlanCall, kind: Kind, late: int) -> float:
         """Plan a motion and choose where it begins; return when that was chosen, monotonic s."""
-        self._check_able()
         await self._await_stop(call)
         chosen, leave = time.monotonic(), self._choose(queued, kind, late)
         motion: PlannedMotion | None = None
@@ -245,26 +238,12 @@ class Retargeting:
             chosen, leave, motion = await self._take_over(queued, call, kind, late, leave)
         if motion is None:
             await self._await_stop(call)
-            motion = await self._plan_from_rest(call)
+            start, joints = self._servo.commanded(), self._servo.joints()
+            plan_input = PlanInput(self._name, call.motion, start=start, joints=joints)
+            motion = await self._planners.plan(plan_input, call)
         await motion.arrive(self._queue.needed(motion.facts))
         queued.planned, queued.begins = motion, leave
         return chosen
-
-    def _check_able(self) -> None:
-        """Refuse to plan for a device that is neither holding nor moving.
-
-        Raises:
-            StateError: why not.
-            DaemonError: there is no servo.
-        """
-        self._servo.running()
-        if not self._is_moving():
-            self._servo.commanded()
-
-    async def _plan_from_rest(self, call: PlanCall) -> PlannedMotion:
-        start, joints = self._servo.commanded(), self._servo.joints()
-        plan_input = PlanInput(self._name, call.motion, start=start, joints=joints)
-        return await self._planners.plan(plan_input, call)
 
     def _choose(self, queued: QueuedMotion, kind: Kind, late: int) -> SplicePoint | None:
         """Return where what runs is to be left at the earliest; ``None`` if nothing runs.
@@ -334,8 +313,10 @@ class Retargeting:
             rest = State.at_rest(state.q, state.position)
             plan_input = PlanInput(self._name, call.motion, start=rest, joints=joints)
             await self._planners.plan(plan_input, call)
-        with call.waiting():
-            await self._stop_on_path()
+        cycle = self._servo.newest()
+        if cycle is not None and cycle.state is ServoState.STREAMING:
+            await asyncio.to_thread(self._servo.ask, Command.STOP)
+        await self._await_stop(call, MOVING)
         return chosen, None, None
 
     async def _plan_from(self, call: PlanCall, left: PlannedMotion, record: int) -> PlannedMotion:
@@ -382,37 +363,20 @@ class Retargeting:
 
     # Waiting for the device
 
-    def _is_moving(self, *states: ServoState) -> bool:
-        cycle = self._servo.newest()
-        return cycle is not None and cycle.state in (states or MOVING)
-
-    async def _stop_on_path(self) -> None:
-        """Have what runs stop on its path, and wait for that.
-
-        Raises:
-            StateError: the device does not come to rest.
-        """
-        if self._is_moving(ServoState.STREAMING):
-            await asyncio.to_thread(self._servo.ask, Command.STOP)
-        await self._await_rest()
-
-    async def _await_stop(self, call: PlanCall) -> None:
-        """Wait until a stop that is under way has come to its end."""
-        if self._is_moving(ServoState.STOPPING):
-            with call.waiting():
-                await self._await_rest()
-
-    async def _await_rest(self) -> None:
-        """Wait until a stop has come to its end.
+    async def _await_stop(
+        self, call: PlanCall, states: Sequence[ServoState] = (ServoState.STOPPING,)
+    ) -> None:
+        """Wait until a stop that is under way has come to its end, out of *states*.
 
         Raises:
             StateError: the device does not come to rest.
         """
         end = time.monotonic() + LONGEST_STOP
-        while self._is_moving():
-            if time.monotonic() > end:
-                raise StateError("the device does not come to rest")
-            await asyncio.sleep(self._period)
+        with call.waiting():
+            while (cycle := self._servo.newest()) and cycle.state in states:
+                if time.monotonic() > end:
+                    raise StateError("the device does not come to rest")
+                await asyncio.sleep(self._period)
 
     async def _await_steady(self) -> None:
         """Wait while the speed along the path is changing.
