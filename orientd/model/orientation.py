@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from orientd.errors import RequestError
@@ -121,22 +121,18 @@ DIRECTIONS = FORMS[4:]
 """Forms that only say where to point."""
 
 
-def read(given: Mapping[str, Any], tolerance: float) -> tuple[str, Quaternion, str]:
-    """Return the form of an orientation, its quaternion, and the note on how it was read.
+def read(form: str, given: Any, tolerance: float) -> Read:  # noqa: ANN401 - of the form
+    """Return the quaternion of what is given in one form, and the note on how it was read.
 
     Args:
-        given: what was given in each form that is possible; ``None`` for nothing.
+        form: one of :data:`FORMS`.
+        given: what the form holds.
         tolerance: how far the norm of a quaternion may be from one.
 
     Raises:
-        RequestError: it was given in no form or in several, or is no orientation.
+        RequestError: it is no orientation.
     """
-    found = [form for form, content in given.items() if content is not None]
-    if len(found) != 1:
-        came = " and ".join(found) or "none of them"
-        raise RequestError("", f"expected one of {', '.join(given)}; got {came}")
-    form = found[0]
     if form == "quaternion":
-        return form, *unit(given[form], tolerance)
-    (w, x, y, z), note = READERS[form](given[form])
-    return form, unit((w, x, y, z), tolerance)[0], note
+        return unit(given, tolerance)
+    (w, x, y, z), note = READERS[form](given)
+    return unit((w, x, y, z), tolerance)[0], note

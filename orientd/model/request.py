@@ -74,12 +74,18 @@ Pace = Literal["even"]
 
 def _read_orientation(of: Any, forms: Sequence[str], tolerance: float) -> None:  # noqa: ANN401
     """Make a quaternion of the one form in which a pose or a keyframe gives its orientation."""
-    given = {form: getattr(of, form) for form in forms[1:]}
-    form, q, note = read({"quaternion": of.q, **given}, tolerance)
-    if form != "quaternion":
-        _change(of, q=q, **{form: None})
-    elif q is not of.q:
+    given = {form: value for form in forms[1:] if (value := getattr(of, form)) is not None}
+    if of.q is not None:
+        given["quaternion"] = of.q
+    if len(given) != 1:
+        came = " and ".join(form for form in forms if form in given) or "none of them"
+        raise RequestError("", f"expected one of {', '.join(forms)}; got {came}")
+    ((form, value),) = given.items()
+    q, note = read(form, value, tolerance)
+    if q is not of.q:
         _change(of, q=q)
+    if form != "quaternion":
+        _change(of, **{form: None})
     if form in DIRECTIONS:
         _change(of, free_roll=True)
     if note:

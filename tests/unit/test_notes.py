@@ -3,13 +3,15 @@
 import json
 import math
 import os
+import tempfile
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
-from orientd.batch.requests import motion_of_rows
 
 import orientd
+from orientd.batch.request_file import open_requests
 from orientd.cli import texts
 from orientd.errors import RequestError
 from orientd.motion_file import loads, parse, written
@@ -47,8 +49,12 @@ def by_message(q):
 
 
 def by_table(q):
-    rows = [dict(zip(("qw", "qx", "qy", "qz"), one, strict=True)) for one in ((1, 0, 0, 0), q)]
-    return parse(motion_of_rows(rows))
+    rows = [",".join(map(repr, ("turn", *one))) for one in ((1, 0, 0, 0), q)]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "one.csv"
+        path.write_text("\n".join(["motion,qw,qx,qy,qz", *rows]), encoding="utf-8")
+        (motion,) = open_requests(path).each()
+    return parse(motion)
 
 
 def by_keyframes(q):
