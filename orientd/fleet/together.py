@@ -111,7 +111,7 @@ def move_together(
         OrientdError: one motion cannot begin.  In all of these cases no device has moved.
     """
     ordered = sorted(motions, key=lambda motion: (motion.daemon, motion.device))
-    with ExitStack() as kept, ThreadPoolExecutor(len(ordered)) as pool:
+    with ExitStack() as kept, ThreadPoolExecutor(3 * len(ordered)) as pool:
         robots = _take_leases(fleet, ordered, holder, kept)
         tell("planning")
         plans = list(pool.map(lambda one: _plan(robots[one.daemon], one), ordered))
@@ -137,7 +137,8 @@ def move_together(
                 time.sleep(_WITHDRAWING)
                 start_in *= 2.0
         # Measured close to the start: the skew is judged by these offsets.
-        list(pool.map(lambda name: fleet.clock(name).measure(), robots))
+        for name in robots:
+            pool.submit(fleet.clock(name).measure)
         tell("moving")
         ended = _wait(ordered, handles, pool)
         skew, bound = _skew(fleet, ended, starts, start_ns)

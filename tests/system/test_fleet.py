@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -198,6 +199,66 @@ def test_nothing_begins_whose_asker_was_killed_while_one_daemon_hung(cell):
     os.kill(daemon, signal.SIGCONT)
     until(lambda: are_at_rest(cell), "motions are dropped, and the lease runs out")
     assert poses(cell) == pytest.approx(before, abs=1e-9)
+
+
+def test_nothing_begins_where_a_daemon_was_killed_before_the_start(cell, fleet):
+    before = poses(cell)
+
+    def tell(what):
+        if what == "moving":  # all are armed
+            cell.end("arm-2", signal.SIGKILL)
+
+    motions = [FleetMotion(name, "", turn(0.5)) for name in cell.names]
+    together = move_together(fleet, motions, start_in=3.0, tell=tell)
+    assert "arm-2" in together.problem
+    cell.start("arm-2")
+    cell.await_ready("arm-2")
+    until(lambda: are_at_rest(cell), "the motion is withdrawn")
+    after = poses(cell)
+    for name in filter(lambda name: name.startswith("arm-1"), before):
+        assert after[name] == pytest.approx(before[name], abs=1e-9)
+
+
+def test_a_daemon_that_is_killed_on_the_way_stops_the_others(cell, fleet):
+    def tell(what):
+        if what == "moving":
+            threading.Timer(2.5, cell.end, ("arm-2", signal.SIGKILL)).start()
+
+    motions = [FleetMotion(name, "", LONG) for name in cell.names]
+    together = move_together(fleet, motions, start_in=1.0, tell=tell)
+    stopped, lost = together.ended
+    assert stopped.summary.outcome is Outcome.STOPPED
+    assert lost.summary is None
+    cell.start("arm-2")
+    cell.await_ready("arm-2")
+    until(lambda: are_at_rest(cell), "all are at rest")
+
+
+def test_what_moves_goes_on_when_the_gateway_is_killed(cell, fleet):
+    with fleet.robot("arm-1") as robot:
+        move = robot.move(LONG)
+        os.kill(gateway_of(cell.processes["arm-1"]), signal.SIGKILL)
+        until(lambda: fleet.daemons == ["arm-2"], "arm-1 is not seen")
+        until(lambda: fleet.daemons == cell.names, "another gateway comes")
+        assert not move.is_done
+        told = {one.daemon: one for one in fleet.stop()}
+        assert told["arm-1"].devices[0]["state"] == "STREAMING"
+        assert move.wait(20.0).outcome is Outcome.STOPPED
+
+
+def test_an_asker_that_hangs_stops_all_when_its_leases_run_out(cell):
+    arguments = [cell.endpoint, *map(str, cell.files("pendant").values()), *cell.names]
+    with subprocess.Popen(
+        [sys.executable, "-c", KILLED.replace("0.9]", "3.0]"), "", "", *arguments],
+        stdout=subprocess.PIPE, text=True,
+    ) as asker:  # fmt: skip
+        try:
+            while not asker.stdout.readline().startswith("armed"):
+                assert asker.poll() is None
+            asker.send_signal(signal.SIGSTOP)
+            until(lambda: are_at_rest(cell), "the leases run out")
+        finally:
+            asker.kill()
 
 
 def test_an_observer_stops_and_does_nothing_else(cell):
