@@ -111,7 +111,8 @@ def move_together(
         OrientdError: one motion cannot begin.  In all of these cases no device has moved.
     """
     ordered = sorted(motions, key=lambda motion: (motion.daemon, motion.device))
-    with ExitStack() as kept, ThreadPoolExecutor(3 * len(ordered)) as pool:
+    # Robots close first, also on Ctrl-C: that ends the motions which the pool waits for.
+    with ThreadPoolExecutor(3 * len(ordered)) as pool, ExitStack() as kept:
         robots = _take_leases(fleet, ordered, holder, kept)
         tell("planning")
         plans = list(pool.map(lambda one: _plan(robots[one.daemon], one), ordered))

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from authority import OPENSSL, Authority
+from command_line import begin
 from command_line import orientd as orientd_command
 from fleet_cell import CELL, RunningCell
 from harness import children, until
@@ -244,6 +245,23 @@ def test_what_moves_goes_on_when_the_gateway_is_killed(cell, fleet):
         told = {one.daemon: one for one in fleet.stop()}
         assert told["arm-1"].devices[0]["state"] == "STREAMING"
         assert move.wait(20.0).outcome is Outcome.STOPPED
+
+
+def test_ctrl_c_stops_all_on_their_paths(cell, tmp_path):
+    keyframes = [{"rotation_vector": [0, 0, 3.0]}]
+    motion = {"keyframes": keyframes, "limits": {"velocity": 0.1}, "approach": True}
+    plan, files = tmp_path / "plan.json", cell.files("pendant")
+    motions = [{"daemon": name, "motion": motion} for name in cell.names]
+    plan.write_text(json.dumps({"motions": motions}))
+    where = ("--connect", cell.endpoint, "--cell", CELL, "--cert", files["certificate"])
+    process = begin("fleet", "move", plan, *where, "--key", files["key"], "--ca", files["ca"])
+    while not process.stdout.readline().startswith("moving"):
+        assert process.poll() is None
+    until(lambda: not are_at_rest(cell), "they move")
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=20.0)
+    assert (process.returncode, errors) == (1, "orientd: interrupted\n")
+    until(lambda: are_at_rest(cell), "all are at rest")
 
 
 def test_an_asker_that_hangs_stops_all_when_its_leases_run_out(cell):
