@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import ssl
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -203,44 +203,29 @@ def _access_control(fleet: FleetSettings, callers: Collection[str]) -> Tree:
 def common_name(certificate: Path, key: Path, ca: Path) -> str:
     """Return the common name of a client's certificate.
 
+    A handshake in memory reads and verifies it, as a daemon does that trusts *ca*.
+
     Raises:
-        DaemonError: a file cannot be read, the certificate does not count, or it has no such name.
+        DaemonError: a file cannot be read, the certificate is refused, or it has no such name.
     """
+    daemon, client = map(ssl.SSLContext, (ssl.PROTOCOL_TLS_SERVER, ssl.PROTOCOL_TLS_CLIENT))
+    to_daemon, to_client = ssl.MemoryBIO(), ssl.MemoryBIO()
     try:
-        subject = _verified(certificate, key, ca).get("subject", ())
+        daemon.verify_mode = ssl.CERT_REQUIRED
+        daemon.load_verify_locations(ca)
+        client.check_hostname, client.verify_mode = False, ssl.CERT_NONE
+        for context in (daemon, client):
+            context.load_cert_chain(certificate, key)
+        ours = client.wrap_bio(to_client, to_daemon)
+        theirs = daemon.wrap_bio(to_daemon, to_client, server_side=True)
+        for end in (ours, theirs, ours, theirs):
+            with contextlib.suppress(ssl.SSLWantReadError):
+                end.do_handshake()
     except OSError as error:  # ssl's errors are OSErrors
         reason = getattr(error, "verify_message", "") or error.strerror or str(error)
         raise DaemonError(f"cannot use the certificate {certificate}: {reason}") from error
+    subject: Any = (theirs.getpeercert() or {}).get("subject", ())
     names = [value for part in subject for kind, value in part if kind == "commonName"]
     if not names:
         raise DaemonError(f"the certificate {certificate} has no common name")
     return str(names[0])
-
-
-def _verified(certificate: Path, key: Path, ca: Path) -> Mapping[str, Any]:
-    """Return a client's certificate as a daemon that trusts *ca* sees it; see ``getpeercert``.
-
-    A handshake in memory verifies it.  The daemon's own verdict is lost when it hangs up.
-
-    Args:
-        certificate: of the client, a file.
-        key: of that certificate, a file.
-        ca: what the daemon trusts, a file.
-
-    Raises:
-        ssl.SSLCertVerificationError: the daemon would refuse it.
-        OSError: a file cannot be read, or does not fit.
-    """
-    daemon, client = map(ssl.SSLContext, (ssl.PROTOCOL_TLS_SERVER, ssl.PROTOCOL_TLS_CLIENT))
-    daemon.verify_mode = ssl.CERT_REQUIRED
-    daemon.load_verify_locations(ca)
-    client.check_hostname, client.verify_mode = False, ssl.CERT_NONE
-    for context in (daemon, client):
-        context.load_cert_chain(certificate, key)
-    to_daemon, to_client = ssl.MemoryBIO(), ssl.MemoryBIO()
-    ours = client.wrap_bio(to_client, to_daemon)
-    theirs = daemon.wrap_bio(to_daemon, to_client, server_side=True)
-    for end in (ours, theirs, ours, theirs):
-        with contextlib.suppress(ssl.SSLWantReadError):
-            end.do_handshake()
-    return dict(theirs.getpeercert() or {})

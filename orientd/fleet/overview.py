@@ -82,7 +82,7 @@ class Overview:
     def _member(self, name: str, heard: Heard, *, is_alive: bool) -> Member:
         now = time.monotonic_ns()
         offset = self._fleet.clock(name).at(now)
-        devices = heard.state.devices
+        devices = list(heard.state.devices)
         if offset is None:
             return Member(name, is_alive, (now - heard.heard_ns) * 1e-9, None, devices)
         age = (now + offset.ns - heard.taken_ns) * 1e-9

@@ -228,7 +228,7 @@ def test_a_daemon_that_is_killed_on_the_way_stops_the_others(cell, fleet):
     motions = [FleetMotion(name, "", LONG) for name in cell.names]
     together = move_together(fleet, motions, start_in=1.0, tell=tell)
     stopped, lost = together.ended
-    assert stopped.summary.outcome is Outcome.STOPPED
+    assert stopped.summary.outcome == pb.OUTCOME_STOPPED
     assert lost.summary is None
     cell.start("arm-2")
     cell.await_ready("arm-2")
@@ -244,7 +244,7 @@ def test_what_moves_goes_on_when_the_gateway_is_killed(cell, fleet):
         assert not move.is_done
         told = {one.daemon: one for one in fleet.stop()}
         assert told["arm-1"].devices[0]["state"] == "STREAMING"
-        assert move.wait(20.0).outcome is Outcome.STOPPED
+        assert move.wait(20.0).outcome == pb.OUTCOME_STOPPED
 
 
 def test_ctrl_c_stops_all_on_their_paths(cell, tmp_path):
