@@ -135,11 +135,20 @@ def with_options(run: Callable[..., None]) -> Callable[..., None]:
     return with_all if added else run
 
 
-def connect_as(socket: Path | None, command: str) -> Robot:
-    """Connect to the daemon; others are told of the *command* if they are refused because of it."""
-    from orientd.rpc import connect
+def connect_as(socket: Path | None, command: str, *, beside: bool = False) -> Robot:
+    """Return a connection to the daemon, which its first call opens.
 
-    return connect(socket, holder=f"orientd {command}, process {os.getpid()}")
+    Args:
+        socket: of the daemon.
+        command: what others are shown if they are refused because of it.
+        beside: whether to command beside other programs of the same user.
+    """
+    from orientd.rpc import Robot, Way
+
+    holder = f"orientd {command}, process {os.getpid()}"
+    return Robot(
+        Way.find(socket), holder=holder, beside=beside or bool(os.environ.get("ORIENTD_LEASE"))
+    )
 
 
 def device_settings(config: Path | None, device: str) -> DeviceSettings:

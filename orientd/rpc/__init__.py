@@ -8,7 +8,7 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.rpc.channel import Way, certificate_files, default_socket, found_socket, target
-    from orientd.rpc.client import Robot, after_stop, connect, connect_by
+    from orientd.rpc.client import Robot, after_stop, connect
     from orientd.rpc.connection import Connection, StartAt
     from orientd.rpc.endless_turn import EndlessTurn
     from orientd.rpc.limits import limits_from_message, limits_to_message, limits_to_wish
@@ -45,7 +45,7 @@ __getattr__ = lazily(
             "found_socket",
             "target",
         ),
-        "orientd.rpc.client": ("Robot", "after_stop", "connect", "connect_by"),
+        "orientd.rpc.client": ("Robot", "after_stop", "connect"),
         "orientd.rpc.connection": ("Connection", "StartAt"),
         "orientd.rpc.move_handle": ("MoveHandle",),
         "orientd.rpc.observer": ("Configuration", "Observer"),

@@ -105,11 +105,11 @@ class Way:
     @classmethod
     def find(
         cls,
-        socket: str | Path | None,
-        address: str | None,
-        certificate: str | Path | None,
-        key: str | Path | None,
-        ca: str | Path | None,
+        socket: str | Path | None = None,
+        address: str | None = None,
+        certificate: str | Path | None = None,
+        key: str | Path | None = None,
+        ca: str | Path | None = None,
     ) -> Way:
         """Return the way that is asked for; what is ``None`` is looked up in the environment.
 

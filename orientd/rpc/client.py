@@ -101,13 +101,6 @@ def connect(
         beside = bool(lease) if beside is None else beside
     if beside is None:
         beside = bool(os.environ.get("ORIENTD_LEASE"))
-    return connect_by(way, holder=holder, beside=beside, timeout=timeout)
-
-
-def connect_by(way: Way, *, holder: str, beside: bool = False, timeout: float) -> Robot:
-    """Connect to the daemon at the end of *way*; see :func:`connect`."""
-    program = Path(sys.argv[0]).name or "python"
-    holder = holder or f"{program}, process {os.getpid()}"
     robot = Robot(way, holder=holder, beside=beside, timeout=timeout)
     try:
         robot.state()
@@ -125,7 +118,9 @@ class Robot:
     ``device`` may be left out wherever the daemon has one device only.
     """
 
-    def __init__(self, way: Way, *, holder: str, beside: bool = False, timeout: float) -> None:
+    def __init__(
+        self, way: Way, *, holder: str = "", beside: bool = False, timeout: float = 30.0
+    ) -> None:
         """Prepare to talk to the daemon at the end of *way*; see :func:`connect`.
 
         Args:
@@ -135,7 +130,8 @@ class Robot:
             timeout: how long an answer may take, s.
         """
         self.socket = way.socket
-        self.holder = holder
+        program = Path(sys.argv[0]).name or "python"
+        self.holder = holder = holder or f"{program}, process {os.getpid()}"
         self._connection = Connection(way, timeout=timeout)
         self._stub = self._connection.stub
         self._leases = Leases(self._connection, holder=holder, beside=beside)

@@ -761,7 +761,7 @@ class GetPlanResponse(_message.Message):
     def __init__(self, plan: _Optional[_Union[Plan, _Mapping]] = ...) -> None: ...
 
 class MoveRequest(_message.Message):
-    __slots__ = ("lease_token", "device", "motion", "motion_id", "progress_rate_hz", "queue", "blend_tolerance", "start_time", "on_target", "plan_timeout", "lease_sequence", "start_ns", "holder", "beside")
+    __slots__ = ("lease_token", "device", "motion", "motion_id", "progress_rate_hz", "queue", "blend_tolerance", "start_time", "on_target", "plan_timeout", "start_ns", "holder", "beside")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     MOTION_FIELD_NUMBER: _ClassVar[int]
@@ -772,7 +772,6 @@ class MoveRequest(_message.Message):
     START_TIME_FIELD_NUMBER: _ClassVar[int]
     ON_TARGET_FIELD_NUMBER: _ClassVar[int]
     PLAN_TIMEOUT_FIELD_NUMBER: _ClassVar[int]
-    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     START_NS_FIELD_NUMBER: _ClassVar[int]
     HOLDER_FIELD_NUMBER: _ClassVar[int]
     BESIDE_FIELD_NUMBER: _ClassVar[int]
@@ -786,11 +785,10 @@ class MoveRequest(_message.Message):
     start_time: _timestamp_pb2.Timestamp
     on_target: OnTarget
     plan_timeout: float
-    lease_sequence: int
     start_ns: int
     holder: str
     beside: bool
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ..., queue: bool = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ..., plan_timeout: _Optional[float] = ..., lease_sequence: _Optional[int] = ..., start_ns: _Optional[int] = ..., holder: _Optional[str] = ..., beside: bool = ...) -> None: ...
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., motion: _Optional[_Union[MotionRequest, _Mapping]] = ..., motion_id: _Optional[str] = ..., progress_rate_hz: _Optional[float] = ..., queue: bool = ..., blend_tolerance: _Optional[float] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., on_target: _Optional[_Union[OnTarget, _Mapping]] = ..., plan_timeout: _Optional[float] = ..., start_ns: _Optional[int] = ..., holder: _Optional[str] = ..., beside: bool = ...) -> None: ...
 
 class OnTarget(_message.Message):
     __slots__ = ("tolerance", "rate", "settle_time", "timeout")
@@ -959,18 +957,16 @@ class HaltResponse(_message.Message):
     def __init__(self, devices: _Optional[_Iterable[_Union[DeviceReport, _Mapping]]] = ...) -> None: ...
 
 class TrackStart(_message.Message):
-    __slots__ = ("lease_token", "device", "limits", "report_rate_hz", "lease_sequence")
+    __slots__ = ("lease_token", "device", "limits", "report_rate_hz")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     LIMITS_FIELD_NUMBER: _ClassVar[int]
     REPORT_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
-    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
     limits: Limits
     report_rate_hz: float
-    lease_sequence: int
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., report_rate_hz: _Optional[float] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., report_rate_hz: _Optional[float] = ...) -> None: ...
 
 class TrackTarget(_message.Message):
     __slots__ = ("orientation", "angular_velocity", "velocity_frame", "time_ns", "time_to_live", "position")
@@ -1019,14 +1015,12 @@ class TrackResponse(_message.Message):
     def __init__(self, state: _Optional[_Union[State, str]] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ...) -> None: ...
 
 class PauseRequest(_message.Message):
-    __slots__ = ("lease_token", "device", "lease_sequence")
+    __slots__ = ("lease_token", "device")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
-    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
-    lease_sequence: int
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
 
 class PauseResponse(_message.Message):
     __slots__ = ("device",)
@@ -1035,14 +1029,12 @@ class PauseResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class ResumeRequest(_message.Message):
-    __slots__ = ("lease_token", "device", "lease_sequence")
+    __slots__ = ("lease_token", "device")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
-    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
-    lease_sequence: int
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
 
 class ResumeResponse(_message.Message):
     __slots__ = ("device",)
@@ -1051,16 +1043,14 @@ class ResumeResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class SetSpeedRequest(_message.Message):
-    __slots__ = ("lease_token", "device", "speed", "lease_sequence")
+    __slots__ = ("lease_token", "device", "speed")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     SPEED_FIELD_NUMBER: _ClassVar[int]
-    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
     speed: float
-    lease_sequence: int
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., speed: _Optional[float] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., speed: _Optional[float] = ...) -> None: ...
 
 class SetSpeedResponse(_message.Message):
     __slots__ = ("device",)
@@ -1069,14 +1059,12 @@ class SetSpeedResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class EnableRequest(_message.Message):
-    __slots__ = ("lease_token", "device", "lease_sequence")
+    __slots__ = ("lease_token", "device")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
-    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
-    lease_sequence: int
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
 
 class EnableResponse(_message.Message):
     __slots__ = ("device",)
@@ -1085,16 +1073,14 @@ class EnableResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class DisableRequest(_message.Message):
-    __slots__ = ("lease_token", "device", "lease_sequence", "by_hand")
+    __slots__ = ("lease_token", "device", "by_hand")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
-    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     BY_HAND_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
-    lease_sequence: int
     by_hand: bool
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ..., by_hand: bool = ...) -> None: ...
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., by_hand: bool = ...) -> None: ...
 
 class DisableResponse(_message.Message):
     __slots__ = ("device",)
@@ -1103,14 +1089,12 @@ class DisableResponse(_message.Message):
     def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class ResetRequest(_message.Message):
-    __slots__ = ("lease_token", "device", "lease_sequence")
+    __slots__ = ("lease_token", "device")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
-    LEASE_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     lease_token: str
     device: str
-    lease_sequence: int
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., lease_sequence: _Optional[int] = ...) -> None: ...
+    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
 
 class ResetResponse(_message.Message):
     __slots__ = ("device",)

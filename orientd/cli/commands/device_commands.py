@@ -38,7 +38,7 @@ def _of_one(name: str, told: str) -> Callable[..., None]:
         socket: Socket = None,
         out: Output = PEOPLE,
     ) -> None:
-        _command(name, socket, device, lease, out, lambda robot: getattr(robot, name)(device))
+        _command(name, socket, lease, out, lambda robot: getattr(robot, name)(device))
 
     return _named(name, told, act)
 
@@ -51,15 +51,13 @@ def _named(name: str, told: str, act: Callable[..., None]) -> Callable[..., None
 def _command(
     name: str,
     socket: Path | None,
-    device: str,
     is_beside: bool,
     out: Output,
     act: Callable[[Robot], pb.DeviceReport],
 ) -> None:
     from orientd.cli import texts
 
-    with connect_as(socket, name) as robot:
-        robot.acquire_lease(device, beside=is_beside)
+    with connect_as(socket, name, beside=is_beside) as robot:
         report = act(robot)
     speed = "" if report.speed == 1.0 else f", speed {report.speed:g}"
     out.answer(report, f"{report.name}: {texts.state(report)}{speed}")
@@ -90,4 +88,4 @@ def speed(
     out: Output = PEOPLE,
 ) -> None:
     """Run motions at X times the planned speed, from now on."""
-    _command("speed", socket, device, lease, out, lambda robot: robot.set_speed(factor, device))
+    _command("speed", socket, lease, out, lambda robot: robot.set_speed(factor, device))

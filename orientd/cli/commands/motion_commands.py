@@ -138,8 +138,7 @@ def move(
         )
     gate = _gate(on_target) if on_target else None
     request = motion_file.load(file)
-    with connect_as(socket, "move") as robot:
-        robot.acquire_lease(device, beside=lease)
+    with connect_as(socket, "move", beside=lease) as robot:
         handle = robot.move(
             request,
             device=device,

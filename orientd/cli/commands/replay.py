@@ -111,8 +111,7 @@ def replay(
             *_lines(planned, slower, output),
         )
         return
-    with connect_as(socket, "replay") as robot:
-        robot.acquire_lease(device, beside=lease)
+    with connect_as(socket, "replay", beside=lease) as robot:
         plan, slower = _planned(fit, pace, lambda one: robot.plan(one, device=device), output)
         out.say(*_lines(plan, slower, output))
         handle = robot.move(plan, device=device)

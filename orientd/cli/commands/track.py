@@ -45,8 +45,7 @@ def track(
     from orientd.rpc import to_quaternion
 
     lines = _Lines(time_to_live)
-    with connect_as(socket, "track") as robot:
-        robot.acquire_lease(device, beside=lease)
+    with connect_as(socket, "track", beside=lease) as robot:
         with robot.track(device=device) as tracking:
             for target in lines.targets(sys.stdin.buffer):
                 tracking.hand_over(target)

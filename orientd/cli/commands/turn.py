@@ -24,7 +24,7 @@ def home(
 
     Ctrl-C stops it on its path.
     """
-    _run("home", lambda robot: robot.home(device), device, lease, socket, out)
+    _run("home", lambda robot: robot.home(device), lease, socket, out)
 
 
 def turn(
@@ -63,19 +63,17 @@ def turn(
             return robot.turn_endlessly(omega, **fields)
         return robot.turn(omega, duration, **fields)
 
-    _run("turn", begin, device, lease, socket, out)
+    _run("turn", begin, lease, socket, out)
 
 
 def _run(
     name: str,
     begin: Callable[[Robot], MoveHandle | EndlessTurn],
-    device: str,
     is_beside: bool,
     socket: Path | None,
     out: Output,
 ) -> None:
-    with connect_as(socket, name) as robot:
-        robot.acquire_lease(device, beside=is_beside)
+    with connect_as(socket, name, beside=is_beside) as robot:
         handle = begin(robot)
         summary = follow(handle, out, title=name, lines=handle.plan.certificate.notes)
     conclude(handle, summary, out)

@@ -77,11 +77,13 @@ class Worker:
         end = min(first + (task.count if first else min(task.count, FIRST)), motion.record_count)
         rows = motion.rows(first, max(0, end - first))
         file.write(first, rows)
+        # A report on a plan that is kept, without records, is in the device's own coordinates.
+        seen_in = frame if task.count else None
         return Planned(
             facts=motion.facts,
             leave=leave,
             plan=b"" if first else reporting.plan_of(motion).SerializeToString(),
-            response=reporting.plan_response(motion, rate_hz, frame) if rate_hz else b"",
+            response=reporting.plan_response(motion, rate_hz, seen_in) if rate_hz else b"",
             frame=frame,
             end=end,
             columns=rows.shape[1],
