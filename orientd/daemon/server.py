@@ -28,7 +28,7 @@ from orientd.daemon.access import (
     claimed,
 )
 from orientd.daemon.calls import Service
-from orientd.daemon.cell import Cell
+from orientd.daemon.devices import Devices
 from orientd.daemon.reload import changes
 from orientd.daemon.standard import standard_methods
 from orientd.daemon.stops import StopFolder
@@ -145,9 +145,9 @@ class _Daemon:
         )
         ending.callback(self._stops.close)
         self._telemetry: Telemetry | None = None
-        self._cell = Cell(settings, stops=self._stops, on_event=self._hear)
+        self._devices = Devices(settings, stops=self._stops, on_event=self._hear)
         self._service = Service(
-            self._cell,
+            self._devices,
             keyframes=access.keyframes,
             socket=socket,
             configuration=configuration,
@@ -161,7 +161,7 @@ class _Daemon:
             most_calls=access.streams,
         )
         self._listener = Listener(access, settings.tcp, self._authorization.route, self._audit)
-        self._watchdog = Watchdog(self._cell.devices)
+        self._watchdog = Watchdog(self._devices.by_name)
         self._fleet = self._fleet_link()
 
     def _fleet_link(self) -> FleetLink | None:
@@ -187,8 +187,8 @@ class _Daemon:
         await self._listener.open(self._socket)
         try:
             self._telemetry = self._measured(self._settings)
-            self._cell.planners.start()
-            await asyncio.to_thread(self._cell.launch)
+            self._devices.planners.start()
+            await asyncio.to_thread(self._devices.launch)
             self._watchdog.start()
             loop.add_signal_handler(signal.SIGHUP, self._reload)
             if self._fleet is not None:
@@ -201,13 +201,13 @@ class _Daemon:
     async def _end(self) -> None:
         """Bring the devices to rest, then let calls end and close everything."""
         self._status.set(False)
-        await asyncio.to_thread(self._cell.shutdown)
+        await asyncio.to_thread(self._devices.shutdown)
         self._service.end_calls()
         if self._fleet is not None:
             await self._fleet.close()
-        await self._cell.planners.close()
+        await self._devices.planners.close()
         await self._listener.close(GRACE)
-        self._cell.close()
+        self._devices.close()
         self._watchdog.close()
         if self._telemetry is not None:
             self._telemetry.close()
@@ -260,7 +260,7 @@ class _Daemon:
             return None
         from orientd.daemon.calls import Telemetry
 
-        return Telemetry(settings.metrics, self._cell.devices)
+        return Telemetry(settings.metrics, self._devices.by_name)
 
     def _hear(self, event: DeviceEvent, device: Device) -> None:
         if self._telemetry is not None:
@@ -272,10 +272,10 @@ class _Daemon:
 
     async def _serve(self) -> None:
         """Wait for the devices, say that the daemon is ready, and serve until it is to stop."""
-        cell = self._cell
-        tasks = [asyncio.create_task(_expire_leases(cell))]
+        devices = self._devices
+        tasks = [asyncio.create_task(_expire_leases(devices))]
         problems = await asyncio.to_thread(
-            cell.wait_ready, READY_TIMEOUT, is_cancelled=self._stopping.is_set
+            devices.wait_ready, READY_TIMEOUT, is_cancelled=self._stopping.is_set
         )
         if not self._stopping.is_set():
             if problems and self._needs_devices:
@@ -294,16 +294,16 @@ class _Daemon:
 
     async def _start_again(self) -> None:
         """Start devices that are not ready, ever more rarely, and say so once all of them are."""
-        cell, pause = self._cell, FIRST_PAUSE
-        waiting = {name for name, device in cell.devices.items() if not device.wait_ready(0.0)}
+        devices, pause = self._devices, FIRST_PAUSE
+        waiting = {name for name, device in devices.by_name.items() if not device.wait_ready(0.0)}
         while waiting:
             await asyncio.sleep(pause)
             pause = min(2.0 * pause, LONGEST_PAUSE)
             for name in sorted(waiting):
-                device = cell.devices[name]
+                device = devices.by_name[name]
                 if device.failure:
                     with contextlib.suppress(OrientdError):
-                        await cell.in_worker(device.reset)
+                        await devices.in_worker(device.reset)
                 if device.wait_ready(0.0):
                     waiting.discard(name)
         self._on_ready(self._service.daemon_report(), [])
@@ -317,8 +317,8 @@ class _Daemon:
         self._stopping.set()
 
 
-async def _expire_leases(cell: Cell) -> None:
+async def _expire_leases(devices: Devices) -> None:
     while True:
         await asyncio.sleep(_LEASE_CHECKS)
-        if cell.leases.has_expired:
-            await asyncio.to_thread(cell.leases.expire)
+        if devices.leases.has_expired:
+            await asyncio.to_thread(devices.leases.expire)

@@ -351,7 +351,7 @@ def test_a_renewed_certificate_is_taken_up_by_a_reload(cell, fleet):
 
 
 def test_a_daemon_without_a_cell_loads_no_zenoh(cell):
-    loaded = "import sys, orientd.daemon.server, orientd.daemon.cell, orientd.config; "
+    loaded = "import sys, orientd.daemon.server, orientd.daemon.devices, orientd.config; "
     asked = f"{loaded}print([m for m in sys.modules if 'zenoh' in m or m == 'orientd.fleet'])"
     done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

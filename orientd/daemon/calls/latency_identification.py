@@ -15,8 +15,8 @@ import numpy as np
 
 from orientd import rotation
 from orientd.config import DeviceSettings
-from orientd.daemon.cell import planner_device
 from orientd.daemon.device import Device
+from orientd.daemon.devices import planner_device
 from orientd.daemon.planners import PlanCall, Planners
 from orientd.driver import Quaternion
 from orientd.errors import DaemonError, OrientdError

@@ -31,8 +31,8 @@ from orientd.daemon.calls.requests import (
     planning_timeout,
     sample_rate,
 )
-from orientd.daemon.cell import Cell
 from orientd.daemon.device import GONE, TICK, Device, QueuedMotion
+from orientd.daemon.devices import Devices
 from orientd.daemon.leases import Lease
 from orientd.daemon.planners import PlanCall, PlannedMotion
 from orientd.errors import (
@@ -77,19 +77,19 @@ class Service:
     """What the control socket offers."""
 
     def __init__(
-        self, cell: Cell, *, keyframes: int, socket: Path, configuration: str, began: float
+        self, devices: Devices, *, keyframes: int, socket: Path, configuration: str, began: float
     ) -> None:
-        """Serve *cell*.
+        """Serve *devices*.
 
         Args:
-            cell: devices, leases and motions.
+            devices: devices, leases and motions.
             keyframes: the most of one motion.
             socket: where the daemon listens.
             configuration: path of its configuration; empty for the built-in one.
             began: when it started, monotonic clock, s.
         """
         self.keyframes = keyframes
-        self._cell, self._leases = cell, cell.leases
+        self._devices, self._leases = devices, devices.leases
         self._socket, self._configuration, self._began = socket, configuration, began
         self._closing = asyncio.Event()
         self._turns: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
@@ -135,12 +135,12 @@ class Service:
     async def GetState(self, request: pb.GetStateRequest, caller: Caller) -> pb.GetStateResponse:
         """Report on the daemon and its devices."""
         if request.device:
-            return await self._state_of([self._cell.device(request.device)])
+            return await self._state_of([self._devices.device(request.device)])
         return await self.present_state()
 
     async def present_state(self) -> pb.GetStateResponse:
         """Return the daemon and all of its devices as they are now."""
-        return await self._state_of(self._cell.devices.values())
+        return await self._state_of(self._devices.by_name.values())
 
     async def _state_of(self, devices: Iterable[Device]) -> pb.GetStateResponse:
         reports = [await _with_reason(device) for device in devices]
@@ -150,7 +150,7 @@ class Service:
         self, request: pb.WatchStateRequest, caller: Caller
     ) -> AsyncIterator[pb.WatchStateResponse]:
         """Report cycles until the caller goes."""
-        device = self._cell.device(request.device)
+        device = self._devices.device(request.device)
         pause = interval("rate_hz", request.rate_hz)
         reader = report.CycleReader(device)
         step = max(1, request.decimation)
@@ -179,9 +179,9 @@ class Service:
         self, request: pb.WatchEventsRequest, caller: Caller
     ) -> AsyncIterator[pb.WatchEventsResponse]:
         """Report events until the caller goes."""
-        device = self._cell.device(request.device).name if request.device else ""
+        device = self._devices.device(request.device).name if request.device else ""
         wake, loop = asyncio.Event(), asyncio.get_running_loop()
-        subscription = self._cell.journal.subscribe(
+        subscription = self._devices.journal.subscribe(
             device, partial(loop.call_soon_threadsafe, wake.set)
         )
         ending = asyncio.ensure_future(self._closing.wait())
@@ -209,20 +209,20 @@ class Service:
         self, request: pb.GetConfigurationRequest, caller: Caller
     ) -> pb.GetConfigurationResponse:
         """Report the settings."""
-        answer = pb.GetConfigurationResponse(json=self._cell.configuration)
+        answer = pb.GetConfigurationResponse(json=self._devices.configuration)
         answer.monotonic_ns = time.monotonic_ns()
         answer.time.FromNanoseconds(time.time_ns())
         return answer
 
     async def ListMethods(self, request: pb.ListMethodsRequest, caller: Caller) -> bytes:
         """List the families of curves."""
-        return await self._cell.planners.methods()
+        return await self._devices.planners.methods()
 
     async def ListDevices(
         self, request: pb.ListDevicesRequest, caller: Caller
     ) -> pb.ListDevicesResponse:
         """List the devices."""
-        devices = self._cell.devices.values()
+        devices = self._devices.by_name.values()
         return pb.ListDevicesResponse(devices=map(report.device_description, devices))
 
     # Planning
@@ -231,9 +231,9 @@ class Service:
         """Plan a motion and keep it."""
         received_ns = time.monotonic_ns()
         with self._refused_after(received_ns):
-            device = self._cell.device(request.device)
+            device = self._devices.device(request.device)
             rate_hz = sample_rate(request.sample_rate_hz, device)
-            motion = await self._cell.plan(device, self._plan_call(request, caller, rate_hz))
+            motion = await self._devices.plan(device, self._plan_call(request, caller, rate_hz))
         # Messages put one behind the other are merged.
         took = pb.PlanResponse(plan=pb.Plan(planning=_seconds_since(received_ns)))
         return (motion.response or _unsampled(motion)) + took.SerializeToString()
@@ -243,15 +243,15 @@ class Service:
     ) -> pb.GetPlanResponse | bytes:
         """Report the plan of a motion."""
         with self._refused_after():
-            device = self._cell.device(request.device)
+            device = self._devices.device(request.device)
             rate_hz = sample_rate(request.sample_rate_hz, device)
-            motion = self._cell.present(device, request.motion_id)
+            motion = self._devices.present(device, request.motion_id)
             if motion is None:
                 return pb.GetPlanResponse()
             if not rate_hz:
                 return _unsampled(motion)
-            call = PlanCall(motion.input.motion, caller.key, self._cell.planners.timeout)
-            return await self._cell.planners.report(motion.input, call, rate_hz)
+            call = PlanCall(motion.input.motion, caller.key, self._devices.planners.timeout)
+            return await self._devices.planners.report(motion.input, call, rate_hz)
 
     def _plan_call(
         self, request: pb.PlanRequest | pb.MoveRequest, caller: Caller, rate_hz: float = 0.0
@@ -261,7 +261,7 @@ class Service:
         Raises:
             RequestError: the time is none, or the motion has too many keyframes.
         """
-        timeout = planning_timeout(request.plan_timeout, self._cell.planners.timeout)
+        timeout = planning_timeout(request.plan_timeout, self._devices.planners.timeout)
         motion = request.motion
         count = max(len(motion.keyframes), len(motion.columns.quaternions) // 4)
         if count > self.keyframes:
@@ -275,7 +275,7 @@ class Service:
         try:
             yield
         except OrientdError as error:
-            if self._cell.is_closing:
+            if self._devices.is_closing:
                 raise DaemonError(GOING_DOWN) from None
             if received_ns:
                 error.planning = _seconds_since(received_ns)
@@ -286,7 +286,7 @@ class Service:
     async def Move(self, request: pb.MoveRequest, caller: Caller) -> AsyncIterator[pb.MoveResponse]:
         """Run a motion and report until it ends; a caller that goes away stops it."""
         received_ns = time.monotonic_ns()
-        device = self._cell.device(request.device)
+        device = self._devices.device(request.device)
         run: QueuedMotion | None = None
         try:
             with self._refused_after(received_ns):
@@ -310,7 +310,7 @@ class Service:
                 progress = reader.read()
                 if progress is not None:
                     yield pb.MoveResponse(progress=progress)
-            yield pb.MoveResponse(summary=report.summary(run, self._cell.devices.values()))
+            yield pb.MoveResponse(summary=report.summary(run, self._devices.by_name.values()))
         finally:
             self._abandon(device, run)
 
@@ -325,7 +325,7 @@ class Service:
         """Begin the motion of *request*, planned now or before; return how long it waited, s."""
         what = request.WhichOneof("what")
         if what == "motion_id":
-            motion = self._cell.plans.find(device.name, request.motion_id)
+            motion = self._devices.plans.find(device.name, request.motion_id)
             await device.run(run, motion, token=token)
             return 0.0
         if what != "motion":
@@ -348,7 +348,7 @@ class Service:
         If the motion does not begin, the lease ends.
         """
         if request.lease_token or not request.holder:
-            yield self._cell.check(request.lease_token, device, caller.identity.key)
+            yield self._devices.check(request.lease_token, device, caller.identity.key)
             return
         lease = await self._acquire(request.holder, [device.name], caller, beside=request.beside)
         renewing = asyncio.create_task(self._keep_renewing(lease))
@@ -356,7 +356,7 @@ class Service:
             yield lease
         except BaseException:
             with contextlib.suppress(LeaseError):  # lost already
-                await asyncio.shield(self._cell.in_worker(self._leases.release, lease.token))
+                await asyncio.shield(self._devices.in_worker(self._leases.release, lease.token))
             raise
         finally:
             renewing.cancel()
@@ -370,7 +370,7 @@ class Service:
     def _abandon(self, device: Device, run: QueuedMotion | None) -> None:
         """Stop a motion whose caller has gone away; return at once."""
         if run is not None and not run.ended.done():
-            self._cell.in_worker(device.abandon, run, GONE)
+            self._devices.in_worker(device.abandon, run, GONE)
 
     async def Track(
         self, request_iterator: AsyncIterator[pb.TrackRequest], caller: Caller
@@ -382,13 +382,13 @@ class Service:
         if first is None or first.WhichOneof("what") != "start":
             raise RequestError("start", "expected as the first message")
         begin = first.start
-        device = self._cell.device(begin.device)
+        device = self._devices.device(begin.device)
         try:
             pause = interval("start.report_rate_hz", begin.report_rate_hz)
             limits = limits_to_wish(begin.limits)
-            self._cell.check(begin.lease_token, device, caller.identity.key)
+            self._devices.check(begin.lease_token, device, caller.identity.key)
             track = partial(device.track, limits, token=begin.lease_token)
-            run = await self._cell.in_worker(track)
+            run = await self._devices.in_worker(track)
             following = Following(device)
             reading = asyncio.create_task(read_targets(request_iterator, following))
             ended = asyncio.wrap_future(run.ended)
@@ -398,7 +398,7 @@ class Service:
                 if reading in waiting and reading.done():
                     waiting.discard(reading)
                     text = "the targets have ended"
-                    await self._cell.in_worker(device.abandon, run, text)
+                    await self._devices.in_worker(device.abandon, run, text)
                 now = following.report()
                 if now is not None:
                     yield now
@@ -414,14 +414,14 @@ class Service:
 
     async def Stop(self, request: pb.StopRequest, caller: Caller) -> pb.StopResponse:
         """Stop devices on their paths."""
-        stop = partial(self._cell.stop, motion=request.motion_number)
-        devices = await self._cell.in_worker(stop, request.device, str(caller.identity))
+        stop = partial(self._devices.stop, motion=request.motion_number)
+        devices = await self._devices.in_worker(stop, request.device, str(caller.identity))
         return pb.StopResponse(devices=map(report.device_report, devices))
 
     async def Halt(self, request: pb.HaltRequest, caller: Caller) -> pb.HaltResponse:
         """Stop devices as quickly as the limits allow."""
-        halt = partial(self._cell.stop, is_quickest=True)
-        devices = await self._cell.in_worker(halt, request.device, str(caller.identity))
+        halt = partial(self._devices.stop, is_quickest=True)
+        devices = await self._devices.in_worker(halt, request.device, str(caller.identity))
         return pb.HaltResponse(devices=map(report.device_report, devices))
 
     async def Pause(self, request: pb.PauseRequest, caller: Caller) -> pb.PauseResponse:
@@ -470,15 +470,15 @@ class Service:
         self, request: _CommandRequest, caller: Caller
     ) -> AsyncIterator[tuple[Device, Lease]]:
         """Return the device of a command and its lease, once it is the turn of the command."""
-        device = self._cell.device(request.device)
+        device = self._devices.device(request.device)
         async with self._turns[device.name]:
-            yield device, self._cell.check(request.lease_token, device, caller.identity.key)
+            yield device, self._devices.check(request.lease_token, device, caller.identity.key)
 
     async def _done(
         self, device: Device, lease: Lease, what: str, act: Callable[[], object]
     ) -> pb.DeviceReport:
         """Have *act* done in a thread, and return the device as it is then."""
-        await self._cell.in_worker(act)
+        await self._devices.in_worker(act)
         _log.info("%s: %s by %s", device.name, what, lease.who)
         return report.device_report(device)
 
@@ -488,7 +488,7 @@ class Service:
         self, request: pb.AcquireLeaseRequest, caller: Caller
     ) -> pb.AcquireLeaseResponse:
         """Take the lease of devices that nobody else has."""
-        devices = self._cell.named(request.devices)
+        devices = self._devices.named(request.devices)
         lease = await self._acquire(request.holder, devices, caller, beside=request.beside)
         return pb.AcquireLeaseResponse(lease=self._lease_message(lease))
 
@@ -498,7 +498,7 @@ class Service:
         # Whoever had the lease before may have let it run out: then a motion of theirs is stopped.
         name = caller.identity.name
         acquire = partial(self._leases.acquire, name=name, devices=devices, beside=beside)
-        return await self._cell.in_worker(acquire, holder, caller.identity.key)
+        return await self._devices.in_worker(acquire, holder, caller.identity.key)
 
     async def RenewLease(
         self, request: pb.RenewLeaseRequest, caller: Caller
@@ -513,16 +513,16 @@ class Service:
     ) -> pb.ReleaseLeaseResponse:
         """Give the lease back."""
         release = self._leases.release
-        await self._cell.in_worker(release, request.token, caller.identity.key)
+        await self._devices.in_worker(release, request.token, caller.identity.key)
         return pb.ReleaseLeaseResponse()
 
     async def SeizeLease(
         self, request: pb.SeizeLeaseRequest, caller: Caller
     ) -> pb.SeizeLeaseResponse:
         """Take the lease whoever holds it."""
-        who, devices = caller.identity, self._cell.named(request.devices)
+        who, devices = caller.identity, self._devices.named(request.devices)
         seize = partial(self._leases.seize, name=who.name, devices=devices)
-        lease = await self._cell.in_worker(seize, request.holder, who.key, request.reason)
+        lease = await self._devices.in_worker(seize, request.holder, who.key, request.reason)
         return pb.SeizeLeaseResponse(lease=self._lease_message(lease))
 
     def _lease_message(self, lease: Lease) -> pb.Lease:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 from concurrent.futures import Future
 
-from orientd.daemon.cell import planner_device
 from orientd.daemon.device import AT_ONCE
+from orientd.daemon.devices import planner_device
 from orientd.daemon.planners import PlanCall, PlanInput, PlannedMotion, reporting
 from orientd.daemon.planners.task import RecordFile, Task
 from orientd.daemon.planners.worker import Worker

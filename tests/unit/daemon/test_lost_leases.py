@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from orientd.clock import ManualClock
-from orientd.daemon.cell import Cell
+from orientd.daemon.devices import Devices
 from orientd.daemon.leases import Leases
 from orientd.errors import DeviceError, LeaseError, RequestError
 
@@ -56,7 +56,7 @@ def devices(runs):
 @pytest.fixture
 def leases(clock, runs, devices, caplog):
     caplog.set_level(logging.INFO, "orientd.daemon.leases")
-    lost = partial(Cell._disown, SimpleNamespace(devices=devices))
+    lost = partial(Devices._disown, SimpleNamespace(by_name=devices))
     return Leases(list(devices), seconds=5.0, clock=clock, lost=lost)
 
 

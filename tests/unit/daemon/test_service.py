@@ -14,7 +14,7 @@ from orientd.clock import ManualClock
 from orientd.config import Role
 from orientd.daemon.access import Caller, Identity
 from orientd.daemon.calls import Service
-from orientd.daemon.cell import Cell
+from orientd.daemon.devices import Devices
 from orientd.errors import LeaseError, RequestError, UnknownNameError
 from orientd.rpc import control_pb2 as pb
 
@@ -35,17 +35,17 @@ def planners():
 
 
 @pytest.fixture
-def cell(planners, monkeypatch):
+def devices(planners, monkeypatch):
     monkeypatch.setattr("orientd.daemon.device.device.ServoProcess", FakeServo)
     settings = config.parse(SETTINGS, source="test")
-    made = Cell(settings, planners=planners, clock=ManualClock(1))
+    made = Devices(settings, planners=planners, clock=ManualClock(1))
     yield made
     made.close()
 
 
 @pytest.fixture
-def service(cell):
-    return Service(cell, keyframes=3, socket=Path("/run/x"), configuration="", began=0.0)
+def service(devices):
+    return Service(devices, keyframes=3, socket=Path("/run/x"), configuration="", began=0.0)
 
 
 def lease_of(service, caller=ANA, **more):
@@ -63,18 +63,20 @@ def started(service, request, caller=ANA):
     return asyncio.run(first())
 
 
-def test_commands_need_the_lease(service, cell):
+def test_commands_need_the_lease(service, devices):
     with pytest.raises(LeaseError, match="needs the lease"):
         asyncio.run(service.Enable(pb.EnableRequest(device="arm"), ANA))
     token = lease_of(service).token
     answer = asyncio.run(service.Enable(pb.EnableRequest(device="arm", lease_token=token), ANA))
     assert answer.device.name == "arm"
-    assert servo_of(cell.device("arm")).asked == ["enable"]
+    assert servo_of(devices.device("arm")).asked == ["enable"]
 
 
-def test_commands_to_a_device_are_done_in_the_order_in_which_they_come(service, cell, monkeypatch):
+def test_commands_to_a_device_are_done_in_the_order_in_which_they_come(
+    service, devices, monkeypatch
+):
     token, begun = lease_of(service).token, []
-    monkeypatch.setattr(cell.device("arm"), "set_speed", begun.append)
+    monkeypatch.setattr(devices.device("arm"), "set_speed", begun.append)
 
     async def commands():
         requests = [
@@ -87,12 +89,12 @@ def test_commands_to_a_device_are_done_in_the_order_in_which_they_come(service, 
     assert begun == pytest.approx([0.3, 0.5, 0.7])
 
 
-def test_a_move_without_a_token_takes_the_lease_of_its_device_and_returns_it(service, cell):
+def test_a_move_without_a_token_takes_the_lease_of_its_device_and_returns_it(service, devices):
     request = pb.MoveRequest(device="arm", motion=TURN, holder="ana's program")
     begun = started(service, request)
     assert (begun.motion_number, begun.lease.devices) == (1, ["arm"])
     assert begun.lease.seconds == 5.0
-    (held,) = cell.leases.held()
+    (held,) = devices.leases.held()
     assert (held.token, held.holder, held.owner) == (begun.lease.token, "ana's program", "user:1")
 
 
@@ -101,7 +103,7 @@ def test_a_move_with_a_token_returns_no_lease(service):
     assert not started(service, request).HasField("lease")
 
 
-def test_a_move_takes_no_lease_that_somebody_holds_but_beside_its_own_on_purpose(service, cell):
+def test_a_move_takes_no_lease_that_somebody_holds_but_beside_its_own_on_purpose(service, devices):
     lease_of(service, devices=["arm"])
     request = pb.MoveRequest(device="arm", motion=TURN, holder="another")
     for caller in (ANA, BEN):
@@ -111,7 +113,7 @@ def test_a_move_takes_no_lease_that_somebody_holds_but_beside_its_own_on_purpose
     with pytest.raises(LeaseError, match="held by 'test'"):
         started(service, request, BEN)
     assert started(service, request, ANA).lease.token
-    assert len(cell.leases.held()) == 2
+    assert len(devices.leases.held()) == 2
 
 
 @pytest.mark.parametrize(
@@ -125,10 +127,10 @@ def test_a_move_takes_no_lease_that_somebody_holds_but_beside_its_own_on_purpose
     ],
     ids=["empty", "no such plan", "nothing", "a wrong option", "too many keyframes"],
 )
-def test_a_move_that_does_not_begin_gives_the_lease_back_that_it_took(service, cell, wrong):
+def test_a_move_that_does_not_begin_gives_the_lease_back_that_it_took(service, devices, wrong):
     with pytest.raises((RequestError, UnknownNameError)):
         started(service, pb.MoveRequest(device="arm", holder="ana", **wrong))
-    assert cell.leases.held() == []
+    assert devices.leases.held() == []
 
 
 def test_more_keyframes_than_the_settings_permit_are_refused(service):

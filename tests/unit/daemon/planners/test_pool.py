@@ -10,7 +10,7 @@ import pytest
 from direct_planners import DirectPlanners
 
 from orientd import config
-from orientd.daemon.cell import planner_device
+from orientd.daemon.devices import planner_device
 from orientd.daemon.planners import PlanCall, PlanInput, Planners, Rank
 from orientd.daemon.planners.pool import MOST_WAITING
 from orientd.daemon.planners.task import CHUNK, FIRST

@@ -1,4 +1,4 @@
-"""The cell: the devices of one daemon, the lease to command them, and the motions they run.
+"""The devices of a daemon, with the leases to command them and the plans for them.
 
 Nothing here knows of gRPC.  What plans is awaited in the event loop.  Every other method may be
 called from any thread; those that command may take as long as the device does, and belong into a
@@ -52,7 +52,7 @@ Result = TypeVar("Result")
 Given = TypeVarTuple("Given")
 
 
-class Cell:
+class Devices:
     """Devices, lease and plans of a daemon."""
 
     def __init__(
@@ -88,10 +88,10 @@ class Cell:
         self.is_closing = False
         self.configuration = settings.model_dump_json(exclude_none=True)
         self._on_event = on_event
-        self.devices: dict[str, Device] = {}
+        self.by_name: dict[str, Device] = {}
         self.journal = Journal(kept=settings.recorder.seconds)
         self._event_log = EventLog()
-        self._flight = FlightRecorder(settings, self.journal, self.devices)
+        self._flight = FlightRecorder(settings, self.journal, self.by_name)
         self.planners = planners or Planners(
             [planner_device(device) for device in settings.devices.values()],
             processes=settings.planner.processes or default_processes(),
@@ -99,7 +99,7 @@ class Cell:
         )
         self._commanders = ThreadPoolExecutor(COMMANDERS, thread_name_prefix="command")
         for name, device in settings.devices.items():
-            self.devices[name] = make_device(
+            self.by_name[name] = make_device(
                 device,
                 planners=self.planners,
                 on_event=self._hear,
@@ -109,7 +109,7 @@ class Cell:
             )
 
     def _hear(self, event: DeviceEvent) -> None:
-        self._on_event(event, self.devices[event.device])
+        self._on_event(event, self.by_name[event.device])
         self._event_log.hear(event)
         self.journal.hear(event)
         self._flight.hear(event)
@@ -120,7 +120,7 @@ class Cell:
         If it has run out, whoever let a device go to move it by hand is lost too: it holds again.
         """
         for name in devices:
-            device = self.devices[name]
+            device = self.by_name[name]
             try:
                 device.disown(lease.token, f"the lease of {lease.who} {what}")
             except OrientdError as error:
@@ -136,7 +136,7 @@ class Cell:
     def launch(self) -> None:
         """Start every device and return at once."""
         self._flight.start()
-        for device in self.devices.values():
+        for device in self.by_name.values():
             device.launch()
 
     def wait_ready(
@@ -150,7 +150,7 @@ class Cell:
         """
         deadline = time.monotonic() + timeout
         problems = []
-        for device in self.devices.values():
+        for device in self.by_name.values():
             while not (is_ready := device.wait_ready(_READY_STEP)):
                 if device.failure or time.monotonic() > deadline or is_cancelled():
                     break
@@ -162,15 +162,15 @@ class Cell:
     def shutdown(self) -> None:
         """Stop every device on its path, let the motions end, and release everything."""
         self.is_closing = True
-        _stop(self.devices.values(), GOING_DOWN)
+        _stop(self.by_name.values(), GOING_DOWN)
         unfinished = [
-            run for device in self.devices.values() for run in device.unfinished() if run.begun_ns
+            run for device in self.by_name.values() for run in device.unfinished() if run.begun_ns
         ]
         # From a lower speed a stop may take longer than from full speed, but not than this.
         stops = [1.0 / run.motion.facts.brake_rate for run in unfinished if run.planned is not None]
         wait([run.ended for run in unfinished], timeout=max(stops, default=0.0) + 1.0)
-        with ThreadPoolExecutor(len(self.devices)) as pool:
-            list(pool.map(Device.shutdown, self.devices.values()))
+        with ThreadPoolExecutor(len(self.by_name)) as pool:
+            list(pool.map(Device.shutdown, self.by_name.values()))
         self._flight.close()
         self.journal.close()
 
@@ -191,14 +191,14 @@ class Cell:
             UnknownNameError: there is none of that name.
             RequestError: there are several, and the name is empty.
         """
-        names = ", ".join(self.devices)
+        names = ", ".join(self.by_name)
         if not name:
-            if len(self.devices) > 1:
+            if len(self.by_name) > 1:
                 raise RequestError("device", f"expected one of {names}, got nothing")
-            return next(iter(self.devices.values()))
-        if name not in self.devices:
+            return next(iter(self.by_name.values()))
+        if name not in self.by_name:
             raise UnknownNameError("device", f"expected one of {names}, got {name!r}")
-        return self.devices[name]
+        return self.by_name[name]
 
     def named(self, names: Iterable[str]) -> list[str]:
         """Return the names of devices that are called *names*; see :meth:`device`."""
@@ -246,7 +246,7 @@ class Cell:
             UnknownNameError: there is no such device.
             DaemonError: a servo does not answer.
         """
-        devices = [self.device(name)] if name else list(self.devices.values())
+        devices = [self.device(name)] if name else list(self.by_name.values())
         caller = one_line(caller, 200) or "somebody"
         reason = f"stopped by {caller}"
         failures = _stop(devices, reason, is_quickest=is_quickest, motion=motion)

@@ -1,4 +1,4 @@
-"""The cell: who may command which device, and what becomes of the motions."""
+"""The devices: who may command which device, and what becomes of the motions."""
 
 import asyncio
 import threading
@@ -11,8 +11,8 @@ from fake_device import FakeServo, servo_of, tend
 from orientd import config
 from orientd.clock import ManualClock
 from orientd.daemon.calls.requests import moving
-from orientd.daemon.cell import Cell
 from orientd.daemon.device import AT_ONCE, MoveOptions
+from orientd.daemon.devices import Devices
 from orientd.daemon.plan_store import KEPT_PLANS
 from orientd.daemon.planners import PlanCall
 from orientd.errors import (
@@ -56,14 +56,14 @@ def no_processes(monkeypatch):
 
 
 @pytest.fixture
-def cell(clock, planners):
+def devices(clock, planners):
     settings = config.parse(SETTINGS, source="test")
-    return Cell(settings, planners=planners, clock=clock)
+    return Devices(settings, planners=planners, clock=clock)
 
 
 @pytest.fixture
-def arm(cell):
-    return cell.device("arm")
+def arm(devices):
+    return devices.device("arm")
 
 
 @pytest.fixture
@@ -71,8 +71,8 @@ def servo(arm):
     return servo_of(arm)
 
 
-def plan(cell, device, request=MOTION):
-    return asyncio.run(cell.plan(device, order_of(request)))
+def plan(devices, device, request=MOTION):
+    return asyncio.run(devices.plan(device, order_of(request)))
 
 
 def start(device, token, motion, options=AT_ONCE):
@@ -94,8 +94,8 @@ def move(device, token, order=None, options=AT_ONCE):
     return asyncio.run(moved(device, token, order, options))
 
 
-def begin(cell, device, token):
-    return start(device, token, plan(cell, device))
+def begin(devices, device, token):
+    return start(device, token, plan(devices, device))
 
 
 def ended(device, run):
@@ -104,73 +104,73 @@ def ended(device, run):
     return run.ended.result(0)
 
 
-def test_a_motion_runs_to_its_end(cell, arm, servo):
-    run = begin(cell, arm, cell.leases.acquire("ana").token)
+def test_a_motion_runs_to_its_end(devices, arm, servo):
+    run = begin(devices, arm, devices.leases.acquire("ana").token)
     assert not run.ended.done()
     servo.finish()
     assert ended(arm, run) == (pb.OUTCOME_DONE, "")
 
 
-def test_a_motion_needs_the_lease(cell, arm, servo):
-    motion = plan(cell, arm)
+def test_a_motion_needs_the_lease(devices, arm, servo):
+    motion = plan(devices, arm)
     with pytest.raises(LeaseError, match="needs the lease"):
         start(arm, "", motion)
-    cell.leases.acquire("ana")
+    devices.leases.acquire("ana")
     with pytest.raises(LeaseError, match="held by 'ana'"):
         start(arm, "nonsense", motion)
     assert servo.asked == []
     assert arm.unfinished() == []
 
 
-def test_a_motion_of_an_expired_lease_is_stopped(cell, arm, clock):
-    run = begin(cell, arm, cell.leases.acquire("ana").token)
-    cell.leases.expire()
+def test_a_motion_of_an_expired_lease_is_stopped(devices, arm, clock):
+    run = begin(devices, arm, devices.leases.acquire("ana").token)
+    devices.leases.expire()
     assert not run.ended.done()
     clock.advance(5 * SECOND)
-    cell.leases.expire()
+    devices.leases.expire()
     assert ended(arm, run) == (pb.OUTCOME_STOPPED, "the lease of 'ana' has expired")
 
 
-def test_a_motion_of_a_released_lease_is_stopped(cell, arm):
-    lease = cell.leases.acquire("ana")
-    run = begin(cell, arm, lease.token)
-    cell.leases.release(lease.token)
+def test_a_motion_of_a_released_lease_is_stopped(devices, arm):
+    lease = devices.leases.acquire("ana")
+    run = begin(devices, arm, lease.token)
+    devices.leases.release(lease.token)
     assert ended(arm, run) == (pb.OUTCOME_STOPPED, "the lease of 'ana' was released")
 
 
-def test_only_motions_of_that_lease_are_stopped_with_it(cell, arm, servo):
-    lease = cell.leases.acquire("ana")
-    run = begin(cell, arm, lease.token)
+def test_only_motions_of_that_lease_are_stopped_with_it(devices, arm, servo):
+    lease = devices.leases.acquire("ana")
+    run = begin(devices, arm, lease.token)
     servo.finish()
     assert ended(arm, run)[0] == pb.OUTCOME_DONE
-    cell.leases.release(lease.token)
+    devices.leases.release(lease.token)
     assert "stop" not in servo.asked
 
 
-def test_whoever_takes_an_expired_lease_finds_its_motion_stopped(cell, arm, clock):
-    run = begin(cell, arm, cell.leases.acquire("ana").token)
+def test_whoever_takes_an_expired_lease_finds_its_motion_stopped(devices, arm, clock):
+    run = begin(devices, arm, devices.leases.acquire("ana").token)
     clock.advance(5 * SECOND)
-    cell.leases.acquire("ben")
+    devices.leases.acquire("ben")
     assert ended(arm, run)[0] == pb.OUTCOME_STOPPED
 
 
-def test_anybody_may_stop_and_is_named(cell, arm):
-    run = begin(cell, arm, cell.leases.acquire("ana").token)
-    cell.stop("arm", "ben")
+def test_anybody_may_stop_and_is_named(devices, arm):
+    run = begin(devices, arm, devices.leases.acquire("ana").token)
+    devices.stop("arm", "ben")
     assert ended(arm, run) == (pb.OUTCOME_STOPPED, "stopped by ben")
 
 
-def test_an_empty_name_stops_every_device(cell, servo):
-    cell.stop("", "ben")
+def test_an_empty_name_stops_every_device(devices, servo):
+    devices.stop("", "ben")
     assert "stop" in servo.asked
-    assert "stop" in servo_of(cell.device("leg")).asked
+    assert "stop" in servo_of(devices.device("leg")).asked
 
 
-def test_one_dead_servo_does_not_keep_the_others_from_stopping(cell, servo):
+def test_one_dead_servo_does_not_keep_the_others_from_stopping(devices, servo):
     servo.is_dead = True
     with pytest.raises(DaemonError, match="did not answer stop"):
-        cell.stop("", "ben")
-    assert "stop" in servo_of(cell.device("leg")).asked
+        devices.stop("", "ben")
+    assert "stop" in servo_of(devices.device("leg")).asked
 
 
 def while_planned(monkeypatch, planners, act):
@@ -186,10 +186,10 @@ def while_planned(monkeypatch, planners, act):
 
 
 def test_a_stop_while_a_motion_is_planned_keeps_it_from_beginning(
-    cell, arm, servo, planners, monkeypatch
+    devices, arm, servo, planners, monkeypatch
 ):
-    token = cell.leases.acquire("ana").token
-    while_planned(monkeypatch, planners, lambda: cell.stop("arm", "ben"))
+    token = devices.leases.acquire("ana").token
+    while_planned(monkeypatch, planners, lambda: devices.stop("arm", "ben"))
     with pytest.raises(StateError, match="stopped before it began: stopped by ben"):
         move(arm, token)
     assert servo.asked == ["stop"]
@@ -198,48 +198,48 @@ def test_a_stop_while_a_motion_is_planned_keeps_it_from_beginning(
 
 
 def test_a_lease_that_is_lost_while_a_motion_is_planned_keeps_it_from_beginning(
-    cell, arm, servo, planners, monkeypatch
+    devices, arm, servo, planners, monkeypatch
 ):
-    token = cell.leases.acquire("ana").token
-    while_planned(monkeypatch, planners, lambda: cell.leases.release(token))
+    token = devices.leases.acquire("ana").token
+    while_planned(monkeypatch, planners, lambda: devices.leases.release(token))
     with pytest.raises(LeaseError, match="has expired or was released"):
         move(arm, token)
     assert servo.asked == []
 
 
-def test_a_stop_while_a_motion_is_started_stops_it(cell, arm, servo):
+def test_a_stop_while_a_motion_is_started_stops_it(devices, arm, servo):
     # The stop finds the device still at rest.
     servo.during_start = lambda: arm.note_stop("stopped by ben")
-    run = begin(cell, arm, cell.leases.acquire("ana").token)
+    run = begin(devices, arm, devices.leases.acquire("ana").token)
     assert ended(arm, run) == (pb.OUTCOME_STOPPED, "stopped by ben")
 
 
-def test_a_lease_that_is_lost_while_a_motion_is_started_stops_it(cell, arm, servo, clock):
-    token = cell.leases.acquire("ana").token
+def test_a_lease_that_is_lost_while_a_motion_is_started_stops_it(devices, arm, servo, clock):
+    token = devices.leases.acquire("ana").token
     servo.during_start = lambda: clock.advance(5 * SECOND)
-    run = begin(cell, arm, token)
-    cell.leases.expire()
+    run = begin(devices, arm, token)
+    devices.leases.expire()
     assert ended(arm, run)[0] == pb.OUTCOME_STOPPED
 
 
-def test_a_fault_ends_a_motion_as_a_fault(cell, arm, servo):
-    run = begin(cell, arm, cell.leases.acquire("ana").token)
+def test_a_fault_ends_a_motion_as_a_fault(devices, arm, servo):
+    run = begin(devices, arm, devices.leases.acquire("ana").token)
     servo.fall(Fault.LIMIT_GUARD, "velocity of 3 rad/s")
     assert ended(arm, run) == (pb.OUTCOME_FAULT, "velocity of 3 rad/s")
 
 
-def test_the_reason_of_a_stop_is_not_that_of_a_later_one(cell, arm, servo):
-    token = cell.leases.acquire("ana").token
-    begin(cell, arm, token)
-    cell.stop("arm", "ben")
-    run = begin(cell, arm, token)
+def test_the_reason_of_a_stop_is_not_that_of_a_later_one(devices, arm, servo):
+    token = devices.leases.acquire("ana").token
+    begin(devices, arm, token)
+    devices.stop("arm", "ben")
+    run = begin(devices, arm, token)
     servo.be(ServoState.HOLDING)
     assert ended(arm, run) == (pb.OUTCOME_STOPPED, "stopped on its path")
 
 
-def test_the_reason_of_a_stop_outlives_a_move_that_is_refused_meanwhile(cell, arm, servo):
-    token = cell.leases.acquire("ana").token
-    run = begin(cell, arm, token)
+def test_the_reason_of_a_stop_outlives_a_move_that_is_refused_meanwhile(devices, arm, servo):
+    token = devices.leases.acquire("ana").token
+    run = begin(devices, arm, token)
     arm.note_stop("halted by 'ben'")
     servo.be(ServoState.STOPPING)
     with pytest.raises(StateError, match="not holding"):
@@ -248,12 +248,12 @@ def test_the_reason_of_a_stop_outlives_a_move_that_is_refused_meanwhile(cell, ar
     assert ended(arm, run) == (pb.OUTCOME_STOPPED, "halted by 'ben'")
 
 
-def test_an_abandoned_motion_is_stopped_but_not_the_one_after_it(cell, arm, servo):
-    token = cell.leases.acquire("ana").token
-    first = begin(cell, arm, token)
+def test_an_abandoned_motion_is_stopped_but_not_the_one_after_it(devices, arm, servo):
+    token = devices.leases.acquire("ana").token
+    first = begin(devices, arm, token)
     servo.finish()
     tend(arm)
-    second = begin(cell, arm, token)
+    second = begin(devices, arm, token)
     arm.abandon(first, "gone")
     tend(arm)
     assert not second.ended.done()
@@ -261,8 +261,8 @@ def test_an_abandoned_motion_is_stopped_but_not_the_one_after_it(cell, arm, serv
     assert ended(arm, second) == (pb.OUTCOME_STOPPED, "gone")
 
 
-def test_a_motion_whose_caller_goes_away_is_stopped(cell, arm, servo):
-    token = cell.leases.acquire("ana").token
+def test_a_motion_whose_caller_goes_away_is_stopped(devices, arm, servo):
+    token = devices.leases.acquire("ana").token
 
     async def go_away():
         loop = asyncio.get_running_loop()
@@ -277,38 +277,38 @@ def test_a_motion_whose_caller_goes_away_is_stopped(cell, arm, servo):
     assert servo.asked == ["start", "stop"]
 
 
-def test_a_device_that_is_not_ready_to_move_is_refused(cell, arm, servo):
+def test_a_device_that_is_not_ready_to_move_is_refused(devices, arm, servo):
     servo.be(ServoState.IDLE)
     with pytest.raises(StateError, match="idle, not holding"):
-        plan(cell, arm)
+        plan(devices, arm)
 
 
-def test_a_bad_motion_is_refused_by_its_field(cell, arm):
+def test_a_bad_motion_is_refused_by_its_field(devices, arm):
     with pytest.raises(RequestError, match=r"^keyframes: expected at least 1, got 0"):
-        asyncio.run(cell.plan(arm, PlanCall(b"")))
+        asyncio.run(devices.plan(arm, PlanCall(b"")))
     with pytest.raises(RequestError, match=r"^motion: cannot be read"):
-        asyncio.run(cell.plan(arm, PlanCall(b"nonsense")))
+        asyncio.run(devices.plan(arm, PlanCall(b"nonsense")))
     keyframes = [
         Keyframe(tuple(exp([0.0, 0.0, angle])), time) for angle, time in ((0.0, 0.0), (1.0, 0.1))
     ]
     with pytest.raises(LimitError) as refused:
-        plan(cell, arm, MotionRequest(keyframes))
+        plan(devices, arm, MotionRequest(keyframes))
     assert refused.value.value > refused.value.limit
 
 
-def test_a_kept_plan_is_found_by_its_name_and_device(cell, arm):
-    motion = plan(cell, arm)
-    assert cell.plans.find(arm.name, motion.id).id == motion.id
-    for device, name in ((cell.device("leg"), motion.id), (arm, "nonsense")):
+def test_a_kept_plan_is_found_by_its_name_and_device(devices, arm):
+    motion = plan(devices, arm)
+    assert devices.plans.find(arm.name, motion.id).id == motion.id
+    for device, name in ((devices.device("leg"), motion.id), (arm, "nonsense")):
         with pytest.raises(UnknownNameError, match=r"^motion_id: device .* has no plan"):
-            cell.plans.find(device.name, name)
+            devices.plans.find(device.name, name)
 
 
-def test_few_plans_are_kept(cell, arm):
-    plans = [plan(cell, arm) for _ in range(KEPT_PLANS + 1)]
+def test_few_plans_are_kept(devices, arm):
+    plans = [plan(devices, arm) for _ in range(KEPT_PLANS + 1)]
     with pytest.raises(UnknownNameError):
-        cell.plans.find(arm.name, plans[0].id)
-    assert cell.plans.find(arm.name, plans[1].id).id == plans[1].id
+        devices.plans.find(arm.name, plans[0].id)
+    assert devices.plans.find(arm.name, plans[1].id).id == plans[1].id
 
 
 @pytest.mark.parametrize(
@@ -318,41 +318,41 @@ def test_few_plans_are_kept(cell, arm):
         (State.at_rest((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.1)), "0.1 m from where device 'arm'"),
     ],
 )
-def test_a_plan_that_begins_elsewhere_is_refused(cell, arm, servo, where, what):
-    token = cell.leases.acquire("ana").token
-    motion = plan(cell, arm)
+def test_a_plan_that_begins_elsewhere_is_refused(devices, arm, servo, where, what):
+    token = devices.leases.acquire("ana").token
+    motion = plan(devices, arm)
     q, position = tuple(where.q.tolist()), tuple(where.position.tolist())
     servo.be(ServoState.HOLDING, q=q, position=position)
     with pytest.raises(StartError, match=what):
         start(arm, token, motion)
 
 
-def test_a_name_may_be_left_out_where_there_is_one_device(cell):
+def test_a_name_may_be_left_out_where_there_is_one_device(devices):
     with pytest.raises(RequestError, match=r"^device: expected one of arm, leg, got nothing"):
-        cell.device("")
+        devices.device("")
     with pytest.raises(UnknownNameError, match=r"^device: expected one of arm, leg, got 'tail'"):
-        cell.device("tail")
-    alone = Cell(config.default_settings(), planners=cell.planners)
+        devices.device("tail")
+    alone = Devices(config.default_settings(), planners=devices.planners)
     assert alone.device("").name == "arm"
 
 
-def test_only_a_motion_can_be_paused_and_resumed(cell, arm):
+def test_only_a_motion_can_be_paused_and_resumed(devices, arm):
     for name in ("pause", "resume"):
         with pytest.raises(StateError, match=f"device arm is holding: no motion to {name}"):
             moving(arm, name)
-    begin(cell, arm, cell.leases.acquire("ana").token)
+    begin(devices, arm, devices.leases.acquire("ana").token)
     assert moving(arm, "pause") is arm
 
 
-def test_a_holder_has_a_name_of_one_line(cell):
+def test_a_holder_has_a_name_of_one_line(devices):
     with pytest.raises(RequestError, match=r"^holder: "):
-        cell.leases.acquire(" \n ")
-    assert cell.leases.acquire("ana\nben " + "x" * 1000).holder.startswith("ana ben xxx")
+        devices.leases.acquire(" \n ")
+    assert devices.leases.acquire("ana\nben " + "x" * 1000).holder.startswith("ana ben xxx")
 
 
-def test_shutdown_stops_what_runs_and_takes_no_more(cell, arm, servo):
-    token = cell.leases.acquire("ana").token
-    run = begin(cell, arm, token)
+def test_shutdown_stops_what_runs_and_takes_no_more(devices, arm, servo):
+    token = devices.leases.acquire("ana").token
+    run = begin(devices, arm, token)
     asked = servo.ask
 
     def ask(command, **more):
@@ -360,64 +360,64 @@ def test_shutdown_stops_what_runs_and_takes_no_more(cell, arm, servo):
         tend(arm)
 
     servo.ask = ask
-    cell.shutdown()
+    devices.shutdown()
     assert run.ended.result(0) == (pb.OUTCOME_STOPPED, "the daemon is going down")
     assert servo.asked[-2:] == ["stop", "end"]
     with pytest.raises(DaemonError, match="going down"):
-        cell.check(token, arm, "")
+        devices.check(token, arm, "")
 
 
-def test_shutdown_ends_what_a_dead_servo_cannot(cell, arm, servo):
-    run = begin(cell, arm, cell.leases.acquire("ana").token)
+def test_shutdown_ends_what_a_dead_servo_cannot(devices, arm, servo):
+    run = begin(devices, arm, devices.leases.acquire("ana").token)
 
     def ask(command, **more):
         servo.fall(Fault.SERVO_DIED, "the servo process was ended by signal 9")
         tend(arm)
 
     servo.ask = ask
-    cell.shutdown()
+    devices.shutdown()
     assert run.ended.result(0)[0] == pb.OUTCOME_FAULT
 
 
-def test_what_keeps_a_device_from_being_ready_is_told(cell, servo):
-    servo_of(cell.device("leg")).wait_ready = lambda timeout: True
+def test_what_keeps_a_device_from_being_ready_is_told(devices, servo):
+    servo_of(devices.device("leg")).wait_ready = lambda timeout: True
     servo.wait_ready = lambda timeout: False
     servo.fail(Fault.SERVO_DIED, "no such device")
-    assert cell.wait_ready(1.0) == ["device arm: no such device"]
+    assert devices.wait_ready(1.0) == ["device arm: no such device"]
 
 
-def test_nobody_waits_for_devices_of_a_daemon_that_ends(cell):
+def test_nobody_waits_for_devices_of_a_daemon_that_ends(devices):
     stopping = threading.Event()
     stopping.set()
-    assert cell.wait_ready(3600.0, is_cancelled=stopping.is_set) == [
+    assert devices.wait_ready(3600.0, is_cancelled=stopping.is_set) == [
         "device arm: not ready after 3600 s",
         "device leg: not ready after 3600 s",
     ]
 
 
-def test_a_motion_that_is_planned_too_late_is_planned_again(cell, arm, servo):
+def test_a_motion_that_is_planned_too_late_is_planned_again(devices, arm, servo):
     servo.refusals = 2 * [LateError("the path has passed record 3, it is at 4")]
-    run = move(arm, cell.leases.acquire("ana").token)
+    run = move(arm, devices.leases.acquire("ana").token)
     assert run.attempts == 3
 
 
-def test_a_motion_waits_for_a_steady_speed_and_says_so(cell, arm, servo):
+def test_a_motion_waits_for_a_steady_speed_and_says_so(devices, arm, servo):
     servo.refusals = 2 * [NotYetError("the speed is changing")]
     order = order_of(MOTION)
-    run = move(arm, cell.leases.acquire("ana").token, order)
+    run = move(arm, devices.leases.acquire("ana").token, order)
     assert run.attempts == 1
     assert sum(order.waits) >= 2 * 0.002
 
 
-def test_a_device_that_is_always_too_quick_is_said_to_be(cell, arm, servo):
+def test_a_device_that_is_always_too_quick_is_said_to_be(devices, arm, servo):
     servo.refusals = 100 * [LateError("the path has passed record 3, it is at 4")]
     with pytest.raises(StateError, match="too quick for 6 plans: the path has passed record 3"):
-        move(arm, cell.leases.acquire("ana").token)
+        move(arm, devices.leases.acquire("ana").token)
 
 
-def test_a_device_knows_when_motions_with_a_start_time_began(cell, arm, servo):
+def test_a_device_knows_when_motions_with_a_start_time_began(devices, arm, servo):
     start_ns = time.monotonic_ns() + 10 * SECOND
-    run = move(arm, cell.leases.acquire("ana").token, options=MoveOptions(start_ns=start_ns))
+    run = move(arm, devices.leases.acquire("ana").token, options=MoveOptions(start_ns=start_ns))
     run.meter.began_ns = start_ns + 7
     assert arm.began_ns(start_ns) == start_ns + 7
     servo.finish()
@@ -426,6 +426,6 @@ def test_a_device_knows_when_motions_with_a_start_time_began(cell, arm, servo):
     assert arm.began_ns(start_ns + 1) is None
 
 
-def test_a_halt_leaves_the_path(cell, servo):
-    cell.stop("arm", "ana", is_quickest=True)
+def test_a_halt_leaves_the_path(devices, servo):
+    devices.stop("arm", "ana", is_quickest=True)
     assert servo.asked[-1] == "halt"
