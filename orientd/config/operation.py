@@ -117,7 +117,8 @@ class AccessSettings(Table):
         message_bytes: size of the largest message; 200,000 keyframes with times take 8 MB.
         keyframes: largest number of keyframes of a motion.
         streams: calls of one identity at the same time; stops and renewals do not count.
-        connections: of one identity at the same time; an idle one gives way to a later one.
+        connections: of one identity at the same time. An idle one gives way to a later one; if all
+            are busy, as many more may connect, for a stop.
     """
 
     users: dict[str, SomeRole] = Field(default_factory=dict)

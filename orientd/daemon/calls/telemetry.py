@@ -10,7 +10,7 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import orientd
@@ -42,51 +42,36 @@ _OUTCOMES = {
 
 _DEVICE, _PART = ("device",), ("device", "part")
 
-METRICS: Sequence[tuple[str, str, str, Sequence[str]]] = (
-    ("cycles", "counter", "Cycles of the servo.", _DEVICE),
-    ("cycle_overruns", "counter", "Cycles that began more than half a period late.", _DEVICE),
-    ("cycle_missed_deadlines", "counter", "Deadlines that were left out altogether.", _DEVICE),
-    ("faults", "counter", "Faults of a device.", ("device", "kind")),
-    ("motions", "counter", "Motions that have ended.", ("device", "outcome")),
-    ("rpcs", "counter", "Calls that were answered.", ("method", "code")),
-    ("cycle_lateness_seconds", "histogram", "How late cycles began.", _DEVICE),
-    ("rpc_duration_seconds", "histogram", "From a call to the end of its answer.", ("method",)),
-    (
-        "driver_call_longest_seconds",
-        "gauge",
-        "Longest read or write of the driver since its servo process started.",
+COUNTERS = {
+    "cycles": ("Cycles of the servo.", _DEVICE),
+    "cycle_overruns": ("Cycles that began more than half a period late.", _DEVICE),
+    "cycle_missed_deadlines": ("Deadlines that were left out altogether.", _DEVICE),
+    "faults": ("Faults of a device.", ("device", "kind")),
+    "motions": ("Motions that have ended.", ("device", "outcome")),
+    "rpcs": ("Calls that were answered.", ("method", "code")),
+    "warnings": ("Warnings of a device.", _DEVICE),
+}
+GAUGES = {
+    "driver_call_longest_seconds": (
+        "Longest read or write since the servo began.",
         ("device", "call"),
     ),
-    (
-        "feedback_age_seconds",
-        "gauge",
-        "How old the newest feedback was when its cycle was due.",
-        _DEVICE,
-    ),
-    ("cycle_age_seconds", "gauge", "How long ago the newest cycle was due.", _DEVICE),
-    (
-        "cycle_success_ratio",
-        "gauge",
-        f"Of the last {RECENT} cycles, those that were in time.",
-        _DEVICE,
-    ),
-    (
-        "tracking_error_radians",
-        "gauge",
-        "Angle between where a device is and is to be.",
-        _DEVICE,
-    ),
-    ("device_state", "gauge", "1 for the state that a device is in.", ("device", "state")),
-    ("part_voltage_volts", "gauge", "Supply of a servo.", _PART),
-    ("part_temperature_celsius", "gauge", "Temperature of a servo.", _PART),
-    ("part_current_amperes", "gauge", "Current of a servo.", _PART),
-    ("part_health_age_seconds", "gauge", "How long ago these were measured.", _PART),
-    ("warnings", "counter", "Warnings of a device.", _DEVICE),
-    ("build_info", "gauge", "1, with the version.", ("version",)),
-)
-"""Name, kind, description and labels of every metric."""
-
-_BUCKETS = {"cycle_lateness_seconds": LATENESS_BUCKETS, "rpc_duration_seconds": CALL_BUCKETS}
+    "feedback_age_seconds": ("Age of the newest feedback when its cycle was due.", _DEVICE),
+    "cycle_age_seconds": ("How long ago the newest cycle was due.", _DEVICE),
+    "cycle_success_ratio": (f"Of the last {RECENT} cycles, those in time.", _DEVICE),
+    "tracking_error_radians": ("Angle from the setpoint due to the measurement.", _DEVICE),
+    "device_state": ("1 for the state that a device is in.", ("device", "state")),
+    "part_voltage_volts": ("Supply of a servo.", _PART),
+    "part_temperature_celsius": ("Temperature of a servo.", _PART),
+    "part_current_amperes": ("Current of a servo.", _PART),
+    "part_health_age_seconds": ("How long ago these were measured.", _PART),
+    "build_info": ("1, with the version.", ("version",)),
+}
+HISTOGRAMS = {
+    "cycle_lateness_seconds": ("How late cycles began.", _DEVICE, LATENESS_BUCKETS),
+    "rpc_duration_seconds": ("From a call to the end of its answer.", ("method",), CALL_BUCKETS),
+}
+"""Description and labels of every metric by its name, and the buckets of histograms."""
 
 
 class Telemetry:
@@ -116,17 +101,14 @@ class Telemetry:
                 "metrics need `prometheus-client`: pip install 'orientd-motion[metrics]'"
             ) from error
         self.registry = prometheus.CollectorRegistry()
-        kinds: dict[str, Any] = {
-            "counter": prometheus.Counter,
-            "gauge": prometheus.Gauge,
-            "histogram": prometheus.Histogram,
-        }
+        kept: dict[str, Any] = {"namespace": "orientd", "registry": self.registry}
         self._metrics: dict[str, Any] = {}
-        for name, kind, text, labels in METRICS:
-            more = {"buckets": _BUCKETS[name]} if name in _BUCKETS else {}
-            self._metrics[name] = kinds[kind](
-                name, text, labels, namespace="orientd", registry=self.registry, **more
-            )
+        for name, (text, labels) in COUNTERS.items():
+            self._metrics[name] = prometheus.Counter(name, text, labels, **kept)
+        for name, (text, labels) in GAUGES.items():
+            self._metrics[name] = prometheus.Gauge(name, text, labels, **kept)
+        for name, (text, labels, buckets) in HISTOGRAMS.items():
+            self._metrics[name] = prometheus.Histogram(name, text, labels, buckets=buckets, **kept)
         self._of("build_info", orientd.__version__).set(1)
         self.port, self._server = 0, None
         if settings is not None:
