@@ -121,9 +121,10 @@ class Authorization:
             await self._run(call, stream)
         except OrientdError as error:
             status = to_status(error)
-        except asyncio.CancelledError:
+        except asyncio.CancelledError as error:
             status = status_pb2.Status(code=code_pb2.CANCELLED)
-            raise
+            # grpclib keeps the error, in a cycle: without the frames that hold the request.
+            raise error.with_traceback(None) from None
         except Exception as error:  # noqa: BLE001 - one call is no reason to end
             _log.exception("call %d: %s failed", call.number, call.method.name)
             status = status_pb2.Status(code=code_pb2.UNKNOWN, message=repr(error)[:_MOST_TEXT])

@@ -33,7 +33,7 @@ _log = logging.getLogger(__name__)
 MOST_WAITING = 32
 """Requests of one caller that may wait for their turn."""
 
-MOST_BYTES = 64 * 2**20
+MOST_BYTES = 24 * 2**20
 """Of all requests that wait; of each caller one may wait in any case."""
 
 RETIRED_BYTES = 128 * 2**20
