@@ -2,10 +2,10 @@
 
 .. code-block:: yaml
 
-    start_in: 1.0                  # s from when all are planned; 0.5 where nothing is said
+    start_in: 1.0                  # s from the end of planning to the start; default 0.5
     motions:
       - daemon: arm-1
-        device: arm                # where the daemon has several
+        device: arm                # if the daemon has several
         motion: {keyframes: [{rotation_vector: [0, 0, 0.5]}]}
       - daemon: arm-2
         file: turn.yaml            # beside this file
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     from orientd.planner import MotionRequest
 
 START_IN = 0.5
-"""How long after everything is planned a start is, unless a plan says otherwise, s."""
+"""Time from the end of planning to the start unless a plan says otherwise, s."""
 
 _KEYS = {"daemon", "device", "motion", "file"}
 
 
 @dataclass(frozen=True, slots=True)
 class FleetMotion:
-    """What one device is to do.
+    """The motion of one device.
 
     Attributes:
         daemon: its name in the cell.
@@ -50,7 +50,7 @@ class FleetMotion:
 
 
 def read_plan(path: Path) -> tuple[list[FleetMotion], float]:
-    """Return the motions in a file, and in how many seconds they are to start.
+    """Return the motions in a file, and the time from the end of planning to their start, s.
 
     Raises:
         RequestError: the file cannot be read or is not well formed.
