@@ -6,13 +6,13 @@ import functools
 import inspect
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, is_dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from orientd.cli.output import Output
 from orientd.errors import OrientdError, RequestError
 
 if TYPE_CHECKING:
@@ -75,80 +75,95 @@ Beside = Annotated[
     typer.Option("--lease", help="Share the lease that your command in another terminal holds."),
 ]
 
-_REMOTE = {
-    "address": Annotated[
+
+def _checked_address(address: str | None) -> str | None:
+    if address is not None and ":" not in address:
+        raise typer.BadParameter(f"expected HOST:PORT or fleet:NAME, got {address!r}")
+    return address
+
+
+@dataclass(frozen=True, kw_only=True)
+class Endpoint:
+    """The options of a command that connects to the daemon."""
+
+    socket: Socket = None
+    address: Annotated[
         str | None,
         typer.Option(
             "--address",
             metavar="HOST:PORT",
             help="Reach a daemon over TCP, with TLS; or fleet:NAME of the cell $ORIENTD_CELL.",
+            callback=_checked_address,
         ),
-    ],
-    "cert": Annotated[
+    ] = None
+    cert: Annotated[
         Path | None, typer.Option("--cert", help="Your certificate (with --address).")
-    ],
-    "key": Annotated[
+    ] = None
+    key: Annotated[
         Path | None, typer.Option("--key", help="The key of your certificate (with --address).")
-    ],
-    "ca": Annotated[
+    ] = None
+    ca: Annotated[
         Path | None,
         typer.Option("--ca", help="The authority that signs the daemon (with --address)."),
-    ],
-}
+    ] = None
+
+    def connect(self, command: str, *, beside: bool = False) -> Robot:
+        """Return a connection to the daemon, which its first call opens.
+
+        Args:
+            command: what others are shown if they are refused because of it.
+            beside: whether to command beside other programs of the same user.
+        """
+        from orientd.rpc import Robot, Way
+
+        return Robot(
+            Way.find(self.socket, self.address, self.cert, self.key, self.ca),
+            holder=f"orientd {command}, process {os.getpid()}",
+            beside=beside or bool(os.environ.get("ORIENTD_LEASE")),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Commander(Endpoint):
+    """The options of a command that commands a device."""
+
+    device: DeviceName = ""
+    lease: Beside = False
+
+    def commanding(self, command: str) -> Robot:
+        """Return a connection for *command*, which takes the lease of the device as it needs it."""
+        return self.connect(command, beside=self.lease)
 
 
 def with_options(run: Callable[..., None]) -> Callable[..., None]:
-    """Return a command with the options that it has for what its function takes.
-
-    A function that takes ``out``, an :class:`.Output`, has ``--json``.  One that takes ``socket``
-    has the options of a daemon that is reached over TCP.
-    """
-    taken = inspect.signature(run, eval_str=True).parameters
-    is_done = hasattr(run, "__wrapped__")
-    remote = _REMOTE if "socket" in taken and not is_done else {}
-    added = {"as_json": AsJson, **remote} if "out" in taken else remote
+    """Return a command for Typer, in which a dataclass that *run* takes is an option each field."""
+    taken = inspect.signature(run, eval_str=True).parameters.values()
+    bundles: dict[str, Any] = {
+        one.name: one.annotation for one in taken if is_dataclass(one.annotation)
+    }
+    options = [one for one in taken if one.name not in bundles]
+    for bundle in bundles.values():
+        # The class of the output does without Typer, which takes longer to load than a stop.
+        kinds = get_type_hints(bundle, include_extras=True) | {"as_json": AsJson}
+        options += [
+            inspect.Parameter(
+                field.name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=field.default,
+                annotation=kinds[field.name],
+            )
+            for field in fields(bundle)
+        ]
 
     @functools.wraps(run)
-    def with_all(**given: Any) -> None:  # noqa: ANN401 - those of the command
-        if "out" in taken:
-            given["out"] = Output(as_json=bool(given.pop("as_json")))
-        for name in remote:
-            value = given.pop(name)
-            if name == "address" and value is not None:
-                given["socket"] = None
-                if ":" not in value:
-                    problem = f"expected HOST:PORT or fleet:NAME, got {value!r}"
-                    raise typer.BadParameter(problem, param_hint="--address")
-            if value is not None:
-                os.environ[f"ORIENTD_{name.upper()}"] = str(value)
+    def flat(**given: Any) -> None:  # noqa: ANN401 - those of the command
+        for name, bundle in bundles.items():
+            given[name] = bundle(**{field.name: given.pop(field.name) for field in fields(bundle)})
         run(**given)
 
-    listed = [
-        *(one for one in taken.values() if one.name != "out"),
-        *(
-            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=kind)
-            for name, kind in added.items()
-        ),
-    ]
-    with_all.__signature__ = inspect.Signature(listed)  # type: ignore[attr-defined] # typer reads it
-    with_all.__annotations__ = {one.name: one.annotation for one in listed}
-    return with_all if added else run
-
-
-def connect_as(socket: Path | None, command: str, *, beside: bool = False) -> Robot:
-    """Return a connection to the daemon, which its first call opens.
-
-    Args:
-        socket: of the daemon.
-        command: what others are shown if they are refused because of it.
-        beside: whether to command beside other programs of the same user.
-    """
-    from orientd.rpc import Robot, Way
-
-    holder = f"orientd {command}, process {os.getpid()}"
-    return Robot(
-        Way.find(socket), holder=holder, beside=beside or bool(os.environ.get("ORIENTD_LEASE"))
-    )
+    flat.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined] # typer reads it
+    flat.__annotations__ = {one.name: one.annotation for one in options}
+    return flat if bundles else run
 
 
 def device_settings(config: Path | None, device: str) -> DeviceSettings:

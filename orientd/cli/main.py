@@ -19,7 +19,7 @@ from typer.core import TyperGroup
 
 import orientd
 from orientd.cli.command import with_options
-from orientd.cli.output import PEOPLE, complain, plain
+from orientd.cli.output import Output, complain, plain
 from orientd.errors import LimitError, OrientdError, RequestError
 from orientd.one_line import one_line
 
@@ -184,7 +184,7 @@ app = typer.Typer(
 
 def _version(is_asked: bool) -> None:
     if is_asked:
-        PEOPLE.say(f"orientd {orientd.__version__}")
+        Output().say(f"orientd {orientd.__version__}")
         raise typer.Exit
 
 

@@ -11,7 +11,7 @@ import math
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from orientd.one_line import one_line, shown
 _QUATERNIONS = {"q", "feedback_q"}
 
 
+@dataclass(frozen=True)
 class Output:
     """What a command prints to standard output: lines for people, or one JSON object.
 
@@ -28,8 +29,7 @@ class Output:
         as_json: whether a program reads it.
     """
 
-    def __init__(self, *, as_json: bool) -> None:
-        self.as_json = as_json
+    as_json: bool = False
 
     def say(self, *lines: str) -> None:
         """Print lines for people, at once: a pipe shows them as they come, like a terminal."""
@@ -41,9 +41,6 @@ class Output:
         if self.as_json:
             print(json.dumps(plain(content)), flush=True)  # noqa: T201
         self.say(*lines)
-
-
-PEOPLE = Output(as_json=False)
 
 
 def complain(error: Mapping[str, Any], *, as_json: bool, more: str = "") -> None:

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from orientd.cli.command import DeviceName, Socket, connect_as
-from orientd.cli.output import PEOPLE, Output
+from orientd.cli.command import DeviceName, Endpoint
+from orientd.cli.output import Output
 from orientd.errors import OrientdError
 
 lease = typer.Typer(name="lease", help="Seize the lease to command.", no_args_is_help=True)
@@ -28,12 +28,12 @@ def give() -> None:
 
 @lease.command()
 def seize(
+    at: Endpoint,
+    out: Output,
     reason: Annotated[
         str, typer.Option("--reason", help="Why; the holder and the audit log get it.")
     ],
     device: DeviceName = "",
-    socket: Socket = None,
-    out: Output = PEOPLE,
 ) -> None:
     """Take the lease from whoever holds it, and free it.
 
@@ -41,7 +41,7 @@ def seize(
     """
     from orientd.rpc import control_pb2 as pb
 
-    with connect_as(socket, "lease seize") as robot:
+    with at.connect("lease seize") as robot:
         leases = robot.state().daemon.leases
         before = [one for one in leases if not device or device in one.devices]
         robot.seize_lease(reason, *filter(None, [device]))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orientd.cli.command import ConfigFile, DeviceName, device_settings
-from orientd.cli.output import PEOPLE, Output, is_terminal
+from orientd.cli.output import Output, is_terminal
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ _INTERVAL = 5.0
 
 
 def batch(
+    out: Output,
     file: Annotated[
         Path, typer.Argument(metavar="REQUESTS", help="A .jsonl, .csv or .parquet file.")
     ],
@@ -41,7 +42,6 @@ def batch(
     ] = -1,
     config: ConfigFile = None,
     device: DeviceName = "",
-    out: Output = PEOPLE,
 ) -> None:
     """Plan a file of many motions, without a daemon.
 

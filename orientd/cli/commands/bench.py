@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orientd.cli.output import PEOPLE, Output, is_terminal, table
+from orientd.cli.output import Output, is_terminal, table
 
 if TYPE_CHECKING:
     from orientd.bench import Comparison, CurveSpeed
@@ -17,6 +17,7 @@ bench = typer.Typer(name="bench", rich_markup_mode=None)
 
 @bench.callback(invoke_without_command=True)
 def measure(
+    out: Output,
     context: typer.Context,
     seconds: Annotated[float, typer.Option(min=0.5, help="Length of one slot in seconds.")] = 2.0,
     slots: Annotated[
@@ -24,7 +25,6 @@ def measure(
     ] = 3,
     servo: Annotated[bool, typer.Option(help="Measure the servo's lateness.")] = True,
     curves: Annotated[bool, typer.Option(help="Measure the curves' speed.")] = True,
-    out: Output = PEOPLE,
 ) -> None:
     """Measure the servo's lateness and the curves' speed.
 
@@ -41,6 +41,7 @@ def measure(
 
 @bench.command()
 def retarget(
+    out: Output,
     count: Annotated[
         int, typer.Option(min=10, help="Retargets for each number of keyframes.")
     ] = 200,
@@ -54,7 +55,6 @@ def retarget(
     priority: Annotated[
         int, typer.Option(min=0, max=99, help="SCHED_FIFO priority of the servo; 0 for none.")
     ] = 0,
-    out: Output = PEOPLE,
 ) -> None:
     """Measure how long a retarget takes.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from orientd.cli.commands.motion_commands import MotionFile
-from orientd.cli.output import PEOPLE, Output, table, working
+from orientd.cli.output import Output, table, working
 from orientd.errors import RequestError
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ Column = Literal[
 
 
 def compare(
+    out: Output,
     file: MotionFile,
     plot: Annotated[
         Path | None,
@@ -64,7 +65,6 @@ def compare(
     sort: Annotated[
         Column, typer.Option("--sort", help="Sort by this column, best first.")
     ] = "effort",
-    out: Output = PEOPLE,
 ) -> None:
     """Compare all families of curves on the keyframes of FILE.
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from orientd.cli.command import ConfigFile, Socket
-from orientd.cli.output import PEOPLE, Output, table
+from orientd.cli.command import ConfigFile, Endpoint, Socket
+from orientd.cli.output import Output, table
 from orientd.daemon import LogFormat
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 
 def run(
+    out: Output,
     config: ConfigFile = None,
     listen: Socket = None,
     until_end_of_input: Annotated[
@@ -32,7 +33,6 @@ def run(
     require_devices: Annotated[
         bool, typer.Option("--require-devices", help="End if a device is not ready.")
     ] = False,
-    out: Output = PEOPLE,
 ) -> None:
     """Run the daemon in the foreground until SIGTERM or Ctrl-C.
 
@@ -88,12 +88,11 @@ def _end_with_input() -> None:
     os.kill(os.getpid(), signal.SIGTERM)
 
 
-def status(socket: Socket = None, out: Output = PEOPLE) -> None:
+def status(at: Endpoint, out: Output) -> None:
     """Show the daemon, the leases and the state of each device."""
     from orientd.cli import texts
-    from orientd.rpc import connect
 
-    with connect(socket) as robot:
+    with at.connect("status") as robot:
         report = robot.state()
     daemon = report.daemon
     lines = [
@@ -111,13 +110,13 @@ def status(socket: Socket = None, out: Output = PEOPLE) -> None:
     out.answer(report, *lines)
 
 
-def devices(socket: Socket = None, out: Output = PEOPLE) -> None:
+def devices(at: Endpoint, out: Output) -> None:
     """List the devices of the daemon's configuration."""
     from orientd.cli import texts
     from orientd.planner import ANGULAR
-    from orientd.rpc import connect, limits_from_message
+    from orientd.rpc import limits_from_message
 
-    with connect(socket) as robot:
+    with at.connect("devices") as robot:
         found = robot.devices()
     rows = [
         [
@@ -133,6 +132,7 @@ def devices(socket: Socket = None, out: Output = PEOPLE) -> None:
 
 
 def methods(
+    out: Output,
     gallery: Annotated[
         Path | None,
         typer.Option("--gallery", metavar="DIR", help="Draw every family to a file in DIR."),
@@ -141,7 +141,6 @@ def methods(
         Literal["svg", "png", "pdf"],
         typer.Option("--format", help="Format of the gallery's files."),
     ] = "svg",
-    out: Output = PEOPLE,
 ) -> None:
     """List the families of curves that a motion file can name.  Needs no daemon."""
     from orientd.daemon import known_methods

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.output import PEOPLE, Output
+from orientd.cli.output import Output
 from orientd.cli.own_daemon import begun
 from orientd.errors import OrientdError
 
@@ -42,10 +42,10 @@ LIMITS = {"velocity": 0.9, "acceleration": 3.0, "jerk": 60.0, "linear_velocity":
 
 
 def demo(
+    out: Output,
     plot: Annotated[
         Path, typer.Option("--plot", "-p", help="Where to draw the picture (extra plot).")
     ] = Path("orientd-demo.png"),
-    out: Output = PEOPLE,
 ) -> None:
     """Show a motion without hardware, and how well it went.
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import Beside, DeviceName, Socket, connect_as
-from orientd.cli.output import PEOPLE, Output
+from orientd.cli.command import Commander, DeviceName, Endpoint
+from orientd.cli.output import Output
 
 if TYPE_CHECKING:
     from orientd.rpc import Robot
@@ -19,10 +18,10 @@ if TYPE_CHECKING:
 def _of_all(name: str, told: str) -> Callable[..., None]:
     """Return the command that brings devices to rest, whoever holds their leases."""
 
-    def act(device: DeviceName = "", socket: Socket = None, out: Output = PEOPLE) -> None:
+    def act(at: Endpoint, out: Output, device: DeviceName = "") -> None:
         from orientd.cli.urgent import tell
 
-        with connect_as(socket, name) as robot:
+        with at.connect(name) as robot:
             reports = getattr(robot, name)(device)
         tell(reports, out)
 
@@ -32,13 +31,8 @@ def _of_all(name: str, told: str) -> Callable[..., None]:
 def _of_one(name: str, told: str) -> Callable[..., None]:
     """Return the command that has a device do what the client's method of that name says."""
 
-    def act(
-        device: DeviceName = "",
-        lease: Beside = False,
-        socket: Socket = None,
-        out: Output = PEOPLE,
-    ) -> None:
-        _command(name, socket, lease, out, lambda robot: getattr(robot, name)(device))
+    def act(to: Commander, out: Output) -> None:
+        _command(name, to, out, lambda robot: getattr(robot, name)(to.device))
 
     return _named(name, told, act)
 
@@ -49,15 +43,11 @@ def _named(name: str, told: str, act: Callable[..., None]) -> Callable[..., None
 
 
 def _command(
-    name: str,
-    socket: Path | None,
-    is_beside: bool,
-    out: Output,
-    act: Callable[[Robot], pb.DeviceReport],
+    name: str, to: Commander, out: Output, act: Callable[[Robot], pb.DeviceReport]
 ) -> None:
     from orientd.cli import texts
 
-    with connect_as(socket, name, beside=is_beside) as robot:
+    with to.commanding(name) as robot:
         report = act(robot)
     speed = "" if report.speed == 1.0 else f", speed {report.speed:g}"
     out.answer(report, f"{report.name}: {texts.state(report)}{speed}")
@@ -79,13 +69,11 @@ reset = _of_one("reset", "Clear a fault, and start the servo process again if it
 
 
 def speed(
+    to: Commander,
+    out: Output,
     factor: Annotated[
         float, typer.Argument(metavar="X", help="Above 0 and at most 1; 1 is as planned.")
     ],
-    device: DeviceName = "",
-    lease: Beside = False,
-    socket: Socket = None,
-    out: Output = PEOPLE,
 ) -> None:
     """Run motions at X times the planned speed, from now on."""
-    _command("speed", socket, lease, out, lambda robot: robot.set_speed(factor, device))
+    _command("speed", to, out, lambda robot: robot.set_speed(factor, to.device))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orientd.cli.command import devices
-from orientd.cli.output import PEOPLE, Output, table, working
+from orientd.cli.output import Output, table, working
 from orientd.driver import Finding, Verdict
 from orientd.errors import ConfigError, OrientdError
 
@@ -24,6 +24,7 @@ SLOW_LATENCY = 0.02
 
 
 def doctor(
+    out: Output,
     config: Annotated[
         Path | None,
         typer.Option("--config", "-c", help="Check the devices of this configuration too."),
@@ -36,7 +37,6 @@ def doctor(
             autocompletion=devices,
         ),
     ] = "",
-    out: Output = PEOPLE,
 ) -> None:
     """Check whether this machine is fit for real time.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,7 +13,7 @@ import typer
 from orientd.cli.command import need_extra
 from orientd.cli.commands.record import OutFile, Scalars, Seconds, check_output, ending, tell
 from orientd.cli.commands.view import PORT, Dark, Host, NoOpen, Port, serve_page
-from orientd.cli.output import PEOPLE, Output, is_terminal, table
+from orientd.cli.output import Output, is_terminal, table
 from orientd.errors import DaemonError, OrientdError
 from orientd.rpc import STALE
 
@@ -24,55 +25,57 @@ fleet = typer.Typer(
     name="fleet", help="See, stop and move several daemons, over Zenoh.", no_args_is_help=True
 )
 
-Connect = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--connect",
-        metavar="ENDPOINT",
-        help="Endpoint of a daemon or router; default: $ORIENTD_FLEET.",
-    ),
-]
-CellName = Annotated[
-    str | None, typer.Option("--cell", help="Name of the cell; default: $ORIENTD_CELL.")
-]
-Cert = Annotated[
-    Path | None, typer.Option("--cert", help="Your certificate; default: $ORIENTD_CERT.")
-]
-Key = Annotated[
-    Path | None, typer.Option("--key", help="The key of your certificate; default: $ORIENTD_KEY.")
-]
-Ca = Annotated[
-    Path | None,
-    typer.Option("--ca", help="The authority that signs the cell; default: $ORIENTD_CA."),
-]
-
 STOP_PRIORITY = 10
 """Of SCHED_FIFO, if the command may have it: other programs can wait for a stop."""
 
 
-def _connected(
-    connect: list[str] | None,
-    cell: str | None,
-    cert: Path | None,
-    key: Path | None,
-    ca: Path | None,
-) -> Fleet:
-    from orientd.fleet import connect_fleet
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """The options of a command that connects to a cell."""
 
-    return connect_fleet(connect or None, cell=cell, certificate=cert, key=key, ca=ca)
+    endpoints: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--connect",
+            metavar="ENDPOINT",
+            help="Endpoint of a daemon or router; default: $ORIENTD_FLEET.",
+        ),
+    ] = None
+    cell: Annotated[
+        str | None, typer.Option("--cell", help="Name of the cell; default: $ORIENTD_CELL.")
+    ] = None
+    cert: Annotated[
+        Path | None, typer.Option("--cert", help="Your certificate; default: $ORIENTD_CERT.")
+    ] = None
+    key: Annotated[
+        Path | None,
+        typer.Option("--key", help="The key of your certificate; default: $ORIENTD_KEY."),
+    ] = None
+    ca: Annotated[
+        Path | None,
+        typer.Option("--ca", help="The authority that signs the cell; default: $ORIENTD_CA."),
+    ] = None
+
+    def connect(self) -> Fleet:
+        """Connect to the cell."""
+        from orientd.fleet import connect_fleet
+
+        return connect_fleet(
+            self.endpoints or None,
+            cell=self.cell,
+            certificate=self.cert,
+            key=self.key,
+            ca=self.ca,
+        )
 
 
 @fleet.command()
 def status(
-    connect: Connect = None,
-    cell: CellName = None,
-    cert: Cert = None,
-    key: Key = None,
-    ca: Ca = None,
+    at: Cell,
+    out: Output,
     once: Annotated[
         bool, typer.Option("--once", help="Print one table, even on a terminal.")
     ] = False,
-    out: Output = PEOPLE,
 ) -> None:
     """Show all daemons, what moves, what is wrong, and the age of each figure.
 
@@ -80,7 +83,7 @@ def status(
     """
     from orientd.fleet import Overview
 
-    with _connected(connect, cell, cert, key, ca) as client, Overview(client) as overview:
+    with at.connect() as client, Overview(client) as overview:
         if once or out.as_json or not is_terminal():
             found = {"daemons": [_figures(member) for member in overview.members()]}
             out.answer(found, *_table(overview))
@@ -125,16 +128,12 @@ def _table(overview: Overview) -> list[str]:
 
 @fleet.command()
 def view(
+    at: Cell,
+    out: Output,
     port: Port = PORT,
     host: Host = "127.0.0.1",
-    connect: Connect = None,
-    cell: CellName = None,
-    cert: Cert = None,
-    key: Key = None,
-    ca: Ca = None,
     no_open: NoOpen = False,
     dark: Dark = False,
-    out: Output = PEOPLE,
 ) -> None:
     """Show all devices of the cell beside each other in the browser, until Ctrl-C or SIGTERM.
 
@@ -145,29 +144,25 @@ def view(
     from orientd.fleet import Overview
     from orientd.viewer import CellView
 
-    with _connected(connect, cell, cert, key, ca) as client, Overview(client) as overview:
+    with at.connect() as client, Overview(client) as overview:
         page = CellView(overview, host=host, port=port, is_dark=dark)
         serve_page(page, host, no_open=no_open, out=out)
 
 
 @fleet.command()
 def stop(
-    connect: Connect = None,
-    cell: CellName = None,
-    cert: Cert = None,
-    key: Key = None,
-    ca: Ca = None,
+    at: Cell,
+    out: Output,
     halt: Annotated[
         bool,
         typer.Option("--halt", help="As quickly as the limits allow, off the path if need be."),
     ] = False,
-    out: Output = PEOPLE,
 ) -> None:
     """Stop every device of the cell by one message, which each daemon acknowledges."""
     from orientd.servo import set_scheduling
 
     set_scheduling(STOP_PRIORITY)
-    with _connected(connect, cell, cert, key, ca) as client:
+    with at.connect() as client:
         answers = client.stop(is_quickest=halt)
     silent = [one for one in answers if one.problem]
     lines = []
@@ -181,17 +176,13 @@ def stop(
 
 @fleet.command()
 def move(
+    at: Cell,
+    out: Output,
     plan: Annotated[Path, typer.Argument(metavar="PLAN", help="A motion for each device.")],
-    connect: Connect = None,
-    cell: CellName = None,
-    cert: Cert = None,
-    key: Key = None,
-    ca: Ca = None,
     start_in: Annotated[
         float | None,
         typer.Option(metavar="SECONDS", help="Time from the end of planning to the start."),
     ] = None,
-    out: Output = PEOPLE,
 ) -> None:
     """Move devices of several daemons from one instant, or none.
 
@@ -202,7 +193,7 @@ def move(
     motions, planned_in = read_plan(plan)
     if start_in is not None and not 0.0 < start_in <= 3600.0:
         raise typer.BadParameter(f"expected above 0 s, got {start_in:g}", param_hint="--start-in")
-    with _connected(connect, cell, cert, key, ca) as client:
+    with at.connect() as client:
         together = move_together(
             client,
             motions,
@@ -243,6 +234,8 @@ def tell_together(together: Together, out: Output) -> None:
 
 @fleet.command()
 def record(
+    at: Cell,
+    out: Output,
     file: OutFile,
     daemon: Annotated[
         list[str] | None,
@@ -250,12 +243,6 @@ def record(
     ] = None,
     seconds: Seconds = None,
     scalars: Scalars = False,
-    connect: Connect = None,
-    cell: CellName = None,
-    cert: Cert = None,
-    key: Key = None,
-    ca: Ca = None,
-    out: Output = PEOPLE,
 ) -> None:
     """Record every cycle, event and plan of the cell to one MCAP file, on one clock.
 
@@ -263,7 +250,7 @@ def record(
     of each clock and its bound.
     """
     check_output(file, seconds)
-    with _connected(connect, cell, cert, key, ca) as client:
+    with at.connect() as client:
         recording = client.record(file, daemon or (), has_scalars=scalars)
         out.say(f"recording {', '.join(daemon or client.daemons)} to {file}")
         with ending(recording, seconds):
@@ -293,17 +280,17 @@ def router(
 
     configuration = router_configuration(config)
     if show:
-        PEOPLE.say(json.dumps(configuration, indent=2))
+        Output().say(json.dumps(configuration, indent=2))
         return
     with open_session(configuration):
-        PEOPLE.say(f"ready at {' '.join(configuration['listen']['endpoints'])}")
+        Output().say(f"ready at {' '.join(configuration['listen']['endpoints'])}")
         threading.Event().wait()
 
 
 @fleet.command()
 def demo(
+    out: Output,
     daemons: Annotated[int, typer.Option("--daemons", min=2, max=16, help="How many.")] = 3,
-    out: Output = PEOPLE,
 ) -> None:
     """Start three daemons with a device each, and one motion on all of them at once.
 

@@ -10,16 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import (
-    Beside,
-    ConfigFile,
-    DeviceName,
-    Socket,
-    check_ending,
-    connect_as,
-    device_settings,
-)
-from orientd.cli.output import PEOPLE, Output, working
+from orientd.cli.command import Commander, ConfigFile, DeviceName, check_ending, device_settings
+from orientd.cli.output import Output, working
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -36,6 +28,7 @@ CANCEL_TIMEOUT = 15.0
 
 
 def plan(
+    out: Output,
     file: MotionFile,
     output: Annotated[
         Path | None,
@@ -49,7 +42,6 @@ def plan(
     from_robot: Annotated[
         bool, typer.Option("--from-robot", help="Ask the device where it stands; nothing moves.")
     ] = False,
-    out: Output = PEOPLE,
 ) -> None:
     """Plan the motion of FILE without a daemon.
 
@@ -90,8 +82,9 @@ def plan(
 
 
 def move(
+    to: Commander,
+    out: Output,
     file: MotionFile,
-    device: DeviceName = "",
     queue: Annotated[
         bool, typer.Option("--queue", help="Run after the present motion instead of replacing it.")
     ] = False,
@@ -114,9 +107,6 @@ def move(
             "both must hold in s, and optionally a timeout in s.",
         ),
     ] = "",
-    lease: Beside = False,
-    socket: Socket = None,
-    out: Output = PEOPLE,
 ) -> None:
     """Run the motion of FILE on a device, and show its progress.
 
@@ -138,10 +128,10 @@ def move(
         )
     gate = _gate(on_target) if on_target else None
     request = motion_file.load(file)
-    with connect_as(socket, "move", beside=lease) as robot:
+    with to.commanding("move") as robot:
         handle = robot.move(
             request,
-            device=device,
+            device=to.device,
             queue=queue,
             blend_tolerance=math.radians(blend),
             start_time=None if start_in is None else time.time() + start_in,

@@ -10,7 +10,7 @@ import typer
 
 from orientd.cli.command import DeviceName, Partial, Topic, need_extra
 from orientd.cli.commands.compare import Ends, Times, need_two
-from orientd.cli.output import PEOPLE, Output, table, working
+from orientd.cli.output import Output, table, working
 from orientd.errors import OrientdError, RequestError
 
 Show = Literal["motion", "triads", "rates", "body"]
@@ -29,6 +29,7 @@ def _names(incomplete: str) -> list[str]:
 
 
 def plot(
+    out: Output,
     what: Annotated[
         str | None,
         typer.Argument(
@@ -54,7 +55,6 @@ def plot(
     device: DeviceName = "",
     topic: Topic = "",
     partial: Partial = False,
-    out: Output = PEOPLE,
 ) -> None:
     """Draw a motion file, a recording, a family of curves or a figure.
 

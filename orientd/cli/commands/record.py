@@ -11,16 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import (
-    DeviceName,
-    Partial,
-    Socket,
-    check_ending,
-    connect_as,
-    devices,
-    need_extra,
-)
-from orientd.cli.output import PEOPLE, Output
+from orientd.cli.command import DeviceName, Endpoint, Partial, check_ending, devices, need_extra
+from orientd.cli.output import Output
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -37,6 +29,8 @@ Scalars = Annotated[
 
 
 def record(
+    at: Endpoint,
+    out: Output,
     file: OutFile,
     device: Annotated[
         list[str] | None,
@@ -50,8 +44,6 @@ def record(
     ] = None,
     seconds: Seconds = None,
     scalars: Scalars = False,
-    socket: Socket = None,
-    out: Output = PEOPLE,
 ) -> None:
     """Record every cycle, event and plan to an MCAP file.
 
@@ -61,7 +53,7 @@ def record(
     check_output(file, seconds)
     from orientd.recorder import RecordingSession
 
-    with connect_as(socket, "record") as robot:
+    with at.connect("record") as robot:
         session = RecordingSession(robot, file, device or (), has_scalars=scalars)
         out.say(f"recording to {file}")
         with ending(session, seconds):
@@ -120,6 +112,7 @@ ENDINGS = (".csv", ".npz", ".parquet")
 
 
 def export(
+    out: Output,
     file: Annotated[
         Path,
         typer.Argument(metavar="RECORDING", help="A recording of orientd."),
@@ -129,7 +122,6 @@ def export(
     ],
     device: DeviceName = "",
     partial: Partial = False,
-    out: Output = PEOPLE,
 ) -> None:
     """Write the cycles of a recording as a table.
 

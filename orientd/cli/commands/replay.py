@@ -9,18 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from orientd.cli.command import (
-    Beside,
+    Commander,
     ConfigFile,
-    DeviceName,
     Partial,
-    Socket,
     Topic,
     check_ending,
-    connect_as,
     device_settings,
     need_extra,
 )
-from orientd.cli.output import PEOPLE, Output, working
+from orientd.cli.output import Output, working
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,6 +32,8 @@ Pace = Literal["recorded", "minimum"]
 
 
 def replay(
+    to: Commander,
+    out: Output,
     file: Annotated[
         Path,
         typer.Argument(
@@ -65,10 +64,6 @@ def replay(
         bool, typer.Option("--dry-run", help="Plan only, without a daemon, and move nothing.")
     ] = False,
     config: ConfigFile = None,
-    device: DeviceName = "",
-    lease: Beside = False,
-    socket: Socket = None,
-    out: Output = PEOPLE,
 ) -> None:
     """Repeat a recorded orientation.
 
@@ -103,7 +98,7 @@ def replay(
     if dry_run:
         from orientd.daemon import plan_of
 
-        planner = device_settings(config, device).planner()
+        planner = device_settings(config, to.device).planner()
         motion, slower = _planned(fit, pace, planner.plan_offline, output)
         planned = plan_of(motion)
         out.answer(
@@ -111,10 +106,10 @@ def replay(
             *_lines(planned, slower, output),
         )
         return
-    with connect_as(socket, "replay", beside=lease) as robot:
-        plan, slower = _planned(fit, pace, lambda one: robot.plan(one, device=device), output)
+    with to.commanding("replay") as robot:
+        plan, slower = _planned(fit, pace, lambda one: robot.plan(one, device=to.device), output)
         out.say(*_lines(plan, slower, output))
-        handle = robot.move(plan, device=device)
+        handle = robot.move(plan, device=to.device)
         summary = follow(handle, out, title=f"motion {handle.motion_number}")
     conclude(handle, summary, out, fit=fitted, slower=slower)
 

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from orientd.cli.output import PEOPLE, Output
+from orientd.cli.output import Output
 from orientd.errors import ConfigError
 
 service = typer.Typer(
@@ -43,6 +43,7 @@ def unit(*, python: str, config: Path, user: str | None) -> str:
 
 @service.command()
 def install(
+    out: Output,
     config: Annotated[
         Path, typer.Option("--config", "-c", help="The configuration of the daemon.")
     ],
@@ -55,7 +56,6 @@ def install(
     only_print: Annotated[
         bool, typer.Option("--print", help="Print the unit; write nothing.")
     ] = False,
-    out: Output = PEOPLE,
 ) -> None:
     """Write a hardened unit, and say how to start it.  Starts nothing itself."""
     from orientd import config as configuration

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orientd.cli.command import DeviceName, Socket, check_ending, connect_as
-from orientd.cli.output import PEOPLE, Output
+from orientd.cli.command import DeviceName, Endpoint, check_ending
+from orientd.cli.output import Output
 from orientd.errors import DeviceError, OrientdError, StateError
 
 if TYPE_CHECKING:
@@ -36,6 +36,8 @@ _HELP = "space takes the pose, backspace removes the last, n names it, q ends"
 
 
 def teach(
+    at: Endpoint,
+    out: Output,
     file: Annotated[
         Path, typer.Argument(metavar="OUT.yaml", help="The motion file to write, YAML or JSON.")
     ],
@@ -45,8 +47,6 @@ def teach(
         bool,
         typer.Option("--watch", help="Leave the device as it is; something else moves it."),
     ] = False,
-    socket: Socket = None,
-    out: Output = PEOPLE,
 ) -> None:
     """Teach a motion file by moving a device by hand.
 
@@ -61,7 +61,7 @@ def teach(
     if file.exists():
         raise OrientdError(f"cannot write {file}: it is there already")
 
-    with connect_as(socket, "teach") as robot:
+    with at.connect("teach") as robot:
         if not watch:
             robot.acquire_lease(device)
         # From here on a signal is an order, and whatever happens the device is held again.

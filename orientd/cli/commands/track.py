@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import Beside, DeviceName, Socket, connect_as
-from orientd.cli.output import PEOPLE, Output
+from orientd.cli.command import Commander
+from orientd.cli.output import Output
 from orientd.one_line import one_line
 
 if TYPE_CHECKING:
@@ -21,14 +21,12 @@ _NAMED = 10
 
 
 def track(
-    device: DeviceName = "",
+    to: Commander,
+    out: Output,
     time_to_live: Annotated[
         float,
         typer.Option(metavar="SECONDS", help="Lifetime of a target that does not give its own."),
     ] = 0.5,
-    lease: Beside = False,
-    socket: Socket = None,
-    out: Output = PEOPLE,
 ) -> None:
     """Follow targets that arrive on standard input.
 
@@ -45,8 +43,8 @@ def track(
     from orientd.rpc import to_quaternion
 
     lines = _Lines(time_to_live)
-    with connect_as(socket, "track", beside=lease) as robot:
-        with robot.track(device=device) as tracking:
+    with to.commanding("track") as robot:
+        with robot.track(device=to.device) as tracking:
             for target in lines.targets(sys.stdin.buffer):
                 tracking.hand_over(target)
         report = tracking.report

@@ -3,31 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from orientd.cli.command import Beside, DeviceName, Socket, connect_as
+from orientd.cli.command import Commander
 from orientd.cli.commands.motion_commands import conclude, follow
-from orientd.cli.output import PEOPLE, Output
+from orientd.cli.output import Output
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
     from orientd.rpc import EndlessTurn, MoveHandle, Robot
 
 
-def home(
-    device: DeviceName = "", lease: Beside = False, socket: Socket = None, out: Output = PEOPLE
-) -> None:
+def home(to: Commander, out: Output) -> None:
     """Turn every axis of a gimbal to zero, and unwind whole turns.
 
     Ctrl-C stops it on its path.
     """
-    _run("home", lambda robot: robot.home(device), lease, socket, out)
+    _run("home", lambda robot: robot.home(to.device), to, out)
 
 
 def turn(
+    to: Commander,
+    out: Output,
     rate: Annotated[
         float,
         typer.Option("--rate", metavar="RAD/S", help="Rate; a negative one turns the other way."),
@@ -45,10 +44,6 @@ def turn(
         Literal["body", "world"],
         typer.Option("--frame", help="Frame of the axis: the tool's or the world's."),
     ] = "body",
-    device: DeviceName = "",
-    lease: Beside = False,
-    socket: Socket = None,
-    out: Output = PEOPLE,
 ) -> None:
     """Turn at a constant rate, from rest to rest, as a turntable does.
 
@@ -58,22 +53,18 @@ def turn(
     omega = [rate if letter == axis else 0.0 for letter in "xyz"]
 
     def begin(robot: Robot) -> MoveHandle | EndlessTurn:
-        fields = {"device": device, "velocity_frame": velocity_frame, "name": "turn"}
+        fields = {"device": to.device, "velocity_frame": velocity_frame, "name": "turn"}
         if duration is None:
             return robot.turn_endlessly(omega, **fields)
         return robot.turn(omega, duration, **fields)
 
-    _run("turn", begin, lease, socket, out)
+    _run("turn", begin, to, out)
 
 
 def _run(
-    name: str,
-    begin: Callable[[Robot], MoveHandle | EndlessTurn],
-    is_beside: bool,
-    socket: Path | None,
-    out: Output,
+    name: str, begin: Callable[[Robot], MoveHandle | EndlessTurn], to: Commander, out: Output
 ) -> None:
-    with connect_as(socket, name, beside=is_beside) as robot:
+    with to.commanding(name) as robot:
         handle = begin(robot)
         summary = follow(handle, out, title=name, lines=handle.plan.certificate.notes)
     conclude(handle, summary, out)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orientd.cli.command import Beside, Socket, connect_as, need_extra
-from orientd.cli.output import PEOPLE, Output
+from orientd.cli.command import Beside, Endpoint, need_extra
+from orientd.cli.output import Output
 
 if TYPE_CHECKING:
     from orientd.viewer import CellView, View
@@ -27,6 +27,8 @@ Dark = Annotated[bool, typer.Option("--dark", help="Dark pages.")]
 
 
 def view(
+    at: Endpoint,
+    out: Output,
     port: Port = PORT,
     host: Host = "127.0.0.1",
     control: Annotated[
@@ -39,8 +41,6 @@ def view(
     no_open: NoOpen = False,
     dark: Dark = False,
     lease: Beside = False,
-    socket: Socket = None,
-    out: Output = PEOPLE,
 ) -> None:
     """Show a daemon's devices in the browser, until Ctrl-C or SIGTERM.
 
@@ -51,7 +51,7 @@ def view(
     from orientd.viewer import View, is_loopback
 
     page = View(
-        lambda: connect_as(socket, "view"),
+        lambda: at.connect("view"),
         host=host,
         port=port,
         may_command=is_loopback(host) if control is None else control,

@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import inside
+from command_line import assert_refused, inside
 
-from orientd.cli.command import AsJson
 from orientd.cli.commands import daemon_commands
-from orientd.cli.output import plain, table
+from orientd.cli.output import Output, plain, table
 from orientd.errors import LimitError, LimitKind, OrientdError, RequestError
 from orientd.stream import ServoState
 
@@ -77,7 +76,7 @@ def run(monkeypatch):
     """Run a command in which an error is raised."""
 
     def run(error, *arguments):
-        def methods(as_json: AsJson = False) -> None:
+        def methods(out: Output) -> None:
             raise error
 
         monkeypatch.setattr(daemon_commands, "methods", methods)
@@ -131,3 +130,16 @@ def test_a_mistake_of_ours_is_shown_whole_to_whoever_asks_for_it(run, monkeypatc
     monkeypatch.setenv("ORIENTD_TRACEBACK", "1")
     with pytest.raises(ZeroDivisionError):
         run(ZeroDivisionError())
+
+
+@pytest.mark.parametrize("address", ["nowhere", "localhost"])
+def test_an_address_without_a_port_is_a_mistake_of_usage(address):
+    result = inside("status", "--address", address)
+    assert_refused(result, f"expected HOST:PORT or fleet:NAME, got {address!r}", status=2)
+
+
+def test_an_address_is_that_of_one_command_alone(monkeypatch, tmp_path):
+    monkeypatch.delenv("ORIENTD_ADDRESS", raising=False)
+    socket = tmp_path / "none.sock"
+    assert_refused(inside("status", "--address", "localhost:1", "--socket", socket), "localhost:1")
+    assert_refused(inside("status", "--socket", socket), f"no daemon answers at {socket}")

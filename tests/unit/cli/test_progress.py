@@ -33,7 +33,7 @@ def changed(**fields):
 
 
 def test_a_line_has_orientation_rate_lateness_and_tracking_error(capsys):
-    with progress.view("motion 1", output.PEOPLE) as show:
+    with progress.view("motion 1", output.Output()) as show:
         show(REPORT)
     assert capsys.readouterr().out == (
         "1.00 of 4.00 s  w +1.0000 x +0.0000 y +0.0000 z +0.0000  0.500 rad/s  late 0.120 ms  "
@@ -42,7 +42,7 @@ def test_a_line_has_orientation_rate_lateness_and_tracking_error(capsys):
 
 
 def test_plain_lines_come_now_and_then(capsys):
-    with progress.view("motion 1", output.PEOPLE) as show:
+    with progress.view("motion 1", output.Output()) as show:
         for _ in range(100):
             show(REPORT)
     assert len(capsys.readouterr().out.splitlines()) < 5
@@ -56,7 +56,7 @@ def test_silence_says_nothing(capsys):
 
 @pytest.mark.parametrize(("speed", "is_paused"), [(0.5, False), (0.0, True)])
 def test_what_is_not_as_planned_is_said(capsys, speed, is_paused):
-    with progress.view("motion 1", output.PEOPLE) as show:
+    with progress.view("motion 1", output.Output()) as show:
         show(changed(speed=speed, is_paused=is_paused, tracking_error=None))
     line = capsys.readouterr().out
     assert f"speed {speed:.2f}" in line
@@ -80,7 +80,7 @@ def test_work_is_shown_on_a_terminal_alone_and_never_on_standard_output(capsys, 
 def test_a_live_line_tells_the_times_however_narrow_the_terminal_is(capsys, monkeypatch, width):
     monkeypatch.setattr(progress, "is_terminal", lambda: True)
     rich.reconfigure(width=width)
-    with progress.view("motion 1", output.PEOPLE) as show:
+    with progress.view("motion 1", output.Output()) as show:
         show(changed(speed=0.5))
     rich.reconfigure()
     said = capsys.readouterr().out
@@ -92,7 +92,7 @@ def test_a_live_line_tells_the_times_however_narrow_the_terminal_is(capsys, monk
 def test_a_name_is_shown_as_it_is_whatever_brackets_it_has(capsys, monkeypatch):
     monkeypatch.setattr(progress, "is_terminal", lambda: True)
     monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    with progress.view("motion 1 'a[b] [/red]'", output.PEOPLE) as show:
+    with progress.view("motion 1 'a[b] [/red]'", output.Output()) as show:
         show(REPORT)
     assert "motion 1 'a[b] [/red]'" in capsys.readouterr().out
     with output.working("planning a[b] [/red].yaml"):
@@ -103,7 +103,7 @@ def test_a_live_line_says_when_it_is_old(capsys, monkeypatch):
     monkeypatch.setattr(progress, "is_terminal", lambda: True)
     rich.reconfigure(width=200)
     now = time.monotonic()
-    with progress.view("motion 1", output.PEOPLE) as show:
+    with progress.view("motion 1", output.Output()) as show:
         show(REPORT)
         monkeypatch.setattr(progress.time, "monotonic", lambda: now + 5.0)
     rich.reconfigure()
