@@ -195,7 +195,7 @@ def check_ending(path: Path, endings: Sequence[str], *, named: str) -> None:
 
 _EXTRAS = {
     "record": ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf"),
-    "view": ("viser",),
+    "view": ("websockets",),
 }
 """Modules that make an optional part of orientd."""
 
