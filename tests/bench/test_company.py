@@ -18,7 +18,7 @@ from orientd.bench.lateness import processes
 from orientd.bench.servo import DEVICE, PRIORITY, daemon, stream
 from orientd.config import SPIN_US
 
-pytest.importorskip("viser")
+pytest.importorskip("websockets")
 pytest.importorskip("prometheus_client")
 playwright = pytest.importorskip("playwright.sync_api")
 
