@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-
-import grpc
+from typing import TYPE_CHECKING
 
 from orientd import first_stop
 from orientd.bounded_file import MEBIBYTE, read_bounded
 from orientd.errors import DaemonError
 from orientd.rpc.trust import check_socket
+
+if TYPE_CHECKING:
+    import grpc
 
 # A motion of 200,000 keyframes with times and positions takes 13 MB.
 MAX_MESSAGE_BYTES = 64 * MEBIBYTE
@@ -144,6 +146,8 @@ class Way:
                 is there is not of somebody trusted.
             AccessError: the daemon admits its own user alone.
         """
+        import grpc  # the daemon asks for paths alone
+
         if not self.address:
             name = target(self.socket)
             check_socket(self.socket)

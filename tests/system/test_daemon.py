@@ -66,7 +66,7 @@ def test_it_is_small_before_its_first_plan(daemon):
 def test_starting_imports_nothing_that_is_slow():
     code = (
         "import sys, orientd.cli.main\n"
-        "slow = {'numpy', 'scipy', 'orientd.kernels', 'matplotlib', 'rich'}\n"
+        "slow = {'numpy', 'scipy', 'grpc', 'orientd.kernels', 'matplotlib', 'rich'}\n"
         "print(', '.join(slow & set(sys.modules)))\n"
         "import orientd.daemon.server\n"
         "print(', '.join((slow - {'numpy'}) & set(sys.modules)))"
