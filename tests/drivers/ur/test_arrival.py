@@ -34,8 +34,8 @@ def farthest(a, b):
 def test_motion_is_done_only_once_the_joints_have_arrived(ur_robot):
     events = []
     with device_of(ur_robot.host, on_event=events.append, lookahead=0.2) as device:
-        number = swing(device, angle=0.4, seconds=1.2)
-        assert end_of(device, events, number).kind is EventKind.MOTION_DONE
+        queued = swing(device, angle=0.4, seconds=1.2)
+        assert end_of(device, events, queued.number).kind is EventKind.MOTION_DONE
         done = ur_robot.state()["actual_q"]
         ur_robot.wait_until(lambda s: max(map(abs, difference_of(s))) < 1e-6)
         assert farthest(done, ur_robot.state()["target_q"]) < 1.05 * TOLERANCE
@@ -48,10 +48,10 @@ def difference_of(state):
 def test_joint_that_does_not_arrive_is_named_with_how_far_it_is_behind(ur_robot):
     events = []
     with device_of(ur_robot.host, on_event=events.append) as device:
-        number = swing(device, angle=0.3, seconds=2.0)
+        queued = swing(device, angle=0.3, seconds=2.0)
         until(lambda: device.snapshot().path_time > 0.9, "the turning point")
         ur_robot.ask("block 6")
-        ended = end_of(device, events, number)
+        ended = end_of(device, events, queued.number)
         assert ended.kind is EventKind.MOTION_STOPPED
         fault, text, _ = fault_of(device)
         assert fault is Fault.DEVICE_FAULT
@@ -68,8 +68,8 @@ def test_tolerance_is_an_option(ur_robot):
     events = []
     with device_of(ur_robot.host, on_event=events.append, arrival_tolerance_deg=10) as device:
         ur_robot.ask("block 6")
-        number = swing(device, angle=0.02, seconds=0.8)
-        assert end_of(device, events, number).kind is EventKind.MOTION_DONE
+        queued = swing(device, angle=0.02, seconds=0.8)
+        assert end_of(device, events, queued.number).kind is EventKind.MOTION_DONE
 
 
 def test_random_motions_arrive_at_any_lookahead_and_slider(ur_robot):
@@ -82,13 +82,13 @@ def test_random_motions_arrive_at_any_lookahead_and_slider(ur_robot):
             ur_robot.wait_until(lambda s, wanted=slider: abs(s["speed_scaling"] - wanted) < 1e-6)
             options = {"lookahead": generator.uniform(0.03, 0.2)}
             angle = generator.uniform(0.02, 0.4)
-            number = swing(
+            queued = swing(
                 device,
                 angle=angle,
                 seconds=2.0 * max(0.6, angle / generator.uniform(0.3, 0.7)),
                 device_options=options,
             )
-            ended = end_of(device, events, number)
+            ended = end_of(device, events, queued.number)
             assert ended.kind is EventKind.MOTION_DONE, (case, slider, options, ended.text)
             done = ur_robot.state()["actual_q"]
             # A slow slider lets the model creep for long.

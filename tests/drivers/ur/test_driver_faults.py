@@ -262,13 +262,13 @@ def test_fault_of_one_robot_leaves_the_other_moving(ur_robot):
         device_of(other.host) as second,
     ):
         swing(first)
-        number = swing(second)
+        queued = swing(second)
         streaming(second)
         ur_robot.ask("die")
         fault_of(first)
         until(lambda: is_holding(second), "the other's end")
         assert second.snapshot().fault is Fault.NONE
-        assert second.snapshot().motion_number == number
+        assert second.snapshot().motion_number == queued.number
 
 
 @pytest.mark.slow
