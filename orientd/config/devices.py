@@ -1,9 +1,4 @@
-"""The tables of devices, and the limits in them; see :func:`orientd.model.angular_rate`.
-
->>> from pydantic import TypeAdapter
->>> TypeAdapter(AngularLimit).validate_python([2, 1, 3])
-(2.0, 1.0, 3.0)
-"""
+"""The tables of devices, and the limits in them."""
 
 from __future__ import annotations
 
@@ -11,12 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import Field, PlainSerializer, PlainValidator, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from orientd.config.table import Name, Positive, Table, checked
 from orientd.errors import RequestError
-from orientd.model import angular_rate
+from orientd.model import AngularRate, LinearRate
 
 if TYPE_CHECKING:
     from orientd.planner import DevicePlanner, Frame, Limits
@@ -29,23 +24,6 @@ SPIN_US = 50
 """Spun before a deadline unless a device says otherwise, us: 2.5 % of a core at 500 Hz."""
 FIRST_PHASE = 5 / 16
 """Phase of the first device: beside whole milliseconds, where the kernel's own timers are."""
-
-
-def _angular_limit(content: object) -> float | tuple[float, float, float]:
-    try:
-        return angular_rate(content)
-    except ValueError as error:
-        # As pydantic words it for the other numbers of a table.
-        expected = str(error).replace("a number greater", "greater")
-        raise PydanticCustomError("limit", "{expected}", {"expected": expected}) from None
-
-
-AngularLimit = Annotated[
-    float | tuple[float, float, float],
-    PlainValidator(_angular_limit),
-    # By itself pydantic takes three numbers for a list that should be a tuple, and warns.
-    PlainSerializer(lambda limit: limit, return_type=Any),
-]
 
 
 def _interpreter(path: str) -> str:
@@ -78,11 +56,11 @@ class LimitSettings(Table):
     """
 
     preset: str | None = None
-    velocity: AngularLimit | None = None
-    acceleration: AngularLimit | None = None
-    jerk: AngularLimit | None = None
-    linear_velocity: Positive | None = None
-    linear_acceleration: Positive | None = None
+    velocity: AngularRate = None
+    acceleration: AngularRate = None
+    jerk: AngularRate = None
+    linear_velocity: LinearRate = None
+    linear_acceleration: LinearRate = None
 
     @field_validator("preset")
     @classmethod
@@ -165,15 +143,12 @@ class DeviceSettings(Table):
                 "compensate_latency: true needs latency, in seconds; "
                 f"`orientd doctor --config FILE --latency {self.name}` finds it"
             )
-        try:
-            if self.limits.model_fields_set:
-                self.limits.to_limits().check_range(1.0 / self.rate_hz)
-        except RequestError as error:
-            raise ValueError(f"{error.field}: {error.problem}") from error
+        if self.limits.model_fields_set:
+            self.limits.to_limits().check_range(1.0 / self.rate_hz)
         try:
             self.to_frames()
         except RequestError as error:
-            raise ValueError(f"frames.{error.field}: {error.problem}") from error
+            raise RequestError(f"frames.{error.field}", error.problem) from error
         return self
 
     def to_frames(self) -> Mapping[str, Frame]:

@@ -25,7 +25,7 @@ from orientd.config.operation import (
     TcpSettings,
 )
 from orientd.config.table import Table
-from orientd.errors import ConfigError
+from orientd.errors import ConfigError, RequestError
 from orientd.one_line import one_line
 
 _log = logging.getLogger(__name__)
@@ -214,7 +214,10 @@ def _describe(error: ValidationError) -> str:
     if kind == "unknown_key":
         return f"{'.'.join([*place, str(context['key'])[:_LONGEST_KEY]])}: {first['msg']}"
     if kind == "value_error":
-        return ".".join([*place, str(context["error"])])
+        error = context["error"]
+        if isinstance(error, RequestError):
+            return f"{'.'.join(filter(None, [key, error.field]))}: {error.problem}"
+        return ".".join([*place, str(error)])
     if kind == "missing":
         return f"{key}: missing"
     if kind in ("model_type", "model_attributes_type", "dict_type"):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
+    from orientd.model.fields import AngularRate, LinearRate
     from orientd.model.limits import (
         ACCELERATION_RESERVE,
         ANGULAR,
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 __getattr__ = lazily(
     __name__,
     {
+        "orientd.model.fields": ("AngularRate", "LinearRate"),
         "orientd.model.limits": (
             "ACCELERATION_RESERVE",
             "ANGULAR",

@@ -224,8 +224,8 @@ def test_a_preset_is_overridden_by_what_is_given_beside_it(tmp_path):
         ("velocity = [1, 2]", "limits.velocity: expected three finite numbers greater than 0"),
         ("jerk = [1, 0, 1]", "limits.jerk: expected three finite numbers greater than 0"),
         ("jerk = [1, 'a', 1]", "limits.jerk: expected three finite numbers greater than 0"),
-        ("acceleration = 'a'", "limits.acceleration: expected a number, got 'a'"),
-        ("velocity = -1", "limits.velocity: expected greater than 0, got -1"),
+        ("acceleration = 'a'", "limits.acceleration: expected a number, got the text 'a'"),
+        ("velocity = -1", "limits.velocity: expected a number greater than 0, got -1"),
         ("linear_velocity = [1, 1, 1]", "limits.linear_velocity: expected a number, got [1, 1, 1]"),
     ],
 )

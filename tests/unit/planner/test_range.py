@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import orientd
-from orientd.config import DeviceSettings
-from orientd.errors import OrientdError, RequestError
+from orientd import config
+from orientd.errors import ConfigError, OrientdError, RequestError
 from orientd.motion_file import parse
 from orientd.planner import DEFAULT_LIMITS, Limits, State, plan
 
@@ -36,8 +36,9 @@ def test_a_limit_out_of_range_is_refused_by_its_name(name, limit):
 
 @pytest.mark.parametrize(("name", "limit"), OUTSIDE)
 def test_a_configuration_out_of_range_is_refused_by_its_name(name, limit):
-    with pytest.raises(ValueError, match=f"devices.arm.limits.{name}: must be within 1e-09"):
-        DeviceSettings(name="arm", driver="loopback", limits={name: limit})
+    arm = {"driver": "loopback", "limits": {name: limit}}
+    with pytest.raises(ConfigError, match=f"devices.arm.limits.{name}: must be within 1e-09"):
+        config.parse({"devices": {"arm": arm}}, source="test")
 
 
 def test_a_motion_file_out_of_range_is_refused_by_its_name():
@@ -53,8 +54,9 @@ def test_a_motion_file_out_of_range_is_refused_by_its_name():
 def test_more_than_half_a_turn_in_a_cycle_is_refused(velocity):
     with pytest.raises(RequestError, match=r"at most half a turn in a cycle, 1570\.8 rad/s"):
         orientd.plan(TURN, limits={"velocity": velocity})
-    with pytest.raises(ValueError, match=r"devices.arm.limits.velocity: .* half a turn"):
-        DeviceSettings(name="arm", driver="loopback", limits={"velocity": velocity})
+    arm = {"driver": "loopback", "limits": {"velocity": velocity}}
+    with pytest.raises(ConfigError, match=r"devices.arm.limits.velocity: .* half a turn"):
+        config.parse({"devices": {"arm": arm}}, source="test")
 
 
 @pytest.mark.parametrize("rates", [(1e6, 1e9, 1e12), (1e5, 1e8, 1e11)])
