@@ -438,6 +438,7 @@ class MotionQueue:
         while self._metered < head and (
             records := self._servo.cycle_records(self._metered, _METER_BLOCK)
         ):
+            self._servo.beat()
             for queued in self._motions:
                 if queued.meter is not None:
                     queued.meter.add(records)

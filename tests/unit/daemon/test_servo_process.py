@@ -1,12 +1,15 @@
 """What is between the daemon and a servo process: a real one, with the loopback driver."""
 
+import os
+import signal
+import threading
 import time
 
 import pytest
 
 from orientd.config import DeviceSettings
 from orientd.daemon.device.servo_process import ServoProcess
-from orientd.errors import StateError
+from orientd.errors import DaemonError, StateError
 from orientd.stream import Command
 
 
@@ -19,10 +22,14 @@ def servo():
     servo.end()
 
 
-def test_answers_that_nobody_waits_for_are_not_kept(servo):
+def await_cycles(servo):
     ends = time.monotonic() + 30.0
     while not servo.next_cycle and time.monotonic() < ends:
         time.sleep(0.01)
+
+
+def test_answers_that_nobody_waits_for_are_not_kept(servo):
+    await_cycles(servo)
     for _ in range(20):
         servo.brake()
     # Answered behind all of them, though there were more than there is room for.
@@ -30,3 +37,31 @@ def test_answers_that_nobody_waits_for_are_not_kept(servo):
         servo.ask(Command.SPEED, speed=1.0)
     assert not servo._answers
     assert not servo._awaited
+
+
+def test_a_stop_passes_a_command_that_takes_its_time_and_others_are_refused(servo):
+    await_cycles(servo)
+    refused = []
+
+    def enable():
+        try:
+            servo.ask(Command.ENABLE)
+        except DaemonError as error:
+            refused.append(str(error))
+
+    os.kill(servo.pid, signal.SIGSTOP)
+    enabling = threading.Thread(target=enable)
+    enabling.start()
+    try:
+        time.sleep(0.1)
+        with pytest.raises(StateError, match=r"enable is under way, for \d.\d s so far"):
+            servo.ask(Command.RESET)
+        begun = time.monotonic()
+        servo.ask(Command.STOP)
+        assert time.monotonic() - begun < 0.3
+        enabling.join()
+    finally:
+        os.kill(servo.pid, signal.SIGCONT)
+    assert "is stopped (SIGSTOP or a debugger), it cannot enable" in refused[0]
+    with pytest.raises(StateError, match="not possible while idle"):
+        servo.ask(Command.SPEED, speed=1.0)
