@@ -39,6 +39,12 @@ def cell(open_folder):
         yield cell
 
 
+@pytest.fixture(autouse=True)
+def held(cell):
+    """Hold the lease, which nobody else renews."""
+    cell.hold()
+
+
 NEED_LEASE = {
     *("Move", "Track", "Pause", "Resume", "SetSpeed", "Enable", "Disable", "Reset"),
     *("RenewLease", "ReleaseLease"),

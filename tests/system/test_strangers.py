@@ -34,6 +34,7 @@ def cell(open_folder):
 @pytest.fixture(autouse=True)
 def unchanged(cell):
     """Check that whoever comes in a test changes nothing that the daemon's own user holds."""
+    cell.hold()
     before = cell.is_as()
     yield
     assert cell.is_as() == before
