@@ -6,7 +6,7 @@ built-in sockets.  Whether the servos' answers may be trusted is seen to afterwa
 (:mod:`orientd.rpc.stop_call`): a stop is nothing that a stranger could not be told.
 """
 
-# ruff: noqa: PTH100, PTH110, PTH111, PTH116, PTH208, SIM105 - pathlib and contextlib take as long to load
+# ruff: noqa: PTH110, PTH111, PTH116, PTH208, SIM105 - pathlib and contextlib take as long to load
 
 from __future__ import annotations
 
@@ -67,10 +67,10 @@ def found_socket() -> str:
 
 
 def plain(arguments: list[str]) -> dict[str, str] | None:
-    """Return what the command line plainly asks for, or ``None`` where there is anything else.
+    """Return what the command line plainly asks for; ``None`` if it says anything else.
 
     Returns:
-        ``kind``, ``device`` and the daemon's ``socket``; and ``json`` where that is wanted.
+        ``kind``, ``device`` and the daemon's ``socket``; and ``json`` if that is wanted.
     """
     if not arguments or arguments[0] not in KINDS:
         return None
@@ -92,7 +92,7 @@ def first(asked: dict[str, str]) -> Answers | None:
     """Send the stop that is plainly asked for, before all else that there is to do.
 
     Returns:
-        As :func:`send` does; ``None`` too where this user may not.
+        As :func:`send` does; ``None`` too if this user may not.
     """
     try:
         os.setpriority(os.PRIO_PROCESS, 0, _FIRST)
@@ -118,8 +118,8 @@ def send(socket_path: str, kind: str, device: str = "") -> Answers | None:
         device: its name; empty for all of them.
 
     Returns:
-        What the servo of each device answers and the number of its user, -1 of one that does not
-        answer; ``None`` where no servo listens.
+        What the servo of each device answers and the number of its user, -1 for one that does not
+        answer; ``None`` if no servo listens.
 
     Raises:
         OSError: this user may not look there.
@@ -153,25 +153,3 @@ def send(socket_path: str, kind: str, device: str = "") -> Answers | None:
         asking.close()
         os.close(folder)
     return answers or None
-
-
-def connected(path: str) -> _socket.socket:
-    """Return a connection to the Unix socket at *path*.
-
-    Raises:
-        OSError: there is none, or it does not admit this user.
-    """
-    connection = _socket.socket(_socket.AF_UNIX)
-    try:
-        connection.settimeout(TIMEOUT)
-        folder, _, name = os.path.abspath(path).rpartition("/")
-        # By way of its directory: that path is never too long.
-        directory = os.open(folder or "/", os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
-        try:
-            connection.connect(f"/proc/self/fd/{directory}/{name}")
-        finally:
-            os.close(directory)
-    except BaseException:
-        connection.close()
-        raise
-    return connection

@@ -27,11 +27,11 @@ _TIMEOUT = 2.0
 
 
 def run(asked: dict[str, str], answers: Answers | None) -> bool:
-    """Tell of a stop that has gone out; return whether that is done.
+    """Report a stop that has gone out; return whether the command line has nothing left to do.
 
     Args:
         asked: see :func:`orientd.first_stop.plain`.
-        answers: of the servos; ``None`` where no servo was reached.
+        answers: of the servos; ``None`` if no servo was reached.
     """
     if answers is None:
         return False
@@ -70,7 +70,7 @@ def tell(reports: list[pb.DeviceReport], out: Output) -> None:
 
 
 def _tell_little(told: list[dict[str, Any]], *, as_json: bool) -> None:
-    """Say what was stopped, where the daemon says nothing more."""
+    """Say what was stopped if the daemon does not answer."""
     devices = [{**one, "state": one["state"].lower()} for one in told]
     if as_json:
         lines = [json.dumps({"devices": devices, "daemon": "does not answer"})]

@@ -1,7 +1,7 @@
 """The gateway: the process that speaks Zenoh for one daemon.
 
 It declares the daemon's presence, publishes its state, tells its clock, and stops its devices as
-``orientd stop`` does: by the process that takes stops, even while the daemon hangs.  The daemon is
+``orientd stop`` does: straight to the servos, even while the daemon hangs.  The daemon is
 at the other end of a socket of packets.  Its first packet is the configuration, JSON; each one
 after it is a state: the time it was taken, 8 bytes, and a ``GetStateResponse``.  The gateway
 answers in JSON.
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import zenoh
 
 PRIORITY = 10
-"""Of SCHED_FIFO, where the process may have it: below servos and the process that takes stops."""
+"""Of SCHED_FIFO, where the process may have it: below servos."""
 
 
 class Gateway:
@@ -83,7 +83,7 @@ class Gateway:
         try:
             told: dict[str, Any] = {"devices": ask_to_stop(self._socket, kind)}
             if told["devices"] is None:
-                told = {"error": "nothing takes stops there"}
+                told = {"error": "no servo takes stops there"}
         except OrientdError as error:
             told = {"error": str(error)}
         told["time_ns"] = time.monotonic_ns()
