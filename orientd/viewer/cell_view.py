@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from orientd.errors import OrientdError
+from orientd.rpc import to_quaternion
 from orientd.viewer import words
 from orientd.viewer.cell import Cell
 from orientd.viewer.server import PageServer
@@ -51,11 +52,11 @@ class CellView:
         for place, (member, device) in enumerate(shown):
             row, column = divmod(place, columns)
             x, y = 0.5 * (rows - 1) - row, column - 0.5 * (columns - 1)
-            is_known = not (member.problem or device.is_stale) and device.cycle is not None
+            is_known = not (member.problem or device.is_stale) and device.HasField("cycle")
             tools.append({
                 "name": f"{member.daemon}/{device.name}",
                 "at": [SPACING * x, SPACING * y, 0.0],
-                "q": device.cycle.q if is_known and device.cycle else None,
+                "q": to_quaternion(device.cycle.q) if is_known else None,
                 "problem": not is_known,
             })  # fmt: skip
         return {
