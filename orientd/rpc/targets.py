@@ -9,7 +9,7 @@ from orientd.driver import Quaternion, Vector3
 from orientd.errors import RequestError
 from orientd.floats import rotate_back
 from orientd.rpc import control_pb2 as pb
-from orientd.rpc.values import quaternion, to_quaternion, to_vector, vector
+from orientd.rpc.values import to_quaternion, to_vector
 from orientd.tolerances import NORM_TOLERANCE
 
 TIME_TO_LIVE = 0.5
@@ -79,22 +79,3 @@ def target_from_message(message: pb.TrackTarget, now_ns: int) -> AimedAt:
             "target.time_ns", f"expected at most {LONGEST_AHEAD:g} s ahead, got {ahead:.6g} s"
         )
     return AimedAt(q, omega, time_ns, time_ns + round(life * 1e9), position)
-
-
-def target_to_message(
-    q: Quaternion,
-    angular_velocity: Vector3 | None,
-    *,
-    is_world: bool,
-    time_ns: int,
-    time_to_live: float,
-    position: Vector3 | None = None,
-) -> pb.TrackTarget:
-    """Return a target as a message."""
-    message = pb.TrackTarget(orientation=quaternion(q), time_ns=time_ns, time_to_live=time_to_live)
-    if angular_velocity is not None:
-        message.angular_velocity.CopyFrom(vector(angular_velocity))
-        message.velocity_frame = pb.FRAME_WORLD if is_world else pb.FRAME_BODY
-    if position is not None:
-        message.position.CopyFrom(vector(position))
-    return message

@@ -17,7 +17,7 @@ from orientd.rotation import Quaternion
 from orientd.rpc import control_pb2 as pb
 from orientd.rpc.connection import Connection
 from orientd.rpc.motion_request import keyframe_mappings
-from orientd.rpc.targets import target_to_message
+from orientd.rpc.values import quaternion
 from orientd.spelling import did_you_mean
 
 Frame = Literal["body", "world"]
@@ -158,22 +158,22 @@ def target_message(
         raise RequestError("target.time_ns", f"expected a whole number, got {time_ns!r}")
     if not isinstance(time_to_live, int | float):
         raise RequestError("target.time_to_live", f"expected a number, got {time_to_live!r}")
-    return target_to_message(
-        _orientation(target),
-        None if angular_velocity is None else _vector("angular_velocity", angular_velocity),
-        is_world=velocity_frame == "world",
-        time_ns=time_ns,
-        time_to_live=time_to_live,
-        position=None if position is None else _vector("position", position),
-    )
+    message = pb.TrackTarget(time_ns=time_ns, time_to_live=time_to_live)
+    message.orientation.CopyFrom(quaternion(_orientation(target)))
+    if angular_velocity is not None:
+        message.angular_velocity.CopyFrom(_vector("angular_velocity", angular_velocity))
+        message.velocity_frame = pb.FRAME_WORLD if velocity_frame == "world" else pb.FRAME_BODY
+    if position is not None:
+        message.position.CopyFrom(_vector("position", position))
+    return message
 
 
-def _vector(name: str, given: object) -> Vector3:
+def _vector(name: str, given: object) -> pb.Vector3:
     try:
         x, y, z = map(float, given)  # type: ignore[call-overload] # whatever came
     except (TypeError, ValueError):
         raise RequestError(f"target.{name}", f"expected three numbers, got {given!r}") from None
-    return (x, y, z)
+    return pb.Vector3(x=x, y=y, z=z)
 
 
 def _orientation(target: object) -> Orientation:
