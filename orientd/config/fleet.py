@@ -44,19 +44,19 @@ class FleetSettings(Table):
     gives them.  A Unix socket is for the daemon's own user alone.
 
     Attributes:
-        cell: name of the cell; a stop of the cell is of all daemons with the same.
-        name: of this daemon, unique in its cell.
-        listen: where others may connect: ``tls/HOST:PORT`` or ``unixsock-stream/PATH``.
+        cell: name of the cell; a stop of the cell stops all daemons with this name.
+        name: name of this daemon, unique in its cell.
+        listen: endpoints for others: ``tls/HOST:PORT`` or ``unixsock-stream/PATH``.
         connect: daemons or routers to connect to; daemons find the others by those.
-        certificate: of this daemon, for servers and clients, PEM; by default that of ``[tcp]``.
-        key: of that certificate, PEM; by default that of ``[tcp]``.
-        ca: what everybody's certificate is signed with, PEM; by default that of ``[tcp]``.
+        certificate: file with this daemon's certificate, PEM; default: that of ``[tcp]``.
+        key: file with the key of the certificate, PEM; default: that of ``[tcp]``.
+        ca: file with the authorities that sign all certificates, PEM; default: that of ``[tcp]``.
         daemons: names in the certificates of the other daemons of the cell.
         routers: names in the certificates of routers, which are trusted to have checked for whom
             they carry calls.
         address: ``HOST:PORT`` at which others reach the daemon's ``[tcp]``, whose port takes
             their calls; by default ``tcp.listen``.
-        state_hz: how often the state is published while anybody listens.
+        state_hz: rate at which the state is published while anybody listens, Hz.
     """
 
     cell: Name
@@ -73,7 +73,7 @@ class FleetSettings(Table):
 
     @property
     def is_tls(self) -> bool:
-        """Whether everybody shows a certificate."""
+        """Whether endpoints use TLS, with certificates on both sides."""
         return any(endpoint.startswith(TLS) for endpoint in self.listen + self.connect)
 
     @model_validator(mode="after")
