@@ -32,14 +32,15 @@ __version__ = "0.2.0"
 
 # The servo process imports this package too and must not pay for gRPC and NumPy.
 _HOMES = {
-    "connect": ("orientd.rpc.client", "connect"),
-    "connect_fleet": ("orientd.fleet.client", "connect_fleet"),
-    "OnTarget": ("orientd.rpc.control_pb2", "OnTarget"),
-    "Quaternion": ("orientd.rotation.convert", "Quaternion"),
-    "load_motion": ("orientd.planner.saved", "load_motion"),
-    "plan": ("orientd.planner.offline", "plan_offline"),
-    "samples": ("orientd.rpc.reports", "samples"),
-    "word": ("orientd.rpc.reports", "word"),
+    "OnTarget": "orientd.rpc.control_pb2:OnTarget",
+    "Quaternion": "orientd.rotation.convert:Quaternion",
+    "connect": "orientd.rpc.client:connect",
+    "connect_fleet": "orientd.fleet.client:connect_fleet",
+    "curves": "orientd.curves",
+    "load_motion": "orientd.planner.saved:load_motion",
+    "plan": "orientd.planner.offline:plan_offline",
+    "samples": "orientd.rpc.reports:samples",
+    "word": "orientd.rpc.reports:word",
 }
 
 
@@ -48,11 +49,8 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - the signature PEP 562 asks for
-    if name != "curves" and name not in _HOMES:
+    if name not in _HOMES:
         raise AttributeError(f"module 'orientd' has no attribute {name!r}")
-    from importlib import import_module
+    from pkgutil import resolve_name
 
-    if name == "curves":
-        return import_module("orientd.curves")
-    module, written_as = _HOMES[name]
-    return getattr(import_module(module), written_as)
+    return resolve_name(_HOMES[name])
