@@ -197,10 +197,18 @@ class _Calls(Handler):
         """Begin a call, without a timeout of more digits than any may have."""
         kept = [one for one in headers if one[0] != "grpc-timeout" or len(one[1]) <= _TIMEOUT_BYTES]
         super().accept(stream, kept, release_stream)
+        self._tasks[stream].add_done_callback(lambda _: _let_go(stream))
 
     def get(self, path: str) -> Route | None:
         """Return how to serve the call of a full name."""
         return self._find_route(path, self._connection.caller)
+
+
+def _let_go(stream: Stream) -> None:
+    """Break the cycle that grpclib leaves of a cancelled call: it holds what the client sent."""
+    error = getattr(stream.wrapper, "_error", None)
+    if error is not None:
+        error.__traceback__ = error.__context__ = None
 
 
 class _Bounded(HttpConnection):
