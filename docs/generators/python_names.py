@@ -106,6 +106,11 @@ def _find(module: Any, name: str) -> tuple[Any, str]:  # noqa: ANN401 - whatever
 
 def _page(front: str, name: str, found: Any, home: str) -> tuple[str, str]:  # noqa: ANN401
     title = f"{name}\n{'=' * len(name)}\n\n.. py:currentmodule:: {front}\n\n"
+    if hasattr(found, "DESCRIPTOR"):
+        fields = ", ".join(f"``{field.name}``" for field in found.DESCRIPTOR.fields)
+        line = "A message of the protocol; its fields are keyword arguments."
+        where = "The :doc:`protocol </reference/protocol>` says what each is."
+        return line, f"{title}{line}\n\n.. py:class:: {name}\n\n   {fields}.\n\n{where}\n"
     if inspect.isclass(found) and not hasattr(found, "__origin__"):
         return first(found, f"{front}.{name}"), f"{title}.. autoclass:: {home}.{name}\n"
     if inspect.isroutine(found):
