@@ -162,7 +162,9 @@ class Leases:
             LeaseError: there is no such lease.
         """
         with self._lock:
-            lease = replace(self._check(token, owner=owner), expires_ns=self._deadline())
+            lease = replace(
+                self._check(token, owner=owner), expires_ns=self._clock.now_ns() + self._span_ns
+            )
             self._leases[lease.token] = lease
             return lease
 
@@ -206,7 +208,14 @@ class Leases:
     # With the lock held
 
     def _new(self, holder: str, owner: str, name: str, devices: tuple[str, ...]) -> Lease:
-        lease = Lease(secrets.token_hex(16), holder, self._deadline(), devices, owner, name)
+        lease = Lease(
+            secrets.token_hex(16),
+            holder,
+            self._clock.now_ns() + self._span_ns,
+            devices,
+            owner,
+            name,
+        )
         self._leases[lease.token] = lease
         return lease
 
@@ -223,9 +232,6 @@ class Leases:
 
     def _in_order(self, devices: Collection[str]) -> tuple[str, ...]:
         return tuple(name for name in self._devices if not devices or name in devices)
-
-    def _deadline(self) -> int:
-        return self._clock.now_ns() + self._span_ns
 
     def _valid(self) -> Iterator[Lease]:
         now = self._clock.now_ns()

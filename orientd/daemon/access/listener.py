@@ -107,6 +107,9 @@ class Listener:
         self._tasks: set[asyncio.Task[None]] = set()
         self._handshakes: dict[asyncio.Task[Any], None] = {}
         self._connections: dict[Connection, None] = {}
+        # As many of all together as there are files for.
+        files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+        self._most_together = max(16, files - _OTHER_DESCRIPTORS)
 
     @property
     def policy(self) -> RolePolicy:
@@ -232,7 +235,7 @@ class Listener:
     async def _from_unix(self, accepted: socket.socket, origin: str) -> None:
         process, loop = peer_process(accepted), asyncio.get_running_loop()
         # A directory of users may be asked for the name, which may take its time.
-        await asyncio.to_thread(self.policy.identify, process)
+        await asyncio.to_thread(self._tables.policy.identify, process)
         connection = self._connection(lambda _: process, origin)
         await loop.connect_accepted_socket(lambda: connection, accepted)
 
@@ -264,7 +267,11 @@ class Listener:
 
         def meet(transport: asyncio.BaseTransport) -> Caller | None:
             try:
-                caller = self._caller(credentials_of(transport), origin)
+                credentials = credentials_of(transport)
+                identity = self._tables.policy.identify(credentials)
+                if identity is None:
+                    raise AccessError(f"nobody admits {credentials}")
+                caller = Caller(credentials, origin, identity)
                 self._enter(connection, caller)
             except (AccessError, ValueError) as error:
                 self._refuse(origin, str(error))
@@ -279,17 +286,6 @@ class Listener:
         )
         return connection
 
-    def _caller(self, credentials: Credentials, origin: str) -> Caller:
-        """Return who has *credentials*.
-
-        Raises:
-            AccessError: nobody who may do anything.
-        """
-        identity = self.policy.identify(credentials)
-        if identity is None:
-            raise AccessError(f"nobody admits {credentials}")
-        return Caller(credentials, origin, identity)
-
     def _enter(self, connection: Connection, caller: Caller) -> None:
         """Count *connection*; an idle one of the same identity gives way if there are too many.
 
@@ -301,7 +297,7 @@ class Listener:
         """
         name, most = caller.identity.name, self._access.connections
         own = [one for one in self._connections if one.caller.identity.key == caller.identity.key]
-        is_full = len(self._connections) >= most_together()
+        is_full = len(self._connections) >= self._most_together
         if is_full or len(own) >= most:
             oldest = next((one for one in own if one.is_idle), None)
             if oldest is not None:
@@ -312,12 +308,6 @@ class Listener:
                 raise AccessError(f"{name} has {len(own)} connections already, all in use")
         connection.caller = caller
         self._connections[connection] = None
-
-
-def most_together() -> int:
-    """Return how many connections there may be of all together: as many as there are files for."""
-    files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return max(16, files - _OTHER_DESCRIPTORS)
 
 
 async def _has_spoken(peer: socket.socket) -> bool:

@@ -375,8 +375,8 @@ class Service:
     async def _keep_renewing(self, lease: Lease) -> None:
         with contextlib.suppress(LeaseError):  # lost: the move finds that out
             while True:
-                self._leases.renew(lease.token)
                 await asyncio.sleep(self._leases.seconds / _RENEWALS)
+                self._leases.renew(lease.token)
 
     def _abandon(self, device: Device, run: QueuedMotion | None) -> None:
         """Stop a motion whose caller has gone away; return at once."""

@@ -148,3 +148,22 @@ def test_the_daemon_reports_its_leases_in_the_order_in_which_they_were_taken(ser
     lease_of(service, BEN, devices=["arm"])
     report = service.daemon_report()
     assert [one.identity for one in report.leases] == ["user:1", "user:2"]
+
+
+def test_a_lease_that_a_move_takes_outlasts_its_planning(planners):
+    settings = config.parse({**SETTINGS, "daemon": {"lease_seconds": 0.3}}, source="test")
+    devices = Devices(settings, make_device=FakeDevice, planners=planners)
+    service = Service(devices, keyframes=3, socket=Path("/run/x"), configuration="", began=0.0)
+    held = []
+
+    async def plan_slowly(*_):
+        await asyncio.sleep(1.0)
+        held.extend(devices.leases.held())
+        raise RequestError("motion", "is none")
+
+    service._begin = plan_slowly
+    with pytest.raises(RequestError):
+        started(service, pb.MoveRequest(device="arm", motion=TURN, holder="ana"))
+    assert [one.holder for one in held] == ["ana"]
+    assert devices.leases.held() == []
+    devices.close()
