@@ -150,9 +150,10 @@ def test_the_daemon_reports_its_leases_in_the_order_in_which_they_were_taken(ser
     assert [one.identity for one in report.leases] == ["user:1", "user:2"]
 
 
-def test_a_lease_that_a_move_takes_outlasts_its_planning(planners):
+def test_a_lease_that_a_move_takes_outlasts_its_planning(planners, monkeypatch):
+    monkeypatch.setattr("orientd.daemon.device.device.ServoProcess", FakeServo)
     settings = config.parse({**SETTINGS, "daemon": {"lease_seconds": 0.3}}, source="test")
-    devices = Devices(settings, make_device=FakeDevice, planners=planners)
+    devices = Devices(settings, planners=planners)
     service = Service(devices, keyframes=3, socket=Path("/run/x"), configuration="", began=0.0)
     held = []
 
