@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 from orientd.fleet.keys import daemon_of
@@ -23,28 +22,14 @@ _PAUSE, _TRIPS = 5.0, 8
 """From one measurement of the clocks to the next, s; and the round trips of it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Heard:
-    """A state of a daemon.
-
-    Attributes:
-        state: as the daemon reports it.
-        taken_ns: when, on the daemon's monotonic clock.
-        heard_ns: when it arrived, on ours.
-    """
-
-    state: pb.GetStateResponse
-    taken_ns: int
-    heard_ns: int
-
-
 class Overview:
     """All daemons of a cell and their devices, for as long as a ``with`` block."""
 
     def __init__(self, fleet: Fleet) -> None:
         """Look at *fleet*."""
         self._fleet = fleet
-        self._heard: dict[str, Heard] = {}
+        # Of each daemon its state, and when it arrived on our clock, ns.
+        self._heard: dict[str, tuple[zenoh.Sample, int]] = {}
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._measure, name="orientd clocks", daemon=True)
 
@@ -64,28 +49,26 @@ class Overview:
         self._thread.join()
 
     def _hear(self, sample: zenoh.Sample) -> None:
-        taken = sample.attachment.to_bytes() if sample.attachment else b""
-        state = pb.GetStateResponse.FromString(sample.payload.to_bytes())
-        heard = Heard(state, int.from_bytes(taken, "little"), time.monotonic_ns())
-        self._heard[daemon_of(str(sample.key_expr))] = heard
+        self._heard[daemon_of(str(sample.key_expr))] = (sample, time.monotonic_ns())
 
     def members(self) -> list[Member]:
         """Return all daemons that are there or were, in the order of their names."""
         alive, heard = self._fleet.daemons, self._heard.copy()
         return [
-            self._member(name, heard[name], is_alive=name in alive)
+            self._member(name, *heard[name], is_alive=name in alive)
             if name in heard
             else Member(name, is_alive=True)
             for name in sorted({*alive, *heard})
         ]
 
-    def _member(self, name: str, heard: Heard, *, is_alive: bool) -> Member:
+    def _member(self, name: str, sample: zenoh.Sample, heard_ns: int, *, is_alive: bool) -> Member:
+        devices = list(pb.GetStateResponse.FromString(sample.payload.to_bytes()).devices)
         now = time.monotonic_ns()
         offset = self._fleet.clock(name).at(now)
-        devices = list(heard.state.devices)
-        if offset is None:
-            return Member(name, is_alive, (now - heard.heard_ns) * 1e-9, None, devices)
-        age = (now + offset.ns - heard.taken_ns) * 1e-9
+        if offset is None or sample.attachment is None:
+            return Member(name, is_alive, (now - heard_ns) * 1e-9, None, devices)
+        taken_ns = int.from_bytes(sample.attachment.to_bytes(), "little")
+        age = (now + offset.ns - taken_ns) * 1e-9
         return Member(name, is_alive, age, offset.bound_ns * 1e-9, devices)
 
     def stop(self, *, is_quickest: bool) -> str:
