@@ -120,7 +120,7 @@ def from_call(error: grpc.RpcError, *, where: str) -> OrientdError:
         error: what gRPC raised.
         where: the socket, for the message when nobody answers there.
     """
-    if not isinstance(error, grpc.Call | grpc.aio.AioRpcError):
+    if not isinstance(error, grpc.Call):
         return DaemonError(f"the call to the daemon at {where} failed: {error}")
     metadata: Any = error.trailing_metadata()
     details = dict(metadata or ()).get(DETAILS_KEY)
