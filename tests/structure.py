@@ -38,7 +38,8 @@ def is_generated(module: str) -> bool:
 def source(module: str) -> Path:
     """Return the file of a module, or of a package's front."""
     base = ROOT / PACKAGES[module.partition(".")[0]] / module.replace(".", "/")
-    return base / "__init__.py" if base.is_dir() else base.with_suffix(".py")
+    front = base / "__init__.py"  # a folder may be left of a package that is gone
+    return front if front.exists() else base.with_suffix(".py")
 
 
 def is_room(module: str) -> bool:
