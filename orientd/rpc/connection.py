@@ -113,6 +113,10 @@ class Connection:
         return found
 
 
+_HUNG_UP = "Socket closed", "Connection reset by peer"
+"""What gRPC says if the daemon hangs up right after the handshake."""
+
+
 def from_call(error: grpc.RpcError, *, where: str) -> OrientdError:
     """Return the exception for a call that failed.
 
@@ -151,7 +155,7 @@ def _tls_problem(where: str, text: str) -> str:
         return (
             f"the certificate of the daemon at {where} is refused: {verdict.removesuffix(': OK')}"
         )
-    if "Socket closed" in reason:
+    if any(end in reason for end in _HUNG_UP):
         return (
             f"the daemon at {where} does not admit this certificate: another authority signed it, "
             "or it has expired, is revoked, is not one for clients or has no role; "
