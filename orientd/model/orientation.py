@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from orientd.driver import Quaternion, Vector3
 
 _ROUNDED = 1e-9  # what an angle may be beyond a turn
-_LONGEST = 1e100  # rad
+_LONGEST = 1e100  # beyond which squares end in overflow
 
 Read = tuple["Quaternion", str]
 """A quaternion, and what the certificate says of how it was read."""
@@ -55,6 +55,8 @@ def _from_vector(vector: Vector3) -> Read:
 def _from_matrix(rows: Sequence[Vector3]) -> Read:
     from orientd.rotation import from_matrix
 
+    if (largest := max(abs(entry) for row in rows for entry in row)) > _LONGEST:
+        raise RequestError("matrix", f"must be a rotation, got an entry of {largest:g}")
     try:
         return from_matrix(rows).tolist(), ""
     except ValueError as error:
@@ -72,8 +74,10 @@ def _from_euler(given: Any) -> Read:  # noqa: ANN401 - EulerAngles
     if len(degrees) != len(axes):
         expected = f"expected {len(axes)} angles for the axes {axes!r}"
         raise RequestError("euler.degrees", f"{expected}, got {len(degrees)}")
-    q, note = from_euler(axes, [math.radians(angle) for angle in degrees]).tolist(), ""
-    angle = max(degrees, key=abs)
+    angle, note = max(degrees, key=abs), ""
+    if abs(angle) > _LONGEST:
+        raise RequestError("euler.degrees", f"expected degrees, got {angle:g}")
+    q = from_euler(axes, [math.radians(angle) for angle in degrees]).tolist()
     if abs(angle) > 360.0 + _ROUNDED:
         rest = math.remainder(angle, 360.0) + 0.0  # of nothing no negative
         note = (

@@ -81,7 +81,10 @@ def _with(*names: str) -> Callable[[Any], dict[str, Any]]:
 def _from_struct(content: Any) -> Any:  # noqa: ANN401 - whatever a method's options hold
     """Return plain Python values; a Struct has no integers, so whole numbers become them again."""
     if isinstance(content, Struct):
-        return {key: _from_struct(content[key]) for key in content}
+        try:
+            return {key: _from_struct(content[key]) for key in content}
+        except ValueError:
+            raise RequestError("options", "expected a value for every key, got none") from None
     if isinstance(content, float):
         return int(content) if content.is_integer() else content
     if content is None or isinstance(content, str | bool):

@@ -170,3 +170,10 @@ def test_columns_and_keyframes_together_are_refused():
     keyframe = pb.Keyframe(quaternion=pb.Quaternion(w=1.0))
     with pytest.raises(RequestError, match="columns: expected without keyframes only"):
         to_request(pb.MotionRequest(keyframes=[keyframe], columns=columns))
+
+
+def test_an_option_without_a_value_is_refused():
+    message = pb.MotionRequest(keyframes=[pb.Keyframe(quaternion=pb.Quaternion(w=1.0))])
+    message.options.fields["order"].SetInParent()
+    with pytest.raises(RequestError, match="options: expected a value for every key, got none"):
+        to_request(message)
