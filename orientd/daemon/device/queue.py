@@ -513,9 +513,9 @@ class MotionQueue:
         queued.feeder, queued.first_index = feeder, feeder.first_index
         if is_at_rest:
             feeder.clear()
-        # No more: the servo cannot see the motion before these are in the ring.
-        while not feeder.is_done and (missing := feeder.first_index + needed - ring.head) > 0:
-            if not feeder.feed(min(BLOCK, missing), is_urgent=True):
+        # Whole blocks: what is beyond the needed ones bridges a stall before the next look.
+        while not feeder.is_done and ring.head - feeder.first_index < needed:
+            if not feeder.feed(min(BLOCK, needed), is_urgent=True):
                 raise NotYetError("motions replaced before they began fill the path ring")
         return feeder
 
