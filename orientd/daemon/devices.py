@@ -292,5 +292,5 @@ def planner_device(settings: DeviceSettings) -> PlannerDevice:
         settings.options,
         settings.period_ns,
         settings.limits.to_limits(),
-        settings.to_frames(),
+        dict(settings.to_frames()),  # a plain mapping crosses to the processes
     )
