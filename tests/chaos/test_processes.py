@@ -169,7 +169,7 @@ def test_a_client_is_lost(tmp_path, loss):
             time.sleep(generator.uniform(0.0, 0.8))
             client.send_signal(loss)
             stage.rests()
-            until(lambda: not stage.status()["daemon"]["lease_holder"], "a free lease", 5.0)
+            until(lambda: not stage.status()["daemon"]["leases"], "a free lease", 5.0)
             assert stage.device().path_time <= stage.device().duration
         finally:
             client.kill()

@@ -22,7 +22,7 @@ from wild import anywhere, wild_motion
 import orientd as api
 from orientd.bench.lateness import busy_cores, processes
 from orientd.errors import DaemonError, Fault, OrientdError, PlanError, RequestError, StateError
-from orientd.rpc import MoveHandle, Plan, word
+from orientd.rpc import MoveHandle, word
 from orientd.rpc import control_pb2 as pb
 from orientd.tolerances import GUARD_TOLERANCE
 
@@ -65,7 +65,7 @@ class Calls:
             answer = work(*arguments, **more)
             if isinstance(answer, MoveHandle):
                 said = answer.timing.planning
-            elif isinstance(answer, Plan):
+            elif isinstance(answer, pb.Plan):
                 said = answer.planning
             return answer
         except REFUSALS as refusal:

@@ -15,6 +15,7 @@ from orientd import rotation
 from orientd.errors import LimitError, OrientdError, StartError
 from orientd.rpc import control_pb2 as pb
 from orientd.servo.watchdog import SHORTEST_NS
+from orientd.stream import ServoState
 
 pytest.importorskip("dynamixel_sdk")
 
@@ -159,7 +160,7 @@ def assert_never_at_rest(cycles, first, second):
     moving = [cycle for cycle in cycles if cycle.motion in (first, second)]
     at = next(k for k, cycle in enumerate(moving) if cycle.motion == second)
     around = moving[at - 5 : at + 5]
-    assert {cycle.state for cycle in around} == {pb.STATE_STREAMING}
+    assert {cycle.state for cycle in around} == {ServoState.STREAMING}
     assert min(np.linalg.norm(cycle.omega_body) for cycle in around) > 0.1
     assert {cycle.speed for cycle in around} == {1.0}
 
@@ -232,7 +233,7 @@ def test_gimbal_slows_down_and_stops_in_the_midst_of_a_passage_by_the_pole(gimba
     assert gimbal.report.state == pb.STATE_HOLDING
     cycles = gimbal.sent()
     assert_smooth(cycles)
-    slow = [cycle.speed for cycle in cycles if cycle.state == pb.STATE_STREAMING]
+    slow = [cycle.speed for cycle in cycles if cycle.state is ServoState.STREAMING]
     assert min(slow) == pytest.approx(0.5, abs=1e-9) or len(stretches(cycles)) > 1
     # It stands near the pole, off the exact path, and goes on from there on the branch it is on.
     at = np.rad2deg(axes_of(cycles)[-1])
