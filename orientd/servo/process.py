@@ -18,7 +18,7 @@ from typing import Any
 
 from orientd.clock import MonotonicClock
 from orientd.driver import Driver, PhaseLocked, needs
-from orientd.errors import Fault
+from orientd.errors import Fault, OrientdError
 from orientd.servo.realtime import DeadlineTimer, freeze_garbage, lock_memory, set_scheduling
 from orientd.servo.servo import Servo, fault_of
 from orientd.servo.stop_socket import StopSocket
@@ -93,9 +93,12 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
         driver = kind(settings.options, period_ns=settings.period_ns, clock=clock)
         driver.open()
     except Exception as error:  # noqa: BLE001 - whatever it is, the daemon must hear of it
-        text = f"{type(error).__name__}: {error}"
         if isinstance(error, ModuleNotFoundError):
             text = needs(error)
+        elif isinstance(error, OrientdError):
+            text = str(error)
+        else:
+            text = f"{type(error).__name__}: {error}"
         fault = fault_of(error)
         fault = Fault.SERVO_DIED if fault is Fault.INTERNAL else fault
         memory.notes.publish(*pack_note(0, NoteKind.ENDING, fault, text))

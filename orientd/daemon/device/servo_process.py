@@ -586,7 +586,9 @@ class ServoProcess:
                 problem = str(error)
         if self._memory is not memory or not self.is_alive:
             return  # it has ended meanwhile
-        if problem:
+        newest = self.newest()
+        if problem and (newest is None or newest.state is not ServoState.FAULT):
+            # A servo that is in a fault says by itself what is wrong.
             self.fault, self.fault_text = Fault.DEVICE_FAULT, problem
             self._tell(EventKind.FAULT, problem)
         self._tell(EventKind.READY, self.scheduling)
