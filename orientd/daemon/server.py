@@ -212,6 +212,10 @@ class _Daemon:
         if self._telemetry is not None:
             self._telemetry.close()
         _log.info("daemon: ended")
+        # The process still takes a moment to end, and a second signal must not kill it meanwhile.
+        for number in (signal.SIGTERM, signal.SIGINT):
+            asyncio.get_running_loop().remove_signal_handler(number)
+            signal.signal(number, signal.SIG_IGN)
 
     def _reload(self) -> None:
         """Apply the settings that can change while the daemon runs, and name those that cannot."""
