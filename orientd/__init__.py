@@ -7,13 +7,13 @@ if TYPE_CHECKING:
     from typing import Any
 
     from orientd import curves
+    from orientd.client.robot import connect
     from orientd.fleet.client import connect_fleet
     from orientd.planner.offline import plan_offline as plan
     from orientd.planner.saved import load_motion
+    from orientd.protocol.control_pb2 import OnTarget
+    from orientd.protocol.reports import samples, word
     from orientd.rotation.convert import Quaternion
-    from orientd.rpc.client import connect
-    from orientd.rpc.control_pb2 import OnTarget
-    from orientd.rpc.reports import samples, word
 
 __all__ = [
     "OnTarget",
@@ -32,15 +32,15 @@ __version__ = "0.2.0"
 
 # The servo process imports this package too and must not pay for gRPC and NumPy.
 _HOMES = {
-    "OnTarget": "orientd.rpc.control_pb2:OnTarget",
+    "OnTarget": "orientd.protocol.control_pb2:OnTarget",
     "Quaternion": "orientd.rotation.convert:Quaternion",
-    "connect": "orientd.rpc.client:connect",
+    "connect": "orientd.client.robot:connect",
     "connect_fleet": "orientd.fleet.client:connect_fleet",
     "curves": "orientd.curves",
     "load_motion": "orientd.planner.saved:load_motion",
     "plan": "orientd.planner.offline:plan_offline",
-    "samples": "orientd.rpc.reports:samples",
-    "word": "orientd.rpc.reports:word",
+    "samples": "orientd.protocol.reports:samples",
+    "word": "orientd.protocol.reports:word",
 }
 
 

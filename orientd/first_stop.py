@@ -3,7 +3,7 @@
 Modules take longer to load than all the rest of bringing a device to rest.  So the word goes out
 before they are loaded; nothing is imported here but what Python has loaded by itself, and its
 built-in sockets.  Whether the servos' answers may be trusted is seen to afterwards
-(:mod:`orientd.rpc.stop_call`): a stop is nothing that a stranger could not be told.
+(:mod:`orientd.client.stop_call`): a stop is nothing that a stranger could not be told.
 """
 
 # ruff: noqa: PTH110, PTH111, PTH116, PTH208, SIM105 - pathlib and contextlib take as long to load

@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from orientd import rpc
+from orientd import protocol
 
-_SOURCE = Path(rpc.__file__).with_name("control.proto")
+_SOURCE = Path(protocol.__file__).with_name("control.proto")
 _RPC = re.compile(r"rpc (\w+)\((stream )?(\w+)\) returns \((stream )?(\w+)\)")
 _FIELD = re.compile(r"(repeated |optional )?(map<[^>]+>|[\w.]+) (\w+) = (\d+)( \[.*\])?;")
 _VALUE = re.compile(r"(\w+) = (\d+);")

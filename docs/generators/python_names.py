@@ -16,7 +16,8 @@ from orientd.errors import OrientdError
 
 FRONTS = {
     "orientd": "What most programs need.",
-    "orientd.rpc": "What `orientd.connect` returns; its calls return messages of the protocol.",
+    "orientd.client": "What `orientd.connect` returns; its calls return messages of the protocol.",
+    "orientd.protocol": "What turns the messages of the protocol into values and back.",
     "orientd.curves": "Every family of curves, behind one contract, and what they are made of.",
     "orientd.planner": "From a request to an immutable motion with its certificate.",
     "orientd.driver": "What a device must do for the servo, and how it is found.",
@@ -25,16 +26,18 @@ FRONTS = {
     "orientd.errors": "Every error that orientd raises, and the kinds of fault of a device.",
 }
 CHOSEN = {
-    "orientd.rpc": [
+    "orientd.client": [
         "Robot",
         "MoveHandle",
         "Tracking",
         "Teaching",
         "MeasuredPose",
         "RequestFields",
+        "Observer",
+    ],
+    "orientd.protocol": [
         "CellReport",
         "Samples",
-        "Observer",
         "quaternion",
         "to_quaternion",
         "vector",
@@ -44,13 +47,6 @@ CHOSEN = {
     "orientd.mechanism": ["Gimbal", "Mechanical", "Mechanism", "Reserve"],
     "orientd.testing": ["DriverConformance"],
 }
-HOMES = {
-    "MeasuredPose": "orientd.rpc.teaching",
-    "Teaching": "orientd.rpc.teaching",
-    "Tracking": "orientd.rpc.tracking",
-    "RequestFields": "orientd.rpc.motion_request",
-}
-"""Modules of what the front of the client does not offer by itself and its calls return."""
 
 
 def pages(source: Path) -> Iterator[tuple[str, str]]:
@@ -61,8 +57,7 @@ def pages(source: Path) -> Iterator[tuple[str, str]]:
         names = _names(module, front)
         listed = []
         for name in names:
-            found, home = _find(module, name)
-            line, text = _page(front, name, found, home)
+            line, text = _page(front, name, getattr(module, name))
             yield f"reference/python/{front}.{name}.rst", text
             listed.append(f"| [`{name}`]({front}.{name}.rst) | {line} |")
         doc = "" if front in ("orientd", "orientd.errors") else first(module, front)
@@ -97,14 +92,7 @@ def _contents(names: Iterable[str]) -> list[str]:
     return ["```{toctree}", ":hidden:", "", *names, "```", ""]
 
 
-def _find(module: Any, name: str) -> tuple[Any, str]:  # noqa: ANN401 - whatever the name stands for
-    """Return what a name stands for, and the module that documents it."""
-    home = HOMES.get(name) if module.__name__ == "orientd.rpc" else None
-    home = home or module.__name__
-    return getattr(import_module(home), name), home
-
-
-def _page(front: str, name: str, found: Any, home: str) -> tuple[str, str]:  # noqa: ANN401
+def _page(front: str, name: str, found: Any) -> tuple[str, str]:  # noqa: ANN401
     title = f"{name}\n{'=' * len(name)}\n\n.. py:currentmodule:: {front}\n\n"
     if hasattr(found, "DESCRIPTOR"):
         fields = ", ".join(f"``{field.name}``" for field in found.DESCRIPTOR.fields)
@@ -112,9 +100,9 @@ def _page(front: str, name: str, found: Any, home: str) -> tuple[str, str]:  # n
         where = "The :doc:`protocol </reference/protocol>` says what each is."
         return line, f"{title}{line}\n\n.. py:class:: {name}\n\n   {fields}.\n\n{where}\n"
     if inspect.isclass(found) and not hasattr(found, "__origin__"):
-        return first(found, f"{front}.{name}"), f"{title}.. autoclass:: {home}.{name}\n"
+        return first(found, f"{front}.{name}"), f"{title}.. autoclass:: {front}.{name}\n"
     if inspect.isroutine(found):
-        return first(found, f"{front}.{name}"), f"{title}.. autofunction:: {home}.{name}\n"
+        return first(found, f"{front}.{name}"), f"{title}.. autofunction:: {front}.{name}\n"
     text = _comment(front, name)
     value = repr(found)
     shown = f"   :value: {value}\n" if len(value) < 60 else ""
@@ -133,7 +121,7 @@ def _comment(front: str, name: str) -> str:
         home = dict(_homes(home))[name]
     comments = ModuleAnalyzer.for_module(home).find_attr_docs().get(("", name))
     if not comments:
-        raise ValueError(f"{home}.{name} is public and nothing says what it is")
+        raise ValueError(f"{front}.{name} is public and nothing says what it is")
     return "\n".join(comments).strip()
 
 

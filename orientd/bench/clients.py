@@ -11,9 +11,9 @@ import sys
 import threading
 from pathlib import Path
 
-from orientd.rpc import Way
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.control_pb2_grpc import ControlStub
+from orientd.client import Way
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol.control_pb2_grpc import ControlStub
 
 WATCHERS = 4
 KEYFRAMES = 200

@@ -23,10 +23,10 @@ import grpc
 
 from orientd.bench.clients import STEP, motion
 from orientd.bench.lateness import Slot, bare_loop, busy_cores, processes, run_bare_loop
+from orientd.client import Connection, Way
 from orientd.config import SPIN_US
 from orientd.errors import OrientdError
-from orientd.rpc import Connection, Way
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 PRIORITY = 80
 DEVICE = "bench"

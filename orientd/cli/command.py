@@ -16,8 +16,8 @@ import typer
 from orientd.errors import OrientdError, RequestError
 
 if TYPE_CHECKING:
+    from orientd.client import Robot
     from orientd.config import DeviceSettings
-    from orientd.rpc import Robot
 
 PATIENCE = 0.5
 """Seconds that the daemon has to name its devices to a shell that completes a word."""
@@ -29,7 +29,7 @@ def devices(context: typer.Context, incomplete: str) -> list[str]:
     A shell that waits for a word is no place for errors: if something fails, there are none.
     """
     from orientd import config
-    from orientd.rpc import connect
+    from orientd.client import connect
 
     given = context.params.get("config")
     names: list[str] = []
@@ -114,7 +114,7 @@ class Endpoint:
             command: what others are shown if they are refused because of it.
             beside: whether to command beside other programs of the same user.
         """
-        from orientd.rpc import Robot, Way
+        from orientd.client import Robot, Way
 
         return Robot(
             Way.find(self.socket, self.address, self.cert, self.key, self.ca),

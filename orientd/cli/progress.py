@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 
 from orientd.cli import texts
 from orientd.cli.output import Output, is_terminal
-from orientd.rpc import STALE, to_quaternion, to_vector
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import STALE, to_quaternion, to_vector
+from orientd.protocol import control_pb2 as pb
 
 PLAIN_INTERVAL = 0.5
 """Seconds between two plain lines."""

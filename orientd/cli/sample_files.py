@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from orientd.cli.output import plain
+from orientd.protocol import Samples
+from orientd.protocol import control_pb2 as pb
 from orientd.rotation import Floats
-from orientd.rpc import Samples
-from orientd.rpc import control_pb2 as pb
 from orientd.whole_file import written
 
 ENDINGS = (".csv", ".npz", ".json")

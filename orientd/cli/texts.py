@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from orientd.planner import ANGULAR, AXES, Rate
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import titled, to_quaternion, word
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import titled, to_quaternion, word
 
 
 def orientation(q: Sequence[float]) -> str:

@@ -14,13 +14,13 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from orientd.client import ask_to_stop
 from orientd.errors import OrientdError
 from orientd.first_stop import Answers
-from orientd.rpc import ask_to_stop
 
 if TYPE_CHECKING:
     from orientd.cli.output import Output
-    from orientd.rpc import control_pb2 as pb
+    from orientd.protocol import control_pb2 as pb
 
 _TIMEOUT = 2.0
 """How long the daemon may take to be reached afterwards, s."""
@@ -45,7 +45,7 @@ def run(asked: dict[str, str], answers: Answers | None) -> bool:
 
     # What moved is stopped: from here on nothing is in a hurry.
     from orientd.cli import output
-    from orientd.rpc import Connection, Way, after_stop
+    from orientd.client import Connection, Way, after_stop
 
     try:
         with contextlib.closing(Connection(Way(path), timeout=_TIMEOUT)) as connection:

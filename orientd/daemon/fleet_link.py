@@ -20,7 +20,7 @@ from orientd.config import Settings
 from orientd.daemon.access import AuditLog
 from orientd.errors import ConfigError, OrientdError
 from orientd.fleet import PACKET_BYTES, TIME_BYTES, address_of, member_configuration
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 _log = logging.getLogger(__name__)
 

@@ -18,6 +18,7 @@ from grpclib.health.check import ServiceStatus
 
 import orientd
 from orientd import processor
+from orientd.client import target
 from orientd.config import Settings
 from orientd.daemon.access import (
     AuditLog,
@@ -34,7 +35,7 @@ from orientd.daemon.standard import standard_methods
 from orientd.daemon.stops import StopFolder
 from orientd.daemon.systemd import Watchdog, notify
 from orientd.errors import ConfigError, DaemonError, OrientdError
-from orientd.rpc import control_pb2, target
+from orientd.protocol import control_pb2
 
 if TYPE_CHECKING:
     from orientd.daemon.calls import Telemetry

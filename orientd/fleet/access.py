@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from orientd import config
+from orientd.client import check_folder
 from orientd.config import TLS, UNIX, FleetSettings, Settings
 from orientd.errors import ConfigError, DaemonError
 from orientd.fleet.keys import ROOT, UNIX_ADDRESS, key_of
-from orientd.rpc import check_folder
 
 LINK_LEASE_MS = 3000
 """A link without a sign of life for so long is given up."""

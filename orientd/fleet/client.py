@@ -12,14 +12,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from orientd.client import Robot, certificate_files
+from orientd.client import connect as connect_daemon
 from orientd.config import TLS
 from orientd.errors import DaemonError, OrientdError
 from orientd.fleet.access import common_name, session_configuration, tls_configuration
 from orientd.fleet.clocks import ClockOffset
 from orientd.fleet.keys import LOCAL, daemon_of, key_of, name_of
 from orientd.fleet.session import open_session
-from orientd.rpc import Robot, certificate_files
-from orientd.rpc import connect as connect_daemon
 
 if TYPE_CHECKING:
     import zenoh

@@ -21,10 +21,10 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from orientd.client import ask_to_stop
 from orientd.errors import OrientdError
 from orientd.fleet.keys import PACKET_BYTES, TIME_BYTES, key_of, name_of
 from orientd.fleet.session import open_session
-from orientd.rpc import ask_to_stop
 from orientd.servo import set_scheduling
 
 if TYPE_CHECKING:

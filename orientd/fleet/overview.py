@@ -7,7 +7,7 @@ import time
 from typing import TYPE_CHECKING, Self
 
 from orientd.fleet.keys import daemon_of
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 from orientd.viewer import Member
 
 if TYPE_CHECKING:

@@ -16,14 +16,15 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from orientd.client import MoveHandle, Robot, StartAt
 from orientd.errors import DaemonError, LateError, OrientdError
 from orientd.fleet.clocks import Offset
 from orientd.fleet.plan_file import START_IN, FleetMotion
-from orientd.rpc import GOOD_OUTCOMES, MoveHandle, Robot, StartAt
+from orientd.protocol import GOOD_OUTCOMES
 
 if TYPE_CHECKING:
     from orientd.fleet.client import Fleet
-    from orientd.rpc import control_pb2 as pb
+    from orientd.protocol import control_pb2 as pb
 
 LEAST_MARGIN_NS = 50_000_000
 """Time before the start in which motions are only withdrawn, not armed any more."""

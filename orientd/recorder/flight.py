@@ -17,9 +17,9 @@ from typing import IO, Any
 
 import numpy as np
 
+from orientd.protocol import control_pb2 as pb
 from orientd.recorder.cycle_table import CYCLES, Table, from_records
 from orientd.recorder.writer import RecordingError, RecordingWriter
-from orientd.rpc import control_pb2 as pb
 from orientd.stream import CYCLE_RECORD, RecordRing
 
 PREFIX = "flight-"

@@ -26,9 +26,9 @@ from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import ArrayLike
 
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import titled
 from orientd.recorder.cycle_table import Table
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import titled
 
 WORLD = "world"
 _NANOSECONDS = 1_000_000_000

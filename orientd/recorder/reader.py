@@ -11,11 +11,11 @@ import numpy as np
 from mcap.records import Channel, Message, Metadata, Schema
 
 from orientd.errors import OrientdError
+from orientd.protocol import control_pb2 as pb
 from orientd.recorder import recording_pb2
 from orientd.recorder.cycle_table import Table, from_block
 from orientd.recorder.mcap_records import Damages, records
 from orientd.recorder.writer import RecordingError
-from orientd.rpc import control_pb2 as pb
 from orientd.stream import ServoState
 
 _CYCLES = recording_pb2.CycleBlock.DESCRIPTOR.full_name

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
+from orientd.client import Configuration, Robot
 from orientd.errors import UnknownNameError
 from orientd.recorder.cycle_table import from_records
 from orientd.recorder.writer import BLOCK, LIVE_CHUNK_BYTES, RecordingWriter
-from orientd.rpc import Configuration, Robot
 from orientd.stream import CYCLE_RECORD
 
 READ_HZ = 10.0

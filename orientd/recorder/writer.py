@@ -41,10 +41,10 @@ from mcap_protobuf.schema import register_schema
 
 from orientd import __version__
 from orientd.errors import OrientdError
+from orientd.protocol import control_pb2 as pb
 from orientd.recorder import foxglove
 from orientd.recorder.cycle_table import Table, to_block
 from orientd.recorder.scalars import scalars_of
-from orientd.rpc import control_pb2 as pb
 
 SHOWN_HZ = 25.0
 """How often viewers are given a device's pose, at the most."""

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from orientd.rpc import STALE
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import STALE
+from orientd.protocol import control_pb2 as pb
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from orientd.errors import OrientdError
-from orientd.rpc import to_quaternion
+from orientd.protocol import to_quaternion
 from orientd.viewer import words
 from orientd.viewer.cell import Cell
 from orientd.viewer.server import PageServer

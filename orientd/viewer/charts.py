@@ -6,8 +6,8 @@ from math import isfinite
 from typing import Any
 
 from orientd.planner import AXES, Limits
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import limits_from_message
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import limits_from_message
 from orientd.viewer.strips import COLUMNS
 
 _SOLID: list[int] = []

@@ -6,12 +6,12 @@ import threading
 from typing import TYPE_CHECKING
 
 from orientd import motion_file
+from orientd.client import Robot
 from orientd.errors import StateError
-from orientd.rpc import Robot
 from orientd.structured_text import structured
 
 if TYPE_CHECKING:
-    from orientd.rpc import Teaching
+    from orientd.client import Teaching
 
 
 class Lesson:

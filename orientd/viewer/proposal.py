@@ -6,9 +6,10 @@ import threading
 from typing import Any
 
 from orientd import motion_file
+from orientd.client import MoveHandle, Robot
 from orientd.errors import OrientdError
-from orientd.rpc import MoveHandle, Robot, samples
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import samples
 from orientd.viewer import words
 from orientd.viewer.watcher import sample_rate
 

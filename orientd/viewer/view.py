@@ -12,9 +12,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from orientd import first_stop
+from orientd.client import Robot
 from orientd.errors import LeaseError, OrientdError
-from orientd.rpc import Robot
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 from orientd.viewer import words
 from orientd.viewer.charts import charts_of
 from orientd.viewer.lesson import Lesson

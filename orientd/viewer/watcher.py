@@ -12,9 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
+from orientd.client import Observer, Robot
 from orientd.errors import DaemonError, OrientdError
-from orientd.rpc import STALE, CellReport, Observer, Outline, Robot, to_quaternion, to_vector
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import STALE, CellReport, Outline, to_quaternion, to_vector
+from orientd.protocol import control_pb2 as pb
 from orientd.stream import Cycle
 from orientd.viewer.strips import Strips
 

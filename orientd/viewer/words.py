@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from orientd.errors import Fault
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import titled, to_quaternion
 from orientd.rotation import to_euler
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import titled, to_quaternion
 from orientd.viewer.cell import Member
 
 Line = tuple[str, str, str]

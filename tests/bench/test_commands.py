@@ -16,7 +16,7 @@ from harness import DaemonProcess, spin
 from test_servo import show
 
 import orientd
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 pytestmark = pytest.mark.bench
 

@@ -15,7 +15,7 @@ from harness import until
 from lossy_network import HERE, LossyNetwork, is_possible
 
 import orientd
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 pytest.importorskip("zenoh")
 pytestmark = [
@@ -33,7 +33,7 @@ ASKER = """
 import json, sys, time
 from orientd.fleet import FleetMotion, connect_fleet, move_together
 from orientd.motion_file import parse
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 endpoint, cell, certificate, key, ca, rounds, angle, velocity, *names = sys.argv[1:]
 with connect_fleet(endpoint, cell=cell, certificate=certificate, key=key, ca=ca, wait_for=names,
                    timeout=30.0) as fleet:

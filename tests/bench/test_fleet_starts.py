@@ -22,8 +22,8 @@ import orientd
 from orientd.errors import StateError
 from orientd.fleet import FleetMotion, connect_fleet, move_together
 from orientd.motion_file import parse
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import to_quaternion
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import to_quaternion
 
 pytest.importorskip("zenoh")
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(1200)]

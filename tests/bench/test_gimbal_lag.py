@@ -17,7 +17,7 @@ from reference.wire import GOAL, PtyTee
 
 import orientd
 from orientd import rotation
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 pytest.importorskip("dynamixel_sdk")
 pytestmark = [pytest.mark.bench, pytest.mark.timeout(300)]

@@ -17,7 +17,7 @@ from test_servo import show
 
 import orientd
 from orientd.config import FIRST_PHASE
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 pytestmark = pytest.mark.bench
 

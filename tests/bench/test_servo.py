@@ -13,7 +13,7 @@ from harness import DEVICE, DaemonProcess, resident_kib, spin
 
 from orientd.bench.servo import compare, conditions
 from orientd.config import SPIN_US
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 pytestmark = pytest.mark.bench
 

@@ -17,8 +17,8 @@ from stage import ATTEMPTS, LONGEST, STARVED, Calls, longest_wait, waiting
 import orientd
 from orientd import motion_file
 from orientd.errors import OrientdError
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import word
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import word
 from orientd.servo.watchdog import SHORTEST_NS
 from orientd.stream import CycleFlag
 

@@ -14,7 +14,7 @@ from harness import DEVICE, nudge, spin
 from stage import Stage
 
 from orientd import rotation
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 
 class Scene:

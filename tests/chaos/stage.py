@@ -25,8 +25,8 @@ from harness import (
 )
 from ledger import Tally, rounds_of
 
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.control_pb2_grpc import ControlStub
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol.control_pb2_grpc import ControlStub
 
 LONGEST = 1.0
 """What no call may take, s."""

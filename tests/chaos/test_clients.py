@@ -11,9 +11,9 @@ from ledger import Tally
 from scenes import under_way
 from stage import rehearse
 
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.channel import MAX_MESSAGE_BYTES
-from orientd.rpc.control_pb2_grpc import ControlStub
+from orientd.client.channel import MAX_MESSAGE_BYTES
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol.control_pb2_grpc import ControlStub
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 

@@ -9,7 +9,7 @@ from harness import until
 from ledger import Tally, rounds_of
 
 from orientd.errors import Fault
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 

@@ -13,7 +13,7 @@ from ledger import Tally, rounds_of
 from rig import PERIOD, TERMS, Rig, peaks, turn
 from stage import Stage
 
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 from orientd.stream import Answer, Command, ServoState
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(30_000)]

@@ -15,8 +15,8 @@ from ledger import Tally
 from scenes import under_way
 from stage import rehearse
 
+from orientd.protocol import control_pb2 as pb
 from orientd.recorder import reader
-from orientd.rpc import control_pb2 as pb
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 

@@ -14,7 +14,7 @@ from stage import Stage
 from test_clients import fuzzed, garbage, slow
 from test_processes import kill_daemon, renew
 
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 STALL_TIMEOUT = 2.0
 

@@ -14,8 +14,8 @@ from ledger import Tally, rounds_of
 
 from emulated_ur.process import EmulatedRobot
 from orientd.errors import OrientdError
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import word
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import word
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 

@@ -17,8 +17,8 @@ from collections import Counter
 import grpc
 import numpy as np
 
+from orientd.protocol import control_pb2 as pb
 from orientd.rotation import exp
-from orientd.rpc import control_pb2 as pb
 
 PLAN = "/orientd.v1.Control/Plan"
 STEP = 0.004

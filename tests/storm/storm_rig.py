@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from harness import DaemonProcess, children, until
 
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 DEVICES = ("left", "right")
 RATE_HZ = 500.0

@@ -9,8 +9,11 @@ import os
 import sys
 
 import orientd
+import orientd.client.move_handle
+import orientd.client.robot
+import orientd.client.stop_call
+import orientd.client.trust
 from orientd.errors import OrientdError
-from orientd.rpc import client, move_handle, stop_call, trust  # noqa: F401 - see below
 
 
 class Terminal:

@@ -13,7 +13,7 @@ from browser import CHROMIUM, open_browser, page_of, view_of
 from gimbal_bench import await_hold
 from harness import DEVICE, DaemonProcess
 
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 pytest.importorskip("websockets")
 pytest.importorskip("playwright.sync_api")

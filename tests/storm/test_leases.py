@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 from harness import DEVICE, DaemonProcess, until
 
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 pytestmark = [
     pytest.mark.storm,

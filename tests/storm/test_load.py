@@ -22,7 +22,7 @@ import pytest
 from harness import until
 from storm_rig import Rig, await_idle, memory_mib
 
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 pytestmark = pytest.mark.storm
 

@@ -15,7 +15,7 @@ from every_call import SERVICE
 from harness import DaemonProcess, resident_kib, spin, until
 from nonsense import pour
 
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 pytestmark = pytest.mark.storm
 

@@ -21,9 +21,10 @@ from wild import anywhere, wild_motion
 
 import orientd as api
 from orientd.bench.lateness import busy_cores, processes
+from orientd.client import MoveHandle
 from orientd.errors import DaemonError, Fault, OrientdError, PlanError, RequestError, StateError
-from orientd.rpc import MoveHandle, word
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import word
 from orientd.tolerances import GUARD_TOLERANCE
 
 pytestmark = pytest.mark.storm

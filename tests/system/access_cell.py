@@ -11,7 +11,7 @@ from authority import Authority
 from harness import DaemonProcess
 
 import orientd
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 OBSERVER, OPERATOR, MEMBER, STRANGER = 54301, 54302, 54303, 54304
 GROUP = 54399

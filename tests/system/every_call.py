@@ -12,7 +12,7 @@ import sys
 import grpc
 from google.protobuf import message_factory
 
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 SERVICE = pb.DESCRIPTOR.services_by_name["Control"]
 TIMEOUT = 30.0  # s; of a machine under load

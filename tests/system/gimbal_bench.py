@@ -12,7 +12,7 @@ from harness import until
 
 from orientd import connect
 from orientd.errors import OrientdError
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 ROOT = Path(__file__).parents[2]
 

@@ -15,8 +15,8 @@ import grpc
 import numpy as np
 
 from orientd import rotation
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.control_pb2_grpc import ControlStub
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol.control_pb2_grpc import ControlStub
 from orientd.servo.watchdog import SHORTEST_NS
 from orientd_loopback import read_recording
 

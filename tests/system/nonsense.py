@@ -15,7 +15,7 @@ import grpc
 from every_call import SERVICE, requests
 from google.protobuf import message_factory
 
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 CHANNELS = 4
 AT_ONCE = 16

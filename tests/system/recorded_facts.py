@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 from mcap.records import Attachment, Channel, Message, Metadata
 
+from orientd.protocol import control_pb2 as pb
 from orientd.recorder.mcap_records import Damages, records
 from orientd.recorder.writer import CLOCK, CONFIGURATION
-from orientd.rpc import control_pb2 as pb
 
 
 class ClockFact(NamedTuple):

@@ -5,7 +5,7 @@ import pytest
 from harness import DaemonProcess, assert_limits_kept, peaks, spin
 
 from orientd import rotation
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 from orientd_loopback import read_recording
 
 

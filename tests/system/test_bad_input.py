@@ -16,7 +16,7 @@ from harness import DaemonProcess, is_alive, until
 
 import orientd as package
 from orientd.errors import OrientdError, RequestError
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 UPRIGHT = {"quaternion": {"w": 1, "x": 0, "y": 0, "z": 0}}
 TURNED = {"rotation_vector": [0, 0, 0.5]}

@@ -15,7 +15,7 @@ from command_line import COMMAND, assert_refused, begin, environment, inside, or
 from harness import DEVICE, DaemonProcess, is_alive, until
 
 from orientd import rotation
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 MOTION = """
 keyframes:

@@ -21,7 +21,7 @@ from harness import DEVICE, DaemonProcess, is_alive, resident_kib, spin, until
 
 import orientd as package
 from orientd import __version__, processor
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 SERVICE = "orientd.v1.Control"
 MOST_KIB, MOST_OWN_KIB = 90 * 1024, 40 * 1024

@@ -20,8 +20,8 @@ import orientd
 from orientd.errors import AccessError, DaemonError, StateError
 from orientd.fleet import FleetMotion, client, connect_fleet, move_together
 from orientd.motion_file import parse
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import to_quaternion
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import to_quaternion
 
 pytest.importorskip("zenoh")
 pytestmark = pytest.mark.skipif(OPENSSL is None, reason="there is no openssl here")

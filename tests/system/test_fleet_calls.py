@@ -10,9 +10,9 @@ from fleet_cell import CELL, RunningCell
 from harness import until
 
 from orientd import rotation
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import to_quaternion
 from orientd.rotation import Quaternion
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import to_quaternion
 
 pytest.importorskip("zenoh")
 

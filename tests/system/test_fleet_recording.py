@@ -14,9 +14,9 @@ from orientd import rotation
 from orientd.errors import DaemonError
 from orientd.fleet import FleetMotion, move_together
 from orientd.motion_file import parse
+from orientd.protocol import control_pb2 as pb
 from orientd.recorder import load_recording, read_orientations
 from orientd.recorder.planned import planned_orientations
-from orientd.rpc import control_pb2 as pb
 
 pytest.importorskip("zenoh")
 pytest.importorskip("mcap")

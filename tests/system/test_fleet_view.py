@@ -9,7 +9,7 @@ from fleet_cell import CELL, RunningCell
 from page import page_at
 
 from orientd.motion_file import parse
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 pytest.importorskip("zenoh")
 pytest.importorskip("websockets")

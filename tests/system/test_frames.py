@@ -11,8 +11,8 @@ from harness import DEVICE, DaemonProcess
 import orientd
 from orientd import config, rotation
 from orientd.errors import ConfigError, RequestError
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import samples, to_quaternion, to_vector
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import samples, to_quaternion, to_vector
 
 CAMERA = """
 [devices.arm.frames.camera]

@@ -11,7 +11,7 @@ from harness import until
 
 from orientd import connect
 from orientd.motion_file import load
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 pytest.importorskip("dynamixel_sdk")
 

@@ -8,7 +8,7 @@ from gimbal_bench import GimbalDaemon, await_hold
 from harness import until
 
 from orientd import connect
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 pytest.importorskip("dynamixel_sdk")
 

@@ -11,7 +11,7 @@ from harness import until
 from recorded_facts import states
 
 from orientd import connect
-from orientd.rpc import word
+from orientd.protocol import word
 
 pytest.importorskip("dynamixel_sdk")
 

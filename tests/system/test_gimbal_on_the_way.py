@@ -13,7 +13,7 @@ from harness import until
 import orientd
 from orientd import rotation
 from orientd.errors import LimitError, OrientdError, StartError
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 from orientd.servo.watchdog import SHORTEST_NS
 from orientd.stream import ServoState
 

@@ -10,7 +10,7 @@ from reference.wire import PtyTee
 
 import orientd
 from orientd.errors import OrientdError
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 pytest.importorskip("dynamixel_sdk")
 

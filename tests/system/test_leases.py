@@ -10,7 +10,7 @@ from harness import DEVICE, DaemonProcess, until
 
 import orientd as package
 from orientd.errors import LeaseError
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 LEG = "leg"
 TURN = [{"rotation_vector": [0.0, 0.0, 0.1]}]

@@ -5,7 +5,7 @@ from pathlib import Path
 from storm_rig import Rig
 
 import orientd
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 HEAVY = ("/scipy/", "/scipy.libs/", "native.abi3")
 """What is for processes that plan alone: libraries by their paths."""

@@ -15,8 +15,8 @@ from harness import (
 import orientd
 from orientd import rotation
 from orientd.errors import LeaseError, LimitError, RequestError
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import to_vector
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import to_vector
 
 Q = orientd.Quaternion
 

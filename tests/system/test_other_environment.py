@@ -17,7 +17,7 @@ import orientd_ur
 from orientd import connect
 from orientd.driver import python_command, python_version
 from orientd.errors import ConfigError
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 OURS = Path(importlib.util.find_spec("numpy").origin).parents[1]
 

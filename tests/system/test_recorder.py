@@ -14,9 +14,9 @@ from harness import DEVICE, DaemonProcess, spin, until
 from recorded_facts import configurations, states
 
 from orientd import rotation
+from orientd.protocol import control_pb2 as pb
 from orientd.recorder import reader
 from orientd.recorder.planned import planned_orientations
-from orientd.rpc import control_pb2 as pb
 
 
 @pytest.fixture

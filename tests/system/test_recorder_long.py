@@ -13,8 +13,8 @@ from command_line import begin, environment
 from harness import DEVICE, DaemonProcess, spin, until
 from recorded import validated
 
+from orientd.protocol import control_pb2 as pb
 from orientd.recorder import reader
-from orientd.rpc import control_pb2 as pb
 
 pytestmark = pytest.mark.slow
 

@@ -26,10 +26,10 @@ from orientd.errors import (
     StateError,
     UnknownNameError,
 )
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import samples, to_quaternion
+from orientd.protocol.control_pb2_grpc import ControlStub
 from orientd.rotation import Quaternion
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import samples, to_quaternion
-from orientd.rpc.control_pb2_grpc import ControlStub
 
 LEASE_SECONDS = 3.0
 TURNS = [[0, 0, 0], [0.1, 0, 0.3], [0.2, -0.2, 0.4]]

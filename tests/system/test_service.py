@@ -10,7 +10,7 @@ import pytest
 from command_line import orientd
 from harness import DEVICE, DaemonProcess, spin, until
 
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 
 def log(daemon):

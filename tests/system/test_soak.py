@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from harness import DaemonProcess, nudge, resident_kib
 
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 pytestmark = pytest.mark.slow
 

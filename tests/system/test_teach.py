@@ -26,9 +26,9 @@ from harness import DaemonProcess, until
 from emulated_ur.process import EmulatedRobot, LaunchError
 from orientd import connect, motion_file
 from orientd.errors import DeviceError, OrientdError, StateError
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import to_quaternion
 from orientd.rotation import angle, exp
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import to_quaternion
 from orientd.stream import unpack_cycle
 from orientd.stream.records import CYCLE_RECORD
 

@@ -8,7 +8,7 @@ import grpc
 import pytest
 from harness import DEVICE, DaemonProcess, nudge, until
 
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 pytest.importorskip("prometheus_client")
 

@@ -13,8 +13,8 @@ from orientd import connect
 from orientd.driver import AxisLimits
 from orientd.floats import difference, exp, norm
 from orientd.mechanism import Gimbal
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import to_quaternion
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import to_quaternion
 
 PACKAGE = Path(__file__).parents[2] / "examples" / "feetech_gimbal"
 

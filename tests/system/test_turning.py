@@ -6,10 +6,10 @@ import numpy as np
 from harness import DaemonProcess, until
 
 import orientd
+from orientd.client import endless_turn
 from orientd.errors import LimitError, LimitKind
+from orientd.protocol import control_pb2 as pb
 from orientd.rotation import conjugate, log, multiply
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import endless_turn
 
 RATE = 1.0
 

@@ -11,8 +11,8 @@ from command_line import assert_refused, begin, orientd
 from harness import DEVICE, DaemonProcess, spin, until
 from page import page_at
 
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.client import connect
+from orientd.client.robot import connect
+from orientd.protocol import control_pb2 as pb
 
 pytest.importorskip("websockets")
 

@@ -13,8 +13,8 @@ from harness import DaemonProcess, spin, until
 
 from emulated_ur.process import EmulatedRobot
 from orientd import motion_file
+from orientd.protocol import control_pb2 as pb
 from orientd.rotation import angle
-from orientd.rpc import control_pb2 as pb
 
 image = pytest.importorskip("matplotlib.image")
 pytest.importorskip("playwright.sync_api")

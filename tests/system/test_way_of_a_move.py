@@ -14,7 +14,7 @@ from pathlib import Path
 
 from harness import DaemonProcess
 
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 MOST_FUNCTIONS = 225
 MOST_TYPES = 42

@@ -13,14 +13,14 @@ import pytest
 import orientd
 from orientd.batch.request_file import open_requests
 from orientd.cli import texts
+from orientd.client.motion_request import motion_request
 from orientd.errors import RequestError
 from orientd.motion_file import loads, parse, written
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol.motion import from_request, to_request
+from orientd.protocol.targets import target_from_message
 from orientd.rotation import angle, from_euler, normalize
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.motion import from_request, to_request
-from orientd.rpc.motion_request import motion_request
-from orientd.rpc.targets import target_from_message
 
 CASES = int(os.environ.get("ORIENTD_CASES", "30"))
 FIRST = {"quaternion": {"w": 1, "x": 0, "y": 0, "z": 0}}

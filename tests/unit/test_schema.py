@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 
 from orientd import config, motion_file
+from orientd.client import motion_request
 from orientd.daemon.device import EventKind
 from orientd.errors import Fault, RequestError
 from orientd.model import ANGULAR, FORMS, UNITS, attribute_lines
 from orientd.planner import Frame, Keyframe, Limits, MotionRequest, Pose
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import motion_request
-from orientd.rpc.motion import from_request, to_request
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol.motion import from_request, to_request
 from orientd.stream import Cycle, ServoState
 
 ROOT = Path(__file__).parents[2] / "orientd"

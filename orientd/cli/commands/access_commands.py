@@ -39,7 +39,7 @@ def seize(
 
     Takes that of one device, or of all; their motions stop.  For administrators only.
     """
-    from orientd.rpc import control_pb2 as pb
+    from orientd.protocol import control_pb2 as pb
 
     with at.connect("lease seize") as robot:
         leases = robot.state().daemon.leases

@@ -17,7 +17,7 @@ from orientd.cli.output import Output, table
 from orientd.daemon import LogFormat
 
 if TYPE_CHECKING:
-    from orientd.rpc import control_pb2
+    from orientd.protocol import control_pb2
 
 
 def run(
@@ -41,9 +41,9 @@ def run(
     again, and prints "ready" once the device answers.
     """
     from orientd import config as configuration
+    from orientd.client import default_socket
     from orientd.daemon import run as serve
     from orientd.daemon import set_up_log
-    from orientd.rpc import default_socket
 
     path = config or configuration.find()
     settings = configuration.load_or_default(path)
@@ -114,7 +114,7 @@ def devices(at: Endpoint, out: Output) -> None:
     """List the devices of the daemon's configuration."""
     from orientd.cli import texts
     from orientd.planner import ANGULAR
-    from orientd.rpc import limits_from_message
+    from orientd.protocol import limits_from_message
 
     with at.connect("devices") as robot:
         found = robot.devices()

@@ -18,8 +18,8 @@ from orientd.cli.own_daemon import begun
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.rpc import Robot
-    from orientd.rpc import control_pb2 as pb
+    from orientd.client import Robot
+    from orientd.protocol import control_pb2 as pb
     from orientd.stream import Cycle
 
 RATE_HZ = 500
@@ -57,8 +57,8 @@ def demo(
     from orientd import plots
     from orientd.cli import texts
     from orientd.cli.commands.motion_commands import follow, raise_unless_done
-    from orientd.rpc import connect
-    from orientd.rpc import control_pb2 as pb
+    from orientd.client import connect
+    from orientd.protocol import control_pb2 as pb
     from orientd.stream import ServoState
 
     plots.check_format(plot)

@@ -11,8 +11,8 @@ from orientd.cli.command import Commander, DeviceName, Endpoint
 from orientd.cli.output import Output
 
 if TYPE_CHECKING:
-    from orientd.rpc import Robot
-    from orientd.rpc import control_pb2 as pb
+    from orientd.client import Robot
+    from orientd.protocol import control_pb2 as pb
 
 
 def _of_all(name: str, told: str) -> Callable[..., None]:

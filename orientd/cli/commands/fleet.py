@@ -15,7 +15,7 @@ from orientd.cli.commands.record import OutFile, Scalars, Seconds, check_output,
 from orientd.cli.commands.view import PORT, Dark, Host, NoOpen, Port, serve_page
 from orientd.cli.output import Output, is_terminal, table
 from orientd.errors import DaemonError, OrientdError
-from orientd.rpc import STALE
+from orientd.protocol import STALE
 
 if TYPE_CHECKING:
     from orientd.fleet import Fleet, Overview, Together

@@ -15,8 +15,8 @@ from orientd.cli.output import Output, working
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.rpc import EndlessTurn, MoveHandle
-    from orientd.rpc import control_pb2 as pb
+    from orientd.client import EndlessTurn, MoveHandle
+    from orientd.protocol import control_pb2 as pb
 
 MotionFile = Annotated[Path, typer.Argument(metavar="FILE", help="A motion file, YAML or JSON.")]
 
@@ -115,7 +115,7 @@ def move(
     """
     from orientd import motion_file
     from orientd.cli import texts
-    from orientd.rpc import titled
+    from orientd.protocol import titled
 
     if blend and not queue:
         raise typer.BadParameter("needs --queue", param_hint="--blend")
@@ -151,7 +151,7 @@ def move(
 
 def _gate(text: str) -> pb.OnTarget:
     """Return the gate that ``DEG,DEG/S,S[,S]`` stands for."""
-    from orientd.rpc import control_pb2 as pb
+    from orientd.protocol import control_pb2 as pb
 
     try:
         tolerance, rate, *seconds = map(float, text.split(","))
@@ -217,7 +217,7 @@ def conclude(
 def raise_unless_done(summary: pb.MoveSummary) -> None:
     """Raise what makes a command fail after a motion that was not run to its end."""
     from orientd.cli import texts
-    from orientd.rpc import GOOD_OUTCOMES
+    from orientd.protocol import GOOD_OUTCOMES
 
     if summary.outcome not in GOOD_OUTCOMES:
         raise OrientdError(f"motion {summary.motion_number} {texts.ending(summary)}")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from orientd.curves import Fit
     from orientd.planner import MotionRequest
-    from orientd.rpc import control_pb2 as pb
+    from orientd.protocol import control_pb2 as pb
 
 
 Pace = Literal["recorded", "minimum"]

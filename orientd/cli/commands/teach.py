@@ -20,8 +20,8 @@ from orientd.cli.output import Output
 from orientd.errors import DeviceError, OrientdError, StateError
 
 if TYPE_CHECKING:
+    from orientd.client import Teaching
     from orientd.planner import Keyframe
-    from orientd.rpc import Teaching
 
 ENDINGS = (".yaml", ".yml", ".json")
 

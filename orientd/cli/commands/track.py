@@ -14,7 +14,7 @@ from orientd.cli.output import Output
 from orientd.one_line import one_line
 
 if TYPE_CHECKING:
-    from orientd.rpc.control_pb2 import TrackTarget
+    from orientd.protocol.control_pb2 import TrackTarget
 
 _NAMED = 10
 """Bad lines that are named, at most."""
@@ -40,7 +40,7 @@ def track(
     line was bad.
     """
     from orientd.cli import texts
-    from orientd.rpc import to_quaternion
+    from orientd.protocol import to_quaternion
 
     lines = _Lines(time_to_live)
     with to.commanding("track") as robot:
@@ -95,7 +95,8 @@ class _Lines:
         Raises:
             ValueError: it is none.
         """
-        from orientd.rpc import TARGET_KEYS, target_from_message, target_message
+        from orientd.client import TARGET_KEYS, target_message
+        from orientd.protocol import target_from_message
 
         try:
             mapping = json.loads(line, parse_constant=_refuse_constant)

@@ -13,7 +13,7 @@ from orientd.cli.output import Output
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.rpc import EndlessTurn, MoveHandle, Robot
+    from orientd.client import EndlessTurn, MoveHandle, Robot
 
 
 def home(to: Commander, out: Output) -> None:

@@ -36,7 +36,7 @@ from orientd.errors import (
     RequestError,
     TooMuchError,
 )
-from orientd.rpc import to_status
+from orientd.protocol import to_status
 
 _log = logging.getLogger(__name__)
 
@@ -261,7 +261,7 @@ class _Call:
 def describe(request: Message) -> dict[str, Any]:
     """Return the numbers and texts of *request*, but what is secret.
 
-    >>> from orientd.rpc import control_pb2 as pb
+    >>> from orientd.protocol import control_pb2 as pb
     >>> describe(pb.SetSpeedRequest(lease_token="abc", device="arm", speed=0.5))
     {'device': 'arm', 'speed': 0.5}
     """

@@ -11,8 +11,8 @@ import stat
 from collections.abc import Iterator
 from pathlib import Path
 
+from orientd.client import check_folder
 from orientd.errors import DaemonError
-from orientd.rpc import check_folder
 
 
 @contextlib.contextmanager

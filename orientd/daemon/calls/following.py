@@ -9,8 +9,8 @@ from orientd.daemon.device import Device
 from orientd.driver import Quaternion
 from orientd.errors import OrientdError
 from orientd.floats import difference, norm
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import quaternion, target_from_message, vector
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import quaternion, target_from_message, vector
 
 
 class Following:

@@ -21,8 +21,8 @@ from orientd.daemon.planners import PlanCall, Planners
 from orientd.driver import Quaternion
 from orientd.errors import DaemonError, OrientdError
 from orientd.planner import Keyframe, MotionRequest
+from orientd.protocol import from_request
 from orientd.rotation import Floats
-from orientd.rpc import from_request
 from orientd.stream import Cycle, CycleFlag, ServoState
 
 ANGLE = 0.2

@@ -10,8 +10,8 @@ from orientd.daemon.device import Device, QueuedMotion
 from orientd.driver import PartHealth, Quaternion, Vector3
 from orientd.floats import difference, norm
 from orientd.planner import Frame
-from orientd.rpc import STALE, limits_to_message, quaternion, vector
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import STALE, limits_to_message, quaternion, vector
+from orientd.protocol import control_pb2 as pb
 from orientd.stream import UNKNOWN, Cycle, CycleFlag, ServoState, record_index, unpack_cycle
 
 NANOSECONDS = 1e9

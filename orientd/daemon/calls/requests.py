@@ -8,7 +8,7 @@ import time
 
 from orientd.daemon.device import ArrivalCondition, Device, MoveOptions
 from orientd.errors import RequestError, StateError
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 from orientd.stream import UNKNOWN, ServoState
 
 DEFAULT_REPORTS_HZ = 20.0

@@ -44,8 +44,8 @@ from orientd.errors import (
     RequestError,
     StateError,
 )
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import limits_to_wish
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import limits_to_wish
 from orientd.stream import CYCLE_RECORD, record_index
 
 _log = logging.getLogger(__name__)

@@ -35,7 +35,7 @@ from orientd.errors import (
 )
 from orientd.planner import Limits
 from orientd.planner import State as PlannedState
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 from orientd.servo import LEFT_OUT_WORD
 from orientd.stream import NOT_GIVEN, UNKNOWN, Command, Cycle, ServoState, unpack_cycle
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from orientd import rotation
 from orientd.planner import RecordedMotion, Vector3
+from orientd.protocol import control_pb2 as pb
 from orientd.recorder import Table, from_records
 from orientd.rotation import Floats
-from orientd.rpc import control_pb2 as pb
 from orientd.stream import CycleFlag, ServoState
 
 _BIN = np.log(1.01)

@@ -9,7 +9,7 @@ from orientd.daemon.device.feeder import Feeder
 from orientd.daemon.device.meter import MotionMeter
 from orientd.daemon.planners import PlannedMotion
 from orientd.errors import RequestError
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 from orientd.stream import UNKNOWN, Cycle
 
 Ended = tuple[pb.Outcome, str]

@@ -6,8 +6,8 @@ import logging
 
 from orientd.daemon.device import DeviceEvent, EventKind
 from orientd.daemon.observe.log import about
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import titled
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import titled
 
 _log = logging.getLogger(__name__)
 

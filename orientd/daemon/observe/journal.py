@@ -13,7 +13,7 @@ from collections.abc import Callable
 from queue import SimpleQueue
 
 from orientd.daemon.device import DeviceEvent
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 _log = logging.getLogger(__name__)
 

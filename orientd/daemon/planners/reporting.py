@@ -14,9 +14,9 @@ from orientd.curves import METHODS
 from orientd.errors import RequestError
 from orientd.planner import Certificate, Frame, Motion
 from orientd.planner import PathSamples as Sampled
+from orientd.protocol import Samples, from_request
+from orientd.protocol import control_pb2 as pb
 from orientd.rotation import Floats
-from orientd.rpc import Samples, from_request
-from orientd.rpc import control_pb2 as pb
 
 MOST_SAMPLES = 300_000
 """In the answer to one Plan; each takes some 170 bytes of a message."""

@@ -36,8 +36,8 @@ from orientd.daemon.planners.task import (
 from orientd.driver import make_driver
 from orientd.errors import OrientdError, PlanError, RequestError
 from orientd.planner import DevicePlanner, Frame, Keyframe, Motion, MotionRequest, State
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import to_request
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import to_request
 
 KEPT = 2
 """Motions that are remembered, in case more of one is asked for."""

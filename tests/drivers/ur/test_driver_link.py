@@ -21,7 +21,7 @@ from orientd.driver import Setpoint
 from orientd.errors import LimitError, LinkError, PlanError, RequestError, StateError
 from orientd.mechanism import route
 from orientd.planner import DevicePlanner, Keyframe, Limits, MotionRequest, State
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 from orientd_ur import UrDriver
 from orientd_ur.controller import RuntimeState, version_problem
 from orientd_ur.link import are_open, send_at_once

@@ -12,8 +12,8 @@ from orientd.curves import METHODS
 from orientd.curves.roles import is_pair
 from orientd.planner import DEFAULT_LIMITS, State
 from orientd.planner import plan as planned
+from orientd.protocol.motion import from_request, to_request
 from orientd.rotation import angle
-from orientd.rpc.motion import from_request, to_request
 
 KEYFRAMES = """
 keyframes:

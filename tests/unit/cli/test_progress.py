@@ -6,7 +6,7 @@ import pytest
 import rich
 
 from orientd.cli import output, progress
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 REPORT = pb.MoveProgress(
     path_time=1.0,

@@ -8,7 +8,7 @@ import random
 import pytest
 
 from orientd.cli.commands.track import _Lines
-from orientd.rpc import target_from_message
+from orientd.protocol import target_from_message
 
 CASES = int(os.environ.get("ORIENTD_CASES", "60"))
 GOOD = b'{"rotation_vector": [0, 0, 0.1]}'

@@ -14,8 +14,8 @@ import pytest
 
 from orientd import first_stop
 from orientd.cli import urgent
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.control_pb2_grpc import ControlServicer, add_ControlServicer_to_server
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol.control_pb2_grpc import ControlServicer, add_ControlServicer_to_server
 
 
 def run(arguments):
@@ -162,7 +162,7 @@ def test_nothing_large_is_loaded_before_it_is_sent():
 
 def test_a_client_that_does_not_plan_loads_nothing_that_plans():
     program = (
-        "import sys, orientd.rpc.client, orientd.cli.texts\n"
+        "import sys, orientd.client.robot, orientd.cli.texts\n"
         "large = {'numpy', 'scipy', 'pydantic', 'yaml'}\n"
         "print(*large & {name.split('.')[0] for name in sys.modules})"
     )

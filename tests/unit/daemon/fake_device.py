@@ -11,7 +11,7 @@ from orientd.daemon.device.servo_process import ServoProcess
 from orientd.driver import IDENTITY, ZERO
 from orientd.errors import DaemonError, Fault
 from orientd.planner import DEFAULT_LIMITS
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 from orientd.stream import CYCLE_RECORD, UNKNOWN, Command, Cycle, ServoState, SharedMemory
 
 STATISTICS = pb.MotionStatistics(cycles=7, lateness=pb.Durations(), work=pb.Durations())

@@ -28,8 +28,8 @@ from orientd.errors import (
     UnknownNameError,
 )
 from orientd.planner import Keyframe, MotionRequest, State
+from orientd.protocol import control_pb2 as pb
 from orientd.rotation import exp
-from orientd.rpc import control_pb2 as pb
 from orientd.stream import ServoState
 
 SECOND = 1_000_000_000

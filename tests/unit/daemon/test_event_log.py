@@ -6,7 +6,7 @@ import pytest
 
 from orientd.daemon.device import DeviceEvent, EventKind
 from orientd.daemon.observe import EventLog
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 DIED, READY = EventKind.SERVO_DIED, EventKind.READY
 

@@ -6,7 +6,7 @@ from orientd.daemon.device import DeviceEvent, EventKind
 from orientd.daemon.observe import journal as module
 from orientd.daemon.observe.journal import Journal
 from orientd.daemon.ring_file import RingFile
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 
 def kept_of(texts, *, room, monkeypatch, seconds=60.0, device="arm"):

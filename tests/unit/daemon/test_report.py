@@ -12,7 +12,7 @@ from orientd.daemon.calls import report
 from orientd.daemon.device import MoveOptions, QueuedMotion
 from orientd.daemon.planners import reporting
 from orientd.errors import Fault
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 from orientd.stream import CycleFlag, ServoState, record_index
 
 SETTINGS = config.default_settings().devices["arm"]

@@ -16,7 +16,7 @@ from orientd.daemon.access import Caller, Identity
 from orientd.daemon.calls import Service
 from orientd.daemon.devices import Devices
 from orientd.errors import LeaseError, RequestError, UnknownNameError
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 SETTINGS = {
     "daemon": {"lease_seconds": 5.0},

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 from wild import wild_motion
 
+from orientd.client.motion_request import motion_request
 from orientd.curves import METHODS
 from orientd.errors import OrientdError
 from orientd.planner import DEFAULT_LIMITS, State, plan
-from orientd.rpc.motion_request import motion_request
 
 PERIOD = 0.002
 NEAREST = 1e-2

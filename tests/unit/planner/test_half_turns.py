@@ -13,11 +13,11 @@ from half_turns import FORMS, form_of, rate, way
 
 import orientd
 from orientd import processor
+from orientd.client.motion_request import motion_request
 from orientd.curves import METHODS, CurveTask, is_pair, make_curve
 from orientd.motion_file import parse
 from orientd.planner import DEFAULT_LIMITS, MotionRequest, State, plan
 from orientd.rotation import exp, multiply
-from orientd.rpc.motion_request import motion_request
 
 PROGRAM = Path(__file__).with_name("half_turns.py")
 CASES = int(os.environ.get("ORIENTD_CASES", "12"))

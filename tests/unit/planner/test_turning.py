@@ -8,8 +8,8 @@ import pytest
 from orientd import motion_file
 from orientd.errors import LimitError, RequestError
 from orientd.planner import Limits, State, plan
+from orientd.protocol.motion import from_request, to_request
 from orientd.rotation import conjugate, exp, log, multiply, rotate
-from orientd.rpc.motion import from_request, to_request
 
 LIMITS = Limits(1.5, 8.0, 1500.0, 1.0, 10.0)
 START = State.at_rest(exp([0.3, -0.5, 0.9]))

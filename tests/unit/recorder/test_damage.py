@@ -9,10 +9,10 @@ from command_line import assert_refused, orientd
 from mcap.writer import Writer
 from recorded import OFFSET_NS, RATE_HZ, moving
 
+from orientd.protocol import control_pb2 as pb
 from orientd.recorder import load_recording, read_orientations
 from orientd.recorder.mcap_records import Damages, records
 from orientd.recorder.writer import LIVE_CHUNK_BYTES, RecordingError, RecordingWriter
-from orientd.rpc import control_pb2 as pb
 
 CASES = int(os.environ.get("ORIENTD_CASES", "12"))
 COUNT = 600

@@ -10,9 +10,9 @@ import pytest
 from recorded import RATE_HZ, moving
 
 from orientd.daemon.device.cycle_memory import CycleMemory
+from orientd.protocol import control_pb2 as pb
 from orientd.recorder import flight, reader
 from orientd.recorder.writer import RecordingError
-from orientd.rpc import control_pb2 as pb
 from orientd.stream import RecordRing
 from orientd.stream.records import CYCLE_RECORD
 

@@ -11,6 +11,7 @@ import pytest
 from recorded import OFFSET_NS, RATE_HZ, decoded, moving, validated
 
 from orientd import rotation
+from orientd.protocol import control_pb2 as pb
 from orientd.recorder import reader
 from orientd.recorder.cycle_table import QUANTA
 from orientd.recorder.recording_pb2 import Scalars
@@ -20,7 +21,6 @@ from orientd.recorder.writer import (
     RecordingError,
     RecordingWriter,
 )
-from orientd.rpc import control_pb2 as pb
 from orientd.stream import CycleFlag
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from orientd.errors import Fault
 from orientd.planner import DEFAULT_LIMITS
-from orientd.rpc import STALE, limits_to_message, quaternion
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import STALE, limits_to_message, quaternion
+from orientd.protocol import control_pb2 as pb
 from orientd.viewer import words
 from orientd.viewer.cell import Member
 

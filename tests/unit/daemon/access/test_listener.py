@@ -15,7 +15,7 @@ from grpclib.exceptions import GRPCError, StreamTerminatedError
 from orientd.config import AccessSettings, TcpSettings
 from orientd.daemon.access import Authorization, Listener, Method, connection, listener
 from orientd.errors import PlanError
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 SOON = 0.2
 PATH = "/orientd.v1.Control/GetState"

@@ -6,7 +6,7 @@ import pytest
 
 from orientd.daemon.access import authorization
 from orientd.daemon.access.audit import AuditLog
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 
 def lines(path):

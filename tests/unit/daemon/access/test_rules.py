@@ -2,7 +2,7 @@
 
 from orientd.config import Role
 from orientd.daemon.access.rules import CONTROL, RULES, rule
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 SERVICE = pb.DESCRIPTOR.services_by_name["Control"]
 

@@ -16,9 +16,9 @@ from orientd.daemon.planners.pool import MOST_WAITING
 from orientd.daemon.planners.task import CHUNK, FIRST
 from orientd.errors import DaemonError, DeadlineError, PlanError, RequestError, TooMuchError
 from orientd.planner import Keyframe, MotionRequest, State
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol.motion import from_request
 from orientd.rotation import exp
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.motion import from_request
 
 SETTINGS = config.default_settings().devices["arm"]
 HERE = State.at_rest((1.0, 0.0, 0.0, 0.0))

@@ -6,8 +6,8 @@ import pytest
 from orientd import planner
 from orientd.daemon.planners import reporting
 from orientd.errors import RequestError
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import samples
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import samples
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ from typing import Any
 
 from orientd.errors import RequestError
 from orientd.planner import ANGULAR, NO_AXES, Limits, Rate
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.values import RATES, to_vector, vector
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol.values import RATES, to_vector, vector
 
 
 def limits_message(rates: Mapping[str, Rate]) -> pb.Limits:

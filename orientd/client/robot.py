@@ -15,23 +15,23 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, Unpack
 
+from orientd.client.channel import Way
+from orientd.client.connection import Connection, StartAt
+from orientd.client.leases import Leases
+from orientd.client.observer import Observer
+from orientd.client.stop_call import ask_to_stop
 from orientd.errors import OrientdError, RequestError
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.channel import Way
-from orientd.rpc.connection import Connection, StartAt
-from orientd.rpc.leases import Leases
-from orientd.rpc.observer import Observer
-from orientd.rpc.reports import CellReport
-from orientd.rpc.stop_call import ask_to_stop
+from orientd.protocol import CellReport
+from orientd.protocol import control_pb2 as pb
 from orientd.stream import Cycle
 
 if TYPE_CHECKING:
+    from orientd.client.endless_turn import EndlessTurn
+    from orientd.client.motion_request import RequestFields
+    from orientd.client.move_handle import MoveHandle
+    from orientd.client.teaching import Teaching
+    from orientd.client.tracking import Tracking
     from orientd.planner import MotionRequest
-    from orientd.rpc.endless_turn import EndlessTurn
-    from orientd.rpc.motion_request import RequestFields
-    from orientd.rpc.move_handle import MoveHandle
-    from orientd.rpc.teaching import Teaching
-    from orientd.rpc.tracking import Tracking
 
 
 COMMAND_TIMEOUT = 65.0
@@ -333,21 +333,21 @@ class Robot:
         It begins where the device is commanded to be, or will be once its present motion has ended.
 
         Args:
-            keyframes: see :func:`~orientd.rpc.motion_request.motion_request`.
+            keyframes: see :func:`~orientd.client.motion_request.motion_request`.
             device: what is to move.
             sample_rate_hz: how often to sample the motion for :func:`orientd.samples`, up to the
                 device's own rate; 0 for not at all.
             plan_timeout: how long planning may take, s; by default, and at the most, as long as
                 the daemon's settings allow.
-            fields: see :class:`~orientd.rpc.motion_request.RequestFields`.
+            fields: see :class:`~orientd.client.motion_request.RequestFields`.
 
         Raises:
             RequestError: the motion is not well formed.
             StateError: the device is not at rest, ready to move.
             PlanError: it cannot be planned, or would break a limit.
         """
-        from orientd.rpc.motion import from_request
-        from orientd.rpc.motion_request import motion_request, plan_seconds
+        from orientd.client.motion_request import motion_request, plan_seconds
+        from orientd.protocol import from_request
 
         request = pb.PlanRequest(
             device=device,
@@ -396,7 +396,7 @@ class Robot:
         a step in orientation, velocity or acceleration; or, with *queue*, followed.
 
         Args:
-            keyframes: see :func:`~orientd.rpc.motion_request.motion_request`; or what
+            keyframes: see :func:`~orientd.client.motion_request.motion_request`; or what
                 :meth:`plan` returned, if the device is where that begins.
             device: what is to move.
             progress_rate_hz: reports a second, 0.1 to 100.
@@ -407,7 +407,7 @@ class Robot:
                 with the same start time each is as far along its path as the others.
             on_target: what must be measured for the motion to count as done.
             plan_timeout: as for :meth:`plan`.
-            fields: see :class:`~orientd.rpc.motion_request.RequestFields`.
+            fields: see :class:`~orientd.client.motion_request.RequestFields`.
 
         Raises:
             RequestError: the motion is not well formed.
@@ -415,9 +415,9 @@ class Robot:
             StateError: the device is not at rest, ready to move.
             PlanError: it cannot be planned, or would break a limit.
         """
-        from orientd.rpc.motion import from_request
-        from orientd.rpc.motion_request import motion_request, plan_seconds
-        from orientd.rpc.move_handle import MoveHandle
+        from orientd.client.motion_request import motion_request, plan_seconds
+        from orientd.client.move_handle import MoveHandle
+        from orientd.protocol import from_request
 
         request = pb.MoveRequest(
             device=device,
@@ -469,7 +469,7 @@ class Robot:
 
     def turn_endlessly(self, rate: Sequence[float], **fields: Any) -> EndlessTurn:  # noqa: ANN401
         """Turn at *rate*, rad/s, until stopped or this client ends; raises as :meth:`move`."""
-        from orientd.rpc.endless_turn import EndlessTurn
+        from orientd.client.endless_turn import EndlessTurn
 
         return EndlessTurn(self, rate, **fields)
 
@@ -488,7 +488,7 @@ class Robot:
             StateError: the device moves, or is in a fault.
             OrientdError: it cannot be moved by hand.
         """
-        from orientd.rpc.teaching import Teaching
+        from orientd.client.teaching import Teaching
 
         return Teaching(self, device, by_hand=by_hand)
 
@@ -510,8 +510,8 @@ class Robot:
             LeaseError: somebody else holds the lease.
             StateError: the device cannot follow targets.
         """
-        from orientd.rpc.limits import limits_message
-        from orientd.rpc.tracking import Tracking
+        from orientd.client.tracking import Tracking
+        from orientd.protocol import limits_message
 
         start = pb.TrackStart(device=device, report_rate_hz=report_rate_hz)
         if limits is not None:

@@ -8,10 +8,10 @@ import sys
 
 import pytest
 
+from orientd.client import ask_to_stop, trust
+from orientd.client.channel import Way
+from orientd.client.trust import check_folder, check_socket
 from orientd.errors import DaemonError
-from orientd.rpc import ask_to_stop, trust
-from orientd.rpc.channel import Way
-from orientd.rpc.trust import check_folder, check_socket
 
 OTHER = 54321
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from google.protobuf.message import Message
 
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.values import to_quaternion, to_vector
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol.values import to_quaternion, to_vector
 
 if TYPE_CHECKING:
     from orientd.rotation import Floats

@@ -10,7 +10,7 @@ from google.rpc import code_pb2, error_details_pb2, status_pb2
 
 from orientd import errors
 from orientd.errors import LimitError, LimitKind, OrientdError, RequestError
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 DETAILS_KEY = "grpc-status-details-bin"
 DOMAIN = "orientd"

@@ -7,9 +7,9 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from orientd.client.connection import Connection
 from orientd.errors import LeaseError, OrientdError
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.connection import Connection
+from orientd.protocol import control_pb2 as pb
 
 RENEWALS = 3
 """Renewals within the time that a lease lasts."""

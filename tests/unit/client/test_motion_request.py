@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from orientd.client.motion_request import motion_request
 from orientd.errors import RequestError
 from orientd.rotation import Quaternion
-from orientd.rpc.motion_request import motion_request
 
 HALF = np.sqrt(0.5)
 

@@ -9,15 +9,15 @@ from typing import Literal, Self, get_args
 
 import grpc
 
+from orientd.client.connection import Connection
+from orientd.client.motion_request import keyframe_mappings
 from orientd.driver import Quaternion as Orientation
 from orientd.driver import Vector3
 from orientd.errors import OrientdError, RequestError
 from orientd.model import FORMS, joined, read_keyframe
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import quaternion
 from orientd.rotation import Quaternion
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.connection import Connection
-from orientd.rpc.motion_request import keyframe_mappings
-from orientd.rpc.values import quaternion
 from orientd.spelling import did_you_mean
 
 Frame = Literal["body", "world"]

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from orientd import first_stop
+from orientd.client import channel
+from orientd.client.channel import MAX_PATH_BYTES, default_socket, target
 from orientd.errors import DaemonError
-from orientd.rpc import channel
-from orientd.rpc.channel import MAX_PATH_BYTES, default_socket, target
 
 
 def test_the_socket_is_in_the_runtime_directory(monkeypatch):

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from orientd.client.leases import RENEWALS, Leases
 from orientd.errors import DaemonError, LeaseError
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.leases import RENEWALS, Leases
+from orientd.protocol import control_pb2 as pb
 
 
 class Daemon:

@@ -8,8 +8,8 @@ from typing import NamedTuple
 from orientd.driver import Quaternion, Vector3
 from orientd.errors import RequestError
 from orientd.floats import rotate_back
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.values import to_quaternion, to_vector
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol.values import to_quaternion, to_vector
 from orientd.tolerances import NORM_TOLERANCE
 
 TIME_TO_LIVE = 0.5

@@ -11,11 +11,11 @@ import grpc
 from google.protobuf.message import DecodeError
 from google.rpc import status_pb2
 
+from orientd.client.channel import Way
+from orientd.client.stop_call import refusal
 from orientd.errors import AccessError, DaemonError, MessageSizeError, OrientdError
-from orientd.rpc.channel import Way
-from orientd.rpc.control_pb2_grpc import ControlStub
-from orientd.rpc.status import DETAILS_KEY, from_status
-from orientd.rpc.stop_call import refusal
+from orientd.protocol import DETAILS_KEY, from_status
+from orientd.protocol.control_pb2_grpc import ControlStub
 
 Answer = TypeVar("Answer")
 

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
-    from orientd.rpc import control_pb2 as pb
-    from orientd.rpc.client import Robot
-    from orientd.rpc.move_handle import MoveHandle
+    from orientd.client.move_handle import MoveHandle
+    from orientd.client.robot import Robot
+    from orientd.protocol import control_pb2 as pb
 
 SECONDS = 60.0
 """How long each motion turns at the rate; half of it is left when the next one is planned."""

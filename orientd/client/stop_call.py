@@ -9,9 +9,9 @@ import os
 from pathlib import Path
 from typing import Any
 
+from orientd.client.trust import check_folder, check_uid
 from orientd.errors import AccessError, DaemonError
 from orientd.first_stop import Answers, send, stop_folder
-from orientd.rpc.trust import check_folder, check_uid
 
 
 def ask_to_stop(

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from google.protobuf import descriptor_pb2
 
-from orientd.rpc import control_pb2
+from orientd.protocol import control_pb2
 
 ROOT = Path(__file__).parents[3]
-PROTO = "orientd/rpc/control.proto"
+PROTO = "orientd/protocol/control.proto"
 
 
 def lower_bound(name):
@@ -41,13 +41,13 @@ def test_generated_code_says_what_the_proto_says(tmp_path):
 
 
 def test_messages_run_with_the_oldest_protobuf_admitted():
-    text = (ROOT / "orientd/rpc/control_pb2.py").read_text()
+    text = (ROOT / "orientd/protocol/control_pb2.py").read_text()
     version = re.search(r"^# Protobuf Python Version: ([0-9.]+)$", text, re.MULTILINE)[1]
     assert tuple(map(int, version.split("."))) <= lower_bound("protobuf")
 
 
 def test_stubs_run_with_the_oldest_grpc_admitted():
-    text = (ROOT / "orientd/rpc/control_pb2_grpc.py").read_text()
+    text = (ROOT / "orientd/protocol/control_pb2_grpc.py").read_text()
     version = re.search(r"GRPC_GENERATED_VERSION = '([0-9.]+)'", text)[1]
     assert tuple(map(int, version.split(".")))[:2] <= lower_bound("grpcio")
 

@@ -15,7 +15,7 @@ from orientd.errors import (
     StateError,
     UnknownNameError,
 )
-from orientd.rpc.status import from_status, to_status
+from orientd.protocol.status import from_status, to_status
 
 ERRORS = [
     RequestError("keyframes[2].quaternion", "norm must be 1 within 1e-06, got 1.1"),

@@ -9,9 +9,9 @@ import pytest
 from orientd import motion_file
 from orientd.errors import RequestError
 from orientd.planner import DEFAULT_LIMITS, MotionRequest
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.limits import limits_from_message, limits_to_message
-from orientd.rpc.motion import from_request, to_request
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol.limits import limits_from_message, limits_to_message
+from orientd.protocol.motion import from_request, to_request
 
 FILE = {
     "method": "kks_hermite_spline",

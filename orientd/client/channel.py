@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from orientd import first_stop
 from orientd.bounded_file import MEBIBYTE, read_bounded
+from orientd.client.trust import check_socket
 from orientd.errors import DaemonError
-from orientd.rpc.trust import check_socket
 
 if TYPE_CHECKING:
     import grpc

@@ -10,7 +10,7 @@ from typing import Protocol
 import grpc
 
 from orientd.errors import DaemonError, LateError, OrientdError
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 
 class Stream(Protocol):

@@ -9,10 +9,10 @@ from typing import Any
 
 import grpc
 
+from orientd.client.connection import Connection
 from orientd.errors import DaemonError
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.connection import Connection
-from orientd.rpc.reports import Outline, outline
+from orientd.protocol import Outline, outline
+from orientd.protocol import control_pb2 as pb
 from orientd.stream import CYCLE_RECORD, Cycle, unpack_cycle
 
 
@@ -30,7 +30,7 @@ class Configuration:
 
 
 class Observer:
-    """Watches devices until it is closed; made by :meth:`orientd.rpc.client.Robot.observe`."""
+    """Watches devices until it is closed; made by :meth:`orientd.client.robot.Robot.observe`."""
 
     def __init__(self, connection: Connection) -> None:
         """Watch over *connection*, which others use too."""

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 from orientd import motion_file
 from orientd.errors import FeedbackError, RequestError, StateError
 from orientd.planner import Keyframe, MotionRequest
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.values import to_quaternion, to_vector
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import to_quaternion, to_vector
 from orientd.stream import UNKNOWN
 from orientd.structured_text import write_structured
 
 if TYPE_CHECKING:
     from typing import Self
 
+    from orientd.client.robot import Robot
     from orientd.planner import Quaternion, Vector3
-    from orientd.rpc.client import Robot
 
 OLDEST_FEEDBACK = 0.5
 """Older feedback does not say where a device is that is being moved, s."""
@@ -47,8 +47,8 @@ class MeasuredPose:
 class Teaching:
     """A device that is moved by hand, and the keyframes that were taken so far.
 
-    Made by :meth:`orientd.rpc.client.Robot.teach`; at the end of a ``with`` block the device holds
-    where it is, and follows again if it did before.
+    Made by :meth:`orientd.client.robot.Robot.teach`.  At the end of a ``with`` block the device
+    holds where it is, and follows again if it did before.
 
     Attributes:
         device: its name.

@@ -3,9 +3,9 @@
 import pytest
 
 import orientd
+from orientd.client.channel import Way
+from orientd.client.robot import Robot
 from orientd.errors import DaemonError
-from orientd.rpc.channel import Way
-from orientd.rpc.client import Robot
 
 AIM = [{"rotation_vector": [0.1, 0.0, 0.0]}]
 

@@ -16,9 +16,9 @@ from google.protobuf.struct_pb2 import Struct
 
 from orientd.errors import RequestError
 from orientd.model import Frame, Limits, MotionRequest, Pose, read_request
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc.limits import asked_rates, limits_message
-from orientd.rpc.values import RATES, quaternion, vector
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol.limits import asked_rates, limits_message
+from orientd.protocol.values import RATES, quaternion, vector
 
 _FRAMES = (pb.FRAME_BODY, pb.FRAME_WORLD)
 _FRAMED = ("start_velocity", "end_velocity", "rate")

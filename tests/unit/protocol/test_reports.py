@@ -5,9 +5,9 @@ import pytest
 
 from orientd.cli import output
 from orientd.errors import Fault
-from orientd.rpc import control_pb2 as pb
-from orientd.rpc import plain, samples, word
-from orientd.rpc.values import quaternion, vector
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import plain, samples, word
+from orientd.protocol.values import quaternion, vector
 
 
 @pytest.mark.parametrize(

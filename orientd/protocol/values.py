@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from orientd.driver import Quaternion, Vector3
 from orientd.planner import UNITS
-from orientd.rpc import control_pb2 as pb
+from orientd.protocol import control_pb2 as pb
 
 RATES = tuple(UNITS)
 

@@ -1,0 +1,43 @@
+"""The Python client: connect to a daemon, and command and watch its devices."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.client.channel import Way, certificate_files, default_socket, found_socket, target
+    from orientd.client.connection import Connection, StartAt
+    from orientd.client.endless_turn import EndlessTurn
+    from orientd.client.motion_request import RequestFields
+    from orientd.client.move_handle import MoveHandle
+    from orientd.client.observer import Configuration, Observer
+    from orientd.client.robot import Robot, after_stop, connect
+    from orientd.client.stop_call import ask_to_stop
+    from orientd.client.teaching import MeasuredPose, Teaching
+    from orientd.client.tracking import TARGET_KEYS, Tracking, target_message
+    from orientd.client.trust import check_folder
+
+__getattr__ = lazily(
+    __name__,
+    {
+        "orientd.client.channel": (
+            "Way",
+            "certificate_files",
+            "default_socket",
+            "found_socket",
+            "target",
+        ),
+        "orientd.client.connection": ("Connection", "StartAt"),
+        "orientd.client.endless_turn": ("EndlessTurn",),
+        "orientd.client.motion_request": ("RequestFields",),
+        "orientd.client.move_handle": ("MoveHandle",),
+        "orientd.client.observer": ("Configuration", "Observer"),
+        "orientd.client.robot": ("Robot", "after_stop", "connect"),
+        "orientd.client.stop_call": ("ask_to_stop",),
+        "orientd.client.teaching": ("MeasuredPose", "Teaching"),
+        "orientd.client.tracking": ("TARGET_KEYS", "Tracking", "target_message"),
+        "orientd.client.trust": ("check_folder",),
+    },
+)

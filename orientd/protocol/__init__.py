@@ -1,0 +1,59 @@
+"""The messages of the control socket, and what turns them into values and back."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.protocol.limits import (
+        limits_from_message,
+        limits_message,
+        limits_to_message,
+        limits_to_wish,
+    )
+    from orientd.protocol.motion import from_request, to_request
+    from orientd.protocol.reports import (
+        GOOD_OUTCOMES,
+        STALE,
+        CellReport,
+        Outline,
+        Samples,
+        outline,
+        plain,
+        samples,
+        titled,
+        word,
+    )
+    from orientd.protocol.status import DETAILS_KEY, from_status, to_status
+    from orientd.protocol.targets import target_from_message
+    from orientd.protocol.values import quaternion, to_quaternion, to_vector, vector
+
+__getattr__ = lazily(
+    __name__,
+    {
+        "orientd.protocol.limits": (
+            "limits_from_message",
+            "limits_message",
+            "limits_to_message",
+            "limits_to_wish",
+        ),
+        "orientd.protocol.motion": ("from_request", "to_request"),
+        "orientd.protocol.reports": (
+            "GOOD_OUTCOMES",
+            "STALE",
+            "CellReport",
+            "Outline",
+            "Samples",
+            "outline",
+            "plain",
+            "samples",
+            "titled",
+            "word",
+        ),
+        "orientd.protocol.status": ("DETAILS_KEY", "from_status", "to_status"),
+        "orientd.protocol.targets": ("target_from_message",),
+        "orientd.protocol.values": ("quaternion", "to_quaternion", "to_vector", "vector"),
+    },
+)
