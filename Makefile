@@ -47,6 +47,7 @@ check: $(VENV)/.dev
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/python tests/structure.py
+	$(BIN)/python tests/prose.py
 
 # The site, with its warnings as errors, into build/docs.
 docs: $(VENV)/.docs
