@@ -48,6 +48,7 @@ check: $(VENV)/.dev
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/python tests/structure.py
 	$(BIN)/python tests/prose.py
+	$(BIN)/python tests/promises.py
 
 # The site, with its warnings as errors, into build/docs.
 docs: $(VENV)/.docs
