@@ -1,4 +1,7 @@
-"""Check the shape of the packages: rooms, fronts, arrows, circles.  Run by ``make check``."""
+"""Check the shape of the packages: rooms, fronts, arrows, circles.  Run by ``make check``.
+
+``structure.py FOLDER`` lists the places below a folder of tests that reach behind a front.
+"""
 
 from __future__ import annotations
 
@@ -27,6 +30,19 @@ WITHOUT_CIRCLES = tuple(
 
 NO_MODULE = ("orientd.kernels", "orientd")
 """The compiled library is no module that can be seen, and is taken for the whole package."""
+
+TESTED = {"unit/driver_ur": "orientd_ur", "unit/sim_ur": "emulated_ur",
+          "unit/dynamixel_bus": "emulated_dynamixel"}  # fmt: skip
+"""Folders of unit tests that are not called as the package of which they test the inside."""
+
+BEHIND_FRONTS = {
+    "": 1, "bench": 12, "chaos": 9, "data/effort": 1, "data/standard": 6, "docs": 3, "drivers": 1,
+    "drivers/dynamixel": 109, "drivers/ur": 42, "reference": 12, "storm": 10, "system": 32,
+    "unit": 22, "unit/batch": 3, "unit/cli": 11, "unit/daemon": 3, "unit/driver_ur": 6,
+    "unit/kernels": 3, "unit/mechanism": 2, "unit/planner": 13, "unit/plots": 2, "unit/protocol":
+    1, "unit/recorder": 3, "unit/servo": 10
+}  # fmt: skip
+"""How often the tests of other folders still reach behind a front.  A number may only shrink."""
 
 Graph = Mapping[str, set[str]]
 
@@ -102,6 +118,62 @@ def past_fronts(graph: Graph) -> Iterator[str]:
             )
             if front is not None and front != other and not is_free:
                 yield f"{module} imports {other}: import from {front}"
+
+
+def behind_fronts() -> Iterator[tuple[str, str]]:
+    """Yield folder and place of each inside of a package that tests of another folder use.
+
+    The inside is a module behind a front, or a member whose name begins with an underscore.
+    """
+    for path in sorted((ROOT / "tests").rglob("*.py")):
+        parts = path.relative_to(ROOT / "tests").parts
+        folder = "/".join(parts[: min(2, len(parts) - 1)])
+        own = TESTED.get(folder, f"orientd.{parts[1]}" if parts[0] == "unit" else "")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            place = f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 0)}"
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                for module in sorted(filter(_is_behind, set(_modules(node)))):
+                    if not (own and is_inside(module, own)):
+                        yield folder, f"{place} imports {module}"
+            elif isinstance(node, ast.Attribute) and _is_private(node) and not is_package(own):
+                yield folder, f"{place} uses {ast.unparse(node)}"
+
+
+def is_package(name: str) -> bool:
+    return name.partition(".")[0] in PACKAGES and is_room(name)
+
+
+def _is_private(node: ast.Attribute) -> bool:
+    is_own = isinstance(node.value, ast.Name) and node.value.id in {"self", "cls"}
+    return node.attr.startswith("_") and not node.attr.startswith("__") and not is_own
+
+
+def _modules(node: ast.Import | ast.ImportFrom) -> Iterator[str]:
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+        return
+    for alias in node.names:
+        name = f"{node.module}.{alias.name}"
+        is_module = name.partition(".")[0] in PACKAGES and source(name).exists()
+        yield name if is_module else str(node.module)
+
+
+def _is_behind(module: str) -> bool:
+    """Return whether a module is one of ours with a front before it."""
+    if module.partition(".")[0] not in PACKAGES or is_generated(module):
+        return False
+    return any(one != "orientd" for one in above(module))
+
+
+def reaching_behind() -> Iterator[str]:
+    """Yield folders of tests that reach behind fronts more often than they did."""
+    counts = Counter(folder for folder, _ in behind_fronts())
+    for folder, count in sorted(counts.items()):
+        if count > (most := BEHIND_FRONTS.get(folder, 0)):
+            yield (
+                f"tests/{folder} reaches behind fronts {count} times, at most {most}: "
+                f"see `python tests/structure.py tests/{folder}`"
+            )
 
 
 def circles(graph: Graph) -> Iterator[str]:
@@ -203,11 +275,16 @@ def _circles(graph: Graph) -> Iterable[str]:
 
 
 def main() -> int:
+    if len(sys.argv) > 1:
+        sys.stdout.writelines(
+            f"{place}\n" for _, place in behind_fronts() if place.startswith(sys.argv[1])
+        )
+        return 0
     sys.setrecursionlimit(10_000)
     graph = imports()
     checks = (large, past_fronts, circles, lazy_fronts, chains)
     problems = sorted(problem for check in checks for problem in check(graph))
-    problems += hidden_circles(imports(type_checking=True))
+    problems += [*hidden_circles(imports(type_checking=True)), *reaching_behind()]
     for problem in problems:
         sys.stdout.write(f"{problem}\n")
     if not problems:
