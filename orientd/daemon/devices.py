@@ -162,7 +162,7 @@ class Devices:
     def shutdown(self) -> None:
         """Stop every device on its path, let the motions end, and release everything."""
         self.is_closing = True
-        _stop(self.by_name.values(), GOING_DOWN)
+        _stop([device for device in self.by_name.values() if not device.failure], GOING_DOWN)
         unfinished = [
             run for device in self.by_name.values() for run in device.unfinished() if run.begun_ns
         ]

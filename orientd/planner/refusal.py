@@ -75,7 +75,12 @@ def check_end_velocities(
     """Raise :class:`.LimitError` for a velocity at an end that is above the limit by itself."""
     for name, omega in (("start_velocity", omega_start), ("end_velocity", omega_end)):
         if omega is not None:
-            _check_rate("velocity", omega, limits, 0.0, f"{name} asks for it")
+            check_velocity(name, omega, limits)
+
+
+def check_velocity(field: str, omega: Floats, limits: Limits) -> None:
+    """Raise :class:`.LimitError` for a velocity that a *field* of a request may not ask for."""
+    _check_rate("velocity", omega, limits, 0.0, f"{field} asks for it")
 
 
 def check_present_rates(start: State, limits: Limits, period: float) -> None:

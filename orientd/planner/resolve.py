@@ -18,6 +18,7 @@ from orientd.driver import Vector3
 from orientd.errors import RequestError, StartError
 from orientd.model import Frame, Keyframe, Limits, MotionRequest, Pose
 from orientd.planner.methods import can_turn
+from orientd.planner.refusal import check_duration, check_velocity
 from orientd.planner.state import State
 from orientd.rotation import (
     HALF_TURN,
@@ -160,6 +161,7 @@ def at_rate(request: MotionRequest, start: State, limits: Limits) -> MotionReque
 
     Raises:
         RequestError: it has keyframes or velocities of its own, or no duration.
+        PlanError: the rate is above the limit, or the turn takes days.
     """
     if request.rate is None:
         return request
@@ -179,6 +181,9 @@ def at_rate(request: MotionRequest, start: State, limits: Limits) -> MotionReque
     speed = float(np.linalg.norm(omega))
     if speed == 0.0:
         raise RequestError("rate", "expected a velocity to turn with, got 0")
+    # Before there are keyframes, of which a far too quick or long turn has far too many.
+    check_velocity("rate", omega, limits)
+    check_duration(request.total)
     apart = [*(start.omega_body - omega), *start.alpha_body, *start.velocity, *start.acceleration]
     goes_on = max(map(abs, apart)) < _SAME_RATE
     ramp = 0.0

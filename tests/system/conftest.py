@@ -1,7 +1,16 @@
 """Fixtures of the tests that run the daemon."""
 
 import pytest
+from access_cell import Cell
 from gimbal_bench import EmulatedGimbal
+
+
+@pytest.fixture(scope="module")
+def cell(open_folder):
+    """Return a daemon with roles for users and certificates, while a module's tests run."""
+    it = Cell(open_folder)
+    with it.daemon:
+        yield it
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import urllib.request
 
 import grpc
 import pytest
-from access_cell import GROUP, MEMBER, OBSERVER, OPERATOR, STRANGER, Cell, as_user, free_port
+from access_cell import GROUP, MEMBER, OBSERVER, OPERATOR, STRANGER, as_user, free_port
 from authority import OPENSSL
 from browser import view_of
 from command_line import assert_refused, begin
@@ -30,13 +30,6 @@ from orientd.protocol.control_pb2_grpc import ControlStub
 pytestmark = pytest.mark.skipif(OPENSSL is None, reason="there is no openssl here")
 
 needs_root = pytest.mark.skipif(os.getuid() != 0, reason="becomes other users, which root may")
-
-
-@pytest.fixture(scope="module")
-def cell(open_folder):
-    cell = Cell(open_folder)
-    with cell.daemon:
-        yield cell
 
 
 @pytest.fixture(autouse=True)

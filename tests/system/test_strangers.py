@@ -8,7 +8,7 @@ from functools import partial
 
 import grpc
 import pytest
-from access_cell import GROUP, MEMBER, OBSERVER, OPERATOR, STRANGER, Cell, as_user
+from access_cell import GROUP, MEMBER, OBSERVER, OPERATOR, STRANGER, as_user
 from authority import OPENSSL, QUICK_KEY
 
 from orientd.protocol import control_pb2 as pb
@@ -22,13 +22,6 @@ UNHEARD = {"UNAVAILABLE"}
 """What comes of calls that the daemon does not even answer."""
 
 TURN = pb.MotionRequest(keyframes=[pb.Keyframe(rotation_vector=pb.Vector3(x=0.2))])
-
-
-@pytest.fixture(scope="module")
-def cell(open_folder):
-    cell = Cell(open_folder)
-    with cell.daemon:
-        yield cell
 
 
 @pytest.fixture(autouse=True)

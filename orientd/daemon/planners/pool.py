@@ -88,6 +88,7 @@ class Planners:
         self._idle: dict[int, PlannerProcess] = {}
         self._work: set[asyncio.Task[None]] = set()
         self._server: ForkServer | None = None
+        self._start_problem = ""
         self._has_methods = asyncio.Event()
         self._methods = b""
         self._is_closing = False
@@ -224,7 +225,7 @@ class Planners:
 
         Raises:
             TooMuchError: too much waits already.
-            DeadlineError: the planners are busy for too long.
+            DeadlineError: the planners are busy for too long, or none can be started.
             DaemonError: the daemon is going down.
         """
         if self._is_closing:
@@ -244,8 +245,12 @@ class Planners:
             if turn.done() and not turn.cancelled() and turn.exception() is None:
                 self._release(turn.result())  # the turn came when nobody waited any more
             if isinstance(error, TimeoutError):
-                problem = f"planning did not begin within {call.timeout:g} s: the planners are busy"
-                raise DeadlineError(problem) from None
+                why = "the planners are busy"
+                if self._start_problem and not self._planners:
+                    why = f"no planner can be started: {self._start_problem}"
+                raise DeadlineError(
+                    f"planning did not begin within {call.timeout:g} s: {why}"
+                ) from None
             raise
         finally:
             if waiting in self._waiting:
@@ -311,12 +316,13 @@ class Planners:
                 server = self._server = self._server or ForkServer(self._devices)
                 planner = await server.fork(number, _NICE.get(number, _NICEST))
             except DaemonError as error:
+                self._start_problem = str(error)
                 _log.error("a planner did not start: %s", error)
                 if server is self._server:
                     self._end_server()
                 await asyncio.sleep(_RESTART)
                 continue
-            self._methods = server.methods
+            self._start_problem, self._methods = "", server.methods
             self._has_methods.set()
             self._planners[number] = planner
             self._release(planner)

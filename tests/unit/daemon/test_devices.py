@@ -367,6 +367,14 @@ def test_shutdown_stops_what_runs_and_takes_no_more(devices, arm, servo):
         devices.check(token, arm, "")
 
 
+def test_shutdown_stops_nothing_that_never_started(devices, servo, caplog):
+    servo.fail(Fault.SERVO_DIED, "no such device")
+    caplog.clear()
+    devices.shutdown()
+    assert "stop" not in servo.asked
+    assert not caplog.records
+
+
 def test_shutdown_ends_what_a_dead_servo_cannot(devices, arm, servo):
     run = begin(devices, arm, devices.leases.acquire("ana").token)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orientd import motion_file
-from orientd.errors import LimitError, RequestError
+from orientd.errors import LimitError, PlanError, RequestError
 from orientd.planner import Limits, State, plan
 from orientd.protocol.motion import from_request, to_request
 from orientd.rotation import conjugate, exp, log, multiply, rotate
@@ -57,9 +57,15 @@ def test_a_turn_goes_on_at_the_rate_that_is_there():
     assert omega == pytest.approx(np.broadcast_to([0, 0, -1.2], omega.shape), abs=1e-9)
 
 
-def test_a_rate_above_the_limit_is_refused():
-    with pytest.raises(LimitError, match="angular velocity"):
-        turned([0, 0, 1.6], 4.0)
+@pytest.mark.parametrize("rate", [1.6, -1.6, 1e9])
+def test_a_rate_above_the_limit_is_refused_before_it_is_planned(rate):
+    with pytest.raises(LimitError, match=r"^angular velocity reaches .*; rate asks for it$"):
+        turned([0, 0, rate], 60.0)
+
+
+def test_a_turn_of_days_is_refused_before_it_is_planned():
+    with pytest.raises(PlanError, match="at most 86400 s is planned"):
+        turned([0, 0, 1.0], 1e12)
 
 
 @pytest.mark.parametrize(

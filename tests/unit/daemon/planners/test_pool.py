@@ -132,6 +132,21 @@ def test_a_plan_ends_at_its_deadline_and_says_what_took_so_long():
     run(test)
 
 
+def test_a_planner_that_cannot_be_started_is_named(monkeypatch, tmp_path):
+    async def main():
+        planners = Planners([planner_device(SETTINGS)], processes=1, timeout=60.0)
+        planners.start()
+        try:
+            await planners.plan(job(), PlanCall(SMALL, timeout=0.5))
+        finally:
+            await planners.close()
+
+    monkeypatch.setattr("sys.executable", str(tmp_path / "python"))
+    problem = r"no planner can be started: .*No such file or directory"
+    with pytest.raises(DeadlineError, match=problem):
+        asyncio.run(main())
+
+
 def test_a_planner_that_stands_still_is_killed():
     async def test(planners):
         (before,) = pids(planners)
