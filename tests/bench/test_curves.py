@@ -13,7 +13,8 @@ import pytest
 from scipy.spatial.transform import RotationSpline
 
 from orientd import processor
-from orientd.bench.curves import Sampling, measure_curves, random_walk
+from orientd.bench import measure_curves
+from orientd.bench.curves import Sampling, random_walk
 from orientd.curves import METHODS
 from orientd.rotation import to_scipy
 

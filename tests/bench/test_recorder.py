@@ -11,7 +11,8 @@ from command_line import begin, environment
 from harness import DaemonProcess, resident_kib, until
 from recorded import OFFSET_NS, RATE_HZ, moving
 
-from orientd.recorder.writer import BLOCK, RecordingWriter
+from orientd.recorder import RecordingWriter
+from orientd.recorder.writer import BLOCK
 
 pytestmark = pytest.mark.bench
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from orientd.bench.retarget import PARTS, measure_retargets
+from orientd.bench import PARTS, measure_retargets
 
 pytestmark = pytest.mark.bench
 

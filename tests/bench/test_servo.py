@@ -8,10 +8,10 @@ import time
 
 import grpc
 import pytest
-from grpc_health.v1 import health_pb2, health_pb2_grpc
-from harness import DEVICE, DaemonProcess, resident_kib, spin
+from grpclib.health.v1.health_pb2 import HealthCheckRequest, HealthCheckResponse
+from harness import DEVICE, DaemonProcess, health, resident_kib, spin
 
-from orientd.bench.servo import compare, conditions
+from orientd.bench import compare, conditions
 from orientd.config import SPIN_US
 from orientd.protocol import control_pb2 as pb
 
@@ -67,11 +67,10 @@ def test_the_daemon_is_soon_healthy_and_small(tmp_path):
             env=environment,
         )
         with grpc.insecure_channel(f"unix:{daemon.socket}", options=EAGER) as channel:
-            stub = health_pb2_grpc.HealthStub(channel)
-            request = health_pb2.HealthCheckRequest()
-            answer = stub.Check(request, wait_for_ready=True, timeout=10.0)
+            check = health(channel).Check
+            answer = check(HealthCheckRequest(), wait_for_ready=True, timeout=10.0)
             times.append(round(time.monotonic() - began, 3))
-            assert answer.status == health_pb2.HealthCheckResponse.SERVING
+            assert answer.status == HealthCheckResponse.SERVING
         process.stdout.readline()
         resident = resident_kib(process.pid) / 1024
         process.send_signal(signal.SIGTERM)

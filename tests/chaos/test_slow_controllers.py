@@ -12,7 +12,7 @@ from device_stage import DeviceStage
 from harness import until
 from ledger import Tally, rounds_of
 
-from emulated_ur.process import EmulatedRobot
+from emulated_ur import EmulatedRobot
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import word

@@ -3,8 +3,7 @@ import itertools
 import pytest
 
 from orientd.clock import ManualClock
-from orientd.driver import Setpoint
-from orientd.driver.registry import driver_target, load_driver
+from orientd.driver import Setpoint, driver_target, load_driver
 from orientd.errors import ConfigError
 from orientd.floats import difference, exp, norm
 from orientd.testing import DriverConformance

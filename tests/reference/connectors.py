@@ -9,8 +9,8 @@ import numpy as np
 from reference.joins import Ends, arrival, increments, rates, rough_rates
 
 from orientd.model import ACCELERATION_RESERVE, Limits
+from orientd.planner import State
 from orientd.planner.certify import limit_table
-from orientd.planner.state import State
 from orientd.rotation import Floats, between, exp, log, multiply
 
 VELOCITY_MARGIN = 0.9995

@@ -10,9 +10,9 @@ from reference.drawn import drawn
 
 from orientd import kernels
 from orientd.model import Limits
+from orientd.planner import HISTORY
 from orientd.planner.certify import limit_table
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, LAW
-from orientd.planner.recorded import HISTORY
 from orientd.rotation import Floats, conjugate, log, multiply
 
 PHASES = (0.5 - 0.125**0.5, 0.5, 0.5 + 0.125**0.5)

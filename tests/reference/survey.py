@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from orientd.model import Limits
+from orientd.planner import HISTORY
 from orientd.planner.certify import OFF_GRID, Peaks, measure
 from orientd.planner.path import Path
-from orientd.planner.recorded import HISTORY
 from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats
 from orientd.tolerances import GUARD_TOLERANCE

@@ -17,10 +17,9 @@ from orientd import config, motion_file
 from orientd.batch import open_requests
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import load_recording, read_orientations, strands
+from orientd.recorder import RecordingWriter, load_recording, read_orientations, strands
 from orientd.recorder.mcap_records import Damages, records
 from orientd.recorder.tables import columns
-from orientd.recorder.writer import RecordingWriter
 
 MOST_MIB = 300
 CONFIG = Path(__file__).parents[2] / "config"

@@ -16,10 +16,11 @@ from orientd.protocol import control_pb2 as pb
 
 ROOT = Path(__file__).parents[2]
 
-# A busy machine wakes the emulator late, by more than any servo would be.
+# A busy machine lets any process wait for a second: that is no fault here.
+STEADY = "stall_timeout = 5.0\nheartbeat_timeout = 5.0\nfeedback_timeout = "
 PATIENT = (
     ("max_losses = 10 ", "max_losses = 100 "),
-    ("feedback_timeout = 0.3 ", "feedback_timeout = 2.0 "),
+    ("feedback_timeout = 0.3 ", f"{STEADY}2.0 "),
     ("watchdog_ms = 500 ", "watchdog_ms = 2000 "),
 )
 
@@ -57,9 +58,9 @@ class EmulatedGimbal:
         return status
 
 
-# A busy machine wakes the emulator late, by more than a controller would be.
 SLOW_MACHINE = (
-    ("feedback_timeout = 0.1 ", "feedback_timeout = 1.0 "),
+    ("feedback_timeout = 0.1     # s; older", f"{STEADY}1.0     # s; older"),
+    ("feedback_timeout = 0.1     # s; if", "feedback_timeout = 1.0     # s; if"),
     ("link_timeout = 0.5 ", "link_timeout = 2.0 "),
     ("watchdog_hz = 10 ", "watchdog_hz = 1 "),
 )

@@ -10,9 +10,11 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
 
 import grpc
 import numpy as np
+from grpclib.health.v1.health_pb2 import HealthCheckRequest, HealthCheckResponse
 
 from orientd import rotation
 from orientd.protocol import control_pb2 as pb
@@ -41,6 +43,22 @@ def until(condition, what, seconds=30.0):
 def channel_to(socket: Path) -> grpc.Channel:
     """Return a channel of its own: others of this process may still try to reach a dead daemon."""
     return grpc.insecure_channel(f"unix:{socket}", options=[("grpc.use_local_subchannel_pool", 1)])
+
+
+def health(channel: grpc.Channel) -> SimpleNamespace:
+    """Return the calls of the standard health service, with the messages of the daemon's library.
+
+    A process can load only one library's messages of one name.
+    """
+    kinds = {
+        "request_serializer": HealthCheckRequest.SerializeToString,
+        "response_deserializer": HealthCheckResponse.FromString,
+    }
+    service = "/grpc.health.v1.Health"
+    return SimpleNamespace(
+        Check=channel.unary_unary(f"{service}/Check", **kinds),
+        Watch=channel.unary_stream(f"{service}/Watch", **kinds),
+    )
 
 
 class DaemonProcess:

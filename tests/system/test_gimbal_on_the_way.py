@@ -20,7 +20,7 @@ from orientd.stream import ServoState
 pytest.importorskip("dynamixel_sdk")
 
 from orientd.driver import AxisLimits
-from orientd.mechanism.gimbal import Gimbal
+from orientd.mechanism import Gimbal
 
 DEVICE = "gimbal"
 AXIS_VELOCITY, AXIS_ACCELERATION = np.deg2rad(220), 40.0

@@ -20,7 +20,7 @@ from harness import (
 
 from orientd import planner, rotation
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.motion import to_request
+from orientd.protocol import to_request
 
 RANDOM = random.Random(7)
 MOMENTS = [

@@ -23,14 +23,13 @@ from gimbal_bench import (
 )
 from harness import DaemonProcess, until
 
-from emulated_ur.process import EmulatedRobot, LaunchError
+from emulated_ur import EmulatedRobot, LaunchError
 from orientd import connect, motion_file
 from orientd.errors import DeviceError, OrientdError, StateError
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_quaternion
 from orientd.rotation import angle, exp
-from orientd.stream import unpack_cycle
-from orientd.stream.records import CYCLE_RECORD
+from orientd.stream import CYCLE_RECORD, unpack_cycle
 
 MILLIRADIAN = 1e-3
 

@@ -11,7 +11,7 @@ from browser import CHROMIUM, open_browser, page_of, view_of
 from gimbal_bench import SLOW_MACHINE, ExampleDaemon, await_hold
 from harness import DaemonProcess, spin, until
 
-from emulated_ur.process import EmulatedRobot
+from emulated_ur import EmulatedRobot
 from orientd import motion_file
 from orientd.protocol import control_pb2 as pb
 from orientd.rotation import angle

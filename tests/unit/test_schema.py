@@ -17,7 +17,7 @@ from orientd.errors import Fault, RequestError
 from orientd.model import ANGULAR, FORMS, UNITS, attribute_lines
 from orientd.planner import Frame, Keyframe, Limits, MotionRequest, Pose
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.motion import from_request, to_request
+from orientd.protocol import from_request, to_request
 from orientd.stream import Cycle, ServoState
 
 ROOT = Path(__file__).parents[2] / "orientd"

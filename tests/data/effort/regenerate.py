@@ -21,8 +21,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import spsolve
 
-from orientd.curves import METHODS
-from orientd.curves.keyframes import resolve_times
+from orientd.curves import METHODS, resolve_times
 from orientd.rotation import align, conjugate, exp, log, multiply, normalize
 
 HERE = Path(__file__).parent

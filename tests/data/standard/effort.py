@@ -16,9 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from orientd.curves import METHODS
-from orientd.curves.comparison import Figures, measure
-from orientd.curves.roles import CurveTask, make_curve
+from orientd.curves import METHODS, CurveTask, Figures, make_curve, measure
 from orientd.errors import PlanError
 from orientd.rotation import exp, multiply
 

@@ -10,8 +10,7 @@ import time
 
 import pytest
 
-from emulated_dynamixel import Bus, EmulatedServo, PtyServer
-from emulated_dynamixel.command import servos
+from emulated_dynamixel import Bus, EmulatedServo, PtyServer, servos
 
 sdk = pytest.importorskip("dynamixel_sdk")
 

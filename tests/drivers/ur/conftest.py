@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from emulated_ur.process import EmulatedRobot
+from emulated_ur import EmulatedRobot
 
 _numbers = itertools.count(1)
 

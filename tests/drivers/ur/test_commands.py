@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from emulated_ur.process import EmulatedRobot
+from emulated_ur import EmulatedRobot
 
 pytest.importorskip("rtde_control")
 

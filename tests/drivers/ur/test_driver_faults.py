@@ -3,7 +3,7 @@
 import pytest
 from ur_rig import device_of, fault_of, is_holding, recover, streaming, swing, until
 
-from emulated_ur.process import EmulatedRobot
+from emulated_ur import EmulatedRobot
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
 from orientd.errors import DaemonError, Fault, StateError

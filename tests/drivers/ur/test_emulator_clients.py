@@ -10,7 +10,7 @@ from contextlib import closing, contextmanager
 import pytest
 from arm_recording import read_arm, read_setpoints
 
-from emulated_ur.process import EmulatedRobot, LaunchError
+from emulated_ur import EmulatedRobot, LaunchError
 
 dashboard_client = pytest.importorskip("dashboard_client")
 rtde_control = pytest.importorskip("rtde_control")

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from ur_rig import is_alive, until
 
-from emulated_ur.process import LaunchError
+from emulated_ur import LaunchError
 
 VERSION_2 = struct.pack(">HBH", 5, ord("V"), 2)
 ACCEPTED = struct.pack(">HBB", 4, ord("V"), 1)
@@ -58,7 +58,7 @@ def test_emulator_ends_with_whoever_started_it(ur_host):
     code = (
         "import os, signal\n"
         f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
-        "from emulated_ur.process import EmulatedRobot\n"
+        "from emulated_ur import EmulatedRobot\n"
         f"robot = EmulatedRobot({ur_host!r})\n"
         "robot.start()\n"
         "print(robot.process.pid, flush=True)\n"

@@ -9,7 +9,7 @@ import socket
 import pytest
 from ur_rig import until
 
-from emulated_ur.process import EmulatedRobot
+from emulated_ur import EmulatedRobot
 
 rtde_control = pytest.importorskip("rtde_control")
 

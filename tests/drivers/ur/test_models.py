@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from ur_rig import device_of, until
 
+from emulated_ur import MODELS, EmulatedRobot
 from emulated_ur.arm.kinematics import Kinematics
-from emulated_ur.arm.models import MODELS
 from emulated_ur.arm.transforms import from_pose, inverse
 from emulated_ur.arm.transforms import multiply as times
-from emulated_ur.process import EmulatedRobot
 from orientd.clock import MonotonicClock
 from orientd.driver import Setpoint
 from orientd.errors import DeviceFaultError, LinkError, PlanError

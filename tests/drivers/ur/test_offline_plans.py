@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from emulated_ur.process import EmulatedRobot
+from emulated_ur import EmulatedRobot
 from orientd.cli.main import app
 from orientd.clock import MonotonicClock
 from orientd.errors import PlanError

@@ -6,7 +6,7 @@ import time
 import pytest
 from ur_rig import device_of, fault_of, is_holding, streaming, swing, until
 
-from emulated_ur.process import EmulatedRobot
+from emulated_ur import EmulatedRobot
 from orientd.errors import DaemonError, Fault, StateError
 
 pytest.importorskip("rtde_control")

@@ -9,7 +9,7 @@ import time
 import pytest
 from ur_rig import device_of, fault_of, recover, streaming, swing, until
 
-from emulated_ur.process import EmulatedRobot, LaunchError
+from emulated_ur import EmulatedRobot, LaunchError
 from orientd.clock import MonotonicClock
 from orientd.driver import Setpoint
 from orientd.errors import DeviceError, DeviceFaultError

@@ -9,7 +9,7 @@ import time
 import pytest
 from ur_rig import device_of, fault_of, streaming, swing
 
-from emulated_ur.process import EmulatedRobot
+from emulated_ur import EmulatedRobot
 from orientd.clock import MonotonicClock
 from orientd.driver import Setpoint, Verdict
 from orientd.errors import DeviceFaultError, Fault, LinkError

@@ -5,11 +5,10 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from orientd.bench import curves, retarget, servo
-from orientd.bench.curves import Building, CurveSpeed, Sampling
+from orientd.bench import PARTS, Comparison, CurveSpeed, curves, retarget, servo
+from orientd.bench.curves import Building, Sampling
 from orientd.bench.lateness import Slot
-from orientd.bench.retarget import PARTS, Part, RetargetLatency
-from orientd.bench.servo import Comparison
+from orientd.bench.retarget import Part, RetargetLatency
 from orientd.cli.main import app
 from orientd.errors import OrientdError
 

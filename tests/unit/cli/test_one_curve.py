@@ -8,11 +8,10 @@ from typer.testing import CliRunner
 
 from orientd import curves, motion_file, plots
 from orientd.cli.main import app
-from orientd.curves import METHODS
-from orientd.curves.roles import is_pair
+from orientd.curves import METHODS, is_pair
 from orientd.planner import DEFAULT_LIMITS, State
 from orientd.planner import plan as planned
-from orientd.protocol.motion import from_request, to_request
+from orientd.protocol import from_request, to_request
 from orientd.rotation import angle
 
 KEYFRAMES = """

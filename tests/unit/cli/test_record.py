@@ -9,7 +9,7 @@ from command_line import assert_refused, inside
 from hand_held import recorded as hand_held
 from recorded import OFFSET_NS, RATE_HZ, moving
 
-from orientd.recorder.writer import RecordingWriter
+from orientd.recorder import RecordingWriter
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from orientd.daemon.devices import planner_device
 from orientd.daemon.planners import PlanCall, PlanInput, PlannedMotion, reporting
 from orientd.daemon.planners.task import RecordFile, Task
 from orientd.daemon.planners.worker import Worker
-from orientd.protocol.motion import from_request
+from orientd.protocol import from_request
 
 
 class DirectPlanners:

@@ -5,8 +5,7 @@ import random
 
 import pytest
 
-from emulated_ur import dashboard
-from emulated_ur.controller import Behaviour, Controller
+from emulated_ur import Behaviour, Controller, dashboard
 from orientd_ur import controller as said
 from orientd_ur.timing import WriteSilence
 

@@ -8,10 +8,9 @@ import numpy as np
 
 from orientd.curves import METHODS
 from orientd.errors import OrientdError
-from orientd.planner import Keyframe, Limits, MotionRequest, State, plan
+from orientd.planner import Keyframe, Limits, MotionRequest, State, plan, states_between
 from orientd.planner.certify.brake import brake_rate
 from orientd.planner.connect import try_joins
-from orientd.planner.recorded import states_between
 from orientd.rotation import exp, multiply
 
 LIMITS = Limits(2.0, 8.0, 200.0, 1.0, 10.0)

@@ -7,8 +7,7 @@ import pytest
 from gimbals import gimbal_of
 from reference.gimbal import jacobian
 
-from orientd.rotation import exp
-from orientd.rotation.quaternion import rotate
+from orientd.rotation import exp, rotate
 
 ANGLES = (0.7, -0.4, 1.1)
 

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from orientd.curves.interpolating import C2Cumulative
+from orientd.curves import C2Cumulative
 from orientd.curves.min_acceleration import MinAcceleration
 from orientd.errors import OrientdError, PlanError
 from orientd.planner import (

@@ -6,7 +6,7 @@ from hand_held import recorded, truth
 from reference.aims import end_state
 
 from orientd import planner, rotation
-from orientd.curves.fitting import fit_orientations
+from orientd.curves import fit_orientations
 from orientd.errors import RequestError
 from orientd.planner.task import plan_as_recorded, replay_request
 

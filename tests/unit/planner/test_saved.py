@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import orientd
 from orientd.driver import AxisLimits
 from orientd.errors import OrientdError, RequestError
-from orientd.mechanism.joint_path import JointPath
+from orientd.mechanism import JointPath
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, reshaped
 from orientd.rotation import Quaternion, angle
 

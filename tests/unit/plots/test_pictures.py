@@ -8,9 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from orientd.curves import METHODS
-from orientd.curves.comparison import compare, ranked
-from orientd.curves.roles import CurveTask, make_curve
+from orientd.curves import METHODS, CurveTask, compare, make_curve, ranked
 from orientd.errors import OrientdError
 from orientd.planner import Limits
 from orientd.rotation import angle, exp, rotate

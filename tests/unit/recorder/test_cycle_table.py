@@ -5,8 +5,7 @@ import pytest
 from recorded import moving
 
 from orientd.recorder.cycle_table import CYCLES, QUANTA, from_block, from_records, to_block
-from orientd.stream import unpack_cycle
-from orientd.stream.records import CYCLE_RECORD
+from orientd.stream import CYCLE_RECORD, unpack_cycle
 
 PAIRS = (
     ("sent_q", "q"),

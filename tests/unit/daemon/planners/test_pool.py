@@ -17,7 +17,7 @@ from orientd.daemon.planners.task import CHUNK, FIRST
 from orientd.errors import DaemonError, DeadlineError, PlanError, RequestError, TooMuchError
 from orientd.planner import Keyframe, MotionRequest, State
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.motion import from_request
+from orientd.protocol import from_request
 from orientd.rotation import exp
 
 SETTINGS = config.default_settings().devices["arm"]
