@@ -1,14 +1,15 @@
-"""What the servo asks of every driver: six methods.
+"""The contract of a driver: six methods that the servo calls.
 
-A driver lives in the servo process, on its one thread.  It is constructed with its options,
-opened once, enabled and disabled by command, then called every cycle: first :meth:`Driver.read`,
-then :meth:`Driver.write`.  Both must return well within a period and wait for nothing but the
-device.  What passes between the two is in :mod:`orientd.driver.values`, and what a driver may offer
-besides in :mod:`orientd.driver.protocols`.
+A driver lives in the servo process, on its one thread.  The servo constructs it with its options,
+opens it once, and enables and disables it by command.  Then it calls :meth:`Driver.read` and
+:meth:`Driver.write` in every cycle, in this order.  Both must return well within a period and wait
+for nothing but the device.  :mod:`orientd.driver.values` has the values that pass between the two,
+:mod:`orientd.driver.protocols` the optional methods.
 
-What :meth:`Driver.read` or :meth:`Driver.write` raises becomes a fault.  Its kind decides how the
-device comes to rest.  To brake, the servo goes on reading and writing until the device stands still
-on its path.  To cut off, the servo writes nothing more and calls :meth:`Driver.disable` at once.
+An exception of :meth:`Driver.read` or :meth:`Driver.write` becomes a fault.  Its type decides how
+the device comes to rest.  To brake, the servo keeps reading and writing until the device stands
+still on its path.  To cut off, the servo writes nothing more and calls :meth:`Driver.disable` at
+once.
 
 ====================  ===================  ====================================
 raised                fault                what the servo does
@@ -21,7 +22,7 @@ raised                fault                what the servo does
 anything else         ``internal``         cuts off; it is a defect of the driver
 ====================  ===================  ====================================
 
-An error of a command (enable, reset, free) fails that command and is no fault; an error of
+An error of a command (enable, reset, free) fails that command and is no fault.  An error of
 :meth:`Driver.open` ends the process.
 """
 
@@ -45,9 +46,9 @@ class Driver(ABC):
     Attributes:
         name: the registry's name of this kind of driver.
         default_rate_hz: cycle rate if the configuration names none.
-        takes: what :meth:`write` sends: ``"poses"``, or ``"joints"`` for the angles of the axes.
-        longest_call: how long a read or a write takes at most, s.  The servo measures both, and
-            warns if they take longer; by default it only measures.
+        takes: what :meth:`write` receives: ``"poses"``, or ``"joints"`` for the angles of the axes.
+        longest_call: how long a read or a write takes at most, s.  The servo measures both and
+            warns if one takes longer.  By default it only measures.
     """
 
     name: ClassVar[str]
@@ -56,7 +57,7 @@ class Driver(ABC):
     longest_call: float = math.inf
 
     def __init__(self, options: Mapping[str, Any], *, period_ns: int, clock: Clock) -> None:
-        """Check *options* and keep what is needed; touch no device.
+        """Check and keep *options*; touch no device.
 
         Args:
             options: the driver's own table of the configuration.
@@ -64,8 +65,8 @@ class Driver(ABC):
             clock: the clock that stamps feedback.
 
         Raises:
-            ValueError: an option is unknown or not allowed; the message names the option, what was
-                expected and what came.
+            ValueError: an option is unknown or has a wrong value.  The message names the option,
+                the expected value and the given one.
         """
         self.options = dict(options)
         self.period_ns = period_ns
@@ -73,10 +74,10 @@ class Driver(ABC):
 
     @abstractmethod
     def open(self) -> None:
-        """Connect.  May take long; no cycle runs yet.
+        """Connect to the device.  May take long; no cycle runs yet.
 
         Raises:
-            LinkError: the device is not there.
+            LinkError: the device does not answer.
         """
 
     @abstractmethod
@@ -84,13 +85,13 @@ class Driver(ABC):
         """Make the device ready to follow setpoints, without moving it.
 
         Returns:
-            Where the device is; the first setpoint will be exactly this.  With the angles of the
-            axes if the driver takes joints.
+            The pose of the device, which becomes the first setpoint.  It has the angles of the axes
+            if the driver takes joints.
         """
 
     @abstractmethod
     def read(self) -> Feedback | None:
-        """Return the newest feedback, or ``None`` before there is any.  Called every cycle."""
+        """Return the newest feedback, or ``None`` before the first.  Called every cycle."""
 
     @abstractmethod
     def write(self, setpoint: Setpoint) -> None:
@@ -98,11 +99,11 @@ class Driver(ABC):
 
     @abstractmethod
     def disable(self) -> None:
-        """Leave the device standing still and no longer following.  Must not raise twice."""
+        """Stop following setpoints; the device stands still.  Must not raise twice."""
 
     @abstractmethod
     def close(self) -> None:
-        """Release everything but the device's hold on where it is.
+        """Release everything except the device's hold on its position.
 
-        Never raises; called on every way out.
+        Never raises.  The servo calls it whenever it ends.
         """

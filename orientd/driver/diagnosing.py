@@ -1,4 +1,4 @@
-"""Look at a device from the environment of its driver; ``orientd doctor`` starts this.
+"""Inspect a device from the environment of its driver; ``orientd doctor`` starts this.
 
 Reads the driver, its options and its period as JSON from standard input, and writes the findings as
 JSON to standard output.
@@ -18,20 +18,20 @@ from orientd.driver.protocols import Diagnosable
 
 
 def findings_of(driver: Driver) -> list[Finding]:
-    """Return what *driver* sees of its device; nothing if it cannot look."""
+    """Return the findings of *driver* about its device; empty if it cannot inspect one."""
     return list(driver.diagnose()) if isinstance(driver, Diagnosable) else []
 
 
 def needs(error: ModuleNotFoundError) -> str:
-    """Return that a package is missing here, as a driver's user is to read it."""
+    """Return the finding that a package of the driver is missing in this environment."""
     return f"the driver needs the package {error.name!r}, which {sys.executable} does not have"
 
 
 def main() -> None:
-    """Read, look, write."""
+    """Read the request, inspect the device and write the findings."""
     asked = json.load(sys.stdin)
     try:
-        # A vendor's library may print.
+        # A vendor's library may print to standard output.
         with contextlib.redirect_stdout(sys.stderr):
             kind: type[Driver] = pkgutil.resolve_name(asked["driver"])
             driver = kind(asked["options"], period_ns=asked["period_ns"], clock=MonotonicClock())

@@ -1,4 +1,4 @@
-"""What a look at a machine or at a device has found, and what it means."""
+"""Findings: what an inspection of a machine or a device found, and what it means."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import Enum
 
 
 class Verdict(Enum):
-    """What a finding means for real time, or for moving a device at all."""
+    """The meaning of a finding for real-time operation, or for moving a device at all."""
 
     OK = "ok"
     IMPROVE = "improve"
@@ -16,13 +16,13 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One look.
+    """One finding.
 
     Attributes:
-        name: what was looked at.
-        found: what was found.
+        name: what was inspected.
+        found: its value or state.
         verdict: what that means.
-        mend: what to do about it; empty where it is well.
+        mend: how to improve it; empty if nothing needs to change.
     """
 
     name: str

@@ -1,8 +1,9 @@
-"""Run a module of ours with the interpreter of another environment, which has a vendor's packages.
+"""Run an orientd module with the interpreter of another environment, which has a vendor's packages.
 
-Nothing of ours is installed there.  The daemon starts this file as a script with that interpreter.
-A finder then serves the packages ``orientd`` and the driver's own from where they are here, and
-everything else comes from that environment.  So a vendor's pins and ours never meet.
+Nothing of orientd is installed in that environment.  The daemon starts this file as a script with
+that interpreter.  A finder then serves the packages ``orientd`` and the driver's own from this
+installation.  Everything else comes from the other environment, so the pinned versions of a vendor
+never conflict with those of orientd.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ class ServedPackages:
     """Find some packages in given places, before any other finder does.
 
     Args:
-        places: file of each package's or module's source, by name.
+        places: source file of each package or module, by name.
     """
 
     def __init__(self, places: dict[str, str]) -> None:
         self._places = places
 
     def find_spec(self, fullname: str, *_: object) -> ModuleSpec | None:
-        """Return where a package is; its modules are then found beside it."""
+        """Return the location of a package; its modules are found next to it."""
         place = self._places.get(fullname)
         return None if place is None else importlib.util.spec_from_file_location(fullname, place)
 
@@ -39,26 +40,27 @@ def python_command(python: str, module: str, driver: str, *arguments: str) -> li
     """Return the command that runs *module* with an interpreter.
 
     Args:
-        python: the interpreter; empty for our own.
-        module: of ``orientd``, to be run as a script.
-        driver: ``module:Class``, whose package the module needs.
-        arguments: for the module.
+        python: the interpreter; empty for the running one.
+        module: the module of ``orientd`` to run as a script.
+        driver: ``module:Class``; the module needs its package.
+        arguments: arguments of the module.
     """
     if not python:
         return [sys.executable, "-m", module, *arguments]
     names = ("orientd", driver.partition(":")[0].partition(".")[0])
     places = {name: _source(name) for name in names}
-    # Isolated: neither PYTHONPATH nor a user's own packages lead back to ours.
+    # Isolated mode: PYTHONPATH and a user's packages must not shadow those of the environment.
     return [python, "-I", __file__, json.dumps(places), module, *arguments]
 
 
 def python_version(python: str) -> str:
-    """Return which Python an interpreter is, for example ``3.11.2``.
+    """Return the version of an interpreter, for example ``3.11.2``.
 
     Raises:
-        ConfigError: there is none, it is no Python, or one too old for the servo process.
+        ConfigError: the interpreter does not exist, is no Python, or is too old for the servo
+        process.
     """
-    import subprocess  # no servo process has need of it
+    import subprocess  # no servo process needs it
 
     from orientd.errors import ConfigError
 

@@ -1,6 +1,6 @@
-"""Check a driver's options as the configuration has them; every error names the option.
+"""Check the options of a driver in the configuration; every error names the option.
 
-Each function returns the checked value and raises ``ValueError`` for one that is not allowed.
+Each function returns the checked value and raises ``ValueError`` for a wrong one.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from orientd.tolerances import NORM_TOLERANCE
 
 
 def check_names(options: Mapping[str, Any], known: Collection[str], where: str = "") -> None:
-    """Refuse an option that is not among *known*; *where* is what precedes its name in errors."""
+    """Refuse an option that is not among *known*; *where* precedes its name in errors."""
     for name in options:
         if name not in known:
             raise ValueError(
@@ -61,7 +61,7 @@ def switch(option: str, given: object) -> bool:
 
 
 def choice(option: str, given: Any, allowed: Collection[Any]) -> Any:  # noqa: ANN401 - checked here
-    """Return one of the values that are allowed."""
+    """Return one of the allowed values."""
     if not any(given == one and type(given) is type(one) for one in allowed):
         raise ValueError(f"{option} must be one of {', '.join(map(str, allowed))}, got {given!r}")
     return given

@@ -1,9 +1,9 @@
-"""What a driver may offer besides the six methods; each is optional.
+"""Optional methods of a driver, one protocol for each purpose.
 
-A driver offers one of them by having its methods; it need not inherit.  Whoever asks looks once,
-with ``isinstance``.  :class:`~orientd.testing.DriverConformance` tests all that a driver offers.
-Methods of a running device are called in the servo process, on its one thread; nothing else is
-called meanwhile.
+A driver offers a protocol by having its methods; it need not inherit.  The caller checks once, with
+``isinstance``.  :class:`~orientd.testing.DriverConformance` tests all that a driver offers.
+The servo process calls the methods of a running device on its one thread, and nothing else
+meanwhile.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class Resettable(Protocol):
-    """A device with faults of its own that a command can clear."""
+    """A device whose own faults a command can clear."""
 
     def reset(self) -> None:
         """Clear a fault of the device, so that :meth:`.Driver.enable` can work again.
@@ -37,11 +37,12 @@ class RestsInFault(Protocol):
     """A device that could still move in a fault, for example when a jammed axis comes free."""
 
     def rest_in_fault(self) -> None:
-        """Leave the device where it is from now on, whatever setpoint it still gets.
+        """Hold the device where it is from now on, whatever setpoints follow.
 
         Called once a fault has brought everything to rest, before :meth:`.Driver.disable` if that
-        follows at once, and again for every stop in the fault.  :meth:`.Driver.write` may still be
-        called with the setpoint that is held.  Must neither wait nor raise.
+        follows at once, and again for every stop during the fault.  :meth:`.Driver.write` may still
+        be
+        called with the held setpoint.  Must neither wait nor raise.
         """
 
 
@@ -52,22 +53,23 @@ class Freeable(Protocol):
     def free(self) -> None:
         """Let the device be moved by hand, until it is enabled or disabled again.
 
-        Called after :meth:`.Driver.disable`; feedback goes on.
+        Called after :meth:`.Driver.disable`; feedback continues.
 
         Raises:
-            DeviceFaultError: it cannot be moved by hand now.
+            DeviceFaultError: the device cannot be moved by hand now.
         """
 
 
 @runtime_checkable
 class Parkable(Protocol):
-    """A device that needs more than to be disabled before it is left alone."""
+    """A device that must be parked before it is left alone."""
 
     def park(self) -> None:
-        """Bring the device to where it may be left alone; it may move, and let go of its load.
+        """Bring the device to where it may be left alone; it may move, and release its load.
 
-        Called once, after :meth:`.Driver.disable`, at an orderly end only: not in a fault, and not
-        if the daemon was lost, when the device is to go on holding.  May take some 20 s.
+        Called once, after :meth:`.Driver.disable`, and only at an orderly end.  Not called in a
+        fault,
+        nor if the daemon was lost: the device must then keep holding.  May take some 20 s.
         """
 
 
@@ -76,31 +78,32 @@ class Tunable(Protocol):
     """A driver with options that a single motion may set."""
 
     def tune(self, options: Mapping[str, Any]) -> None:
-        """Take the options that hold for the motions to come, in place of those taken before.
+        """Use *options* for the motions to come, in place of the previous ones.
 
         Called in the servo process while the device holds still, before a motion whose options
-        differ from those of the last one; empty for those of the configuration alone.  Called in
-        the daemon's process, too, on a driver that is not open, to check them.
+        differ from those of the last one.  Empty options restore those of the configuration.  The
+        daemon's process also calls it, to check options, on a driver that is not open.
 
         Raises:
-            ValueError: an option is unknown or not allowed, as in the constructor; nothing changes.
+            ValueError: an option is unknown or has a wrong value, as in the constructor; nothing
+            changes.
         """
 
 
 @runtime_checkable
 class Healthy(Protocol):
-    """A device that reports on its parts, or a driver with something to say.
+    """A device that reports on its parts, or a driver that has warnings.
 
-    Both are called once a second, in a cycle, and must neither wait nor raise.
+    Both methods are called once a second, in a cycle, and must neither wait nor raise.
     """
 
     def health(self) -> Sequence[PartHealth]:
-        """Return how the device's parts are, as last measured; empty if they do not tell."""
+        """Return the condition of the device's parts as last measured; empty if unknown."""
 
     def notices(self) -> Sequence[str]:
-        """Return warnings: settings that were changed, what keeps the device from doing better.
+        """Return warnings: changed settings, and conditions that limit the device.
 
-        Each is given to the user once until the next reset.
+        The user sees each one once until the next reset.
         """
 
 
@@ -109,17 +112,17 @@ class Arriving(Protocol):
     """A device whose axes lag behind their setpoints."""
 
     def gaps(self) -> Sequence[AxisGap]:
-        """Return how far every axis is from where it was last sent, by the newest feedback.
+        """Return the distance of every axis from its last setpoint, by the newest feedback.
 
-        Called in each cycle after the last setpoint of a motion, until all axes are within their
-        tolerances: the motion is done then.  An axis that is not after its patience is a fault of
-        the device.  Must neither wait nor raise.
+        Called in each cycle after the last setpoint of a motion.  The motion is done when all axes
+        are within their tolerances.  An axis that exceeds its patience is a fault of the device.
+        Must neither wait nor raise.
         """
 
 
 @runtime_checkable
 class Scaled(Protocol):
-    """A device that may run motions more slowly than they are sent."""
+    """A device that may run motions more slowly than they are commanded."""
 
     @property
     def speed_scaling(self) -> float:
@@ -128,10 +131,10 @@ class Scaled(Protocol):
 
 @runtime_checkable
 class PhaseLocked(Protocol):
-    """A device with a cycle of its own that setpoints should keep clear of."""
+    """A device with a cycle of its own, which setpoints should not coincide with."""
 
     def deadline_shift_ns(self, deadline_ns: int) -> int:
-        """Return by how much later than a period from *deadline_ns* the next deadline should be.
+        """Return how much later than a period after *deadline_ns* the next deadline should be, ns.
 
         At most half a period either way.  Called after every cycle; must neither wait nor raise.
         Path time counts cycles, so the servo moves a deadline by no more than a four-hundredth of
@@ -144,13 +147,13 @@ class Explaining(Protocol):
     """A driver that knows why its device or its client library fails."""
 
     def why_stale(self) -> str:
-        """Return who is late when feedback is, in words; empty if the driver cannot know.
+        """Return who causes late feedback, in words; empty if the driver cannot know.
 
         Called in the cycle in which feedback has become too old; must neither wait nor raise.
         """
 
     def why_ended(self, signal: int) -> str:
-        """Return what it means that *signal* has ended the servo process; empty if unknown.
+        """Return the cause if *signal* ended the servo process; empty if unknown.
 
         Called in the daemon's process, on a driver that is not open.
         """
@@ -158,10 +161,10 @@ class Explaining(Protocol):
 
 @runtime_checkable
 class Diagnosable(Protocol):
-    """A device that ``orientd doctor`` can look at."""
+    """A device that ``orientd doctor`` can inspect."""
 
     def diagnose(self) -> Sequence[Finding]:
-        """Look at the device and the way to it; change nothing, raise no :class:`DeviceError`.
+        """Inspect the device and the link to it; change nothing, raise no :class:`DeviceError`.
 
         Called on a driver that is not open, outside of a servo process, and never again.
         """
@@ -169,33 +172,33 @@ class Diagnosable(Protocol):
 
 @runtime_checkable
 class Locatable(Protocol):
-    """A device that can say where it is without a daemon."""
+    """A device that can report its pose without a daemon."""
 
     def offline_start(self, *, from_device: bool) -> Feedback | None:
-        """Return where a plan begins that is made without the daemon.
+        """Return the start state of a plan that is made without the daemon.
 
         Called on a driver that is not open.
 
         Args:
-            from_device: whether to ask the device; else the options say.
+            from_device: whether to ask the device; otherwise the options decide.
 
         Returns:
-            ``None`` if the first keyframe says enough.
+            ``None`` if the first keyframe is enough to start from.
 
         Raises:
-            LinkError: the device is asked, and does not answer.
-            PlanError: it is not asked, and the options do not say enough.
+            LinkError: the device does not answer.
+            PlanError: the device is not asked, and the options do not give the start.
         """
 
 
 def tune(driver: Driver, options: Mapping[str, Any]) -> None:
-    """Hand *driver* the options of the motions to come; see :meth:`Tunable.tune`.
+    """Give *driver* the options of the motions to come; see :meth:`Tunable.tune`.
 
     Raises:
-        ValueError: it refuses them, or has none.
+        ValueError: the driver refuses them, or has none.
     """
     if isinstance(driver, Tunable):
         driver.tune(options)
     elif options:
         names = ", ".join(map(repr, options))
-        raise ValueError(f"the driver {driver.name!r} has no options of one motion, got {names}")
+        raise ValueError(f"the driver {driver.name!r} takes no options of one motion, got {names}")

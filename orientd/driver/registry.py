@@ -1,4 +1,4 @@
-"""Drivers are found by entry points, so that a third party's stands beside our own."""
+"""Find drivers by their entry points, those of third parties like our own."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ GROUP = "orientd.drivers"
 
 
 def driver_target(name: str) -> str:
-    """Return where the driver called *name* is, as ``module:Class``.
+    """Return the location of the driver called *name*, as ``module:Class``.
 
     Raises:
         ConfigError: no such driver is installed.
@@ -28,7 +28,7 @@ def load_driver(name: str) -> type[Driver]:
     """Import the driver called *name*.
 
     Raises:
-        ConfigError: no such driver is installed, or what it needs is missing.
+        ConfigError: no such driver is installed, or a package that it needs is missing.
     """
     entry = _find(name)
     try:
@@ -39,13 +39,13 @@ def load_driver(name: str) -> type[Driver]:
 
 
 def make_driver(device: str, name: str, options: Mapping[str, Any], period_ns: int) -> Driver:
-    """Return a driver of a device that is not to be opened, to look at its motions.
+    """Return a driver that never opens its device, to check or plan motions.
 
     Args:
-        device: its name, for messages.
-        name: of the driver.
-        options: of the driver.
-        period_ns: of the device's cycle.
+        device: name of the device, for messages.
+        name: name of the driver.
+        options: options of the driver.
+        period_ns: cycle period of the device.
 
     Raises:
         ConfigError: the driver is not installed, or refuses its options.
@@ -61,7 +61,7 @@ def make_driver(device: str, name: str, options: Mapping[str, Any], period_ns: i
 
 
 def _find(name: str) -> EntryPoint:
-    from importlib.metadata import entry_points  # slow to load, and no servo has need of it
+    from importlib.metadata import entry_points  # slow to load, and no servo needs it
 
     entries = entry_points(group=GROUP)
     for entry in entries:

@@ -1,7 +1,7 @@
 """The values that pass between the servo and a driver.
 
-No NumPy here: a cycle is plain Python floats, and the values are named tuples, which are made in a
-quarter of the time of a frozen dataclass.
+They hold plain Python floats; the servo process loads no NumPy.  They are named tuples, which take
+a quarter of the time of frozen dataclasses to make.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from math import inf
 from typing import NamedTuple
 
 Vector3 = tuple[float, float, float]
-"""``(x, y, z)``; its frame and unit are in the name of what holds it."""
+"""``(x, y, z)``; the name of the field has its frame and unit."""
 Quaternion = tuple[float, float, float, float]
 """``(w, x, y, z)`` of norm 1, tool to world."""
 
@@ -18,18 +18,18 @@ Joints = tuple[float, ...]
 """Angles of a device's axes, rad, unwrapped: whole turns count."""
 
 ZERO: Vector3 = (0.0, 0.0, 0.0)
-"""No velocity, or the origin."""
+"""Zero velocity, or the origin."""
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 """The orientation of the world itself."""
 
 
 class AxisLimits(NamedTuple):
-    """What one axis of a device may do.
+    """Limits of one axis of a device.
 
     Attributes:
-        name: of the axis, as messages name it.
+        name: name of the axis in messages.
         low: least angle, rad, unwrapped: whole turns count.
-        high: largest angle, rad.
+        high: largest angle, rad, unwrapped.
         velocity: rad/s.
         acceleration: rad/s^2; infinite if nothing limits it.
         jerk: rad/s^3; infinite if nothing limits it.
@@ -44,7 +44,7 @@ class AxisLimits(NamedTuple):
 
 
 class Setpoint(NamedTuple):
-    """What the device is asked to do in one cycle.
+    """The target of the device for the end of one cycle.
 
     Attributes:
         time_ns: the cycle's deadline on the monotonic clock.
@@ -66,14 +66,14 @@ class Setpoint(NamedTuple):
 
 
 class Feedback(NamedTuple):
-    """What the device reported.
+    """The measured state of the device.
 
     Attributes:
-        time_ns: when it was *measured*, on the monotonic clock; the servo computes the age.
+        time_ns: time of the *measurement*, on the monotonic clock; the servo computes the age.
         q: measured orientation ``(w, x, y, z)``, tool to world.
         omega_body: measured angular velocity, rad/s, body frame.
         position: measured tool position in the world, m.
-        joints: whatever the device's axes are, rad; empty where it has none.
+        joints: measured angles of the axes, rad; empty if the device has none.
     """
 
     time_ns: int
@@ -84,15 +84,14 @@ class Feedback(NamedTuple):
 
 
 class AxisGap(NamedTuple):
-    """How far one axis of a device is from where it was last sent.
+    """Distance of one axis of a device from its last setpoint.
 
     Attributes:
-        name: of the axis, as messages name it.
-        gap: angle from where it was measured to where it was sent, rad.
-        tolerance: how large that may be where the axis has arrived, rad.
-        load: what the axis draws or carries, in words, for example ``0.45 A``; empty where the
-            device does not tell.
-        patience: how long after the last setpoint of a motion the axis may take to arrive, s.
+        name: name of the axis in messages.
+        gap: angle from the measured to the commanded angle, rad.
+        tolerance: largest gap of an axis that has arrived, rad.
+        load: load of the axis in words, for example ``0.45 A``; empty if unknown.
+        patience: time after the last setpoint of a motion within which the axis must arrive, s.
     """
 
     name: str
@@ -103,15 +102,15 @@ class AxisGap(NamedTuple):
 
 
 class PartHealth(NamedTuple):
-    """How one part of a device is: a servo, a joint.
+    """Condition of one part of a device, such as a servo or a joint.
 
     Attributes:
-        name: of the part.
-        time_ns: when it was measured, monotonic clock.
-        voltage: of its supply, V; ``None`` where it is not told.
-        temperature: degrees Celsius; ``None`` where it is not told.
-        current: A, its sign that of the torque; ``None`` where it is not told.
-        warning: what is soon to go wrong, in words; empty where nothing is.
+        name: name of the part.
+        time_ns: time of the measurement, monotonic clock.
+        voltage: supply voltage, V; ``None`` if unknown.
+        temperature: degrees Celsius; ``None`` if unknown.
+        current: A, with the sign of the torque; ``None`` if unknown.
+        warning: a problem that is developing, in words; empty if none.
     """
 
     name: str

@@ -1,7 +1,6 @@
-"""Mechanisms: how axes pose a tool, and what their limits make of a path.
+"""Mechanisms: the kinematics of a device's axes, and paths that keep the limits of the axes.
 
-What the servo needs is plain floats; what plans whole paths needs NumPy, and loads when it is first
-asked for.
+The servo uses plain floats.  The modules that plan whole paths need NumPy and load on first use.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The kinematics of a gimbal over whole paths: the formulas of :mod:`.gimbal` on arrays."""
+"""Gimbal kinematics over whole paths: the formulas of :mod:`.gimbal` on arrays."""
 
 from __future__ import annotations
 
@@ -14,42 +14,42 @@ _OF_ARRAYS = Functions(np.sin, np.cos, np.arctan2, np.hypot)
 
 
 def of_arrays(gimbal: Gimbal) -> Kinematics:
-    """Return the kinematics of *gimbal* for arrays, one for each component."""
+    """Return the kinematics of *gimbal* with one array per component."""
     return replace(gimbal.kinematics, functions=_OF_ARRAYS)
 
 
 def orientations(gimbal: Gimbal, joints: ArrayLike) -> Floats:
-    """Return the orientations that axis angles make: ``(..., axes)`` rad to ``(..., 4)``."""
+    """Return orientations for axis angles: ``(..., axes)`` rad to ``(..., 4)``."""
     columns = np.moveaxis(np.asarray(joints, dtype=np.float64), -1, 0)
     return normalize(np.stack(of_arrays(gimbal).orientation(columns), axis=-1))
 
 
 def matrices(gimbal: Gimbal, q: Floats) -> Floats:
-    """Return what the axes alone have to make of orientations, component by component.
+    """Return the rotations that the axes alone must make, component by component.
 
     Args:
-        gimbal: whose.
-        q: orientations, shape ``(n, 4)``.
+        gimbal: the gimbal.
+        q: tool orientations, shape ``(n, 4)``.
 
     Returns:
-        Shape ``(9, n)``.
+        Components of rotation matrices, shape ``(9, n)``.
     """
     return np.stack(of_arrays(gimbal).matrix(q.T))
 
 
 def joints_at(gimbal: Gimbal, matrix: Floats, outer: Floats) -> Floats:
-    """Return the axis angles that are best for chosen outer ones, rad, shape ``(n, axes)``.
+    """Return the best axis angles for given outer angles, rad, shape ``(n, axes)``.
 
     Args:
-        gimbal: whose.
+        gimbal: the gimbal.
         matrix: as from :func:`matrices`.
-        outer: angles in rad, shape ``(n,)``.
+        outer: outer angles in rad, shape ``(n,)``.
     """
     inner, _ = of_arrays(gimbal).inner(matrix, outer)
     return np.stack([outer, *inner], axis=-1)
 
 
 def wrapped(angle: Floats) -> Floats:
-    """Return an angle less whole turns, in (-pi, pi]."""
+    """Return an angle without whole turns, in (-pi, pi]."""
     less: Floats = np.asarray(angle - 2 * np.pi * np.ceil((angle - np.pi) / (2 * np.pi)))
     return less

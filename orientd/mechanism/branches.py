@@ -1,8 +1,9 @@
-"""Which branch and which turn: dynamic programming over the whole path.
+"""Choose branches and whole turns by dynamic programming over the whole path.
 
-At each sample the candidates are both branches with every whole turn that the limits allow.  From
-sample to sample an axis can turn only so far; a passage near the pole leads from its first sample
-to its last in one step; anything else is a slew, which costs more than any detour.
+The candidates at each sample are both branches with every whole turn inside the limits.  An axis
+can
+turn only so far from sample to sample.  A passage near the pole leads from its first sample to its
+last in one step.  Anything else is a slew, which costs more than any detour.
 """
 
 from __future__ import annotations
@@ -24,22 +25,22 @@ from orientd.rotation import Floats
 Bools = np.ndarray[Any, np.dtype[np.bool_]]
 
 SAME = 1e-3
-"""How far a path may begin from the angles that are given, rad."""
+"""Largest distance of the path's start from the given angles, rad."""
 _SLEW_COST = 1e3
-"""Of a second that the path stands still."""
+"""Cost of a second during which the path stands still."""
 _ERROR_COST = 20.0
 _CHUNK = 1000
 _MATCH = 1e-5
 
 
 class Choice(NamedTuple):
-    """What was chosen.
+    """The chosen axis angles.
 
     Attributes:
-        joints: rad, unwrapped, shape ``(n, axes)``, with the passages in them.
+        joints: rad, unwrapped, shape ``(n, axes)``, including the passages.
         slews: indices of samples before which the axes have to slew.
-        passages: those taken.
-        reached: how many samples could be reached; the whole path if all.
+        passages: the passages used.
+        reached: number of samples that could be reached; *n* if all.
     """
 
     joints: Floats
@@ -51,18 +52,18 @@ class Choice(NamedTuple):
 def candidates(
     principal: Floats, axes: Sequence[AxisLimits], start: Floats | None = None
 ) -> Floats:
-    """Return every way to make each orientation inside the limits.
+    """Return all axis angles inside the limits for each orientation.
 
     Args:
         principal: both branches in (-pi, pi], shape ``(n, 2, axes)``.
         axes: limits of every axis.
-        start: axis angles where the path begins; ``None`` is about zero.
+        start: axis angles at the start of the path; ``None`` is about zero.
 
     Returns:
-        Angles in rad, shape ``(n, count, axes)``, NaN where there are fewer.
+        Angles in rad, shape ``(n, count, axes)``, padded with NaN.
     """
     options = []
-    # An axis may have hundreds of turns; no farther from the start than the path could lead.
+    # An axis may have hundreds of turns: keep only turns that the path could reach from the start.
     steps = np.abs(wrapped(np.diff(principal, axis=0)))
     reach = np.max(np.sum(steps, axis=0), axis=0, initial=0.0) + 4 * np.pi
     for place, axis in enumerate(axes):
@@ -81,7 +82,7 @@ def candidates(
         return np.full((len(principal), 1, len(axes)), np.nan)
     every = np.stack(rows, axis=1)
     every[np.any(np.isnan(every), axis=-1)] = np.nan
-    # The rows that can be made first, and no more columns than the richest sample needs.
+    # Put feasible rows first, and keep only as many columns as the fullest sample needs.
     valid = ~np.isnan(every[..., 0])
     order = np.argsort(~valid, axis=1, kind="stable")
     most = max(1, int(np.max(np.sum(valid, axis=1))))
@@ -89,15 +90,16 @@ def candidates(
 
 
 def continued(principal: Floats, bounds: Bounds, start: Floats) -> Choice:
-    """Return the way that stays on the branch and turn of *start*, as far as the axes can go it.
+    """Return the axis angles on the branch and turn of *start*, as far as the axes can follow.
 
-    Where no passage and no slew is to be had there is no other, and nothing to search for: from
-    branch to branch the outer axis is half a turn away.
+    Without passages and slews there is no other solution: the outer axes of the two branches are
+    half
+    a turn apart.
 
     Args:
         principal: both branches, shape ``(n, 2, axes)``.
-        bounds: of the plan.
-        start: axis angles from which the path is entered, shape ``(axes,)``.
+        bounds: limits of the plan.
+        start: axis angles before the path, shape ``(axes,)``.
     """
     low, high = np.array([(axis.low - EDGE, axis.high + EDGE) for axis in bounds.axes]).T
     best = Choice(np.full_like(principal[:, 0], np.nan), (), (), 0)
@@ -123,16 +125,16 @@ def choose(
     slews: Bools | None = None,
     stop: float = 0.0,
 ) -> Choice:
-    """Return the way along the whole path that takes the least time, of those the shortest.
+    """Return the axis angles for the whole path that take the least time, then the least travel.
 
     Args:
         every: as from :func:`candidates`, shape ``(n, count, axes)``.
-        bounds: of the plan.
-        start: axis angles from which the path is entered, shape ``(axes,)``; ``None`` is anywhere.
-        passages: ways past the pole that may be taken.
-        slews: before which samples the path may stop for a change of branch or turn, shape
-            ``(n,)``; ``None`` is before none.
-        stop: what a stop takes besides its slew, s.
+        bounds: limits of the plan.
+        start: axis angles before the path, shape ``(axes,)``; ``None`` is anywhere.
+        passages: available passages near the pole.
+        slews: samples before which the path may stop to change branch or turn, shape ``(n,)``;
+            ``None`` allows no stop.
+        stop: duration of a stop without its slew, s.
     """
     length, count = every.shape[:2]
     cost = np.where(np.isnan(every[0, :, 0]), np.inf, _entry(every[0], start))
@@ -155,7 +157,7 @@ def choose(
             steps[may] = _SLEW_COST * slew_times(gaps[may], bounds)
         steps[np.isnan(travel)] = np.inf
         for k in range(begin, end):
-            # What goes on slowly for some samples stops once.
+            # Several slow samples in a row count as one stop.
             stops = too_far[k - begin] & ~jumped[k - 1][None, :]
             total = steps[k - begin] + cost[None, :] + _SLEW_COST * stop * stops
             pick = np.argmin(total, axis=1)
@@ -165,7 +167,7 @@ def choose(
             for passage in by_last.get(k, ()):
                 _offer(passage, every, costs[passage.first], cost, bounds, via)
             costs.append(cost)
-    # Inside a passage nothing is finite, so look from the end.
+    # Inside a passage no cost is finite, so trace back from its end.
     finite = [k for k in range(length) if np.any(np.isfinite(costs[k]))]
     reached = finite[-1] + 1 if finite else 0
     return _trace(every, costs, back, jumped, via, reached)
@@ -187,7 +189,7 @@ def _offer(
     bounds: Bounds,
     via: dict[tuple[int, int], tuple[int, int, Passage]],
 ) -> None:
-    """Enter *passage* wherever it leads from a candidate to a candidate, inside the limits."""
+    """Add *passage* wherever it connects two candidates inside the limits."""
     low, high = np.array([(axis.low - EDGE, axis.high + EDGE) for axis in bounds.axes]).T
     for origin in np.nonzero(np.isfinite(before))[0]:
         shift = every[passage.first, origin] - passage.joints[0]

@@ -1,4 +1,4 @@
-"""A number that a certificate shows of the axes."""
+"""A figure about the axes that a certificate shows."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 
 class Figure(NamedTuple):
-    """One number that is certified of the axes of a motion.
+    """One certified number about the axes of a motion.
 
     Attributes:
-        name: of what, in words.
+        name: the quantity, in words.
         value: in *unit*.
-        unit: as it is written, for example ``rad/s``.
-        limit: what was allowed, same unit; ``None`` if nothing limits it.
-        time: when in the motion, s; ``None`` if it is no one instant.
+        unit: unit as text, for example ``rad/s``.
+        limit: allowed value, same unit; ``None`` if nothing limits it.
+        time: when the value occurs in the motion, s; ``None`` if not at one instant.
     """
 
     name: str

@@ -1,7 +1,7 @@
-"""Follow poses with axes that have limits: exactly if the axes can, else as near as they can.
+"""Follow poses with limited axes: exactly if the axes can, otherwise as closely as possible.
 
-For what is on no planned path: targets, and stops off the path.  Plain floats only, since the servo
-runs it, for devices that take joints.
+For targets and for stops off the path, which have no planned path, on devices that take joints.
+Plain floats only, since the servo runs it.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ from orientd.driver import Joints, Quaternion, Vector3
 from orientd.mechanism.mechanism import Mechanism
 
 _OUTSIDE = 1e3
-"""Cost of a radian outside an axis' limits, against seconds of its travel."""
+"""Cost of a radian outside an axis' limits, in seconds of its travel."""
 _FAR = 1e6
-"""As far as an axis ever turns, rad, for one without limits of its angle."""
+"""Largest angle, rad, of an axis without limits of its angle."""
 _MARGIN = 0.99
-"""Share of its limits that an axis makes use of; the rest is for rounding, a servo's ticks too."""
+"""Usable share of the limits of an axis; the rest is for rounding and for the ticks of a servo."""
 
 
 class Following:
-    """What the axes do from cycle to cycle.
+    """Joint setpoints from cycle to cycle.
 
     Args:
-        mechanism: whose axes.
-        period: of the cycles, s.
+        mechanism: kinematics and limits of the axes.
+        period: cycle period, s.
     """
 
     def __init__(self, mechanism: Mechanism, period: float) -> None:
@@ -34,24 +34,24 @@ class Following:
         self._wanted: Joints = ()
 
     def begin(self) -> None:
-        """Begin anew: the poses to come do not go on from those before."""
+        """Start over: the next poses do not continue the previous ones."""
         self._wanted = ()
 
     def step(self, q: Quaternion, position: Vector3, last: Joints, rates: Joints) -> Joints:
-        """Return the joints of the next cycle on the way to a pose, rad.
+        """Return the joints of the next cycle towards a pose, rad.
 
         Args:
-            q: orientation of the tool.
-            position: of the tool, m.
-            last: joints of the cycle before, rad, unwrapped.
-            rates: at which the axes turned there, rad/s.
+            q: tool orientation.
+            position: tool position, m.
+            last: joints of the previous cycle, rad, unwrapped.
+            rates: axis velocities in that cycle, rad/s.
         """
         mechanism = self._mechanism
         wanted = self._chosen(q, position, last)
         if wanted is None:
             return self._braked(last, rates)
         outer = self._next(0, wanted[0], last[0], rates[0])
-        # What the outermost axis lags behind the others make up for, as far as they can.
+        # The other axes compensate for the lag of the outermost axis, as far as they can.
         others = mechanism.completed(q, position, outer, wanted)[1:]
         wanted = (wanted[0], *self._inside((outer, *others), last)[1:])
         inner = [
@@ -62,7 +62,7 @@ class Following:
         return (outer, *inner)
 
     def _chosen(self, q: Quaternion, position: Vector3, last: Joints) -> Joints | None:
-        """Return the joints of a pose that are reached soonest; ``None`` if it is out of reach."""
+        """Return the joints for a pose that take the least time; ``None`` if it is out of reach."""
         mechanism = self._mechanism
         near = mechanism.nearest(q, position, last)
         if near is not None and self._cost(near, last) < _OUTSIDE:
@@ -71,7 +71,7 @@ class Following:
         return min(every, key=lambda one: self._cost(one, last), default=near)
 
     def _braked(self, last: Joints, rates: Joints) -> Joints:
-        """Return the joints of the next cycle on the quickest way to rest, rad."""
+        """Return the joints of the next cycle on the fastest stop, rad."""
         joints = []
         for axis, angle, rate in zip(self._axes, last, rates, strict=True):
             step = _MARGIN * axis.acceleration * self._period
@@ -80,7 +80,7 @@ class Following:
         return tuple(joints)
 
     def _inside(self, joints: Joints, last: Joints) -> Joints:
-        """Return *joints* on the turns nearest to *last* that are inside the limits, if any are."""
+        """Return *joints* on the turns nearest to *last*, inside the limits if possible."""
         found = []
         for angle, near, axis in zip(joints, last, self._axes, strict=True):
             turns = round((near - angle) / tau)
@@ -92,7 +92,7 @@ class Following:
         return tuple(found)
 
     def _cost(self, joints: Joints, last: Joints) -> float:
-        """Return how long the axes take at their fastest, s, and much more outside their limits."""
+        """Return the shortest travel time of the axes, s, with a penalty outside their limits."""
         worst = outside = 0.0
         for angle, near, axis in zip(joints, last, self._axes, strict=True):
             worst = max(worst, abs(angle - near) / axis.velocity)
@@ -100,13 +100,13 @@ class Following:
         return worst + _OUTSIDE * (1.0 + outside) * (outside > 0.0)
 
     def _next(self, place: int, wanted: float, last: float, rate: float) -> float:
-        """Return where the axis at *place* gets to in a cycle on its way to *wanted*."""
+        """Return the angle of the axis at *place* after one cycle towards *wanted*."""
         axis, period = self._axes[place], self._period
         wanted = min(max(wanted, axis.low), axis.high)
         before = self._wanted[place] if self._wanted else wanted
         before = min(max(before, axis.low), axis.high)
         hardest, fastest = _MARGIN * axis.acceleration, _MARGIN * axis.velocity
-        # Beside the wanted angle as it moves, so that a steady one is followed without lag.
+        # Relative to the moving target angle, so that the axis follows a steady motion without lag.
         gap = before - last
         pace = (wanted - before) / period
         if abs(pace) > fastest:
@@ -120,9 +120,9 @@ class Following:
 
 
 def _braking(distance: float, hardest: float, period: float) -> float:
-    """Return the largest speed from which rest is reached at *distance*, in whole cycles.
+    """Return the largest speed from which an axis can stop within *distance*, in whole cycles.
 
-    Of n cycles, each slower than the one before by *hardest* times the period, the first may have
+    In n cycles, each slower than the previous one by *hardest* times the period, the first may have
     a speed of distance / (n period) + hardest period (n - 1) / 2.
     """
     if hardest == inf:

@@ -1,7 +1,7 @@
-"""What targets that are followed ask of a mechanism's axes, from cycle to cycle.
+"""Predict what followed targets demand of a mechanism's axes, from cycle to cycle.
 
-Nothing is planned of targets.  So the axes are predicted for each setpoint, and for the stop that
-would follow it.  Plain floats only, since the servo process runs it.
+Followed targets have no plan.  So the servo predicts the axes for each setpoint, and for the stop
+that could follow it.  Plain floats only, since the servo process runs it.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from orientd.mechanism.mechanism import Mechanism
 Pose = tuple[Quaternion, Vector3]
 
 _SPEED_SHARE = 0.98
-# A stop is looked at in a few instants only; between them an axis is faster.
+# The check looks at a few instants of a stop; between them an axis may be faster.
 _STOP_SPEED_SHARE = 0.9
 _STOP_ACCELERATION_SHARE = 0.5
-# The first cycle of it is looked at as it will be.
+# The first cycle of a stop is checked exactly.
 _FIRST_ACCELERATION_SHARE = 0.7
-# A device is behind what is sent, and stops at the very end of an axis' range.
+# A device lags behind its setpoints, and stops at the very end of an axis' range.
 _RANGE_MARGIN = 0.02
 _STILL = 1e-9
 
 
 class ComingPose(NamedTuple):
-    """A pose that the device would be sent to before long.
+    """A pose that the device would be sent to soon.
 
     Attributes:
-        seconds: after the pose before it.
+        seconds: time after the pose before it.
         q: orientation ``(w, x, y, z)``, tool to world.
         position: tool position in the world, m.
     """
@@ -40,11 +40,11 @@ class ComingPose(NamedTuple):
 
 
 class Foresight:
-    """The axes at what was sent last, and at what comes next of it.
+    """The axes at the last setpoint and at the next ones.
 
     Args:
-        mechanism: whose axes.
-        period: of the cycles, s.
+        mechanism: kinematics and limits of the axes.
+        period: cycle period, s.
     """
 
     def __init__(self, mechanism: Mechanism, period: float) -> None:
@@ -56,7 +56,7 @@ class Foresight:
         self._rates: Joints = ()
 
     def begin(self, before: Pose, sent: Pose, near: Joints) -> None:
-        """Begin where setpoints of another kind end.
+        """Start from setpoints of another kind.
 
         Args:
             before: the setpoint before the last one: orientation, and position in m.
@@ -69,10 +69,10 @@ class Foresight:
         self._rates = self._rates_to(self._joints, first)
 
     def look(self, sent: Pose, coming: Sequence[ComingPose]) -> str:
-        """Return why the axes cannot follow what comes next, or an empty string.
+        """Return why the axes cannot follow the next setpoint, or an empty string.
 
         Args:
-            sent: the setpoint sent last.
+            sent: the last setpoint.
             coming: the next one, a period later, and a stop from there at a few instants.
         """
         if sent != self._sent:
@@ -85,7 +85,7 @@ class Foresight:
         reserves = {one.name: one.value for one in self._mechanism.reserve(near)}
         self._next = None
         for place, (seconds, q, position) in enumerate(coming):
-            # One after the other: what is not followed is mostly found in the first.
+            # One after the other: the first one usually shows a problem.
             joints = self._mechanism.nearest(q, position, near)
             if joints is None:
                 return "the device does not reach there"
@@ -103,7 +103,7 @@ class Foresight:
         return ""
 
     def _take(self, sent: Pose) -> None:
-        """Take note of another setpoint that was sent."""
+        """Record another setpoint."""
         before, self._sent = self._joints, sent
         if before is None:
             return
@@ -128,7 +128,7 @@ class Foresight:
         speed_share: float,
         change_share: float,
     ) -> str:
-        """Return which axis is too fast, changes its speed too fast, or turns too far."""
+        """Return which axis is too fast, accelerates too much, or turns too far."""
         for axis, angle, rate, last in zip(self._mechanism.axes, joints, moved, rates, strict=True):
             speed, most = abs(rate), speed_share * axis.velocity
             if speed > most and speed > abs(last):
@@ -146,7 +146,7 @@ class Foresight:
         return ""
 
     def _nearing(self, joints: Joints, reserves: Mapping[str, float]) -> str:
-        """Return which singularity is too near, and nearer than by *reserves*."""
+        """Return which singularity is too close, and closer than by *reserves*."""
         for one in self._mechanism.reserve(joints):
             if one.value < one.least_followed and one.value < reserves[one.name]:
                 return f"the {one.name} would be {one.value:.3g} {one.unit} from its singularity"
@@ -154,13 +154,13 @@ class Foresight:
 
 
 def refusal(mechanism: Mechanism, q: Quaternion, position: Vector3, joints: Joints) -> str:
-    """Return why a device cannot be at a target, or an empty string.
+    """Return why a device cannot reach a target, or an empty string.
 
     Args:
-        mechanism: of the device.
-        q: orientation of the tool.
-        position: of the tool, m.
-        joints: as they are now, rad.
+        mechanism: the device's mechanism.
+        q: tool orientation.
+        position: tool position, m.
+        joints: current joints, rad.
     """
     found = mechanism.nearest(q, position, joints)
     if found is None:

@@ -1,17 +1,17 @@
 r"""Gimbals: axis angles to orientation and back, both branches, for floats and for arrays.
 
 A gimbal turns about two or three of the coordinate axes, named from the base to the tool by
-capital letters: ``ZYX`` is yaw, pitch, roll.  With rotation matrices
+capital letters: ``ZYX`` is yaw, pitch, roll.  Its rotation matrix is
 :math:`R = R_i(a) R_j(b) R_k(c)`.  A two-axis gimbal points the axis that it cannot turn about.
 
-Everything follows from one observation.  Let :math:`d = R e_t` be the direction of the innermost
-axis, or of the pointing axis where there are two.  Once the outer angle *a* is chosen, the best
-*b* and *c* leave the error :math:`\arcsin |e_j \cdot R_i(-a) d|`, exactly, because what is missing
-is the middle angle of :math:`R_i(-a) R` taken apart in the order *j*, missing, *t*.  So the outer
-angle alone decides, and its exact values lie half a turn apart: those are the two branches.
+The formulas rest on one observation.  Let :math:`d = R e_t` be the direction of the innermost
+axis, or of the pointing axis of a two-axis gimbal.  For a given outer angle *a*, the best *b* and
+*c* leave exactly the error :math:`\arcsin |e_j \cdot R_i(-a) d|`.  This error is the middle angle
+of :math:`R_i(-a) R` decomposed in the order *j*, missing axis, *t*.  So the outer angle alone
+determines the error.  Its exact values lie half a turn apart: those are the two branches.
 
 The formulas work component by component, so a component may be a float or an array of floats.  The
-servo loads this module: it has no NumPy.
+servo loads this module, so it has no NumPy.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ from orientd.mechanism.mechanism import Mechanism
 Number = Any
 """A float, or an array of floats."""
 Components = Any
-"""Numbers in order: a tuple, or an array whose first axis they are."""
+"""An ordered sequence of numbers: a tuple, or an array along its first axis."""
 Matrix = Components
 """The nine components of a rotation matrix, row by row."""
 
 LOCK = 1e-6
-"""Sine of the distance from the pole below which outer and inner angle turn about one line."""
+"""Sine of the distance from the pole below which outer and inner axis are parallel."""
 _MADE = 1e-4
-"""Up to this error two axes have made an orientation: between records it is off by less, rad."""
+"""Largest error, rad, at which two axes make an orientation; between records it is smaller."""
 _TURN = 2.0 * math.pi
 
 _OUTERMOST, _GAP = 0.15, 0.03
-"""Radius of the pins' outer ends, and from ring to ring, m; real gimbals have any shape."""
+"""Radius of the outer ends of the pins and distance between rings, m, for drawing only."""
 _CORNERS = 24
 
 
 class Functions(NamedTuple):
-    """The functions that the formulas need, for floats or for arrays."""
+    """The functions of the formulas, for floats or for arrays."""
 
     sin: Callable[[Number], Number]
     cos: Callable[[Number], Number]
@@ -57,22 +57,22 @@ OF_FLOATS = Functions(math.sin, math.cos, math.atan2, math.hypot)
 
 
 def near(angle: float, reference: float) -> float:
-    """Return *angle* with as many whole turns as bring it nearest to *reference*."""
+    """Return *angle* plus the whole turns that bring it nearest to *reference*."""
     return angle + _TURN * round((reference - angle) / _TURN)
 
 
 @dataclass(frozen=True)
 class Kinematics:
-    """How the axes of a gimbal turn its tool.
+    """The kinematics of a gimbal.
 
     Attributes:
         order: the axes from base to tool, for example ``ZYX``, ``ZXY`` or ``ZY``.
         mount: orientation ``(w, x, y, z)`` of the base in the world.
         tool: orientation of the tool on the innermost axis.
-        functions: of floats, or of arrays.
+        functions: for floats or for arrays.
 
     Raises:
-        ValueError: *order* is not one there is.
+        ValueError: *order* is not a valid order of axes.
     """
 
     order: str = "ZYX"
@@ -94,12 +94,12 @@ class Kinematics:
 
     @property
     def inner_axis(self) -> int:
-        """The innermost axis of three, or the axis that two point."""
+        """The innermost of three axes, or the pointing axis of a two-axis gimbal."""
         axes = self.axes
         return axes[2] if len(axes) == 3 else 3 - axes[0] - axes[1]
 
     def orientation(self, joints: Components) -> tuple[Number, Number, Number, Number]:
-        """Return the tool's orientation in the world that axis angles (rad) make."""
+        """Return the tool's orientation in the world for axis angles in rad."""
         q = self.mount
         for axis, angle in zip(self.axes, joints, strict=True):
             q = self._turned_about(q, axis, angle)
@@ -107,7 +107,7 @@ class Kinematics:
 
     def omega_body(self, joints: Components, rates: Components) -> tuple[Number, Number, Number]:
         """Return the tool's angular velocity in its own coordinates, rad/s."""
-        # Walk from the tool to the base: each axis is seen through those inside it.
+        # From the tool to the base: each axis is rotated by those inside it.
         wx = wy = wz = 0.0
         seen = conjugate(self.tool)
         for axis, angle, rate in reversed(list(zip(self.axes, joints, rates, strict=True))):
@@ -117,7 +117,7 @@ class Kinematics:
         return wx, wy, wz
 
     def matrix(self, q: Components) -> Matrix:
-        """Return what the axes alone have to make of an orientation, as a matrix."""
+        """Return the rotation that the axes alone must make for an orientation, as a matrix."""
         w, x, y, z = q
         back = multiply(conjugate(self.mount), (w, x, y, z))
         return matrix_of(multiply(back, conjugate(self.tool)))
@@ -125,7 +125,7 @@ class Kinematics:
     def pointing(self, m: Matrix) -> tuple[Number, Number]:
         """Return an exact outer angle, and the sine of the distance from the pole.
 
-        The angle, in rad, is arbitrary at the pole.  Every half turn more is exact as well.
+        The angle, in rad, is arbitrary at the pole.  Adding half turns keeps it exact.
         """
         i, j = self.axes[:2]
         t = self.inner_axis
@@ -135,7 +135,7 @@ class Kinematics:
         return outer, f.hypot(u, v)
 
     def inner(self, m: Matrix, outer: Number) -> tuple[tuple[Number, ...], Number]:
-        """Return the inner angles that are best for a chosen outer one, and the error left, rad."""
+        """Return the best inner angles for a given outer one, and the remaining error, rad."""
         i, j = self.axes[:2]
         t, f = self.inner_axis, self.functions
         turned = self._turned_back(m, i, outer)
@@ -147,24 +147,24 @@ class Kinematics:
         return (b,), f.atan2(abs(turned[3 * j + t]), f.hypot(u, v))
 
     def outer_at_pole(self, m: Matrix, inner: Number) -> Number:
-        """Return the outer angle that makes an orientation at the pole with the inner one given.
+        """Return the outer angle for an orientation at the pole with a given inner angle.
 
-        Only three axes have one: two point to the pole with any outer angle.
+        For three axes only: two axes point to the pole with any outer angle.
         """
         i, j = self.axes[:2]
         f = self.functions
-        # R R_k(-c) = R_i(a) R_j(b): where b leaves e_j alone, its image shows a.
+        # R R_k(-c) = R_i(a) R_j(b): if b keeps e_j fixed, its image gives a.
         transposed = (m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8])
         turned = self._turned_back(transposed, self.inner_axis, -inner)
         u, v = turned[3 * j + (i + 1) % 3], turned[3 * j + (i + 2) % 3]
         return f.atan2(v, u) if j == (i + 1) % 3 else f.atan2(-u, v)
 
     def manipulability(self, joints: Components) -> Number:
-        r"""Return the least singular value of what the axis rates do; 0 is the pole.
+        r"""Return the least singular value of the map from axis rates; 0 is the pole.
 
-        Of three axes that is of the Jacobian; of two, of the part that moves the pointing axis.
-        Neighbouring axes are at right angles, so only the cosine *c* between the outermost and the
-        innermost, or pointing, one matters: the squares of the singular values of the Jacobian are
+        For three axes the map is the Jacobian, for two the part that moves the pointing axis.
+        Neighbouring axes are at right angles.  So only the cosine *c* between the outermost and the
+        innermost (or pointing) axis matters.  The squared singular values of the Jacobian are
         :math:`1 \pm c` and 1, those of the part are 1 and :math:`1 - c^2`.
         """
         sine, cosine = self.functions.cos(joints[1]), self.functions.sin(joints[1])
@@ -192,7 +192,7 @@ class Kinematics:
         return turned
 
     def _turned_about(self, q: Quaternion, axis: int, angle: Number) -> Quaternion:
-        """Return *q* times the turn by *angle* about a coordinate axis."""
+        """Return *q* followed by a turn by *angle* about a coordinate axis of its body."""
         i, j, k = axis + 1, (axis + 1) % 3 + 1, (axis + 2) % 3 + 1
         cos, sin = self.functions.cos(0.5 * angle), self.functions.sin(0.5 * angle)
         turned = [cos * q[0] - sin * q[i]] * 4
@@ -203,7 +203,7 @@ class Kinematics:
 
 
 def matrix_of(q: Quaternion) -> Matrix:
-    """Return the rotation matrix of a quaternion that need not be of quite unit norm."""
+    """Return the rotation matrix of a quaternion of nearly unit norm."""
     w, x, y, z = q
     s = 2.0 / (w * w + x * x + y * y + z * z)
     return (
@@ -216,15 +216,17 @@ def matrix_of(q: Quaternion) -> Matrix:
 class Gimbal(Mechanism):
     """A gimbal of two or three axes, with limits.
 
-    The planner chooses branch and turns over the whole path, passes the pole, and stops to slew if
-    it may.  The driver takes joints: at the pole an orientation does not say them.
+    The planner chooses branches and turns over the whole path, passes the pole, and stops to slew
+    if
+    that is allowed.  The driver takes joints, because an orientation at the pole does not define
+    them.
 
     Attributes:
         axes: limits of every axis, from the base to the tool.
-        kinematics: of the axes, for floats.
-        is_pointing: of two axes, whether only the direction of the pointing axis counts.
-        roll_tolerance: by how much two axes may miss whole orientations, rad.
-        max_deviation: largest angle by which a path may be missed near a pole, rad.
+        kinematics: kinematics of the axes, for floats.
+        is_pointing: for two axes, whether only the direction of the pointing axis counts.
+        roll_tolerance: largest error of whole orientations with two axes, rad.
+        max_deviation: largest deviation from the path near a pole, rad.
         allow_slews: whether a path may stop while the axes change branch or unwind.
     """
 
@@ -240,20 +242,20 @@ class Gimbal(Mechanism):
         max_deviation: float = 0.0,
         allow_slews: bool = False,
     ) -> None:
-        """Take a gimbal as it is built.
+        """Create a gimbal from the geometry of its axes.
 
         Args:
-            axes: see the attributes, as for the others.
+            axes: limits of every axis, from the base to the tool.
             order: the axes from base to tool.
             mount: orientation of the base in the world.
             tool: orientation of the tool on the innermost axis.
-            is_pointing: as above.
-            roll_tolerance: as above.
-            max_deviation: as above.
-            allow_slews: as above.
+            is_pointing: see the attributes.
+            roll_tolerance: see the attributes.
+            max_deviation: see the attributes.
+            allow_slews: see the attributes.
 
         Raises:
-            ValueError: *order* is not one there is, or not that of *axes*.
+            ValueError: *order* is not a valid order of axes, or does not fit *axes*.
         """
         self.kinematics = Kinematics(order, normalize(mount), normalize(tool))
         if len(axes) != len(order):
@@ -266,11 +268,11 @@ class Gimbal(Mechanism):
 
     @property
     def is_fitting(self) -> bool:
-        """Whether two axes are to make whole orientations, which have three degrees of freedom."""
+        """Whether two axes must make whole orientations, which have three degrees of freedom."""
         return len(self.axes) == 2 and not self.is_pointing
 
     def forward(self, joints: Joints) -> tuple[Quaternion, Vector3]:
-        """Return the orientation that axis angles (rad) make, and the origin."""
+        """Return the orientation for axis angles in rad, and the origin."""
         return self.orientation(joints), ZERO
 
     def orientation(self, joints: Joints) -> Quaternion:
@@ -278,16 +280,17 @@ class Gimbal(Mechanism):
         return normalize(self.kinematics.orientation(joints))
 
     def solutions(self, q: Quaternion, position: Vector3 = ZERO) -> list[Joints]:  # noqa: ARG002 - a gimbal only turns its tool
-        """Return the axis angles of both branches; at the pole those with an inner angle of 0."""
+        """Return the axis angles of both branches, with an inner angle of 0 at the pole."""
         return self.branches(q, (0.0,) * len(self.axes))
 
     def branches(self, q: Quaternion, last: Joints) -> list[Joints]:
-        """Return the axis angles that make *q*, or its direction, rad, whole turns aside.
+        """Return the axis angles for *q*, or for its direction, rad, without whole turns.
 
         Args:
-            q: orientation of the tool.
-            last: axis angles that say what the pole leaves open: of three the innermost, of two the
-                outer one stays.
+            q: tool orientation.
+            last: axis angles that resolve the pole: of three axes the innermost one stays, of two
+                the
+                outer one.
         """
         m = self.kinematics.matrix(q)
         outer = self._outer(m, last)
@@ -296,17 +299,17 @@ class Gimbal(Mechanism):
         ]
 
     def nearest(self, q: Quaternion, position: Vector3, near: Joints) -> Joints:  # noqa: ARG002 - a gimbal only turns its tool
-        """Return the axis angles that make *q* best, nearest to *near*, rad, unwrapped."""
+        """Return the best axis angles for *q*, nearest to *near*, rad, unwrapped."""
         return self.solve(q, near)[0]
 
     def completed(self, q: Quaternion, position: Vector3, outer: float, wanted: Joints) -> Joints:  # noqa: ARG002 - a gimbal only turns its tool
-        """Return the axis angles that come nearest to *q*, or its direction, with the outer one."""
+        """Return the best axis angles for *q*, or for its direction, with a given outer angle."""
         if self.is_fitting:
             return wanted
         return (outer, *self.kinematics.inner(self.kinematics.matrix(q), outer)[0])
 
     def solve(self, q: Quaternion, last: Joints) -> tuple[Joints, float]:
-        """Return the axis angles for *q* nearest to *last*, and the angle missed.
+        """Return the axis angles for *q* nearest to *last*, and the remaining error.
 
         Returns:
             Angles in rad, unwrapped, and the error in rad, 0 for three axes.
@@ -314,38 +317,39 @@ class Gimbal(Mechanism):
         if len(self.axes) == 2:
             i, j = self.kinematics.axes
             a, missing, b = self.kinematics.split(self.kinematics.matrix(q), i, 3 - i - j, j)
-            # What two axes make says all of them, at the pole too.
+            # The orientation of two axes determines both, even at the pole.
             if not self.is_pointing or abs(missing) < _MADE:
                 return (near(a, last[0]), near(b, last[1])), abs(missing)
         turned = [tuple(map(near, one, last)) for one in self.branches(q, last)]
         return min(turned, key=lambda one: _farthest(one, last)), 0.0
 
     def is_at_pole(self, q: Quaternion) -> bool:
-        """Return whether outer and inner angle turn about one line at *q*."""
+        """Return whether outer and inner axis are parallel at *q*."""
         return bool(self.kinematics.pointing(self.kinematics.matrix(q))[1] < LOCK)
 
     def home(self) -> Joints:
-        """Return zero for every axis, or as near to it as its limits permit, rad."""
+        """Return zero for every axis, or the angle nearest to it inside the limits, rad."""
         return tuple(min(max(0.0, axis.low), axis.high) for axis in self.axes)
 
     def outline(self, joints: Joints) -> list[list[Vector3]]:
-        """Return two pins and a ring for each axis, from the base inwards.
+        """Return two pins and a ring for each axis, from the base inwards, for drawing.
 
-        Each ring carries the pins of the next axis, and lies in the plane of its own and the next
-        one; the innermost in that of its own and the tool's pointing axis.
+        Each ring carries the pins of the next axis, and lies in the plane of its own axis and the
+        next
+        one.  The innermost ring lies in the plane of its own axis and the tool's pointing axis.
 
         Args:
             joints: axis angles, rad.
 
         Returns:
-            Lines about the origin, m; empty where *joints* are not those of the gimbal.
+            Lines about the origin, m; empty if *joints* do not fit the gimbal.
         """
         numbers = self.kinematics.axes
         if len(joints) != len(numbers):
             return []
         lines: list[list[Vector3]] = []
         for place, axis in enumerate(numbers):
-            # As the axes so far have turned it.
+            # Rotated by the axes so far.
             turned = (*joints[: place + 1], *(0.0,) * (len(numbers) - place - 1))
             bare = Kinematics(self.kinematics.order, self.kinematics.mount)
             m = matrix_of(bare.orientation(turned))

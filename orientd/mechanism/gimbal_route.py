@@ -1,8 +1,9 @@
-"""Axis angles of a gimbal for a path of orientations: branch, turns, pole and stops.
+"""Axis angles of a gimbal for a path of orientations: branches, turns, pole and stops.
 
-The whole path is known, so nothing has to be decided on the way: branch and winding are chosen by
-least cost over all of it, a passage near the pole deviates by the least angle that the axes need,
-and what cannot be done is refused with axis, value and time.
+The whole path is known in advance.  Branches and turns therefore have the least cost over all of
+it,
+and a passage near the pole has the least deviation that the axes need.  A path that the gimbal
+cannot follow is refused with axis, value and time.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from orientd.rotation import Floats, angle, conjugate, exp, log, multiply, rotat
 
 _STILL = 1e-9
 _GLANCE = 4096
-"""Samples of a long path that are looked at first: what is too much is often its lead-in."""
+"""Samples at the start of a long path that are checked first: often the lead-in is too fast."""
 _BY_POLE = np.sin(np.radians(2.0))
 """Sine of the distance from the pole within which a path passes it."""
 _ADVICE = "allow a deviation, a slower path or a slew, or choose another path"
@@ -45,14 +46,14 @@ _ADVICE = "allow a deviation, a slower path or a slew, or choose another path"
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """What the axes of a gimbal make of a path, and where they leave it.
+    """The axis angles of a gimbal for a path, and where they leave it.
 
     Attributes:
         path: the joints.
-        peaks: of the axes.
-        passages: near the pole.
+        peaks: largest rates of the axes.
+        passages: passages near the pole.
         slews: stops of the path.
-        error: largest angle between path asked and path planned outside slews, rad, and when.
+        error: largest angle between requested and planned path outside slews, rad, and its time.
     """
 
     path: JointPath
@@ -74,24 +75,25 @@ def plan_axes(
 ) -> Route:
     """Return axis angles of a gimbal for a path of orientations.
 
-    A gimbal of two axes follows the direction of its pointing axis; the roll is what it is.  Tried
-    in this order: leave the path by a bounded angle, stop and reconfigure.  To run the whole path
-    slower is left to whoever plans it.
+    A gimbal of two axes follows the direction of its pointing axis with any roll.  If the axes
+    cannot
+    follow exactly, the plan first leaves the path by a bounded angle, then stops and changes
+    branch.
+    Running the whole path slower is left to the caller.
 
     Args:
-        gimbal: whose; it says what may be done where the exact path is too much.
+        gimbal: the gimbal, with the deviations that it allows.
         q: orientations ``(w, x, y, z)``, tool to world, shape ``(n, 4)``.
         period: of the grid, s.
-        start: axis angles from which the path begins, rad, shape ``(axes,)``; by default the plan
-            chooses.
-        past: axis angles of the samples before a path that begins in motion, the oldest first, rad,
+        start: axis angles before the path, rad, shape ``(axes,)``; by default the plan chooses.
+        past: axis angles of the samples before a path that begins in motion, oldest first, rad,
             shape ``(m, axes)``.
-        tool: what it keeps to on a slew; nothing by default.
+        tool: limits of the tool during a slew; none by default.
         free: as for :func:`route`.
 
     Raises:
-        LimitError: the path needs more than an axis has, and the gimbal allows no way round.
-        PlanError: it would have to stop for a change of branch before it can.
+        LimitError: the path needs more than an axis can do, and the gimbal allows no alternative.
+        PlanError: the path would have to stop for a change of branch before it can.
         StartError: the path does not begin at *start*.
     """
     past = np.empty((0, len(gimbal.axes))) if past is None else past
@@ -115,7 +117,7 @@ def plan_axes(
 def _choose(
     gimbal: Gimbal, q: Floats, bounds: Bounds, start: Floats | None, free: float, ramp: float
 ) -> Choice:
-    """Return the best way, which stops where it may and must."""
+    """Return the best axis angles, with stops where they are allowed and needed."""
     first = float(start[0]) if start is not None and _is_at_pole(gimbal, q[0]) else None
     may_slew = gimbal.allow_slews or free > 0.0
     is_plain = start is not None and gimbal.max_deviation == 0.0 and not may_slew
@@ -145,7 +147,7 @@ def _choose(
 
 
 def _principal(gimbal: Gimbal, q: Floats, first: float | None) -> Floats:
-    """Return both branches along a path, the outer angle continuous through the pole itself."""
+    """Return both branches along a path, with a continuous outer angle through the pole itself."""
     matrix = matrices(gimbal, q)
     line, _ = outer_line(gimbal, matrix, first)
     branches = [joints_at(gimbal, matrix, wrapped(line + turn)) for turn in (0.0, np.pi)]
@@ -153,7 +155,7 @@ def _principal(gimbal: Gimbal, q: Floats, first: float | None) -> Floats:
 
 
 def _refuse(choice: Choice, gimbal: Gimbal, q: Floats, period: float, past: Floats) -> None:
-    """Raise what is wrong with *choice*, if anything is."""
+    """Raise an error if *choice* does not cover the whole path."""
     axes, at = gimbal.axes, choice.reached
     if at < len(q):
         time = at * period
@@ -178,7 +180,7 @@ def _refuse(choice: Choice, gimbal: Gimbal, q: Floats, period: float, past: Floa
                 f"{np.rad2deg(away):.1f} deg away from where {axes[0].name} is; leave out the "
                 f"times or `allow_slews`, so that {axes[0].name} turns at the pole first"
             )
-        # The axes could go on, but for the limits of their angles.
+        # The axes could continue if their angles had no limits.
         last, turn = choice.joints[at - 1], 2 * np.pi
         onward = principal + turn * np.round((last - principal) / turn)
         nearest = onward[int(np.argmin(np.max(np.abs(onward - last), axis=-1)))]
@@ -210,7 +212,7 @@ def refuse_angle(principal: Floats, axes: Sequence[AxisLimits], time: float) -> 
 
 
 def _is_by_pole(gimbal: Gimbal, q: Floats, count: float) -> Bools:
-    """Return which of the first *count* steps begin or end so near the pole that it is passed."""
+    """Return which of the first *count* steps begin or end near enough to the pole to pass it."""
     _, sine = of_arrays(gimbal).pointing(matrices(gimbal, q))
     is_near = sine < _BY_POLE
     found: Bools = (is_near[:-1] | is_near[1:]) & (np.arange(len(q) - 1) < count)
@@ -222,7 +224,7 @@ def _is_at_pole(gimbal: Gimbal, q: Floats) -> bool:
 
 
 def _honest(gimbal: Gimbal, q: Floats, path: JointPath, slews: Sequence[Slew]) -> tuple[Slew, ...]:
-    """Return the slews with how far each is off the path, which stands still or goes on slowly."""
+    """Return the slews with the error of each, whether the path stops or only slows down."""
     told = []
     for slew in slews:
         part = slice(round(slew.start / path.period), round(slew.end / path.period) + 1)
@@ -236,7 +238,7 @@ def _honest(gimbal: Gimbal, q: Floats, path: JointPath, slews: Sequence[Slew]) -
 
 
 def _missed(gimbal: Gimbal, reached: Floats, q: Floats) -> Floats:
-    """Return the angle between orientations; of two axes, between the directions pointed to."""
+    """Return the angle between orientations; for two axes, between the pointing directions."""
     if len(gimbal.axes) == 3:
         return angle(reached, q)
     back = conjugate(np.array(gimbal.kinematics.tool))
@@ -254,7 +256,7 @@ def certify(gimbal: Gimbal, route: Route, asked: Floats) -> JointPath:
     """Return the path of *route* with figures and notes.
 
     Raises:
-        LimitError: two axes miss the orientations *asked*, shape ``(n, 4)``, by too much.
+        LimitError: two axes deviate too much from the orientations *asked*, shape ``(n, 4)``.
     """
     path, (missed, when) = route.path, route.error
     figures = [Figure("pointing error", missed, "rad", gimbal.max_deviation, when)]
@@ -271,13 +273,13 @@ def certify(gimbal: Gimbal, route: Route, asked: Floats) -> JointPath:
 
 
 def manipulability(gimbal: Gimbal, joints: Floats) -> Figure:
-    """Return how near *joints* (rad, shape ``(n, axes)``) come to the pole, which is at 0."""
+    """Return the distance of *joints* (rad, shape ``(n, axes)``) from the pole, which is at 0."""
     least = float(np.min(of_arrays(gimbal).manipulability(joints.T)))
     return Figure("manipulability", least, "1")
 
 
 def _deviations(route: Route) -> list[str]:
-    """Return where and by how much a route leaves the path, in words, a line each."""
+    """Return where and by how much a route leaves the path, in words, one line each."""
     missed, when = route.error
     outside = " outside slews" if route.slews else ""
     lines = [f"the path is missed by at most {degrees(missed):.4f} deg{outside} at {when:.3f} s"]
@@ -290,7 +292,7 @@ def _deviations(route: Route) -> list[str]:
         )
     for slew in route.slews:
         goal = ", ".join(f"{degrees(angle):.1f}" for angle in slew.after)
-        what = "goes on slowly" if slew.is_on_path else "stops and the axes slew"
+        what = "slows down" if slew.is_on_path else "stops and the axes slew"
         lines.append(
             f"{slew.start:.3f} to {slew.end:.3f} s ({slew.duration:.2f} s): the path {what} to "
             f"{goal} deg, off it by up to {degrees(slew.error):.1f} deg"
@@ -299,10 +301,10 @@ def _deviations(route: Route) -> list[str]:
 
 
 def _roll(gimbal: Gimbal, path: JointPath, asked: Floats) -> Figure:
-    """Return by how much two axes miss orientations, which have three degrees of freedom.
+    """Return the orientation error of two axes, which lack a degree of freedom.
 
     Raises:
-        LimitError: by more than they may.
+        LimitError: the error is larger than allowed.
     """
     missed = angle(path.q, asked[np.rint(path.path_times / path.period).astype(np.int64)])
     at, most = int(np.argmax(missed)), gimbal.roll_tolerance

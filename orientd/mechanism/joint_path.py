@@ -1,6 +1,6 @@
-"""A path in the joints of a mechanism: what its axes do on it, held against their limits.
+"""Joint paths of a mechanism: the motion of its axes, checked against their limits.
 
-Velocity, acceleration and jerk are backward differences, as a device takes them.
+Velocity, acceleration and jerk are backward differences, as a device computes them.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from orientd.mechanism.mechanism import EDGE
 from orientd.rotation import Floats, conjugate, log, multiply
 
 _SLACK = 1.0 + 1e-3
-"""How far above its limit a difference may be, as a factor: samples are a path only nearly."""
+"""Factor by which a difference may exceed its limit, because samples only approximate a path."""
 _PLANNED = 0.95
-"""Share of an axis' acceleration that a plan of its own uses; the rest is to brake on it with."""
+"""Share of an axis' acceleration that generated plans use; the rest is for braking."""
 _KINDS = (LimitKind.VELOCITY, LimitKind.ACCELERATION, LimitKind.JERK)
 UNITS = {
     LimitKind.VELOCITY: "rad/s",
@@ -33,15 +33,15 @@ UNITS = {
 
 @dataclass(frozen=True, eq=False)
 class JointPath:
-    """A path as the axes of a mechanism follow it, on a uniform grid.
+    """A path of a mechanism's axes on a uniform grid.
 
     Attributes:
         period: of the grid, s.
         joints: angles of the axes, rad, unwrapped, shape ``(n, axes)``.
-        q: orientation of the tool that they make, shape ``(n, 4)``.
-        path_times: how far along the path asked for each is, s, never decreasing, shape ``(n,)``.
-        figures: what holds for it.
-        notes: what there is to say of it, in words, a line each.
+        q: tool orientation for these angles, shape ``(n, 4)``.
+        path_times: time of each sample on the requested path, s, never decreasing, shape ``(n,)``.
+        figures: certified numbers.
+        notes: remarks, one line each.
     """
 
     period: float
@@ -53,7 +53,7 @@ class JointPath:
 
 
 class ToolLimits(NamedTuple):
-    """What the tool may do where the axes leave the path or its times.
+    """Limits of the tool where the axes leave the path or its times.
 
     Attributes:
         velocity: rad/s.
@@ -66,11 +66,11 @@ class ToolLimits(NamedTuple):
     jerk: float = math.inf
 
     def excess(self, q: Floats, period: float) -> float:
-        """Return how much longer orientations must take, at least, to keep the limits.
+        """Return the least factor by which orientations must take longer to keep the limits.
 
         Args:
             q: from rest to rest, shape ``(n, 4)``.
-            period: from one to the next, s.
+            period: time between two of them, s.
         """
         q = np.concatenate([q[:1], q[:1], q[:1], q, q[-1:], q[-1:], q[-1:]])
         rate = log(multiply(conjugate(q[:-1]), q[1:])) / period
@@ -86,12 +86,12 @@ class ToolLimits(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """What a plan keeps to.
+    """The limits of a plan.
 
     Attributes:
         period: of its samples, s.
-        axes: limits of every axis, as far as the plan may use them.
-        tool: what it may do where the axes leave the path or its times.
+        axes: limits of every axis, reduced to the share that the plan may use.
+        tool: limits of the tool where the axes leave the path or its times.
     """
 
     period: float
@@ -100,7 +100,7 @@ class Bounds(NamedTuple):
 
     @property
     def longest_step(self) -> Floats:
-        """How far each axis can turn in a sample, with room for rounding, rad."""
+        """How far each axis can turn in a sample, with a margin for rounding, rad."""
         velocity = np.array([axis.velocity for axis in self.axes])
         return velocity * self.period * (1 + 1e-9) + 1e-12
 
@@ -109,11 +109,11 @@ class AxisPeak(NamedTuple):
     """The largest rate of an axis of one kind.
 
     Attributes:
-        kind: of the rate.
-        axis: whose.
+        kind: velocity, acceleration or jerk.
+        axis: name of the axis.
         value: the largest size, in rad and s.
-        limit: what is allowed.
-        time: when, s from the beginning.
+        limit: the allowed size.
+        time: when it occurs, s from the beginning.
     """
 
     kind: LimitKind
@@ -129,9 +129,9 @@ def rates(joints: Floats, period: float, before: Floats, order: int = 2) -> list
     Args:
         joints: shape ``(n, axes)``.
         period: s.
-        before: the samples before the first, the oldest first, shape ``(m, axes)``; what would
-            reach back farther is 0, as nothing is known of what was before.
-        order: how many.
+        before: the samples before the first, oldest first, shape ``(m, axes)``.  Differences that
+            would reach back further are 0.
+        order: number of derivatives.
 
     Returns:
         Arrays of the shape of *joints*.
@@ -168,18 +168,18 @@ def axis_peaks(
 
 
 def excess_of(peaks: Iterable[AxisPeak]) -> float:
-    """Return how much longer the path of *peaks* must take to keep the limits."""
+    """Return the factor by which the path of *peaks* must take longer to keep the limits."""
     shares = [((one.value / one.limit), 1 + _KINDS.index(one.kind)) for one in peaks]
     return max(float(share ** (1.0 / order)) for share, order in shares)
 
 
 def planned(axes: Iterable[AxisLimits]) -> list[AxisLimits]:
-    """Return the limits for plans of the mechanism's own: something is left to brake with."""
+    """Return the limits for generated plans, with a reserve to brake with."""
     return [axis._replace(acceleration=_PLANNED * axis.acceleration) for axis in axes]
 
 
 def refuse_rates(peaks: Sequence[AxisPeak], advice: str) -> None:
-    """Raise :class:`.LimitError` for the first axis that is beyond a limit of its rates."""
+    """Raise :class:`.LimitError` for the first axis that exceeds a limit of its rates."""
     for kind, axis, value, limit, time in peaks:
         if value > limit * _SLACK:
             quantity = f"{kind.value} of {axis.name}"
@@ -196,7 +196,7 @@ def refuse_range(
 
 
 def out_of_range(axis: AxisLimits, value: float, time: float, advice: str) -> LimitError:
-    """Return the refusal of an angle of *axis*, rad, with the limit that is nearer to it."""
+    """Return the error for an angle of *axis*, rad, with the nearer limit."""
     bound = axis.high if abs(value - axis.high) < abs(value - axis.low) else axis.low
     quantity = f"angle of {axis.name}"
     return LimitError(quantity, value, bound, time, "rad", advice, kind=LimitKind.RANGE)
@@ -208,13 +208,13 @@ def certified(
     figures: Sequence[Figure] = (),
     notes: Sequence[str] = (),
 ) -> JointPath:
-    """Return *path* with what holds for its axes, in figures and in words.
+    """Return *path* with figures and notes about its axes.
 
     Args:
         path: of the axes.
         peaks: as from :func:`axis_peaks`.
-        figures: what else holds for it.
-        notes: what else there is to say of it.
+        figures: further figures.
+        notes: further notes.
     """
     every, words = list[Figure](), list[str]()
     low, high = path.joints.min(axis=0).tolist(), path.joints.max(axis=0).tolist()
@@ -238,5 +238,5 @@ def certified(
 
 
 def _tenths(angle: float) -> str:
-    """Return an angle in degrees with one decimal, and no sign of a zero."""
+    """Return an angle in degrees with one decimal, and without a negative zero."""
     return f"{round(degrees(angle), 1) + 0.0:.1f}"

@@ -1,4 +1,4 @@
-"""What a mechanism is to the planner and to the servo: axes with limits that pose a tool.
+"""The contract of a mechanism: limited axes that pose a tool.
 
 Plain floats only, since the servo process loads it.
 """
@@ -13,20 +13,21 @@ from typing import NamedTuple, Protocol, runtime_checkable
 from orientd.driver import AxisLimits, Joints, Quaternion, Vector3
 
 EDGE = 1e-9
-"""How far outside its range an axis is taken to be at the end of it, rad."""
+"""Tolerance of an axis at the end of its range, rad."""
 
 
 class Reserve(NamedTuple):
-    """How far the axes are from one of their singularities.
+    """Distance of the axes from one of their singularities.
 
     Attributes:
         name: of the singularity, as messages name it.
         value: the distance; 0 is singular.
-        least: how far the axes must be on a planned path, same unit.
-        least_followed: how far they must be while targets are followed: a stop has to begin before
-            it is known where it ends.
+        least: least distance on a planned path, same unit.
+        least_followed: least distance while targets are followed.  It is larger, because a stop
+            must
+            begin before its end is known.
         unit: of the three.
-        advice: how a motion stays away from it.
+        advice: how a motion can avoid the singularity.
     """
 
     name: str
@@ -40,10 +41,10 @@ class Reserve(NamedTuple):
 class Mechanism(ABC):
     """Axes that pose a tool.
 
-    The planner makes the joints of every record of a motion by :meth:`nearest`, from where the
-    device stands.  It holds them against :attr:`axes` and :meth:`reserve`, and runs the motion
-    slower where an axis needs it.  A motion with times of its own is refused with the axis, the
-    value and the time.
+    The planner computes the joints of every record of a motion with :meth:`nearest`, starting from
+    the device's joints.  It checks them against :attr:`axes` and :meth:`reserve`, and slows the
+    motion down if an axis needs it.  If the request sets the times, the planner refuses the motion
+    instead, with the axis, the value and the time.
 
     Attributes:
         axes: limits of every axis, from the base to the tool.
@@ -64,22 +65,23 @@ class Mechanism(ABC):
 
     @abstractmethod
     def solutions(self, q: Quaternion, position: Vector3) -> Sequence[Joints]:
-        """Return the joints of every branch that pose the tool so, rad; whole turns aside.
+        """Return the joints of every branch for a pose, rad, without whole turns.
 
         Args:
             q: orientation ``(w, x, y, z)``, tool to world.
             position: of the tool in the world, m.
 
         Returns:
-            Nothing if the pose is out of reach.
+            An empty sequence if the pose is out of reach.
         """
 
     def nearest(self, q: Quaternion, position: Vector3, near: Joints) -> Joints | None:
-        """Return the joints that pose the tool so, on the branch and turns nearest to *near*, rad.
+        """Return the joints for a pose on the branch and turns nearest to *near*, rad.
 
-        The planner calls it for one record after the other, each time with the joints of the record
-        before.  Override it where continuing is quicker than solving every branch, or where *near*
-        has to say what a singular pose leaves open.
+        The planner calls it for one record after the other, each time with the joints of the
+        previous
+        record.  Override it if continuing is faster than solving every branch, or if *near* must
+        resolve a singular pose.
 
         Args:
             q: orientation ``(w, x, y, z)``, tool to world.
@@ -87,7 +89,7 @@ class Mechanism(ABC):
             near: joints of a pose close by, rad, unwrapped.
 
         Returns:
-            ``None`` if the pose is out of reach.  The ranges of the axes are not looked at.
+            ``None`` if the pose is out of reach.  The ranges of the axes are not checked.
         """
         turned = [
             tuple(a + tau * round((b - a) / tau) for a, b in zip(one, near, strict=True))
@@ -95,17 +97,17 @@ class Mechanism(ABC):
         ]
         return min(turned, key=lambda one: _apart(one, near), default=None)
 
-    def completed(self, q: Quaternion, position: Vector3, outer: float, wanted: Joints) -> Joints:  # noqa: ARG002 - most mechanisms make no more of it
-        """Return the joints that come nearest to a pose while the outermost axis is elsewhere, rad.
+    def completed(self, q: Quaternion, position: Vector3, outer: float, wanted: Joints) -> Joints:  # noqa: ARG002 - most mechanisms need no more
+        """Return the joints closest to a pose with the outermost axis elsewhere, rad.
 
         Args:
             q: orientation ``(w, x, y, z)``, tool to world.
             position: of the tool in the world, m.
-            outer: where the outermost axis is, rad.
-            wanted: the joints that pose the tool so, rad.
+            outer: angle of the outermost axis, rad.
+            wanted: the joints for the exact pose, rad.
 
         Returns:
-            The first of them does not count, nor do whole turns.
+            The first one and whole turns do not count.
         """
         return wanted
 
@@ -113,12 +115,12 @@ class Mechanism(ABC):
         """Return the joints at home, rad; empty if the mechanism has no home."""
         return ()
 
-    def reserve(self, joints: Joints) -> Sequence[Reserve]:  # noqa: ARG002 - many mechanisms have no singularity that they must not pass
+    def reserve(self, joints: Joints) -> Sequence[Reserve]:  # noqa: ARG002 - many mechanisms have no singularity to avoid
         """Return how far *joints*, in rad, are from each singularity."""
         return ()
 
-    def outline(self, joints: Joints) -> Sequence[Sequence[Vector3]]:  # noqa: ARG002 - not every mechanism is drawn
-        """Return the shape as lines from point to point, m, for a picture; empty if there is none.
+    def outline(self, joints: Joints) -> Sequence[Sequence[Vector3]]:  # noqa: ARG002 - drawing is optional
+        """Return the shape as lines from point to point, m, for drawing; empty if there is none.
 
         Args:
             joints: angles of the axes, rad.
@@ -128,29 +130,31 @@ class Mechanism(ABC):
 
 @runtime_checkable
 class Mechanical(Protocol):
-    """A driver whose device has a mechanism: the core then plans for its axes."""
+    """A driver whose device has a mechanism: orientd then plans for its axes."""
 
     def mechanism(self, *, may_ask: bool) -> Mechanism | None:
         """Return the mechanism of the device; ``None`` to plan without its axes.
 
-        The planner calls it for every plan and the daemon before targets are followed, on a driver
-        that is not open; the servo on an enabled one.  A driver keeps what need not be asked again.
+        The planner calls it for every plan, and the daemon before targets are followed, on a driver
+        that is not open.  The servo calls it on an enabled driver.  A driver should cache answers
+        of
+        the device.
 
         Args:
-            may_ask: whether the device may be asked; else the options alone say.
+            may_ask: whether to ask the device; otherwise the options alone decide.
 
         Raises:
-            LinkError: the device was asked and did not answer.
-            PlanError: the options do not say enough.
+            LinkError: the device does not answer.
+            PlanError: the options are not sufficient.
         """
 
 
 def inside(axes: Sequence[AxisLimits], joints: Joints, near: Joints) -> Joints | None:
-    """Return *joints* on the turns inside the ranges of *axes* that are nearest to *near*, if any.
+    """Return *joints* on the turns nearest to *near* inside the ranges of *axes*, if any.
 
     Args:
-        axes: their limits.
-        joints: rad, whole turns aside.
+        axes: limits of the axes.
+        joints: rad, without whole turns.
         near: rad, unwrapped.
     """
     found = []

@@ -1,4 +1,4 @@
-"""How quickly the axes can run along a path: slow where they must be, and nowhere else."""
+"""The fastest pace of the axes along a path: slow only where the axes need it."""
 
 from __future__ import annotations
 
@@ -13,19 +13,21 @@ from orientd.mechanism.timing import calmed, run_through
 from orientd.rotation import Floats, conjugate, log, multiply
 
 _SMOOTHED_S = 0.04
-"""Over how long the pace is averaged, s of the path; the jerk falls with it."""
+"""Interval over which the pace is averaged, s of the path; a longer one lowers the jerk."""
 _RESERVE, _MORE_RESERVE = 0.98, 0.9
-"""Share of the velocities to be used: the path is sampled anew.  The smaller one holds where the
-share of the accelerations is small, too, which is tried where others were too much."""
+"""Usable share of the velocities, because the path is resampled.
+
+The smaller one goes with the small share of the accelerations, which is tried if others fail.
+"""
 _SMALL_SHARE = 0.2
 _BRAKED = 0.95
-"""Share of the axes' accelerations to be used; the rest is to brake on the path with."""
+"""Usable share of the axes' accelerations; the rest is for braking on the path."""
 _ROOM = 1.02
-"""By how much longer than just long enough a duration is named."""
+"""Margin of the suggested duration over the shortest one."""
 _KEPT = 1.0 + 1e-3
-"""Share of a limit up to which a path keeps it: differences show it only nearly."""
+"""Share of a limit up to which a path keeps it, because differences are approximate."""
 _MOST_CHANGE = 1e3
-"""Of the pace, 1/s."""
+"""Least pace, 1/s."""
 
 
 def pace(
@@ -39,31 +41,32 @@ def pace(
     share: float,
     is_by_pole: bool = False,
 ) -> Floats:
-    """Return how far along a path that the axes cannot follow they can be in every cycle.
+    """Return path times, a period apart, at which the axes can follow a path that is too fast.
 
     Args:
-        axes: their limits.
-        path: joints, orientations that they make and positions of the tool, *grid* apart, shapes
-            ``(n, axes)``, ``(n, 4)`` and ``(n, 3)``.
+        axes: limits of the axes.
+        path: joints, tool orientations and tool positions, *grid* apart, shapes ``(n, axes)``,
+            ``(n, 4)`` and ``(n, 3)``.
         period: of the cycles, s.
         grid: s of path time.
         tool: its largest angular velocity and acceleration, linear velocity and acceleration.
-        fixed: path times between which it must be as it is; the first one later than the second
-            where there are none.
-        share: of the accelerations, to be used where the pace does not change.
-        is_by_pole: whether it is a pole that the first axis hurries for.
+        fixed: path times between which the pace is fixed; the first one is later than the second
+            if there are none.
+        share: usable share of the accelerations where the pace is constant.
+        is_by_pole: whether the first axis is fast because of a pole.
 
     Returns:
         Path times a period apart, s, from 0 to the end.
 
     Raises:
-        LimitError: an axis cannot follow between the fixed times; it says how long would do.
+        LimitError: an axis cannot follow between the fixed times; the error names a feasible
+            duration.
     """
     joints, q, position = path
     turn = log(multiply(conjugate(q[:-1]), q[1:])) / grid
     omega = np.concatenate([turn, turn[-1:]])
     bend = np.diff(omega, axis=0, prepend=omega[:1]) / grid
-    # Of each axis, of the tool's turn and of its position.
+    # Each axis, the tool's turn and its position.
     speed = np.column_stack([
         _larger(np.abs(np.diff(joints, axis=0)) / grid),
         np.linalg.norm(omega, axis=1),
@@ -96,7 +99,7 @@ def pace(
 
 
 def _larger(steps: Floats) -> Floats:
-    """Return the larger of the steps to and from each sample."""
+    """Return the larger of the steps before and after each sample."""
     larger: Floats = np.maximum(
         np.concatenate([steps[:1], steps]), np.concatenate([steps, steps[-1:]])
     )
@@ -117,9 +120,9 @@ def _refuse(
     limits: tuple[Floats, Floats],
     advice: str,
 ) -> None:
-    """Raise what the axes would need where the times are the user's, and how long would do.
+    """Raise what the axes would need if the user set the times, and a feasible duration.
 
-    Two axes that only point turn the tool more than the path as it is, so it counts, too.
+    With two pointing axes the tool turns more than the given path, so its turn counts too.
     """
     kinds, powers = (LimitKind.VELOCITY, LimitKind.ACCELERATION), (1.0, 0.5)
     needs = [
@@ -146,7 +149,7 @@ def _course(most: Floats, change: Floats, grid: float, period: float) -> Floats:
     """
     square = most**2
     for way in (slice(None), slice(None, None, -1)):
-        # No more than the one before and what the pace may rise by since then.
+        # At most the previous pace plus the possible increase since then.
         rise = np.cumsum(2.0 * grid * change[way])
         square[way] = rise + np.minimum.accumulate(square[way] - rise)
     fastest = np.sqrt(np.maximum(square, 0.0))

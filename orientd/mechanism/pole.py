@@ -1,10 +1,11 @@
 r"""Passages near the pole of a gimbal: the least deviation with which the axes can follow.
 
-Within a tube of error *E* the outer angle may lie within
-:math:`\arcsin(\sin E / \rho)` of an exact one, :math:`\rho` the sine of the distance from the pole
-(:mod:`orientd.mechanism.gimbal`); where :math:`\rho \le \sin E` it is free, and the line may
-come out on another branch.  For each branch to come out on, the taut string through the tube asks
-the least rate that *E* allows, and *E* is bisected down to the rate that the axis has.
+Within a tube of error *E* the outer angle may deviate by
+:math:`\arcsin(\sin E / \rho)` from an exact one, :math:`\rho` the sine of the distance from the
+pole
+(:mod:`orientd.mechanism.gimbal`).  If :math:`\rho \le \sin E` it is free, and the line may leave on
+another branch.  For each branch to leave on, the taut string through the tube needs the least rate
+that *E* allows.  Bisection finds the smallest *E* whose rate the axis can reach.
 """
 
 from __future__ import annotations
@@ -25,23 +26,23 @@ from orientd.rotation import Floats
 _BRANCHES = (0, 1, -1, 2, -2)
 _BISECTIONS = 20
 _SPEED_SHARE = 0.99
-"""Of an axis' velocity; where the line bends, an axis is faster between two records."""
+"""Share of an axis' velocity; where the line bends, an axis is faster between two records."""
 _THROUGH = 2
-"""So many samples at the pole belong to a path that goes straight through it."""
+"""Number of samples at the pole that still count as a path straight through it."""
 _CLOSE = 0.2
 """Share of an axis' limit from which a sample counts as near the pole."""
 
 
 @dataclass(frozen=True, slots=True)
 class Passage:
-    """One way past the pole.
+    """One passage near the pole.
 
     Attributes:
         first: index of the last exact sample before it.
         last: index of the first exact sample after it.
-        branch: by how many half turns the outer angle leaves its exact line.
+        branch: number of half turns by which the outer angle leaves its exact line.
         joints: axis angles from *first* to *last*, rad, unwrapped, shape ``(n, axes)``.
-        error: largest angle by which the path is missed, rad.
+        error: largest deviation from the path, rad.
     """
 
     first: int
@@ -52,10 +53,10 @@ class Passage:
 
     @property
     def kind(self) -> str:
-        """What the outer axis does.
+        """The motion of the outer axis.
 
-        A ``pass`` goes over the pole with it nearly still, a ``flip`` turns it about half a turn, a
-        ``deviation`` cuts the corner without either.
+        In a ``pass`` it is nearly still, in a ``flip`` it turns by about half a turn, in a
+        ``deviation`` the path bends around the pole.
         """
         turn = abs(self.joints[-1, 0] - self.joints[0, 0])
         if turn > np.pi / 2:
@@ -66,15 +67,16 @@ class Passage:
 def outer_line(gimbal: Gimbal, matrix: Floats, first: float | None = None) -> tuple[Floats, Floats]:
     """Return one continuous line of exact outer angles, and the distance from the pole.
 
-    Exact angles lie half a turn apart, so the line goes straight over the pole where the path does.
-    Where the path stays at the pole any angle is exact, and the outer axis alone turns the tool:
-    the line may jump where the path leaves in another direction.
+    Exact angles lie half a turn apart, so the line is straight if the path goes through the pole.
+    While the path stays at the pole any angle is exact, and the outer axis alone turns the tool.
+    The
+    line may then jump if the path leaves in another direction.
 
     Args:
-        gimbal: whose.
+        gimbal: the gimbal.
         matrix: as from :func:`.matrices`, shape ``(9, n)``.
-        first: the outer angle where the path begins, rad, for one that begins at the pole; by
-            default that with which it leaves the pole.
+        first: outer angle at the start of a path that begins at the pole, rad; by default the one
+            with which it leaves the pole.
 
     Returns:
         Angles in rad and the sine of the distance from the pole, both of shape ``(n,)``.
@@ -105,7 +107,7 @@ def outer_line(gimbal: Gimbal, matrix: Floats, first: float | None = None) -> tu
 
 
 def _turn_at_pole(gimbal: Gimbal, matrix: Floats) -> Floats:
-    """Return by how much the outer axis turns while the inner ones stand still, from 0 on, rad."""
+    """Return the turn of the outer axis while the inner ones stand still, from 0 on, rad."""
     count = matrix.shape[1]
     if len(gimbal.axes) == 2:
         return np.zeros(count)
@@ -114,11 +116,11 @@ def _turn_at_pole(gimbal: Gimbal, matrix: Floats) -> Floats:
 
 
 def windows(line: Floats, bounds: Bounds) -> list[tuple[int, int]]:
-    """Return the index ranges in which the outer axis has to hurry more than it can.
+    """Return the index ranges in which the outer axis would exceed its velocity.
 
     Args:
         line: as from :func:`outer_line`.
-        bounds: of the plan.
+        bounds: limits of the plan.
     """
     period, limit = bounds.period, bounds.axes[0]
     velocity, acceleration = rates(line[:, None], period, np.empty((0, 1)))
@@ -140,23 +142,23 @@ def windows(line: Floats, bounds: Bounds) -> list[tuple[int, int]]:
 
 
 def _room(limit: AxisLimits, period: float) -> int:
-    """Return how many exact samples on each side a window has to round the bends in."""
+    """Return the number of exact samples on each side of a window in which bends are rounded."""
     return 2 * math.ceil(limit.velocity / (limit.acceleration * period)) + 2
 
 
 def passages(
     gimbal: Gimbal, matrix: Floats, window: tuple[int, int], bounds: Bounds
 ) -> list[Passage]:
-    """Return the ways past the pole that the axes can make, with the least error of each.
+    """Return the feasible passages near the pole, with the least error of each.
 
     Args:
-        gimbal: whose; it says by which angle the path may be missed.
+        gimbal: the gimbal, with its largest deviation.
         matrix: of the whole path, as from :func:`.matrices`, shape ``(9, n)``.
         window: first and last index, as from :func:`windows`.
-        bounds: of the plan; the ranges of the axes are not looked at here.
+        bounds: limits of the plan; the ranges of the axes are not checked here.
 
     Returns:
-        For both branches to come in on, one passage for each branch to go out on.
+        For both branches to enter on, one passage for each branch to leave on.
     """
     first, last = window
     part = matrix[:, first : last + 1]
@@ -203,8 +205,8 @@ def _attempt(
         low[free[-1] + 1 :] += branch * np.pi
         high[free[-1] + 1 :] += branch * np.pi
     period, limit = bounds.period, bounds.axes[0]
-    # Exact on both sides of the string, so that its ends are rounded too; the rounding itself is
-    # faded out where nothing bends.
+    # Add exact samples on both sides of the string, so that its ends are rounded too.  Fade out the
+    # rounding itself where nothing bends.
     room = min(_room(limit, period), (len(line) - 2) // 3)
     first, last = room, len(line) - 1 - room
     exact = line.copy()
@@ -231,14 +233,15 @@ def _attempt(
 def taut_string(low: ArrayLike, high: ArrayLike, start: float, end: float) -> Floats:
     """Return the shortest line between two bounds, on a uniform grid.
 
-    Of all lines through the tube it has the least sum of every convex function of the slope, so the
-    least peak slope too (Davies and Kovac 2001, section 2; Grasmair 2007).
+    Among all lines through the tube it has the least sum of every convex function of the slope, so
+    also
+    the least peak slope (Davies and Kovac 2001, section 2; Grasmair 2007).
 
     Args:
         low: lower bounds, shape ``(n,)``; may be ``-inf``.
         high: upper bounds, shape ``(n,)``; may be ``inf``.
-        start: value at the first sample, where the bounds are not looked at.
-        end: value at the last sample, likewise.
+        start: value at the first sample, whose bounds are not checked.
+        end: value at the last sample, whose bounds are not checked.
 
     Returns:
         The line, shape ``(n,)``.
@@ -256,8 +259,8 @@ def taut_string(low: ArrayLike, high: ArrayLike, start: float, end: float) -> Fl
     line[0] = start
     at = 0
     while at < count - 1:
-        # Slopes from here that stay inside the tube up to each sample; the string bends at the
-        # bound that was the tightest when none is left.
+        # Slopes from here that stay inside the tube up to each sample.  When none is left, the
+        # string bends at the bound that was tightest.
         run = np.arange(1, count - at)
         least = np.maximum.accumulate((low[at + 1 :] - line[at]) / run)
         most = np.minimum.accumulate((high[at + 1 :] - line[at]) / run)
@@ -280,9 +283,9 @@ def taut_string(low: ArrayLike, high: ArrayLike, start: float, end: float) -> Fl
 
 
 def smooth(line: Floats, width: int) -> Floats:
-    """Average over *width* samples to both sides, the ends kept; bends become parabolas.
+    """Average over *width* samples on both sides, keeping the ends; bends become parabolas.
 
-    A line of slopes within v has second differences within 2 v / (2 *width* + 1) afterwards.
+    A line of slopes within v then has second differences within 2 v / (2 *width* + 1).
 
     Args:
         line: shape ``(n,)``.

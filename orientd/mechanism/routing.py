@@ -1,9 +1,10 @@
-"""A path of the tool as the axes of a mechanism follow it, made before anything moves.
+"""Joint paths for a tool path, planned before the motion starts.
 
-The whole path is known, so nothing has to be decided on the way.  A gimbal chooses branch and
-winding by least cost over all of it, passes the pole with the least deviation that the axes need,
-and stops to slew if it may.  Any other mechanism follows the path exactly, on the branch on which
-it begins.  What cannot be done is refused with axis, value and time.
+The whole path is known in advance.  A gimbal chooses branches and turns by least cost over all of
+it, passes the pole with the least deviation that the axes need, and stops to slew if that is
+allowed.
+Any other mechanism follows the path exactly, on its initial branch.  An infeasible path is refused
+with axis, value and time.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from orientd.mechanism.pole import outer_line
 from orientd.rotation import Floats, check_unit
 
 _LONGEST_STEP = 0.5
-"""rad; joints that are farther apart in neighbouring samples are on different branches."""
+"""Distance in rad; neighbouring samples that are farther apart are on different branches."""
 _TIME_ADVICE = "allow the motion more time, or keep away from singularities"
 _RANGE_ADVICE = "turn less far (a turn by a shorter `--duration`), or unwind it first"
 
@@ -46,24 +47,23 @@ def route(
     tool: ToolLimits | None = None,
     free: float = 0.0,
 ) -> JointPath:
-    """Return the path that the axes of a mechanism follow.
+    """Return the joint path of a mechanism for a tool path.
 
     Args:
-        mechanism: whose axes.
+        mechanism: kinematics and limits of the axes.
         period: of the grid, s.
-        q: orientations of the tool up to its rest, shape ``(n, 4)``.
-        position: of the tool, m, shape ``(n, 3)``.
-        joints: axis angles planned or reported where the path begins, rad; empty where they are
-            not known.
-        before: axis angles planned for the periods before a path that begins in motion, the oldest
-            first; empty where it begins at rest.
-        tool: what it may do where the axes leave the path or its times; anything by default.
-        free: up to which path time the path may stand while a gimbal turns at its pole, s.
+        q: tool orientations up to rest, shape ``(n, 4)``.
+        position: tool positions, m, shape ``(n, 3)``.
+        joints: planned or reported axis angles at the start, rad; empty if unknown.
+        before: planned axis angles of the periods before a path that begins in motion, oldest
+            first; empty for a path that begins at rest.
+        tool: limits of the tool where the axes leave the path or its times; none by default.
+        free: path time up to which the path may stand while a gimbal turns at its pole, s.
 
     Raises:
         LimitError: an axis cannot follow, or a gimbal of two axes leaves too much roll.
         PlanError: the path is out of reach, or comes too near to a singularity.
-        StartError: the axes cannot be where the path begins.
+        StartError: the axes cannot be at the start of the path.
         ValueError: a quaternion is not of unit norm.
     """
     q, past = check_unit(q), np.reshape(np.array(before), (-1, len(mechanism.axes)))
@@ -77,14 +77,14 @@ def route(
 def joints_along(
     mechanism: Mechanism, period: float, q: Floats, position: Floats, near: Joints
 ) -> Floats:
-    """Return axis angles along a path for its pace, rad, shape ``(n, axes)``; limits do not count.
+    """Return axis angles along a path, ignoring limits, rad, shape ``(n, axes)``.
 
     Args:
-        mechanism: whose axes.
+        mechanism: kinematics of the axes.
         period: of the poses, s.
-        q: orientations of the tool, shape ``(n, 4)``.
-        position: of the tool, m, shape ``(n, 3)``.
-        near: axis angles where the path begins, rad; empty where they are not known.
+        q: tool orientations, shape ``(n, 4)``.
+        position: tool positions, m, shape ``(n, 3)``.
+        near: axis angles at the start, rad; empty if unknown.
 
     Raises:
         PlanError: a pose is out of reach.
@@ -106,10 +106,10 @@ def joints_along(
 
 
 def begun(mechanism: Mechanism, q: Quaternion, position: Vector3) -> Joints:
-    """Return axis angles inside their ranges that pose the tool so, the nearest to home, rad.
+    """Return axis angles for a pose inside their ranges, the nearest to home, rad.
 
     Raises:
-        StartError: there are none.
+        StartError: no axis angles inside the ranges pose the tool so.
     """
     middle = mechanism.home() or (0.0,) * len(mechanism.axes)
     every = (inside(mechanism.axes, one, middle) for one in mechanism.solutions(q, position))
@@ -127,7 +127,7 @@ def _followed(
     near: Joints,
     past: Floats,
 ) -> JointPath:
-    """Return the axis angles that make every pose exactly, on the branch on which they begin."""
+    """Return the axis angles for every pose exactly, on the initial branch."""
     axes = mechanism.axes
     joints = joints_along(mechanism, period, q, position, near)
     low, high = np.array([(axis.low, axis.high) for axis in axes]).T
@@ -147,7 +147,7 @@ def _followed(
 
 
 def _refuse_singular(mechanism: Mechanism, joints: Floats, period: float) -> None:
-    """Raise :class:`.PlanError` where *joints* come too near to a singularity."""
+    """Raise :class:`.PlanError` if *joints* come too near to a singularity."""
     reserves = [mechanism.reserve(tuple(row)) for row in joints.tolist()]
     for every in zip(*reserves, strict=True):
         at, worst = min(enumerate(every), key=lambda one: one[1].value)

@@ -1,6 +1,6 @@
-"""Stops on a gimbal's path: the path slows down, the axes slew at rest, the path goes on.
+"""Stops on a gimbal's path: the path slows down, the axes slew at rest, the path continues.
 
-Everything here has continuous acceleration.
+All motions in this module have continuous acceleration.
 """
 
 from __future__ import annotations
@@ -23,37 +23,38 @@ from orientd.mechanism.timing import calmed, quintic, ramp_times, run_through
 from orientd.rotation import Floats, angle, conjugate, log, multiply
 
 _RAMP = 0.5
-"""How long the path takes to stop at least, s."""
+"""Least time of a stop, s."""
 _RAMP_SHARE = 0.5
-"""Share of the tool's acceleration that a stop may take beside what the path itself needs."""
+"""Share of the tool's acceleration that a stop may add to the acceleration of the path."""
 _FASTEST, _HARDEST = 1.875, 5.7735
 """Largest slope and curvature of the quintic from 0 to 1."""
 _CRAWL_STEPS = 8.0
-"""Up to so many times what an axis can turn in a sample, a step is a path that is too fast."""
+"""Steps up to this many times an axis' largest step count as a path that is too fast."""
 _FINER = 8
-"""Steps between two samples of a stretch that is gone along slowly, so that its pace is smooth."""
+"""Steps between two samples of a slow section, for a smooth pace."""
 _ATTEMPTS = 40
 _RESERVE = 0.97
 """Share of the fastest slew that keeps the tool's limits; the rest is for stops on it."""
 _UNLIMITED = 1e12
 _POINTS, _STEP = 129, 0.05
-"""At which the turn of the tool is looked at, and one more for each step of an axis, rad."""
+"""Steps at which the turn of the tool is checked, plus one for each such step of an axis, rad."""
 
 
 @dataclass(frozen=True, slots=True)
 class Slew:
     """A stop of the path in which the axes change branch or unwind.
 
-    Or a stretch of it that is gone along slowly, from rest to rest, because an axis would have to
-    hurry too much: then the path is not left.
+    It may also be a slow section of the path, from rest to rest, because an axis is too slow for
+    it.
+    The axes then stay on the path.
 
     Attributes:
         start: s.
         end: s.
         before: axis angles, rad.
         after: axis angles, rad.
-        is_on_path: whether the path is gone along slowly instead of being left.
-        error: the largest angle by which the path is missed in it, rad.
+        is_on_path: whether this is a slow section, on the path.
+        error: largest deviation from the path, rad.
     """
 
     start: float
@@ -65,7 +66,7 @@ class Slew:
 
     @property
     def duration(self) -> float:
-        """How long it lasts, s."""
+        """Duration, s."""
         return self.end - self.start
 
 
@@ -74,7 +75,7 @@ class Stopped(NamedTuple):
 
     Attributes:
         joints: rad, shape ``(n, axes)``.
-        path_times: where the path is, in its own time, s, shape ``(n,)``.
+        path_times: time of each sample on the path, s, shape ``(n,)``.
         slews: in order.
     """
 
@@ -84,26 +85,26 @@ class Stopped(NamedTuple):
 
 
 def slew_times(gaps: Floats, bounds: Bounds) -> Floats:
-    """Return how long slews over *gaps* take about, s.
+    """Return the approximate duration of slews over *gaps*, s.
 
     Args:
         gaps: of the axis angles, rad, shape ``(n, axes)``.
-        bounds: of the plan.
+        bounds: limits of the plan.
     """
-    # The axes turn the tool by no more than all of their angles together.
+    # The axes turn the tool by at most the sum of their angles.
     gaps = np.concatenate([gaps, np.sum(gaps, axis=-1, keepdims=True)], axis=-1)
     all_of_them: tuple[AxisLimits | ToolLimits, ...] = (*bounds.axes, bounds.tool)
     speed = np.array([min(one.velocity, _UNLIMITED) for one in all_of_them])
     force = np.array([min(one.acceleration, _UNLIMITED) for one in all_of_them])
     ramp = _FASTEST * speed / force
-    # Too short a way to reach full speed is two ramps.
+    # A short distance, without a phase at full speed, is two ramps.
     is_long = gaps > ramp * speed
     by_axis = np.where(is_long, gaps / speed + ramp, 2.0 * np.sqrt(_FASTEST * gaps / force))
     return np.asarray(np.max(by_axis, axis=-1), dtype=np.float64)
 
 
 def stop_time(q: Floats, bounds: Bounds) -> float:
-    """Return how long a path of orientations should take to stop, wherever that is, s."""
+    """Return a suitable duration for a stop anywhere on a path of orientations, s."""
     if len(q) < 2:
         return _RAMP
     fastest = float(np.max(angle(q[:-1], q[1:]))) / bounds.period
@@ -113,20 +114,20 @@ def stop_time(q: Floats, bounds: Bounds) -> float:
 def straight(
     gimbal: Gimbal, here: Floats, there: Floats, bounds: Bounds, *, least: float = 0.0
 ) -> Floats:
-    """Return the motion of all axes together from rest to rest, as quick as the limits allow.
+    """Return the fastest joint motion of all axes from rest to rest inside the limits.
 
     Args:
-        gimbal: whose.
+        gimbal: the gimbal.
         here: axis angles at the first sample, rad, shape ``(axes,)``.
-        there: those at the last.
-        bounds: of the plan.
-        least: how long it lasts at least, s.
+        there: axis angles at the last sample.
+        bounds: limits of the plan.
+        least: least duration, s.
 
     Returns:
         Axis angles, shape ``(n, axes)``.
 
     Raises:
-        PlanError: nothing is slow enough.
+        PlanError: no duration keeps the limits.
     """
     period = bounds.period
     points = _POINTS + round(float(np.max(np.abs(there - here))) / _STEP)
@@ -143,11 +144,11 @@ def straight(
         if more <= 1.0:
             return joints
         seconds = count * period * max(more, 1.01)
-    raise PlanError("no way of the axes keeps the limits of the tool")
+    raise PlanError("no slew of the axes keeps the limits of the tool")
 
 
 def _quickest(gimbal: Gimbal, joints: Floats, bounds: Bounds) -> tuple[float, float]:
-    """Return speed and ramp, of which the whole way is 1, that keep all limits or nearly so."""
+    """Return speed and ramp time for a distance of 1 that keep all limits, or nearly."""
     axes, tool = bounds.axes, bounds.tool
     step = 1.0 / (len(joints) - 1)
     slope = np.max(np.abs(np.diff(joints, axis=0)), axis=0) / step
@@ -157,20 +158,20 @@ def _quickest(gimbal: Gimbal, joints: Floats, bounds: Bounds) -> tuple[float, fl
     velocity = float(np.min([*(one.velocity for one in axes), tool.velocity] / slopes))
     force = float(np.min([*(one.acceleration for one in axes), tool.acceleration] / slopes))
     jerk = float(np.min([*(one.jerk for one in axes), tool.jerk] / slopes))
-    # Two ramps take no more than the whole way: their speed times their duration is 1 at most.
+    # Two ramps cover at most the whole distance: speed times duration is at most 1.
     speed = min(velocity, math.sqrt(force / _FASTEST), math.cbrt(jerk / _HARDEST))
     return speed, max(_FASTEST * speed / force, math.sqrt(_HARDEST * speed / jerk), 1e-9)
 
 
 def _progress(count: int, period: float, speed: float, ramp: float) -> Floats:
-    """Return how far the way is gone in every period, from 0 to 1."""
+    """Return the covered share of the distance in every period, from 0 to 1."""
     elapsed = period * np.arange(count + 1, dtype=np.float64)
     gone: Floats = speed * ramp_times(np.minimum(elapsed, elapsed[-1] - elapsed), ramp)
     return np.where(elapsed < elapsed[-1] / 2.0, gone, 1.0 - gone)
 
 
 def _excess(gimbal: Gimbal, joints: Floats, bounds: Bounds) -> float:
-    """Return how much longer a motion from rest to rest must take to keep all limits."""
+    """Return the factor by which a motion from rest to rest must take longer to keep all limits."""
     period, axes, tool = bounds
     held = np.concatenate([joints, joints[-1:], joints[-1:]])
     by_axes = excess_of(axis_peaks(held, period, axes, np.repeat(joints[:1], 3, axis=0)))
@@ -189,15 +190,15 @@ def with_stops(
     """Return a path that stops before each sample of *slews* and slews to it.
 
     Args:
-        gimbal: whose.
+        gimbal: the gimbal.
         joints: rad, shape ``(n, axes)``, with a jump before each of *slews*.
         slews: indices.
-        bounds: of the plan.
-        ramp: how long the path takes to stop, s.
+        bounds: limits of the plan.
+        ramp: duration of a stop, s.
         is_moving: whether the path begins in motion.
 
     Raises:
-        PlanError: it does, and would have to stop sooner than it can.
+        PlanError: the path begins in motion and would have to stop sooner than it can.
     """
     period = bounds.period
     events = _events(gimbal, joints, slews, bounds, ramp)
@@ -231,7 +232,7 @@ def with_stops(
         found.append(Slew(start, start + (len(inside) - 1) * period, before, then, is_crawl))
         pieces.append(inside[1:-1])
         path_pieces.append(path_times)
-    # Where two pieces meet, the same time is calculated in two ways.
+    # Where two pieces meet, the same time is computed twice.
     path_times = np.maximum.accumulate(np.concatenate(path_pieces))
     return Stopped(np.concatenate(pieces), path_times, tuple(found))
 
@@ -239,11 +240,12 @@ def with_stops(
 def _events(
     gimbal: Gimbal, joints: Floats, slews: Sequence[int], bounds: Bounds, ramp: float
 ) -> list[tuple[int, int, bool]]:
-    """Return ``(last before, first after, whether it is a crawl)`` of each stop.
+    """Return ``(last before, first after, whether it is a slow section)`` of each stop.
 
-    A step that is a little too far belongs to a path that is too fast there, and neighbours of it
-    are one stretch to be gone along slowly; a large one is a change of branch or turn.  At the pole
-    it is a turn of the outer axis.
+    A step that is slightly too large means that the path is too fast there, and neighbouring ones
+    form
+    one slow section.  A large step is a change of branch or turn.  At the pole it is a turn of the
+    outer axis.
     """
     found: list[tuple[int, int, bool]] = []
     for k in slews:
@@ -264,10 +266,10 @@ def _events(
 
 
 def _clock(length: float, ramp: float, period: float, is_left: bool, is_right: bool) -> Floats:
-    """Return path times, from 0 to *length*, of a stretch between stops, sampled every period."""
+    """Return path times, from 0 to *length*, of a section between stops, sampled every period."""
     ends = is_left + is_right
     if length < ramp / 2 * ends:
-        # Too short to reach full speed: once from rest to rest, no faster than the path itself.
+        # Too short for full speed: once from rest to rest, no faster than the path itself.
         need = max(_FASTEST * length, math.sqrt(_HARDEST / _FASTEST * length * ramp))
         count = max(1, math.ceil(need / period))
         return length * quintic(np.arange(count + 1) / count)
@@ -281,11 +283,11 @@ def _clock(length: float, ramp: float, period: float, is_left: bool, is_right: b
 
 
 def _between(samples: Floats, at: Floats) -> Floats:
-    """Return values between samples of the cubic spline through them, whose ends do not bend.
+    """Return the natural cubic spline through samples at given places.
 
     Args:
         samples: shape ``(n, axes)``.
-        at: where, in samples, shape ``(m,)``.
+        at: places, in samples, shape ``(m,)``.
     """
     count = len(samples)
     if count == 1:
@@ -305,8 +307,8 @@ def _between(samples: Floats, at: Floats) -> Floats:
 
 
 def _crawl(gimbal: Gimbal, part: Floats, bounds: Bounds) -> tuple[Floats, Floats]:
-    """Return axis angles, and where in *part* they are, of going along it from rest to rest."""
-    # Each step takes as long as its slowest axis needs, and no less than on the path.
+    """Return axis angles, and their places in *part*, for a slow section from rest to rest."""
+    # Each step takes as long as its slowest axis needs, and at least as long as on the path.
     steps = _FINER * (len(part) - 1)
     fine = np.abs(np.diff(_between(part, np.arange(steps + 1) / _FINER), axis=0))
     pace = _FINER / np.maximum(1.0, np.max(_FINER * fine / bounds.longest_step, axis=1))

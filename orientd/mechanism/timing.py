@@ -1,4 +1,4 @@
-"""How far along a path to be when: ramps from and to rest, and a given slowness."""
+"""Path times: ramps from and to rest, and paths with a given slowness."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from orientd.rotation import Floats
 
 
 def quintic(u: Floats) -> Floats:
-    """Return the quintic from 0 to 1 that is at rest, with no acceleration, at both ends."""
+    """Return the quintic from 0 to 1 with zero velocity and acceleration at both ends."""
     u = np.clip(u, 0.0, 1.0)
     return u * u * u * (10.0 + u * (6.0 * u - 15.0))
 
@@ -22,13 +22,12 @@ def ramp_times(elapsed: Floats, ramp: float) -> Floats:
 
 
 def run_through(slow: Floats, times: Floats) -> Floats:
-    """Return how far along a path one is at *times* that is run through with a slowness.
+    """Return the place on a path at *times*, for a given slowness.
 
-    Its derivative is continuous, so the path's own is too.
+    Its derivative is continuous, so that of the path is too.
 
     Args:
-        slow: time that a step of the path takes about each of its samples, linear between them,
-            positive, shape ``(n,)``.
+        slow: time per step at each sample, linear between them, positive, shape ``(n,)``.
         times: in the unit of *slow*, from 0 on.
 
     Returns:
@@ -38,21 +37,21 @@ def run_through(slow: Floats, times: Floats) -> Floats:
     first = np.clip(np.searchsorted(reached, times, side="right") - 1, 0, len(slow) - 2)
     since = np.minimum(times, reached[-1]) - reached[first]
     begin, rise = slow[first], slow[first + 1] - slow[first]
-    # The time is a parabola of the place in each step: its root, in the form that needs no case.
+    # Within a step, time is a parabola of the place; this form of its root needs no special case.
     root = np.sqrt(np.maximum(begin * begin + 2.0 * rise * since, 0.0))
     places: Floats = first + 2.0 * since / (begin + root)
     return places
 
 
 def calmed(pace: Floats, width: int) -> Floats:
-    """Return a smooth pace that is nowhere above *pace*, shape ``(n,)``.
+    """Return a smooth pace that never exceeds *pace*, shape ``(n,)``.
 
     Args:
         pace: of each sample, shape ``(n,)``.
-        width: samples to each side over which it is averaged.
+        width: samples on each side over which it is averaged.
     """
     padded = np.pad(pace, 2 * width, mode="edge")
-    # The least around each sample, averaged.
+    # The average of the minimum around each sample.
     least = np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1).min(axis=1)
     kernel = np.hanning(2 * width + 3)[1:-1]
     return np.convolve(least, kernel / kernel.sum(), mode="valid")

@@ -1,7 +1,7 @@
-"""Motions of all axes of a gimbal together from rest to rest: home, and off the shortest turn.
+"""Joint motions of a gimbal from rest to rest: to home, and to an orientation by the joints.
 
-The limits of the angles are a box, so the straight line between two sets of axis angles never
-leaves them, and a pole on it is an angle like any other.
+The limits of the angles form a box, so the straight line between two sets of axis angles never
+leaves it.  The pole needs no special treatment.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ _TURN = 2 * math.pi
 
 
 def pointed(gimbal: Gimbal, direction: Vector3, axis: str) -> Quaternion | None:
-    """Return the orientation that points there with the innermost of three axes at zero.
+    """Return the orientation that points in a direction, with the innermost of three axes at zero.
 
     Args:
-        gimbal: whose axes.
+        gimbal: the gimbal.
         direction: in the world.
         axis: of the tool, ``x``, ``y`` or ``z``.
 
     Returns:
-        ``None`` where there are two axes, or the innermost one is not what points.
+        ``None`` for two axes, or if the innermost axis is not the pointing one.
     """
     k = gimbal.kinematics
     points = rotate(np.array(k.tool), np.eye(3)["xyz".index(axis)])
@@ -54,18 +54,18 @@ def pointed(gimbal: Gimbal, direction: Vector3, axis: str) -> Quaternion | None:
 
 
 def windings(gimbal: Gimbal, q: Quaternion, last: Joints) -> list[Joints]:
-    """Return the axis angles inside the limits that make *q*, nearest ones of each branch, rad.
+    """Return the axis angles for *q* inside the limits, the nearest ones of each branch, rad.
 
-    At the pole three axes make *q* with any outer angle: the inner one stays where it is, or turns
-    as far as the limits of the outer one demand.
+    At the pole three axes make *q* with any outer angle.  The inner one then stays where it is, or
+    turns as far as the limits of the outer one require.
 
     Args:
-        gimbal: whose axes.
-        q: orientation of the tool.
-        last: axis angles to which they are near, rad.
+        gimbal: the gimbal.
+        q: tool orientation.
+        last: current axis angles, rad.
 
     Raises:
-        LimitError: there are none; it names the axis.
+        LimitError: no axis angles inside the limits make *q*; the error names the axis.
     """
     branches = [gimbal.solve(q, last)[0]] if gimbal.is_fitting else gimbal.branches(q, last)
     found = []
@@ -84,7 +84,7 @@ def _shared(gimbal: Gimbal, q: Quaternion, last: Joints, branch: Joints) -> Join
     """Return axis angles at the pole that share the turn between outer and inner axis."""
     outer, middle, inner = branch
     first, matrix = gimbal.axes[0], gimbal.kinematics.matrix(q)
-    # Along a line through both angles nothing changes: one step on it shows its slope.
+    # Along a line of both angles the orientation is constant; one step shows its slope.
     slope = gimbal.kinematics.outer_at_pole(matrix, inner + 0.5) - outer
     slope = math.copysign(1.0, math.remainder(slope, _TURN))
     found = []
@@ -110,22 +110,22 @@ def together(
     tool: ToolLimits,
     least: float = 0.0,
 ) -> JointPath | None:
-    """Return how all axes turn together from rest to rest, as quick as the limits allow.
+    """Return the fastest joint motion of all axes from rest to rest inside the limits.
 
     Args:
-        gimbal: whose axes.
-        joints: axis angles where it begins, rad.
-        q: orientation where it ends; ``None`` is home.
+        gimbal: the gimbal.
+        joints: initial axis angles, rad.
+        q: final orientation; ``None`` is home.
         period: of the cycles, s.
-        tool: what it keeps to.
-        least: how long it lasts at least, s.
+        tool: limits of the tool.
+        least: least duration, s.
 
     Returns:
-        ``None`` where two axes cannot make *q*.
+        ``None`` if two axes cannot make *q*.
 
     Raises:
-        LimitError: no axis angles inside the limits make *q*; it names the axis.
-        PlanError: nothing keeps the limits of the tool.
+        LimitError: no axis angles inside the limits make *q*; the error names the axis.
+        PlanError: no duration keeps the limits of the tool.
     """
     if q is None:
         end = gimbal.home()

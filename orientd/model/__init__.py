@@ -1,4 +1,4 @@
-"""The one model of a motion request: what a file, Python and a message say is the same."""
+"""The model of a motion request, the same for a motion file, Python and a message."""
 
 from __future__ import annotations
 

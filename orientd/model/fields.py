@@ -1,6 +1,6 @@
-"""The kinds of fields that a request is made of: what each takes, and how it is read.
+"""The types of the fields of a request, and how their values are read.
 
-Numbers are numbers: a text, true or false, or what is not finite is refused.
+Numbers must be finite numbers; text and booleans are refused.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from orientd.model.limits import Limits, angular_rate, linear_rate
 from orientd.model.plain import shown, to_plain
 
 CONFIG = ConfigDict(extra="forbid", validate_by_name=True, validate_by_alias=True)
-"""Of every table: no key but the known ones."""
+"""Every table refuses unknown keys."""
 
 LONGEST_NAME = 80
 """Characters."""
@@ -50,11 +50,11 @@ class Components(TypedDict):
 
 
 class EulerAngles(TypedDict):
-    """Turns about coordinate axes, one after the other.
+    """Successive turns about coordinate axes.
 
     Attributes:
         axes: one to three letters: xyz about fixed axes, XYZ about axes that turn along.
-        degrees: one for each letter, degrees.
+        degrees: one angle for each letter, degrees.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # as above
@@ -64,7 +64,7 @@ class EulerAngles(TypedDict):
 
 
 class AzimuthElevation(TypedDict):
-    """Where to point, as angles; the roll is free.
+    """A pointing direction as angles; the roll is free.
 
     Attributes:
         azimuth: about z, from x towards y, degrees.
@@ -78,7 +78,7 @@ class AzimuthElevation(TypedDict):
 
 
 def _components(content: object, read: Any) -> tuple[float, ...]:  # noqa: ANN401 - pydantic's
-    """Return the components of a quaternion from a mapping; a list does not say its order."""
+    """Return the components of a quaternion from a mapping; the order of a list is ambiguous."""
     if isinstance(content, tuple) or hasattr(content, "tolist"):
         numbers = content if isinstance(content, tuple) else tuple(content.tolist())
         if len(numbers) != 4:
@@ -99,7 +99,7 @@ def _printable(text: str) -> str:
 
 
 def _limits(content: object, read: Any) -> Limits | None:  # noqa: ANN401 - pydantic's
-    """Return limits as a request asks for them; nothing where none is given."""
+    """Return the limits of a request; ``None`` if it gives none."""
     if content is None or isinstance(content, Limits):
         return content
     rates = {name: rate for name, rate in read(to_plain(content)).items() if rate is not None}
@@ -126,7 +126,7 @@ LinearRate = Annotated[Any, _read_by(linear_rate), WithJsonSchema({"anyOf": [_PO
 
 
 class Rates(TypedDict, total=False):
-    """What a motion may not exceed; what is not given is the device's own limit.
+    """Limits of a motion; a missing one is the device's own.
 
     Attributes:
         velocity: angular velocity, rad/s.
@@ -146,7 +146,7 @@ class Rates(TypedDict, total=False):
 
 
 def word_or_number(word: str, most: float, unit: str) -> BeforeValidator:
-    """Return what refuses all but nothing, a *word*, or a number above 0 and at most *most*."""
+    """Return a check for nothing, a *word*, or a number above 0 and at most *most*."""
 
     def check(content: object) -> object:
         if content is None or content == word:
@@ -180,11 +180,11 @@ else:
 
 
 class PointFromPlace(TypedDict):
-    """A point to look at, from the origin or from a place; the roll is free.
+    """A point to look at, seen from the origin or from a place; the roll is free.
 
     Attributes:
         point: in the world, m.
-        place: from where, m; without it the origin.
+        place: where to look from, m; the origin by default.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # as above
@@ -194,7 +194,7 @@ class PointFromPlace(TypedDict):
 
 
 def _seen_from(content: object) -> object:
-    """Return a point by itself as one that is seen from the origin."""
+    """Return a point alone as a point seen from the origin."""
     content = to_plain(content)
     return {"point": content} if isinstance(content, list) else content
 

@@ -1,4 +1,4 @@
-"""What no motion may exceed, and how a request's own limits narrow those of its device."""
+"""Limits of motions, and how the limits of a request narrow those of its device."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ if TYPE_CHECKING:
     from orientd.rotation import Floats
 
 ACCELERATION_RESERVE = 0.95
-"""Share of acceleration and jerk that planned timings use; the rest lets a motion be stopped."""
+"""Share of acceleration and jerk that planned timings use; the rest is for stops."""
 
-_CYCLES_TO_RISE = 2.0  # to the limit of the velocity, at the least
-_SLOWLY = 16.0  # the same where a step of the acceleration is too small to be found
+_CYCLES_TO_RISE = 2.0  # least cycles in which the velocity rises to its limit
+_SLOWLY = 16.0  # the same for acceleration steps that are too small to detect
 _LEAST_STEP = 2e-6  # rad in a cycle squared, ten of orientd.servo.path.segment.LEAST_STEP
-_STEEPEST = 20.0  # times in a cycle that the acceleration may rise to its limit
+_STEEPEST = 20.0  # how often the acceleration may rise to its limit in a cycle
 
 LONGEST = 86_400.0
-"""Seconds that a motion may take, so that a slip of a unit does not plan for ever."""
+"""Longest motion, s, so that a wrong unit does not plan for ever."""
 
 LOWEST, HIGHEST = 1e-9, 1e12
-"""Of every limit, in its unit, where it is not infinite."""
+"""Range of every finite limit, in its unit."""
 
 PERIODS = (1e-5, 1.0)
-"""Of the period of a device, the shortest and the longest, s."""
+"""Shortest and longest period of a device, s."""
 
 STILL = 1e-9
-"""Angular velocity, rad/s, that counts as rest."""
+"""Angular velocity, rad/s, below which a motion is at rest."""
 
 STEADY = 1e-6
-"""Angular acceleration, rad/s^2, and share of its limit, that count as none."""
+"""Angular acceleration, rad/s^2, and share of its limit, that count as zero."""
 
 UNITS = {
     "velocity": "rad/s",
@@ -45,33 +45,33 @@ UNITS = {
     "linear_velocity": "m/s",
     "linear_acceleration": "m/s^2",
 }
-"""Of each quantity that is limited."""
+"""Unit of each limited quantity."""
 
 ANGULAR = ("velocity", "acceleration", "jerk")
-"""The quantities that can be limited axis by axis, lowest derivative first."""
+"""Quantities with limits for each body axis, lowest derivative first."""
 
 AXES = "xyz"
 """Names of the body's axes."""
 
 Triple = tuple[float, float, float]
 Rate = float | Sequence[float]
-"""A limit as it is written: of a norm, or of the x, y and z components in the body frame."""
+"""A limit as users write it: of the norm, or of the x, y and z components in the body frame."""
 
 NO_AXES: Triple = (math.inf, math.inf, math.inf)
-"""Limits of three components of which none is limited by itself."""
+"""No limit of any component."""
 
 _TABLE = (
     *((name, axis) for name in ANGULAR for axis in ("", *AXES)),
     *((name, "") for name in UNITS if name not in ANGULAR),
 )
-"""Quantity and axis, empty for the norm, of each number of :meth:`Limits.numbers`."""
+"""Quantity and axis of each number of :meth:`Limits.numbers`; the axis is empty for the norm."""
 
 
 def linear_rate(content: object) -> float:
     """Return the limit of a norm.
 
     Raises:
-        ValueError: *content* is none; the message is what was expected.
+        ValueError: *content* is no limit; the message is the expected value.
     """
     if isinstance(content, bool) or not isinstance(content, int | float):
         raise ValueError("a number")
@@ -84,10 +84,10 @@ def linear_rate(content: object) -> float:
 
 
 def angular_rate(content: object) -> float | Triple:
-    """Return the limit of a norm, or three of the components in the body frame.
+    """Return the limit of a norm, or three limits of the components in the body frame.
 
     Raises:
-        ValueError: *content* is neither; the message is what was expected.
+        ValueError: *content* is neither; the message is the expected value.
     """
     if not isinstance(content, list | tuple):
         return linear_rate(content)
@@ -101,11 +101,13 @@ def angular_rate(content: object) -> float | Triple:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Largest rates; infinity stands for "no limit".
+    """The largest rates of a motion or a device; infinity means "no limit".
 
-    A quantity is limited by its Euclidean norm and, for rotations, by its components in the body
-    frame too.  Where only the components are given, the norm is the one they imply, which is
-    finite and never in the way (:meth:`with_rates`).
+    A quantity has a limit of its Euclidean norm.  For rotations, its components in the body frame
+    may
+    have limits too.  If only the components have limits, they imply one of the norm, which is
+    finite
+    and never the tighter one (:meth:`with_rates`).
 
     Attributes:
         velocity: angular velocity, rad/s.
@@ -114,8 +116,8 @@ class Limits:
         linear_velocity: velocity of the position, m/s.
         linear_acceleration: acceleration of the position, m/s^2.
         axis_velocity: sizes of the components of the angular velocity about the body's axes.
-        axis_acceleration: the same of the angular acceleration.
-        axis_jerk: the same of the angular jerk.
+        axis_acceleration: sizes of the components of the angular acceleration.
+        axis_jerk: sizes of the components of the angular jerk.
 
     Raises:
         TypeError: a limit is no number.
@@ -153,7 +155,7 @@ class Limits:
         linear_velocity: float = math.inf,
         linear_acceleration: float = math.inf,
     ) -> Limits:
-        """Return limits with nothing said about what is not given.
+        """Return limits that leave every missing quantity without a limit.
 
         >>> Limits.partial(velocity=1.0).jerk
         inf
@@ -163,14 +165,15 @@ class Limits:
         ).with_rates({"velocity": velocity, "acceleration": acceleration, "jerk": jerk})
 
     def with_rates(self, rates: Mapping[str, Rate]) -> Limits:
-        """Return these limits with those of *rates* in place of their own.
+        """Return these limits with some replaced.
 
         Args:
-            rates: by the names of :data:`UNITS`; three numbers limit the components in the body
-                frame, and their own length is then the limit of the norm.
+            rates: new limits by the names of :data:`UNITS`.  Three numbers limit the components in
+                the
+                body frame, and the norm of the three then limits the norm.
 
         Raises:
-            RequestError: there is no such limit.
+            RequestError: a name is unknown.
 
         >>> Limits.partial().with_rates({"velocity": [2.0, 1.0, 2.0]}).velocity
         3.0
@@ -188,7 +191,7 @@ class Limits:
                 changes[name] = float(rate)
                 if name in ANGULAR:
                     changes[f"axis_{name}"] = NO_AXES
-        return replace(self, **changes)  # type: ignore[arg-type]  # names and kinds go together
+        return replace(self, **changes)  # type: ignore[arg-type]  # each name has its type
 
     def numbers(self) -> tuple[float, ...]:
         """Return all limits: norm, x, y and z of each of :data:`ANGULAR`, then the linear ones."""
@@ -206,11 +209,11 @@ class Limits:
 
     @property
     def has_axes(self) -> bool:
-        """Whether any component is limited by itself."""
+        """Whether any single component is limited."""
         return not self.axis_velocity == self.axis_acceleration == self.axis_jerk == NO_AXES
 
     def rate(self, name: str) -> Rate:
-        """Return a limit as a person would write it: three numbers where the norm is theirs."""
+        """Return a limit as users write it: three numbers if the norm follows from them."""
         norm: float = getattr(self, name)
         if name not in ANGULAR:
             return norm
@@ -231,14 +234,14 @@ class Limits:
             yield limit
 
     def check_range(self, period: float) -> None:
-        """Refuse limits with which nothing can be planned.
+        """Refuse limits that allow no plan.
 
         Args:
-            period: of the device, s.
+            period: cycle period of the device, s.
 
         Raises:
             RequestError: a limit is too low or too high, or permits more than half a turn in a
-                cycle, which a device cannot tell from less of a turn the other way.
+                cycle, which a device cannot tell from a smaller turn the other way.
         """
         for (name, _), limit in zip(_TABLE, self.numbers(), strict=True):
             if math.isfinite(limit) and not LOWEST <= limit <= HIGHEST:
@@ -258,10 +261,10 @@ class Limits:
         """Return these limits of a device, lowered to those of a request.
 
         Args:
-            request: limits of one motion; infinite ones are left to the device.
+            request: limits of one motion; infinite ones keep the device's limit.
 
         Raises:
-            RequestError: the request asks for more than the device's limit.
+            RequestError: a limit of the request is higher than the device's.
         """
         if request is None:
             return self
@@ -279,10 +282,11 @@ class Limits:
         return _of(lowered)
 
     def with_reserve(self, share: float = ACCELERATION_RESERVE) -> Limits:
-        """Return the limits for timings of the planner's own making.
+        """Return the limits for timings that the planner computes.
 
-        At a limit of acceleration there is nothing left to slow down with, and a stop on the path
-        would take for ever; :mod:`orientd.planner.certify.brake` says how much a reserve buys.
+        At the limit of the acceleration there is no reserve to brake with, and a stop on the path
+        would
+        never end.  :mod:`orientd.planner.certify.brake` derives the effect of a reserve.
 
         Args:
             share: of acceleration and jerk that the timing may use.
@@ -306,9 +310,11 @@ class Limits:
     def at_period(self, period: float) -> Limits:
         """Return the limits for timings of a device that gets a setpoint every *period* seconds.
 
-        What rises in less goes beyond its limit between two setpoints, so that the velocity is to
-        rise in two cycles at least, and the acceleration in a twentieth of one.  The servo does not
-        find steps of the acceleration as small as those of very slow limits, which need more.
+        A rate that rises too fast exceeds its limit between two setpoints.  The velocity must take
+        at
+        least two cycles to rise to its limit, and the acceleration a twentieth of one.  For very
+        low
+        limits the servo cannot detect the acceleration steps, so they need more.
         """
         return _at_period(self, period)
 
@@ -318,7 +324,7 @@ class Limits:
 
 
 def _of(numbers: Sequence[float]) -> Limits:
-    """Return the limits of which :meth:`Limits.numbers` are these."""
+    """Return the limits whose :meth:`Limits.numbers` are *numbers*."""
     v, a, j = numbers[:4], numbers[4:8], numbers[8:12]
     axes: list[Any] = [tuple(one[1:]) for one in (v, a, j)]
     return Limits(v[0], a[0], j[0], numbers[12], numbers[13], *axes)
@@ -326,7 +332,7 @@ def _of(numbers: Sequence[float]) -> Limits:
 
 @lru_cache(maxsize=256)
 def _times(limits: Limits, factors: tuple[tuple[str, float], ...]) -> Limits:
-    # A plan asks for the same few again and again.
+    # A plan needs the same few again and again.
     by = dict(factors)
     numbers = limits.numbers()
     return _of(
@@ -352,7 +358,7 @@ DEFAULT_LIMITS = Limits(
     linear_velocity=1.0,
     linear_acceleration=10.0,
 )
-"""Where a configuration says nothing; the angular ones are those of the Franka Research 3."""
+"""Default limits of a device; the angular ones are those of the Franka Research 3."""
 
 
 def is_still(omega: Floats, alpha: Floats, limits: Limits) -> bool:

@@ -1,4 +1,4 @@
-"""The forms in which a request gives an orientation, and what quaternions they are."""
+"""The forms of an orientation in a request, and their conversion to quaternions."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from orientd.tolerances import NORM_TOLERANCE, ROUNDING
 if TYPE_CHECKING:
     from orientd.driver import Quaternion, Vector3
 
-_ROUNDED = 1e-9  # what an angle may be beyond a turn
-_LONGEST = 1e100  # beyond which squares end in overflow
+_ROUNDED = 1e-9  # rounding of an angle of a whole turn
+_LONGEST = 1e100  # squares of larger numbers overflow
 
 Read = tuple["Quaternion", str]
-"""A quaternion, and what the certificate says of how it was read."""
+"""A quaternion, and a note of the certificate on how it was read."""
 
 
 def unit(q: Quaternion, tolerance: float) -> Read:
-    """Return *q* at norm one, with a note where it was off by more than rounding.
+    """Return *q* with norm 1, with a note if it was off by more than rounding.
 
     Raises:
         RequestError: its norm is off by more than the tolerance.
@@ -46,8 +46,8 @@ def _from_vector(vector: Vector3) -> Read:
     if angle > math.pi + _ROUNDED:
         rest = math.degrees(math.remainder(angle, 2.0 * math.pi))
         note = (
-            f"is {angle:.6g} rad long, more than half a turn, and taken for {rest:.4g} deg: its "
-            "unit is rad, `euler` takes degrees, `turns` whole turns"
+            f"is {angle:.6g} rad long, more than half a turn, read as {rest:.4g} deg: its unit "
+            "is rad, `euler` takes degrees, `turns` whole turns"
         )
     return exp(vector).tolist(), note
 
@@ -81,7 +81,7 @@ def _from_euler(given: Any) -> Read:  # noqa: ANN401 - EulerAngles
     if abs(angle) > 360.0 + _ROUNDED:
         rest = math.remainder(angle, 360.0) + 0.0  # of nothing no negative
         note = (
-            f"has an angle of {angle:.6g} deg, more than a whole turn, and taken for {rest:.4g} "
+            f"has an angle of {angle:.6g} deg, more than a whole turn, read as {rest:.4g} "
             "deg: `turns` takes whole turns"
         )
     return q, note
@@ -118,23 +118,23 @@ READERS: dict[str, Callable[[Any], Read]] = {
     "azimuth_elevation": _from_angles,
     "look_at": _from_point,
 }
-"""How each form but the quaternion is read."""
+"""The reader of each form except the quaternion."""
 
 FORMS = ("quaternion", *READERS)
 DIRECTIONS = FORMS[4:]
-"""Forms that only say where to point."""
+"""Forms that only give a pointing direction."""
 
 
-def read(form: str, given: Any, tolerance: float) -> Read:  # noqa: ANN401 - of the form
-    """Return the quaternion of what is given in one form, and the note on how it was read.
+def read(form: str, given: Any, tolerance: float) -> Read:  # noqa: ANN401 - depends on the form
+    """Return the quaternion of an orientation in one form, and a note on how it was read.
 
     Args:
         form: one of :data:`FORMS`.
-        given: what the form holds.
-        tolerance: how far the norm of a quaternion may be from one.
+        given: the value of the form.
+        tolerance: largest deviation of a quaternion's norm from one.
 
     Raises:
-        RequestError: it is no orientation.
+        RequestError: the value is no orientation.
     """
     if form == "quaternion":
         return unit(given, tolerance)

@@ -1,4 +1,4 @@
-"""Plain values, as YAML and JSON have them: made of what Python holds, and shown in errors."""
+"""Plain values as in YAML and JSON: made from Python's, and shown in errors."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 
-def to_plain(content: Any) -> Any:  # noqa: ANN401 - whatever a request holds
-    """Return *content* with NumPy's arrays and numbers, tuples and records made plain."""
+def to_plain(content: Any) -> Any:  # noqa: ANN401 - any value of a request
+    """Return *content* as plain values; convert NumPy's types, tuples and records."""
     if hasattr(content, "tolist"):
         return content.tolist()
     if content is None or isinstance(content, str | int | float):
@@ -23,12 +23,12 @@ def to_plain(content: Any) -> Any:  # noqa: ANN401 - whatever a request holds
 
 
 def joined(place: str, field: str) -> str:
-    """Return the path of a field within what *place* is the path of."""
+    """Return the path of a field below the path *place*."""
     return f"{place}{'.' if place and field and not field.startswith('[') else ''}{field}"
 
 
 def shown(came: object) -> str:
-    """Return what came, in the words of a file, on one short line."""
+    """Return a value on one short line, as a file would write it."""
     if came is None:
         return "nothing"
     if isinstance(came, str):
@@ -42,7 +42,7 @@ def shown(came: object) -> str:
         return said if len(said) <= 120 else f"{said[:117]}..."
     if isinstance(came, bool):
         return "true" if came else "false"
-    # Aliases can make a value that would take for ever to write out in full.
+    # YAML aliases can make a value that takes for ever to write out in full.
     said = reprlib.repr(came)
     return said if len(said) <= 60 else f"{said[:57]}..."
 

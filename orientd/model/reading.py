@@ -1,4 +1,4 @@
-"""A request from plain values, as a file or a message has them, and back."""
+"""Convert a request from plain values, as in a file or a message, and back."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def read_request(content: object) -> MotionRequest:
     """Return the request that a mapping describes.
 
     Args:
-        content: of the shape of :func:`~orientd.model.schema.motion_schema`.
+        content: follows :func:`~orientd.model.schema.motion_schema`.
 
     Raises:
         RequestError: it is not a well-formed motion.
@@ -56,14 +56,14 @@ def read_frames(content: object) -> dict[str, Frame]:
 
 def _read(adapter: TypeAdapter[Any], of: Any, content: object) -> Any:  # noqa: ANN401 - any type
     try:
-        # The attribute of a quaternion has the short name of formulas, which is no key.
+        # A quaternion's attribute is `q` as in formulas, which is no key of a file.
         return adapter.validate_python(content, by_alias=True, by_name=False)
     except ValidationError as error:
         raise refused(error, of) from None
 
 
 def written(request: MotionRequest) -> dict[str, Any]:
-    """Return the mapping of which :func:`read_request` makes *request*, without defaults."""
+    """Return *request* as the mapping that :func:`read_request` reads, without defaults."""
     return _written(request)
 
 
@@ -78,7 +78,7 @@ def _written(of: object) -> dict[str, Any]:
     return mapping
 
 
-def _plain(value: object) -> Any:  # noqa: ANN401 - whatever the field holds
+def _plain(value: object) -> Any:  # noqa: ANN401 - any field
     if type(value) in _FIELDS:
         return _written(value)
     if isinstance(value, Limits):
@@ -91,7 +91,7 @@ def _plain(value: object) -> Any:  # noqa: ANN401 - whatever the field holds
     return value
 
 
-# The time comes first where people write keyframes.
+# Users write the time of a keyframe first.
 _MODELS: tuple[Any, ...] = (MotionRequest, Keyframe, Frame, Pose)
 _FIELDS: dict[type, dict[str, Any]] = {
     kind: {

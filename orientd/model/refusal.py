@@ -1,4 +1,4 @@
-"""What pydantic says of a value that is not well formed, as one line with the path to the field."""
+"""Turn pydantic's errors into one line with the path to the field."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Kind = TypeVar("Kind")
 
 
 def refusing(kind: type[Kind]) -> type[Kind]:
-    """Have the constructor of a model raise :class:`RequestError` for what is not well formed."""
+    """Make the constructor of a model raise :class:`RequestError` for malformed values."""
     construct: Any = kind.__init__
 
     @functools.wraps(construct)
@@ -47,18 +47,18 @@ def refusing(kind: type[Kind]) -> type[Kind]:
 
 
 def refused(error: ValidationError, of: Any) -> RequestError:  # noqa: ANN401 - any type
-    """Return what to raise for the first thing that is wrong.
+    """Return the exception for the first error.
 
     Args:
-        error: what pydantic found.
+        error: pydantic's error.
         of: the type that was read.
     """
     found = error.errors(include_url=False)
-    for one in found:  # an argument by its place has the name of the field there
+    for one in found:  # name a positional argument by its field
         if one["loc"] and isinstance(one["loc"][0], int) and hasattr(of, "__pydantic_fields__"):
             named = [field.name for field in fields(of) if not field.kw_only]
             one["loc"] = (_names(of)[named[one["loc"][0]]], *one["loc"][1:])
-    # A key that is missing is more often misspelt than forgotten.
+    # A missing key is more often misspelt than forgotten.
     first = next((one for one in found if one["type"] in _UNKNOWN), found[0])
     loc, kind, came = first["loc"], first["type"], first["input"]
     if kind in _UNKNOWN:
@@ -109,7 +109,7 @@ def _names(of: Any) -> dict[str, str]:  # noqa: ANN401 - a table
 
 
 def _table(of: Any) -> Any:  # noqa: ANN401 - any type
-    """Return the table, list or mapping that a type is of, without what it is annotated with."""
+    """Return the table, list or mapping type inside an annotated type."""
     while hasattr(of, "__metadata__") or type(None) in get_args(of):
         of = next(one for one in get_args(of) if one is not type(None))
     return of

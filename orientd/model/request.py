@@ -1,4 +1,4 @@
-"""What a planner is asked for: keyframes, velocities at the ends, limits, and where to start.
+"""The request of a motion: keyframes, end velocities, limits and start.
 
 A request is one model for every way to make it.  The keys of a motion file, the arguments in
 Python and the fields of the message are its attributes.  A request that exists is well formed:
@@ -52,28 +52,28 @@ if TYPE_CHECKING:
     Turns = np.ndarray[Any, np.dtype[np.int64]]
 
 DEFAULT_METHOD = "c2_cumulative"
-"""The family of curves of a request that names none."""
+"""The interpolation method of a request that names none."""
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 LONGEST_NOTE = 300
 """Characters."""
 MOST_NOTES, MOST_TURNS = 20, 1000
 FARTHEST = 1e12
-"""m from the origin, in every direction; squares of what is further away end in overflow."""
+"""Largest coordinate of a position, m; squares of larger ones overflow."""
 MOST_FRAMES = 100
-"""In one request."""
+"""Most frames of one request."""
 FARTHEST_FRAME = 1e6
-"""m from one frame to another, in every direction."""
+"""Largest distance between two frames along each axis, m."""
 
-_NONE: Any = None  # which an orientation is only until it has been read
-_FEW = 3  # keyframes that are shown in full
+_NONE: Any = None  # replaced by `q` once the orientation has been read
+_FEW = 3  # keyframes that repr() shows in full
 _FRAME_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
 
 Pace = Literal["even"]
 
 
 def _read_orientation(of: Any, forms: Sequence[str], tolerance: float) -> None:  # noqa: ANN401
-    """Make a quaternion of the one form in which a pose or a keyframe gives its orientation."""
+    """Set the quaternion of a pose or keyframe from the one form that gives its orientation."""
     given = {form: value for form in forms[1:] if (value := getattr(of, form)) is not None}
     if of.q is not None:
         given["quaternion"] = of.q
@@ -93,7 +93,7 @@ def _read_orientation(of: Any, forms: Sequence[str], tolerance: float) -> None: 
 
 
 def _change(of: object, **changes: object) -> None:
-    """Set attributes of what is frozen for everybody but its own constructor."""
+    """Set attributes of a frozen object in its own constructor."""
     for name, value in changes.items():
         object.__setattr__(of, name, value)
 
@@ -101,13 +101,13 @@ def _change(of: object, **changes: object) -> None:
 @refusing
 @dataclass(frozen=True, config=CONFIG)
 class Pose:
-    """Where one coordinate system is, seen from another.
+    """The pose of one coordinate system in another.
 
     Attributes:
         q: orientation ``(w, x, y, z)``, of unit norm within 1e-6.
         position: of the origin, m.
         rotation_vector: the orientation as axis times angle, rad.
-        euler: the orientation as turns about coordinate axes, one after the other.
+        euler: the orientation as successive turns about coordinate axes.
         matrix: the orientation as rotation matrix for column vectors, row by row.
     """
 
@@ -129,18 +129,18 @@ class Pose:
 @refusing
 @dataclass(frozen=True, config=CONFIG)
 class Frame:
-    """What the pose of a keyframe is that of, and what it is seen from.
+    """The tool point that poses of keyframes describe, and the base that they are relative to.
 
     Attributes:
-        base: from where poses are seen, in the world: ``q_world_base`` and its origin.
-        tool: what they are poses of, on the flange: ``q_flange_tool`` and its origin.
+        base: pose of the base in the world: ``q_world_base`` and its origin.
+        tool: pose of the tool on the flange: ``q_flange_tool`` and its origin.
     """
 
     base: Pose = field(default_factory=Pose)
     tool: Pose = field(default_factory=Pose)
 
     def pose(self, q: ArrayLike, position: ArrayLike) -> tuple[Floats, Floats]:
-        """Return orientation and position of the tool, seen from the base.
+        """Return orientation and position of the tool, relative to the base.
 
         Args:
             q: orientations of the flange in the world, shape ``(..., 4)``.
@@ -155,7 +155,7 @@ class Frame:
         return multiply(to_base, multiply(q, self.tool.q)), rotate(to_base, from_base)
 
     def vector(self, body: ArrayLike) -> Floats:
-        """Return vectors in coordinates of the flange in those of the tool, shape ``(..., 3)``."""
+        """Return vectors, shape ``(..., 3)``, converted from flange to tool coordinates."""
         from orientd.rotation import conjugate, rotate
 
         return rotate(conjugate(self.tool.q), body)
@@ -164,33 +164,34 @@ class Frame:
 @refusing
 @dataclass(frozen=True, config=CONFIG)
 class Keyframe:
-    """An orientation to pass, with what goes along with it.
+    """An orientation to pass through, with its time and position.
 
-    The orientation is given in one form; whichever that is, *q* has it.
+    Give the orientation in one form.  Whichever form that is, *q* has it.
 
     Attributes:
         q: a unit quaternion ``(w, x, y, z)``, Hamilton's product, tool to world, of unit norm
-            within 1e-3.  One that is off by more than 1e-6 is scaled to norm one, with a note in
-            the certificate.
+            within 1e-3.  A quaternion that is off by more than 1e-6 is scaled to norm one, with a
+            note in the certificate.
         rotation_vector: axis times angle, rad.
-        euler: turns about coordinate axes, one after the other.
+        euler: successive turns about coordinate axes.
         matrix: rotation matrix for column vectors, row by row.
-        direction: where to point, of any length; the roll is free.
-        azimuth_elevation: where to point, as angles; the roll is free.
+        direction: pointing direction, of any length; the roll is free.
+        azimuth_elevation: pointing direction as angles; the roll is free.
         look_at: a point to look at, m, from the origin or from a place; the roll is free.
-        time: when, in seconds on the request's own axis; ``None`` leaves it to the planner.
-        position: of the tool in the world, m; ``None`` where the position is left alone.
-        turns: whole turns to make on the way from the previous keyframe to this one, or from where
-            the device is to the only one.  Without them a half turn goes the positive way about z
-            of the body frame (about y or x where its axis has no z); -1 goes the other way.
-        free_roll: whether it only says where to point: to where the first axis of *q* does.
-        frame: name of the frame that it is given in; empty for the one of the request.
-        relative: whether it is seen from where the tool is when the motion begins.
-        name: what people call it; at most 80 printable characters.
+        time: in seconds on the request's own axis; ``None`` leaves it to the planner.
+        position: of the tool in the world, m; ``None`` does not command the position.
+        turns: whole turns to add between the previous keyframe and this one.  With a single
+            keyframe, they start at the device's orientation.  Without turns, a half turn goes the
+            positive way about z of the body frame (about y or x if its axis has no z); -1 goes the
+            other way.
+        free_roll: whether only the direction of the first axis of *q* counts.
+        frame: name of the frame of its pose; empty for the frame of the request.
+        relative: whether the pose is relative to the tool's pose at the start of the motion.
+        name: label for people; at most 80 printable characters.
     """
 
     note: ClassVar[str] = ""
-    """What the certificate says of how the orientation was read, without the keyframe."""
+    """The certificate's note on how the orientation was read, without the keyframe."""
 
     q: Quaternion = Field(default=_NONE, validation_alias="quaternion")
     rotation_vector: Vector3 | None = Field(default=None, kw_only=True, repr=False)
@@ -216,10 +217,10 @@ class Keyframe:
 
 
 def named_frames(given: Mapping[str, Frame]) -> Mapping[str, Frame]:
-    """Return *given* as nobody can change it any more.
+    """Return *given* as an immutable mapping.
 
     Raises:
-        RequestError: there are too many, or a name is none.
+        RequestError: there are too many frames, or a name is not valid.
     """
     if len(given) > MOST_FRAMES:
         raise RequestError("", f"expected at most {MOST_FRAMES}, got {len(given)}")
@@ -249,36 +250,40 @@ else:
 @refusing
 @dataclass(frozen=True, repr=False, config=CONFIG)
 class MotionRequest:
-    """A motion that somebody asks for.
+    """A requested motion.
 
     Attributes:
-        keyframes: at least one; a single one is where to go from wherever the device is.  None with
-            a rate.
+        keyframes: at least one.  A single one is the goal of a motion from the device's current
+            orientation.  None with a rate.
         method: a name in :data:`orientd.curves.METHODS`.
-        start_velocity: angular velocity at the first keyframe, rad/s; ``None`` leaves it to the
-            method, which is rest where the method can choose.
-        end_velocity: the same at the last keyframe.
-        velocity_frame: in which frame these two are given.
-        approach: whether to lead in from wherever the device is; always with a single keyframe.
-        limits: narrower than the device's own, or ``None``; infinite ones are left to the device.
-        options: of the method.
-        device_options: of the device's driver, for this motion; checked where it is planned for a
-            device.
-        duration: without times, from first to last keyframe, s; by default ``"minimum"``.  Of a
-            rate, for how long to turn at it.
-        pace: without times, a share of the quickest, or ``"even"``, the method's own timing slowed.
-        name: what people call the motion, in reports and logs; at most 80 printable characters.
-        pointing_axis: axis of the tool that points where keyframes with a free roll say.
-        frame: name of the frame of keyframes that name none, of the velocities at these, and of
-            reports; empty for the device's own coordinates.
-        frames: by name, besides those of the device's configuration, which give way to these.
-        rate: angular velocity to turn at from wherever the device is, for the duration, rad/s, in
-            the frame of the velocities; it is taken up from rest and left to rest.
-        notes: what the certificate repeats of how the request was read, for example that a
-            quaternion was scaled to norm one; at most 20 lines of 300 printable characters.
+        start_velocity: angular velocity at the first keyframe, rad/s.  ``None`` leaves it to the
+            method, which chooses rest if it can.
+        end_velocity: angular velocity at the last keyframe, in the same way.
+        velocity_frame: the frame of these two velocities.
+        approach: whether to plan a lead-in from the device's current state; always with a single
+            keyframe.
+        limits: narrower than the device's own, or ``None``; infinite ones keep the device's limit.
+        options: options of the method.
+        device_options: options of the device's driver, for this motion only.  The planner checks
+            them when it plans for a device.
+        duration: without times, from first to last keyframe, s; by default ``"minimum"``.  With a
+            rate, how long to turn.
+        pace: without times, a share of the full speed, or ``"even"``, the method's own timing
+            slowed
+            down.
+        name: label of the motion in reports and logs; at most 80 printable characters.
+        pointing_axis: tool axis that keyframes with a free roll point.
+        frame: name of the frame of keyframes without one, of the end velocities and of reports;
+            empty for the device's own coordinates.
+        frames: frames by name, in addition to those of the device's configuration.  A frame here
+            replaces one of the same name.
+        rate: angular velocity of an endless turn from the device's current orientation, rad/s, in
+            the frame of the velocities.  The turn starts and ends at rest and lasts the duration.
+        notes: notes on how the request was read, which the certificate repeats; for example that a
+            quaternion was scaled to norm one.  At most 20 lines of 300 printable characters.
 
     Raises:
-        RequestError: something is not well formed.
+        RequestError: a field is malformed.
     """
 
     keyframes: Keyframes = ()
@@ -330,13 +335,13 @@ class MotionRequest:
         said = repr(list(keyframes)) if is_short else f"{len(keyframes)} keyframes"
         if self.has_times and not is_short:
             said += f" from {keyframes[0].time:g} s to {keyframes[-1].time:g} s"
-        # Arguments other than their defaults; the method always counts.
+        # Arguments that differ from their defaults, and always the method.
         usual: tuple[object, ...] = (None, False, {}, "body", "", "x", ())
         others = [f"{k}={v!r}" for k, v in given.items() if k == "method" or v not in usual]
         return f"MotionRequest({', '.join([said, *others])})"
 
     def given(self) -> dict[str, Any]:
-        """Return what it was made of, by the names of its arguments."""
+        """Return the arguments that make this request, by name."""
         made = {entry.name: getattr(self, entry.name) for entry in fields(self)}
         return {
             name: dict(value) if isinstance(value, Mapping) else value
@@ -359,7 +364,7 @@ class MotionRequest:
 
     @cached_property
     def positions(self) -> Floats | None:
-        """Shape ``(n, 3)``, not a number where a keyframe has none; or ``None``."""
+        """Positions, shape ``(n, 3)``, NaN where a keyframe has none; ``None`` if all lack one."""
         import numpy as np
 
         places = [one.position for one in self.keyframes]
@@ -391,22 +396,22 @@ class MotionRequest:
 
     @property
     def driver_options(self) -> dict[str, Any]:
-        """The device options without ``home``, which is the planner's for any gimbal."""
+        """The device options without ``home``, which the planner handles for any gimbal."""
         return {name: given for name, given in self.device_options.items() if name != "home"}
 
     @property
     def is_single(self) -> bool:
-        """Whether there is one keyframe only, and so no curve to plan beyond the way there."""
+        """Whether there is one keyframe only, and so no curve beyond the lead-in."""
         return len(self.keyframes) == 1
 
     @property
     def is_quickest(self) -> bool:
-        """Whether the timing is to be the quickest, or that slowed down."""
+        """Whether the timing is the fastest one, or that slowed down."""
         return not self.has_times and self.pace != "even"
 
     @property
     def total(self) -> float | None:
-        """The duration in seconds, if one was asked for."""
+        """The requested duration in seconds, or ``None``."""
         return None if isinstance(self.duration, str) else self.duration
 
     def _check_pace(self) -> None:
@@ -414,11 +419,11 @@ class MotionRequest:
             if getattr(self, name) is not None and self.has_times:
                 raise RequestError(name, "leaves the times to the planner; give none")
         if None not in (self.duration, self.pace) and (self.total is None or self.pace != "even"):
-            raise RequestError("pace", "a share of the quickest has its own duration; give one")
+            raise RequestError("pace", "a share of the full speed has its own duration; give one")
 
     def _check_single(self) -> None:
         if self.has_times:
-            problem = "is reached as quickly as the limits permit; times need another"
+            problem = "is reached as quickly as the limits permit; times need a second one"
             raise RequestError("keyframes[0].time", f"a single keyframe {problem}")
         if self.start_velocity is not None:
             problem = "a single keyframe is the end of a motion: give end_velocity"
@@ -437,7 +442,7 @@ class MotionRequest:
 
 
 def _reading_notes(keyframes: Sequence[Keyframe], known: Sequence[str]) -> list[str]:
-    """Return what the certificate says of how the keyframes were read, one line for each form."""
+    """Return the certificate's notes on how the keyframes were read, one line for each form."""
     counts = Counter(one.note.partition(" ")[0] for one in keyframes if one.note)
     lines = []
     for form, count in counts.items():

@@ -1,4 +1,4 @@
-"""The JSON Schema of a motion file, for editors and other programs; it follows from the model."""
+"""The JSON Schema of a motion file, for editors and other programs, made from the model."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _NAMES = {
 
 
 def attribute_lines(of: type) -> dict[str, str]:
-    """Return what the docstring of a class says of each of its attributes."""
+    """Return the docstring's description of each attribute of a class."""
     _, _, listed = cleandoc(of.__doc__ or "").partition("Attributes:\n")
     listed = re.split(r"^\S", listed, maxsplit=1, flags=re.MULTILINE)[0]
     entries = re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", listed, flags=re.MULTILINE)
@@ -52,7 +52,7 @@ def motion_schema() -> dict[str, Any]:
 
 
 def _plain(schema: Any) -> Any:  # noqa: ANN401 - any part of it
-    """Return a part of a schema in fewer words: no titles but the first, one kind for a list."""
+    """Return a part of a schema, shorter: no titles but the first, one item type for a list."""
     if isinstance(schema, list):
         return [_plain(one) for one in schema]
     if not isinstance(schema, dict):

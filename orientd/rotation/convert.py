@@ -1,9 +1,9 @@
 """Conversions between unit quaternions and every other form of a rotation orientd accepts.
 
 The only place, apart from codecs, where another component order than ``(w, x, y, z)`` appears.
-SciPy is imported when one of its objects is asked for, not before.  Four bare numbers do not say
-which of them is the scalar: what is written by hand is a ``scipy.spatial.transform.Rotation``, a
-:class:`Quaternion`, or an array whose order was said.
+SciPy is imported only when one of its objects is needed.  Four bare numbers do not tell
+which one is the scalar.  Users therefore give a ``scipy.spatial.transform.Rotation``, a
+:class:`Quaternion`, or an array with its order.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def to_matrix(q: ArrayLike) -> Floats:
         ValueError: a norm is not 1 within 1e-6.
     """
     q = check_unit(q)
-    # Its columns are the rotated axes.
+    # The columns are the rotated axes.
     return np.swapaxes(rotate(q[..., None, :], np.eye(3)), -1, -2)
 
 
@@ -42,8 +42,9 @@ def from_matrix(matrix: ArrayLike, tolerance: float = 1e-6) -> Floats:
     """Return the unit quaternions of rotation matrices, by the largest component.
 
     Of ``w^2, x^2, y^2, z^2``, each a sum of diagonal elements, the largest (at least 1/4) gives
-    its component by a square root; the other three follow by division, so no digits are lost at
-    any angle (Nielson, 1993, the algorithm after eq. 9, there for the transposed matrix).
+    its component by a square root.  The other three follow by division, so no digits are lost at
+    any angle.  This is the algorithm after eq. 9 of Nielson (1993), there for the transposed
+    matrix.
 
     Args:
         matrix: rotation matrices for column vectors, shape ``(..., 3, 3)``.
@@ -89,8 +90,8 @@ def from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Floats:
 
     Args:
         axis: axes, shape ``(..., 3)``, of any length but zero.
-        angle: angles in radians, broadcast against the leading axes of *axis*.  Turns beyond
-            ``2 pi`` show only in the sign.
+        angle: angles in radians, broadcast against the leading axes of *axis*.  Turns beyond ``2
+            pi`` change only the sign of the result.
 
     Returns:
         Unit quaternions, shape ``(..., 4)``.
@@ -158,8 +159,8 @@ def from_euler(axes: str, angles: ArrayLike) -> Floats:
 def to_euler(q: ArrayLike, axes: str) -> Floats:
     """Return the angles of successive turns about three coordinate axes.
 
-    The half angles of the first and third turn come from two arc tangents of the quaternion's own
-    components (Bernardes and Viollet, 2022), for any order of axes without a table.
+    Two arc tangents of the quaternion's components give the sum and difference of the first and
+    third angle (Bernardes and Viollet, 2022).  This works for any order of axes without a table.
 
     Args:
         q: unit quaternions, shape ``(..., 4)``.
@@ -168,8 +169,8 @@ def to_euler(q: ArrayLike, axes: str) -> Floats:
     Returns:
         Angles in radians in the order of *axes*, shape ``(..., 3)``: the first and third in
         ``[-pi, pi]``, the second in ``[0, pi]`` for orders like ``zxz`` and in
-        ``[-pi/2, pi/2]`` otherwise.  Where the first and third turn about the same line (gimbal
-        lock) the third in the extrinsic sense, which is the first of an intrinsic order, takes
+        ``[-pi/2, pi/2]`` otherwise.  In gimbal lock, the first and third turn are about the same
+        line.  The third angle of an extrinsic order, or the first of an intrinsic one, then takes
         the whole turn and the other one is zero.
 
     Raises:
@@ -226,7 +227,7 @@ def from_scipy(rotation: Rotation) -> Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quaternion:
-    """A unit quaternion, tool to world, Hamilton's product, with its components by name.
+    """A unit quaternion with named components, tool to world, Hamilton's product.
 
     >>> Quaternion(w=1, x=0, y=0, z=0)
     Quaternion(w=1, x=0, y=0, z=0)
@@ -241,14 +242,14 @@ class Quaternion:
     def from_array(
         cls, array: ArrayLike, *, order: Literal["wxyz", "xyzw"]
     ) -> Quaternion | list[Quaternion]:
-        """Return the quaternions in an array whose order is said: one, or a list of them.
+        """Return the quaternion of an array in the given order, or a list of quaternions.
 
         Args:
             array: shape ``(4,)`` or ``(n, 4)``.
             order: which column is which component.
 
         Raises:
-            ValueError: *order* is neither, or *array* has another shape.
+            ValueError: *order* is neither of the two, or *array* has another shape.
 
         >>> Quaternion.from_array([0, 0, 0, 1], order="xyzw")
         Quaternion(w=1.0, x=0.0, y=0.0, z=0.0)
@@ -265,16 +266,16 @@ class Quaternion:
 
 def is_rotation(value: object) -> bool:
     """Return whether *value* is a ``Rotation`` of SciPy."""
-    # Whoever has a Rotation has imported SciPy; nobody else needs it.
+    # A caller that has a Rotation has imported SciPy; no other caller needs it.
     transform = sys.modules.get("scipy.spatial.transform")
     return transform is not None and isinstance(value, transform.Rotation)
 
 
-def unnamed(value: Any) -> Any:  # noqa: ANN401 - whatever a parameter may be
-    """Return orientations as quaternions ``(w, x, y, z)``, anything else as it is.
+def unnamed(value: Any) -> Any:  # noqa: ANN401 - any parameter
+    """Return orientations as quaternions ``(w, x, y, z)``, and any other value unchanged.
 
-    A ``Rotation`` of *n* rotations, and a list of *n* that are named or single ones, become an
-    array of shape ``(n, 4)``, one becomes ``(4,)``.
+    One ``Rotation`` or :class:`Quaternion` becomes an array of shape ``(4,)``.  A ``Rotation`` of
+    *n* rotations, or a list of *n* single ones, becomes an array of shape ``(n, 4)``.
 
     >>> unnamed([Quaternion(w=1, x=0, y=0, z=0)])
     array([[1., 0., 0., 0.]])

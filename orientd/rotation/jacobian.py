@@ -2,8 +2,8 @@ r"""The right Jacobian of the exponential map of SO(3), and its inverse.
 
 For a rotation vector :math:`r(t)` and :math:`q = \exp(r)`, the angular velocity in body components
 is :math:`J_r(r)\,r'`.  In world components it is :math:`J_l(r)\,r'`, and the left Jacobian
-:math:`J_l(r) = J_r(-r)` is the transpose.  Coefficients near zero are written with the sine of half
-the angle, or a Taylor polynomial where the difference of nearly equal numbers would lose digits.
+:math:`J_l(r) = J_r(-r)` is the transpose.  Near zero, the coefficients use the sine of half the
+angle.  A Taylor polynomial replaces differences of nearly equal numbers, which would lose digits.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ def right_jacobian_inverse(rotation_vector: ArrayLike) -> Floats:
     .. math:: J_r^{-1}(r) = I + \tfrac12 [r]_\times
               + \frac{1 - \tfrac{\theta}{2} \cot\tfrac{\theta}{2}}{\theta^2} [r]_\times^2
 
-    It exists for every angle that is not a whole number of turns (other than zero); near a whole
-    turn its entries grow without bound, and at one they are not meaningful.
+    It exists for every angle but whole turns other than zero.  Near a whole turn its entries grow
+    without bound, and at one they are meaningless.
 
     Args:
         rotation_vector: rotation vectors in radians, shape ``(..., 3)``.
@@ -88,7 +88,7 @@ def _matrix(r: Floats, first: Floats, second: Floats) -> Floats:
 def _coefficient(
     square: Floats, terms: tuple[float, ...], exact: Callable[[Floats], Floats]
 ) -> Floats:
-    """Return a coefficient: a polynomial in the *square* of small angles, *exact* of others."""
+    """Return a coefficient: a polynomial in the *square* of small angles, else *exact*."""
     theta = np.sqrt(square)
     is_small = theta < _SEAM
     series = np.polynomial.polynomial.polyval(np.where(is_small, square, 0.0), terms)

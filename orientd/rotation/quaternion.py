@@ -1,13 +1,13 @@
 """The algebra of unit quaternions: product, exponential, logarithm, slerp, sign alignment.
 
-Quaternions *p* and *q* are ``(w, x, y, z)`` in the last axis, shape ``(..., 4)``; vectors have
+Quaternions *p* and *q* are ``(w, x, y, z)`` in the last axis, shape ``(..., 4)``.  Vectors have
 shape ``(..., 3)``.  Leading axes are broadcast, results are new arrays, and every function raises
 :class:`ValueError` for an array whose last axis has another length.
 
 Two scalings of the tangent space live here.  :func:`exp` and :func:`log` take rotation vectors
-(the physical angle times the axis); :func:`exp_half` and :func:`log_half` are the exponential and
-the logarithm of the quaternion algebra itself, with half the physical angle, as Kim, Kim and Shin
-(1995) use them.
+(the physical angle times the axis).  :func:`exp_half` and :func:`log_half` are the exponential and
+the logarithm of the quaternion algebra itself, with half the physical angle (Kim, Kim and Shin,
+1995).
 """
 
 from __future__ import annotations
@@ -22,10 +22,12 @@ from orientd.tolerances import NORM_TOLERANCE, ROUNDING
 Floats = NDArray[np.float64]
 
 HALF_TURN = 1e-7
-"""Of the dot product of two unit quaternions, below which one is half a turn from the other: what
-eight decimals leave of a half turn, which is within 1.2e-5 degrees of 180."""
+"""Dot product of two unit quaternions below which they are half a turn apart.
 
-_NO_COMPONENT = 1e-6  # of the axis of a half turn
+It allows for quaternions with eight decimals, whose half turns are within 1.2e-5 degrees of 180.
+"""
+
+_NO_COMPONENT = 1e-6  # a component of the axis of a half turn
 _TINY = 1e-140
 
 
@@ -80,9 +82,9 @@ def normalize(q: ArrayLike) -> Floats:
 
 
 def check_unit(q: ArrayLike) -> Floats:
-    """Return quaternions normalised, refusing those that were not unit ones to begin with.
+    """Return quaternions normalised; refuse those that are not nearly unit quaternions.
 
-    Those that are unit to rounding stay as they are, to the last digit.
+    Quaternions that are unit to rounding stay unchanged, to the last digit.
 
     Raises:
         ValueError: a component is not finite, or a norm is off by more than 1e-6.
@@ -119,12 +121,12 @@ def rotate(q: ArrayLike, v: ArrayLike) -> Floats:
 def between(p: ArrayLike, q: ArrayLike) -> Floats:
     r"""Return the rotation from one unit quaternion to another, ``p* q``, in the body frame of *p*.
 
-    It is :func:`multiply` of the conjugate, but keeps its relative precision when the two are
-    nearly equal (or nearly opposite): the vector part is taken from their difference,
+    The result equals :func:`multiply` with the conjugate of *p*, but keeps its relative precision
+    if the two are nearly equal or nearly opposite.  The vector part comes from their difference,
 
     .. math:: \operatorname{vec}(p^* q) = \operatorname{vec}\bigl(p^* (q \mp p)\bigr),
 
-    which subtraction gives without rounding, where the products of the components would cancel.
+    which is exact in floating point, while the products of the components would cancel.
     """
     p = components(p, 4, "p")
     q = components(q, 4, "q")
@@ -139,7 +141,7 @@ def exp_half(v: ArrayLike) -> Floats:
 
     .. math:: \exp(v) = (\cos\|v\|,\; \sin\|v\| \; v / \|v\|)
 
-    The rotation it stands for has twice the angle :math:`\|v\|` (Kim, Kim and Shin, 1995, sec. 3).
+    The rotation has twice the angle :math:`\|v\|` (Kim, Kim and Shin, 1995, sec. 3).
     """
     v = components(v, 3, "v")
     length = np.sqrt(np.sum(v * v, axis=-1))
@@ -151,7 +153,7 @@ def exp_half(v: ArrayLike) -> Floats:
 
 
 def log_half(q: ArrayLike) -> Floats:
-    r"""Return the principal quaternion logarithm, taking the quaternion with the sign it has.
+    r"""Return the principal quaternion logarithm, without changing signs.
 
     .. math:: \log(q) = \operatorname{atan2}(\|v\|, w) \; v / \|v\|
 
@@ -163,7 +165,7 @@ def log_half(q: ArrayLike) -> Floats:
     w, v = q[..., 0], q[..., 1:]
     length = np.sqrt(np.sum(v * v, axis=-1))
     if np.any(length < _TINY):
-        # Squares of so small numbers have few digits left, or none.
+        # Squares of such small numbers have few digits left, or none.
         length = np.hypot(np.hypot(v[..., 0], v[..., 1]), v[..., 2])
     half_angle = np.arctan2(length, w)
     at_zero = np.divide(1.0, w, out=np.zeros_like(w), where=w > 0.0)
@@ -176,7 +178,7 @@ def log_half(q: ArrayLike) -> Floats:
 def exp(rotation_vector: ArrayLike) -> Floats:
     """Return the unit quaternion of a rotation vector: axis times physical angle, rad.
 
-    The scalar part is not negative for angles up to pi; any length will do.
+    The vector may have any length.  The scalar part is not negative for angles up to pi.
     """
     return exp_half(0.5 * components(rotation_vector, 3, "rotation_vector"))
 
@@ -198,7 +200,7 @@ def log(q: ArrayLike) -> Floats:
 def power(q: ArrayLike, exponent: ArrayLike) -> Floats:
     """Return a real power of unit quaternions, ``exp_half(exponent * log_half(q))``.
 
-    Each is taken with the sign it has; exponents are broadcast against the leading axes of *q*.
+    The signs of *q* are kept.  Exponents are broadcast against the leading axes of *q*.
     """
     return exp_half(np.asarray(exponent, dtype=np.float64)[..., None] * log_half(q))
 
@@ -208,9 +210,9 @@ def slerp(p: ArrayLike, q: ArrayLike, u: ArrayLike) -> Floats:
 
     .. math:: p \exp(u \log(p^{-1} q))
 
-    Both quaternions are taken with the signs they have, and *u* may be any real number: a slerp
-    that flips signs inside makes every construction built from it discontinuous (Schlag, 1991,
-    needs *u* outside ``[0, 1]`` too).
+    The signs of both quaternions are kept: a slerp that flips signs makes every construction built
+        from it discontinuous.  *u* may be any real number, since Schlag (1991) needs values outside
+        ``[0, 1]``.
     """
     return multiply(p, power(between(p, q), u))
 
@@ -218,13 +220,13 @@ def slerp(p: ArrayLike, q: ArrayLike, u: ArrayLike) -> Floats:
 def angle(p: ArrayLike, q: ArrayLike) -> Floats:
     """Return the angle in radians, in ``[0, pi]``, between two orientations, whatever their signs.
 
-    It is twice the angle between two unit vectors, by the arc tangent of their difference and their
-    sum, which keeps its digits everywhere (Kahan 2006, sec. 12).
+    It is twice the angle between two unit vectors.  The arc tangent of their difference and their
+    sum is precise for every angle (Kahan 2006, sec. 12).
     """
     p = components(p, 4, "p")
     q = components(q, 4, "q")
     if p.ndim == q.ndim == 1:
-        # One pair, as it is asked for most: in a third of the time.
+        # One pair is the most frequent case; this takes a third of the time.
         one, other = p.tolist(), q.tolist()
         sides = math.dist(one, other), math.dist(one, [-part for part in other])
         return np.float64(4.0 * math.atan2(min(sides), max(sides)))  # type: ignore[return-value]
@@ -234,11 +236,11 @@ def angle(p: ArrayLike, q: ArrayLike) -> Floats:
 
 
 def nearer_sign(w: float, x: float, y: float, z: float) -> float:
-    """Return the sign that a relative quaternion takes: the one of the shorter turn.
+    """Return the sign of a relative quaternion that gives the shorter turn.
 
-    A half turn is as short either way, and rounding would choose.  One within :data:`HALF_TURN`
-    goes the positive way about the z axis of the body frame; about y where its axis has no z, and
-    about x where it has neither.
+    Both ways of a half turn are equally short, so rounding would choose.  A turn within
+    :data:`HALF_TURN` of one therefore goes the positive way about the z axis of the body frame.  It
+    goes about y if its axis has no z component, and about x if it has neither.
 
     >>> nearer_sign(0.0, 0.6, 0.0, -0.8), nearer_sign(-1e-9, 0.8, 0.6, 1e-9)
     (-1.0, 1.0)
@@ -263,9 +265,9 @@ def are_half_turns(qs: ArrayLike) -> NDArray[np.bool_]:
 def align(qs: ArrayLike) -> Floats:
     """Return a sequence with signs chosen so that each quaternion is near the one before it.
 
-    Walks from the first quaternion, which keeps its sign, and negates each one whose dot product
-    with its (already aligned) predecessor is negative.  Half turns go the way that
-    :func:`nearer_sign` says, whatever the signs and the rounding of the quaternions.
+    The first quaternion keeps its sign.  Each later one is negated if its dot product with its
+    aligned predecessor is negative.  :func:`nearer_sign` decides the direction of half turns,
+    whatever the signs and the rounding of the quaternions.
 
     Args:
         qs: unit quaternions, shape ``(..., n, 4)``.

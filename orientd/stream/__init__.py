@@ -1,4 +1,4 @@
-"""What crosses the boundary between the daemon and a servo process, over shared memory."""
+"""The data that the daemon and a servo process exchange over shared memory."""
 
 from orientd.stream.memory import (
     GIVEN_UP_WORD,

@@ -1,9 +1,10 @@
 """The shared memory between the daemon and one servo process: a sealed file with no name.
 
-A file that never had a name cannot be left behind: whichever way the two processes end, the kernel
-frees it.  The daemon creates it and hands the servo its descriptor.  Its length is sealed: a
-program of the same user that opens it through ``/proc`` could else cut it short, and whoever
-touches a page that is gone is killed.
+A file without a name leaves nothing behind: however the two processes end, the kernel frees it.
+The daemon creates it and hands the servo its descriptor.  The length is sealed.  Otherwise a
+program
+of the same user could open it through ``/proc`` and cut it short, and the kernel kills a process
+that touches a missing page.
 """
 
 from __future__ import annotations
@@ -42,11 +43,12 @@ STOPS = 64
 DIRECTORY = "/dev/shm"
 
 LONGEST_READ_WORD, LONGEST_WRITE_WORD = 1, 2
-"""Words of the pulse: how long the driver's longest read and write took so far, ns."""
+"""Words of the pulse: the longest read and write of the driver so far, ns."""
 
 GIVEN_UP_WORD = 1
-"""Word of the ring of commands: one more than the index of the newest whose sender has given up
-waiting for an answer.  Only stops are still carried out then."""
+"""Word of the command ring: one more than the index of the newest command whose sender timed out.
+Of the commands below it, the servo still carries out only stops.
+"""
 
 
 class SharedMemory:
@@ -57,18 +59,18 @@ class SharedMemory:
     ========  ===============  ==========================================================
     path      daemon           the motion, on a uniform grid of path time
     commands  daemon           enable, start, stop, ...
-    cycles    servo            every cycle: setpoint, feedback, state, timing
-    notes     servo            answers to commands, faults, in words
-    targets   daemon           what to follow, as it arrives
+    cycles    servo            each cycle: setpoint, feedback, state, timing
+    notes     servo            answers to commands, faults, messages
+    targets   daemon           targets of tracking, as they arrive
     tunings   daemon           a driver's options for the motions to come, as JSON
-    health    servo            how the device's parts are, as JSON, once a second
-    stops     servo            the stops that it took from its own socket
+    health    servo            condition of the device's parts, as JSON, once a second
+    stops     servo            stops from the servo's own socket
     ========  ===============  ==========================================================
 
     Attributes:
         descriptor: the file; pass it to the servo process.
-        pulse: its first word is when the daemon last said that it is alive, monotonic clock, ns;
-            the next ones are about the driver's calls, see :data:`LONGEST_READ_WORD`.
+        pulse: its first word is the time of the daemon's last heartbeat, monotonic clock, ns.  The
+            next ones are about the driver's calls, see :data:`LONGEST_READ_WORD`.
     """
 
     def __init__(
@@ -85,11 +87,11 @@ class SharedMemory:
             descriptor: the file.
             path_capacity: path records the ring can hold.
             cycle_capacity: cycles the daemon may fall behind.
-            is_populated: whether every page is mapped at once.  The servo would else meet a page
-                fault every few cycles; the daemon may, and needs less memory.
+            is_populated: whether to map every page at once.  The servo does, to avoid a page fault
+                every few cycles.  The daemon does not, to save memory.
         """
         self.descriptor = descriptor
-        # Memory that nobody refers to any more is unmapped and closed, too.
+        # Python also unmaps and closes memory without references.
         self._close = weakref.finalize(self, os.close, descriptor)
         rings = _rings(path_capacity, cycle_capacity)
         flags = mmap.MAP_SHARED | (mmap.MAP_POPULATE if is_populated else 0)
@@ -113,19 +115,20 @@ class SharedMemory:
             cycle_capacity: cycles the daemon may fall behind.
 
         Raises:
-            OSError: there is no room for it, or too many files are open.
+            OSError: memory is short, or too many files are open.
         """
-        import fcntl  # where there is none, curves and plans are to be had all the same
+        import fcntl  # curves and plans work on systems without it
 
         seals = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
         size = PAGE + sum(size for *_, size in _rings(path_capacity, cycle_capacity))
         descriptor = os.memfd_create("orientd-servo", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         try:
-            # This is not in there; but what the machine sets aside for shared memory bounds it too.
+            # The file is not in /dev/shm, but the size of that bounds shared memory as well.
             room = os.statvfs(DIRECTORY)
             if size > room.f_blocks * room.f_frsize:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            # All of it now: a page that is not to be had later kills whoever touches it.
+            # Allocate all pages now: if one is missing later, the kernel kills the process that
+            # touches it.
             os.posix_fallocate(descriptor, 0, size)
             fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, seals)
         except OSError as error:
@@ -136,11 +139,11 @@ class SharedMemory:
         return cls(descriptor, path_capacity, cycle_capacity, is_populated=False)
 
     def beat(self, now_ns: int) -> None:
-        """Say that the daemon is alive."""
+        """Record that the daemon is alive."""
         self.pulse[0] = now_ns
 
     def close(self) -> None:
-        """Unmap and close; the file is gone when both processes have done so."""
+        """Unmap and close; the kernel frees the file once both processes have done so."""
         for ring in self._rings:
             ring.release()
         self.pulse.release()
@@ -166,10 +169,10 @@ def _rings(path_capacity: int, cycle_capacity: int) -> list[tuple[Struct, int, i
 
 
 def tuning_text(options: Mapping[str, Any]) -> bytes:
-    """Return *options* as they cross to the servo.
+    """Return *options* as the JSON that the servo receives.
 
     Raises:
-        ValueError: they are too long, or more than JSON can say.
+        ValueError: the text is too long, or JSON cannot hold a value.
     """
     try:
         text = json.dumps(dict(options), allow_nan=False).encode()
@@ -181,7 +184,7 @@ def tuning_text(options: Mapping[str, Any]) -> bytes:
 
 
 def publish_health(ring: RecordRing, parts: Sequence[PartHealth]) -> None:
-    """Write how *parts* are, without those for which there is no room."""
+    """Write the condition of *parts*, leaving out those that do not fit."""
     kept = list(parts)
     while len(text := json.dumps(kept).encode()) > HEALTH_TEXT_BYTES:
         kept.pop()
@@ -189,7 +192,7 @@ def publish_health(ring: RecordRing, parts: Sequence[PartHealth]) -> None:
 
 
 def newest_health(ring: RecordRing) -> tuple[PartHealth, ...]:
-    """Return how the parts were last said to be; empty before that."""
+    """Return the last reported condition of the parts; empty before the first report."""
     fields = ring.read(ring.head - 1) if ring.head else None
     if fields is None:
         return ()

@@ -1,8 +1,9 @@
-"""What crosses the process boundary: path records, cycle records, commands, and their bytes.
+"""The records between daemon and servo: path, cycles, commands, and their bytes.
 
-Every record carries its own index and a CRC-32.  A reader takes a record only if both agree, so a
-slot that is being overwritten is never taken for a record, on machines with weakly ordered memory
-too.  The layouts are native (one machine, two processes of one installation).
+Every record carries its own index and a CRC-32.  A reader accepts a record only if both agree, so
+it
+never accepts a slot that is being overwritten, even on machines with weakly ordered memory.  The
+layouts are native: both processes run on one machine, from one installation.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ class ServoState(IntEnum):
 
 
 class Command(IntEnum):
-    """What the daemon can ask of the servo."""
+    """The commands of the daemon to the servo."""
 
     ENABLE = 1
     DISABLE = 2
@@ -54,7 +55,7 @@ class Command(IntEnum):
 
 
 class Answer(IntEnum):
-    """What the servo made of a command."""
+    """The servo's answer to a command."""
 
     DONE = 0
     WRONG_STATE = 1
@@ -65,7 +66,7 @@ class Answer(IntEnum):
 
 
 JOINTS = 8
-"""Axes of a device that a record of the path and a cycle have room for."""
+"""Axes of a device for which a path record and a cycle record have space."""
 NO_JOINTS = (math.nan,) * JOINTS
 
 # index | q(4) omega(3) alpha(3) position(3) velocity(3) joints(8) their velocities(8)
@@ -87,7 +88,7 @@ UNKNOWN = -1
 # index, time_ns, expires_ns | q(4), omega_body(3), position(3)
 TARGET_RECORD = struct.Struct("@Qqq10d")
 NOT_GIVEN: Vector3 = (math.nan, math.nan, math.nan)
-"""The velocity, or position, of a target that comes without."""
+"""Velocity or position of a target that has none."""
 
 # index, command index, kind, code, length of the text, text
 NOTE_TEXT_BYTES = 400
@@ -108,40 +109,40 @@ STOP_RECORD = struct.Struct("@Q?III")
 
 
 class NoteKind(IntEnum):
-    """What a note of the servo is about."""
+    """The subject of a note of the servo."""
 
     READY = 1
-    """The driver is open; the text says what scheduling the process has got."""
+    """The driver is open; the text describes the scheduling of the process."""
     ANSWER = 2
     """Answer to a command: the code is an :class:`Answer`."""
     FAULT = 3
     """The device is in a fault: the code is a :class:`~orientd.errors.Fault`."""
     ENDING = 4
-    """The process ends: the text says why."""
+    """The process ends: the text has the reason."""
     NOTICE = 5
-    """The driver has something to say of its device, which is open now."""
+    """The driver has a message about its device, which is now open."""
 
 
 class CycleFlag(IntEnum):
     """Bits of a cycle record's flags."""
 
     FEEDBACK = 1
-    """There is feedback at all."""
+    """The cycle has feedback."""
     WRITTEN = 2
-    """A setpoint was written in this cycle."""
+    """The servo wrote a setpoint in this cycle."""
     FROM_REST = 4
-    """Motion goes on from rest: the process had not run for so long that the device had stopped."""
+    """Motion resumes from rest: the process was stalled for so long that the device had stopped."""
     ARRIVING = 8
-    """The last setpoint of the motion was sent, and the axes have not arrived there yet."""
+    """The servo has sent the last setpoint of the motion, and the axes have not arrived yet."""
 
 
 NO_AXES: Vector3 = (math.inf, math.inf, math.inf)
-"""Limits of components where only the norm is limited."""
+"""Component limits if only the norm is limited."""
 
 
 @dataclass(frozen=True, slots=True)
 class ServoLimits:
-    """What a motion promised to keep, and how fast it may be stopped on its path.
+    """The limits of a motion, and how fast the servo may stop it on its path.
 
     Attributes:
         velocity: largest angular velocity, rad/s.
@@ -151,9 +152,9 @@ class ServoLimits:
         linear_acceleration: its largest acceleration, m/s^2.
         brake_rate: a stop from full speed takes ``1 / brake_rate`` seconds; 1/s.
         axis_velocity: largest components of the angular velocity in the body frame, rad/s.
-        axis_acceleration: the same of the angular acceleration, rad/s^2.
-        axis_jerk: the same of the angular jerk, rad/s^3.
-        has_axes: whether any component is limited by itself.
+        axis_acceleration: largest components of the angular acceleration, rad/s^2.
+        axis_jerk: largest components of the angular jerk, rad/s^3.
+        has_axes: whether any single component is limited.
     """
 
     velocity: float
@@ -169,15 +170,15 @@ class ServoLimits:
 
     def __post_init__(self) -> None:
         axes = (*self.axis_velocity, *self.axis_acceleration, *self.axis_jerk)
-        # The class is frozen for everybody but its own constructor.
+        # Only the constructor of the frozen class may set attributes.
         object.__setattr__(self, "has_axes", min(axes) < math.inf)
 
     def has_limits_of(self, other: ServoLimits) -> bool:
-        """Whether the limits are the same, whatever the brake rate."""
+        """Return whether the limits are equal, apart from the brake rate."""
         return replace(self, brake_rate=other.brake_rate) == other
 
     def floats(self) -> tuple[float, ...]:
-        """Return the :data:`LIMIT_FLOATS` numbers that a command record has for limits."""
+        """Return the :data:`LIMIT_FLOATS` numbers that represent limits in a command record."""
         return (
             self.velocity,
             self.acceleration,
@@ -192,21 +193,21 @@ class ServoLimits:
 
     @classmethod
     def from_floats(cls, floats: Sequence[float]) -> ServoLimits:
-        """Return the limits that :meth:`floats` was of."""
+        """Return the limits that :meth:`floats` encoded."""
         f = tuple(floats)
         fields: list[Any] = [*f[:6], f[6:9], f[9:12], f[12:15]]
         return cls(*fields)
 
 
 class Stop(NamedTuple):
-    """A stop that the servo took from its own socket.
+    """A stop that the servo received on its own socket.
 
     Attributes:
-        number: of the stop.
-        is_quickest: whether it was a halt.
-        pid: of the process that asked for it.
-        uid: of its user.
-        gid: of a group of that process, the one that admits it if its user does not.
+        number: number of the stop.
+        is_quickest: whether it is a halt.
+        pid: process that sent it.
+        uid: user of that process.
+        gid: group of that process; the one that admits it if the user alone does not.
     """
 
     number: int
@@ -218,14 +219,14 @@ class Stop(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """A word from the servo.
+    """A message from the servo.
 
     Attributes:
         index: number of the note.
-        command: index of the command it answers.
-        kind: what it is about.
+        command: index of the command that it answers.
+        kind: its subject.
         code: an :class:`Answer` or a :class:`~orientd.errors.Fault`.
-        text: in words.
+        text: the message.
     """
 
     index: int
@@ -241,28 +242,28 @@ class Cycle:
 
     Attributes:
         index: number of the cycle since the servo started.
-        deadline_ns: when it was due, monotonic clock.
-        lateness_ns: how much later than due it began.
-        work_ns: how long the *previous* cycle worked, from waking to having published.
-        feedback_time_ns: when the feedback was measured; 0 without feedback.
+        deadline_ns: its deadline, monotonic clock.
+        lateness_ns: time from the deadline to the start of the cycle.
+        work_ns: duration of the *previous* cycle, from waking to having published.
+        feedback_time_ns: time of the feedback's measurement; 0 without feedback.
         path_index: the path record at or before the setpoint.
         state: the servo's state.
-        fault: why it is in the state fault, as a :class:`~orientd.errors.Fault`.
+        fault: reason of the fault state, as a :class:`~orientd.errors.Fault`.
         motion: number of the motion that the setpoint belongs to; 0 before the first.
         flags: :class:`CycleFlag` bits.
-        overruns: cycles so far that began more than half a period late.
-        missed: deadlines so far that were skipped altogether.
-        path_fraction: where between two path records, in [0, 1).
-        speed: rate of the time scaling, 1 is as planned.
-        q: orientation sent, ``(w, x, y, z)``.
-        omega_body: angular velocity sent, rad/s.
-        alpha_body: angular acceleration sent, rad/s^2.
-        position: position sent, m.
-        feedback_q: orientation measured.
-        feedback_omega_body: angular velocity measured, rad/s.
-        feedback_position: position measured, m.
-        joints: axis angles measured, rad; empty where the device has none.
-        sent_joints: axis angles sent, rad; empty where the driver sends none.
+        overruns: number of cycles so far that began more than half a period late.
+        missed: number of deadlines so far that the servo skipped.
+        path_fraction: position between two path records, in [0, 1).
+        speed: rate of the time scaling; 1 is as planned.
+        q: commanded orientation, ``(w, x, y, z)``.
+        omega_body: commanded angular velocity, rad/s.
+        alpha_body: commanded angular acceleration, rad/s^2.
+        position: commanded position, m.
+        feedback_q: measured orientation.
+        feedback_omega_body: measured angular velocity, rad/s.
+        feedback_position: measured position, m.
+        joints: measured axis angles, rad; empty if the device has no axes.
+        sent_joints: commanded axis angles, rad; empty if the driver takes none.
     """
 
     index: int
@@ -291,12 +292,12 @@ class Cycle:
 
     @property
     def has_feedback(self) -> bool:
-        """Whether the device has reported anything yet."""
+        """Whether the device has sent any feedback yet."""
         return bool(self.flags & CycleFlag.FEEDBACK)
 
     @property
     def feedback_age_ns(self) -> int:
-        """How old the feedback was when the cycle was due; -1 without feedback."""
+        """Age of the feedback at the deadline, ns; -1 without feedback."""
         return self.deadline_ns - self.feedback_time_ns if self.has_feedback else -1
 
 

@@ -1,8 +1,9 @@
 """A ring of checked records in shared memory: one writer, any number of readers, no locks.
 
-A slot holds a record (its first field is its index) and the CRC-32 of its bytes.  The writer fills
-the slot, then advances ``head``.  A reader takes a record only if the slot still holds the index it
-asked for and the checksum agrees: a torn or overwritten slot reads as ``None``, never as a record.
+A slot holds a record, whose first field is its index, and the CRC-32 of its bytes.  The writer
+fills
+the slot, then advances ``head``.  A reader accepts a record only if the slot still holds the
+requested index and the checksum agrees.  A torn or overwritten slot reads as ``None``.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from zlib import crc32
 
 HEADER_BYTES = 64
 HEAD = 0
-"""Word of every ring: the index that the next record will have."""
+"""Word of every ring: the index of the next record."""
 
 _CHECK = struct.Struct("@I")
 _check_of = _CHECK.unpack_from
@@ -29,8 +30,8 @@ class RecordRing:
         capacity: number of slots.
 
     Attributes:
-        words: the head, and seven more for whoever uses the ring; each is written in one piece.
-        next: the head as the writer knows it, whatever has become of the shared one.
+        words: the head, and seven more that the two sides may use; each is written atomically.
+        next: the writer's own copy of the head, in case the shared one is damaged.
     """
 
     def __init__(self, view: memoryview, layout: struct.Struct, capacity: int) -> None:
@@ -45,17 +46,17 @@ class RecordRing:
 
     @staticmethod
     def stride(layout: struct.Struct) -> int:
-        """Return the bytes from one slot to the next: record and checksum, a multiple of 8."""
+        """Return the size of a slot: record and checksum, a multiple of 8 bytes."""
         return (layout.size + _CHECK.size + 7) // 8 * 8
 
     @classmethod
     def bytes_needed(cls, layout: struct.Struct, capacity: int) -> int:
-        """Return how large a block the ring needs."""
+        """Return the bytes that the ring needs."""
         return HEADER_BYTES + cls.stride(layout) * capacity
 
     @property
     def head(self) -> int:
-        """Index that the next record will have; the number of records published so far."""
+        """Index of the next record, which is the number of records published so far."""
         return self.words[HEAD]
 
     def put(self, records: bytes, index: int) -> None:
@@ -68,23 +69,23 @@ class RecordRing:
         self._slots[begin : begin + len(whole)] = whole
         self._slots[: len(slots) - len(whole)] = slots[len(whole) :]
 
-    def publish(self, *fields: Any) -> None:  # noqa: ANN401 - whatever the layout holds
+    def publish(self, *fields: Any) -> None:  # noqa: ANN401 - any types of the layout
         """Write the next record; *fields* are those of the layout after the index."""
         self.append(self.layout.pack(self.next, *fields))
 
     def append(self, record: bytes) -> None:
-        """Write the next record, whose index, the head, is in it."""
+        """Write the next record, which already holds its index, the head."""
         index = self.next
         offset = index % self.capacity * self._stride
         self._slots[offset : offset + self._end] = record + _CHECK.pack(crc32(record))
         self.words[HEAD] = self.next = index + 1
 
     def advance(self, head: int) -> None:
-        """Publish everything that was put below *head*."""
+        """Publish all records below *head*."""
         self.words[HEAD] = self.next = head
 
     def read_bytes(self, index: int) -> bytes | None:
-        """Return the bytes of record *index*, or ``None`` where it is not (or no longer) there."""
+        """Return the bytes of record *index*, or ``None`` if it is not (or no longer) there."""
         offset = index % self.capacity * self._stride
         slot = self._slots[offset : offset + self._end].tobytes()
         record = slot[: self._size]
@@ -93,13 +94,13 @@ class RecordRing:
         return record
 
     def oldest(self, index: int) -> int:
-        """Return *index*, or that of the first record behind it that nothing has overwritten."""
+        """Return *index*, or the index of the first later record that is not overwritten."""
         return max(index, self.words[HEAD] - self.capacity)
 
     def slots(self, index: int, count: int) -> list[memoryview]:
-        """Return the slots of *count* records from *index* on as they are, in one or two pieces.
+        """Return the slots of *count* records from *index* on, unchecked, in one or two pieces.
 
-        Nothing is checked: whoever copies them takes for a record only what :meth:`checked` does.
+        Pass each slot to :meth:`checked` before you use its record.
         """
         begin = index % self.capacity
         whole = min(count, self.capacity - begin)
@@ -108,17 +109,17 @@ class RecordRing:
 
     @staticmethod
     def checked(slot: bytes | memoryview, layout: struct.Struct) -> bytes | None:
-        """Return the record in a slot that was copied; ``None`` where it is not whole."""
+        """Return the record in a copied slot; ``None`` if it is not whole."""
         record = bytes(slot[: layout.size])
         is_whole = _CHECK.unpack_from(slot, layout.size)[0] == crc32(record)
         return record if is_whole else None
 
     def read(self, index: int) -> tuple[Any, ...] | None:
-        """Return the fields of record *index*, or ``None`` where it is not (or no longer) there."""
+        """Return the fields of record *index*, or ``None`` if it is not (or no longer) there."""
         record = self.read_bytes(index)
         return None if record is None else self.layout.unpack(record)
 
     def release(self) -> None:
-        """Let go of the shared memory, so that it can be unmapped."""
+        """Release the shared memory, so that it can be unmapped."""
         self.words.release()
         self._slots.release()

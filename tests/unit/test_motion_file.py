@@ -199,7 +199,7 @@ def test_euler_angles_take_any_order_fixed_or_turning():
         (
             "keyframes:\n  - {rotation_vector: [0, 0, 1], time: 1.0}",
             "keyframes[0].time",
-            "a single keyframe is reached as quickly as the limits permit; times need another",
+            "a single keyframe is reached as quickly as the limits permit; times need a second one",
         ),
         ("keyframes: []", "keyframes", "expected at least 1, got 0"),
         (
@@ -400,6 +400,6 @@ def test_a_rotation_vector_longer_than_a_turn_is_taken_with_a_word_about_degrees
     keyframes = [{"rotation_vector": [0, 0, 1]}, {"rotation_vector": [0, 0, 90]}]
     (note,) = parse({"keyframes": keyframes}).notes
     assert note == (
-        "keyframes[1].rotation_vector is 90 rad long, more than half a turn, and taken for 116.6 "
+        "keyframes[1].rotation_vector is 90 rad long, more than half a turn, read as 116.6 "
         "deg: its unit is rad, `euler` takes degrees, `turns` whole turns"
     )

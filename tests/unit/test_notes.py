@@ -132,22 +132,22 @@ def vector(*components):
     [
         (
             [euler("xyz", 0, 0, 0, time=0), euler("xyz", 0, -450, 0, time=40)],
-            "keyframes[1].euler has an angle of -450 deg, more than a whole turn, and taken for "
+            "keyframes[1].euler has an angle of -450 deg, more than a whole turn, read as "
             "-90 deg: `turns` takes whole turns",
         ),
         (
             [euler("xyz", 0, 0, 0, time=0), euler("xyz", 0, -720, 0, time=40)],
-            "keyframes[1].euler has an angle of -720 deg, more than a whole turn, and taken for "
+            "keyframes[1].euler has an angle of -720 deg, more than a whole turn, read as "
             "0 deg: `turns` takes whole turns",
         ),
         (
             [vector(0, 0, 0), vector(0, 0, 3.2)],
-            "keyframes[1].rotation_vector is 3.2 rad long, more than half a turn, and taken for "
+            "keyframes[1].rotation_vector is 3.2 rad long, more than half a turn, read as "
             "-176.7 deg: its unit is rad, `euler` takes degrees, `turns` whole turns",
         ),
         (
             [vector(0, 0, 0), vector(0, 0, 90), vector(0, 100, 0), vector(0, 0, 70)],
-            "keyframes[1].rotation_vector is 90 rad long, more than half a turn, and taken for "
+            "keyframes[1].rotation_vector is 90 rad long, more than half a turn, read as "
             "116.6 deg: its unit is rad, `euler` takes degrees, `turns` whole turns; so are 2 more",
         ),
     ],
@@ -164,7 +164,7 @@ def test_an_angle_beyond_a_turn_has_a_note(keyframes, note):
 def test_a_message_with_an_angle_beyond_a_turn_has_the_same_note():
     keyframes = [{"quaternion": {"w": 1}}, {"euler": {"axes": "z", "degrees": [450]}}]
     (note,) = to_request(pb.MotionRequest(keyframes=keyframes)).notes
-    assert "taken for 90 deg" in note
+    assert "read as 90 deg" in note
 
 
 def test_random_angles_have_a_note_exactly_where_they_are_beyond_a_turn():

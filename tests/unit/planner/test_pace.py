@@ -34,7 +34,7 @@ def test_a_duration_is_kept_or_refused():
     assert made(duration=5.0).duration == pytest.approx(5.0, abs=1e-9)
     with pytest.raises(PlanError, match=r"take at least 1\..* got a duration of 1 s"):
         made(duration=1.0)
-    with pytest.raises(RequestError, match="a share of the quickest has its own duration"):
+    with pytest.raises(RequestError, match="a share of the full speed has its own duration"):
         made(duration=5.0, pace=0.5)
 
 
