@@ -127,7 +127,7 @@ $(VENV)/.dev: pyproject.toml tests/constraints.txt $(KERNELS) $(VENV)/.pip
 	@touch $@ $(VENV)/.user
 
 $(VENV)/.docs: pyproject.toml $(VENV)/.user
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[plot,metrics,ur,dynamixel,docs]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[plot,scipy,metrics,ur,dynamixel,docs]"
 	@touch $@
 
 # The versions that `make test` installs, from the newest that pyproject.toml allows.

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orientd.curves import C2Cumulative
+from orientd.errors import OrientdError
 from orientd.rotation import Floats, exp, multiply, normalize, to_scipy
 
 KEYFRAMES = 100
@@ -100,6 +101,9 @@ def measure_curves(
 
     Returns:
         The medians.
+
+    Raises:
+        OrientdError: SciPy is not installed.
     """
     return CurveSpeed(
         keyframes=KEYFRAMES,
@@ -125,7 +129,13 @@ def random_walk(count: int, step: float) -> Floats:
 
 
 def _sampling(count: int) -> Sampling:
-    from scipy.spatial.transform import RotationSpline
+    try:
+        from scipy.spatial.transform import RotationSpline
+    except ImportError as error:
+        raise OrientdError(
+            "the curves are measured beside SciPy, which is not installed: "
+            "pip install 'orientd-motion[scipy]', or give --no-curves"
+        ) from error
 
     keys = random_walk(KEYFRAMES, STEP)
     times = np.cumsum(np.random.default_rng(1).uniform(0.7, 1.3, KEYFRAMES))

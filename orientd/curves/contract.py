@@ -203,6 +203,7 @@ class Curve(Family, Drawable):
 
         Raises:
             ValueError: an instant is outside the domain or not a number.
+            OrientdError: SciPy is not installed.
         """
         return to_scipy(self.evaluate(times)[0])
 

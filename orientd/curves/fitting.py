@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.curves.basis import Indices, cumulative_basis
+from orientd.curves.newton import solve_blocks
 from orientd.curves.products import KksBspline
 from orientd.errors import PlanError
 from orientd.rotation import Floats, align, angle, conjugate, exp, log, multiply, rotate, slerp
@@ -230,26 +231,29 @@ class _Fitter:
         the curve by :math:`\sum_j B_j(t)\, \delta_j`, but for the curvature of the group: the
         steps to the solution are those of a linear fit, repeated.
         """
-        from scipy.sparse import csr_array, diags, identity
-        from scipy.sparse.linalg import splu
-
         times, q = self.samples.times, self.samples.q
         knots = np.concatenate([np.repeat(breaks[0], 3), breaks, np.repeat(breaks[-1], 3)])
         fit = Fit(np.empty((len(breaks) + 2, 4)), knots, self.samples, np.empty(0), self.averaged)
         control = self._guess(fit.times, before)
         count = len(control)
-        weights = csr_array(_weights(knots, times), shape=(len(times), count))
-        bends = diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(count - 2, count))
-        normal = weights.T @ weights
-        scale = float(normal.diagonal().max())
-        stiffness = _SMOOTHING * scale
-        solve = splu(
-            (normal + stiffness * (bends.T @ bends) + _RIDGE * scale * identity(count)).tocsc()
-        ).solve
+        first, weights = _weights(knots, times)
+        steps = np.arange(ORDER)
+        scale = float(np.bincount((first[:, None] + steps).ravel(), weights.ravel() ** 2).max())
+        # Below the samples, a row for each second difference and for each control quaternion.
+        smooth = math.sqrt(_SMOOTHING * scale)
+        bends = np.tile(smooth * np.array([1.0, -2.0, 1.0, 0.0]), (count - 2, 1))
+        ridge = np.tile(math.sqrt(_RIDGE * scale) * np.eye(ORDER)[0], (count, 1))
+        design = np.concatenate([weights, bends, ridge])
+        first = np.concatenate([first, np.arange(count - 2), np.arange(count)])
+        normal = design[:, :, None] * design[:, None, :]
         residuals = self._residuals(control, knots)
         for _ in range(_ITERATIONS):
             turns = log(multiply(control[1:], conjugate(control[:-1])))
-            delta = solve(weights.T @ residuals - stiffness * (bends.T @ np.diff(turns, axis=0)))
+            short = [residuals, -smooth * np.diff(turns, axis=0), np.zeros((count, 3))]
+            shares = design[..., None] * np.concatenate(short)[:, None]
+            right = np.zeros((count + ORDER, 3))
+            np.add.at(right, first[:, None] + steps, shares)
+            delta = solve_blocks(normal, first, first, right[:count])
             control = multiply(exp(delta), control)
             residuals = self._residuals(control, knots)
             if float(np.abs(delta).max()) < 1e-3 * self.target:
@@ -280,14 +284,12 @@ class _Fitter:
         return float(np.sum(angle(q[1:], q[:-1])))
 
 
-def _weights(knots: Floats, times: Floats) -> tuple[Floats, Indices, Indices]:
-    """Return the B-splines at *times*, a row for each: values, columns and where rows begin."""
+def _weights(knots: Floats, times: Floats) -> tuple[Indices, Floats]:
+    """Return the first B-spline that counts at each of *times*, and the values of all four."""
     basis = cumulative_basis(knots, ORDER)
     span = np.clip(np.searchsorted(basis.breaks, times, side="right") - 1, 0, len(basis.breaks) - 2)
     sums = np.vstack([np.ones(len(times)), basis.at(span, times)[0], np.zeros(len(times))])
-    columns = (basis.first[span] - 1)[:, None] + np.arange(ORDER)
-    begins = ORDER * np.arange(len(times) + 1)
-    return (sums[:-1] - sums[1:]).T.ravel(), columns.ravel(), begins
+    return basis.first[span] - 1, (sums[:-1] - sums[1:]).T
 
 
 def averages(vectors: Floats, count: int) -> Floats:

@@ -51,6 +51,9 @@ KINKS = 64
 AROUND = 32
 """Places along a kink from which a search for a minimum on it may start."""
 
+ROUNDS = 200
+"""Corners that the search for the inside of a cone takes in one after the other, at most."""
+
 STARTS = 10
 LONGEST = 2000
 """Long chains descend from fewer starts: their number times length stays below this."""
@@ -455,21 +458,35 @@ def _terms(lengths: Floats, halves: Floats, criterion: int) -> tuple[Floats, Flo
 
 
 def _inside_cone(pulls: Floats) -> Floats | None:
-    """Return a unit vector well inside the cone of positive weights, if there is one."""
-    from scipy.optimize import linprog
+    """Return a unit vector well inside the cone of positive weights, if there is one.
 
-    unit = pulls / np.sqrt(np.sum(pulls * pulls, axis=-1))[:, None]
-    found = linprog(
-        [0.0, 0.0, 0.0, -1.0],
-        A_ub=np.column_stack([-unit, np.ones(len(unit))]),
-        b_ub=np.zeros(len(unit)),
-        bounds=[(-1.0, 1.0)] * 3 + [(None, 1.0)],
-        method="highs",
-    )
-    if found.x is None or found.x[3] <= 1e-9:
-        return None
-    center: Floats = found.x[:3] / np.linalg.norm(found.x[:3])
-    return center if np.all(pulls @ center > 0.0) else None
+    It points to the point of the convex hull of the unit pulls that is nearest to the origin, by
+    the algorithm of Wolfe (1976), which ends as soon as every weight is at least half the best.
+    """
+    unit = _unit(pulls)
+    corners, shares = unit[:1], np.ones(1)
+    for _ in range(ROUNDS):
+        nearest = shares @ corners
+        along = unit @ nearest
+        if nearest @ nearest < 1e-18:
+            return None
+        if along.min() > 0.5 * (nearest @ nearest):
+            return _unit(nearest)
+        corners = np.concatenate([corners, unit[[np.argmin(along)]]])
+        shares = np.append(shares, 0.0)
+        while True:
+            # The nearest point of the whole flat through the corners, as far as it is in the hull.
+            rest = np.linalg.lstsq((corners[1:] - corners[0]).T, -corners[0], rcond=None)[0]
+            ahead = np.concatenate([[1.0 - rest.sum()], rest])
+            if ahead.min() > 0.0:
+                shares = ahead
+                break
+            out = ahead <= 0.0
+            step = np.min(shares[out] / np.maximum(shares[out] - ahead[out], 1e-300))
+            shares = shares + step * (ahead - shares)
+            is_kept = shares > 1e-12
+            corners, shares = corners[is_kept], shares[is_kept] / shares[is_kept].sum()
+    return None
 
 
 def best_first_point(q: Floats, ratios: Floats, criterion: int) -> Floats:

@@ -100,7 +100,11 @@ class Motion(Drawable):
         )
 
     def __call__(self, path_times: ArrayLike) -> Rotation:
-        """Return the orientations at *path_times* as a ``Rotation`` of SciPy; held beyond."""
+        """Return the orientations at *path_times* as a ``Rotation`` of SciPy; held beyond.
+
+        Raises:
+            OrientdError: SciPy is not installed.
+        """
         times = np.asarray(path_times, dtype=np.float64)
         return to_scipy(self.sample(times.reshape(-1)).q.reshape(*times.shape, 4))
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orientd.errors import OrientdError
 from orientd.rotation.quaternion import Floats, check_unit, components, exp_half, multiply, rotate
 
 if TYPE_CHECKING:
@@ -213,8 +214,14 @@ def to_scipy(q: ArrayLike) -> Rotation:
 
     Raises:
         ValueError: a norm is not 1 within 1e-6.
+        OrientdError: SciPy is not installed.
     """
-    from scipy.spatial.transform import Rotation
+    try:
+        from scipy.spatial.transform import Rotation
+    except ImportError as error:
+        raise OrientdError(
+            "a Rotation needs SciPy, which is not installed: pip install 'orientd-motion[scipy]'"
+        ) from error
 
     return Rotation.from_quat(check_unit(q)[..., [1, 2, 3, 0]])
 

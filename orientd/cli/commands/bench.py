@@ -28,7 +28,8 @@ def measure(
 ) -> None:
     """Measure the servo's lateness and the curves' speed.
 
-    A bare C loop and SciPy run for comparison.  With the defaults this takes three minutes.
+    A bare C loop and SciPy (extra `scipy`) run for comparison.  With the defaults this takes
+    three minutes.
     """
     if context.invoked_subcommand is not None:
         return

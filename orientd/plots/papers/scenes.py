@@ -10,7 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orientd.curves import Curve, CurveTask, KksBspline, KksHermite, KksInterpolating
+from orientd.curves import (
+    Curve,
+    CurveTask,
+    KksBspline,
+    KksHermite,
+    KksInterpolating,
+    cumulative_basis,
+)
 from orientd.plots.papers.sweep import Face, SweptPoses, prism
 from orientd.rotation import Floats, exp, from_euler, multiply
 
@@ -104,22 +111,49 @@ class PaperScene:
 
 def blended_scene() -> PaperScene:
     """Return the motion of Figs. 8 and 9: a cubic B-spline over six control poses."""
-    from scipy.interpolate import BSpline
-
     controls = control_orientations()
     orientation = KksBspline(control=controls, knots=CONTROL_KNOTS)
-    position = BSpline(CONTROL_KNOTS, CONTROL_POINTS, 3)
+    basis = cumulative_basis(CONTROL_KNOTS, 4)
+    steps = np.diff(CONTROL_POINTS, axis=0)
+
+    def position(times: Floats) -> Floats:
+        span = np.clip(np.searchsorted(basis.breaks, times, side="right"), 1, 3) - 1
+        varying = basis.first[span][:, None] - 1 + np.arange(3)
+        shares = basis.at(span, times)[0].T[..., None]
+        moved: Floats = CONTROL_POINTS[varying[:, 0]] + np.sum(shares * steps[varying], axis=1)
+        return moved
+
     return PaperScene(orientation, position, SweptPoses(CONTROL_POINTS, controls))
 
 
 def interpolated_scene() -> PaperScene:
     """Return the motion of Fig. 10: six keyframes interpolated with continuous acceleration."""
-    from scipy.interpolate import CubicSpline
-
     keys = control_orientations()
     orientation = KksInterpolating(keys=keys, times="uniform", order=4)
-    position = CubicSpline(orientation.knots, CONTROL_POINTS, bc_type="natural")
+    # The velocities of the natural cubic spline, whose knots are evenly spaced.
+    count, interval = len(keys), float(orientation.knots[1] - orientation.knots[0])
+    matrix = np.diag([2.0, *[4.0] * (count - 2), 2.0]) + np.eye(count, k=1) + np.eye(count, k=-1)
+    padded = np.pad(CONTROL_POINTS, ((1, 1), (0, 0)), mode="edge")
+    velocities = np.linalg.solve(matrix, 3.0 / interval * (padded[2:] - padded[:-2]))
+    position = _cubics(orientation.knots, CONTROL_POINTS, velocities)
     return PaperScene(orientation, position, SweptPoses(CONTROL_POINTS, keys))
+
+
+def _cubics(times: Floats, places: Floats, velocities: Floats) -> Callable[[Floats], Floats]:
+    """Return the cubics through *places* (m) with *velocities* (m/s) at *times*."""
+    intervals = np.diff(times)
+
+    def position(at: Floats) -> Floats:
+        span = np.clip(np.searchsorted(times, at, side="right"), 1, len(intervals)) - 1
+        interval = intervals[span][:, None]
+        ahead = (at - times[span])[:, None] / interval
+        back = 1.0 - ahead
+        leaving = (1.0 + 2.0 * ahead) * places[span] + ahead * interval * velocities[span]
+        arriving = (1.0 + 2.0 * back) * places[span + 1] - back * interval * velocities[span + 1]
+        moved: Floats = back**2 * leaving + ahead**2 * arriving
+        return moved
+
+    return position
 
 
 FLIGHT_TIME = 2.6
@@ -138,14 +172,12 @@ def boomerang_task() -> CurveTask:
 
 def boomerang_scene() -> PaperScene:
     """Return the flight of Fig. 7: one Hermite segment for each of position and orientation."""
-    from scipy.interpolate import CubicHermiteSpline
-
     keys = boomerang_task().keys
     spin = [0.0, 0.0, SPIN]
     orientation = KksHermite(q0=keys[0], q1=keys[1], omega0=spin, omega1=spin, t1=FLIGHT_TIME)
     places = np.array([[0.0, 0.0, 1.6], [0.9, -1.6, 1.3]])
-    velocities = [[12.0, 9.0, 3.4], [-12.0, 4.0, -2.6]]
-    position = CubicHermiteSpline([0.0, FLIGHT_TIME], places, velocities)
+    velocities = np.array([[12.0, 9.0, 3.4], [-12.0, 4.0, -2.6]])
+    position = _cubics(np.array([0.0, FLIGHT_TIME]), places, velocities)
     return PaperScene(orientation, position, SweptPoses(places, keys))
 
 

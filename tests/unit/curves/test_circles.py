@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from orientd.curves import METHODS
+from orientd.curves.inner_points import _inside_cone
 from orientd.errors import PlanError
 from orientd.rotation import align, angle, exp, multiply, slerp
 
@@ -162,3 +163,14 @@ def test_arcs_through_keyframes_close_to_one_another_join_as_smoothly_as_their_d
     for turn in rng.normal(size=(4, 3)):
         keys = np.vstack([keys, multiply(keys[-1], exp(step * turn))])
     assert speed_jump(ARCS(keys=keys, times="uniform", require_positive=False)) < 1e-12 / step
+
+
+@pytest.mark.parametrize("width", [1e-7, 1e-4, 1e-1, 10.0])
+@pytest.mark.parametrize("count", [1, 3, 40])
+def test_a_direction_with_positive_weights_is_found_however_few_there_are(width, count):
+    rng = np.random.default_rng(count)
+    sides = rng.normal(size=(count, 3)) * [1.0, 1.0, 0.0]
+    sides /= np.linalg.norm(sides, axis=1)[:, None]
+    pulls = (sides + np.array([0.0, 0.0, width])) * rng.uniform(0.1, 10.0, (count, 1))
+    assert (pulls @ _inside_cone(pulls)).min() > 0.0
+    assert _inside_cone(np.concatenate([pulls, -pulls])) is None
