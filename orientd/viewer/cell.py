@@ -17,10 +17,10 @@ class Member:
     Attributes:
         daemon: its name.
         is_alive: whether it is there.
-        age: how old what is known of it is, s; ``None`` where nothing is.
-        age_bound: how far that may be wrong, s; ``None`` where its clock is not known: then the age
-            is since it was heard.
-        devices: as they were then.
+        age: of its last report, s; ``None`` if it has sent none.
+        age_bound: largest error of the age, s; ``None`` if its clock is unknown.  The age then
+            counts from the arrival of the report.
+        devices: as that report has them.
     """
 
     daemon: str
@@ -31,7 +31,7 @@ class Member:
 
     @property
     def problem(self) -> str:
-        """Why what is known is not how things are; empty if nothing."""
+        """Why the last report is out of date; empty while it is not."""
         if not self.is_alive:
             return "has left"
         if self.age is None:
@@ -40,10 +40,10 @@ class Member:
 
 
 class Cell(Protocol):
-    """What a page needs of a cell."""
+    """The daemons that a page shows and stops."""
 
     def members(self) -> Sequence[Member]:
-        """Return all that there are or were, in the order of their names."""
+        """Return every daemon that is or was there, in the order of their names."""
 
     def stop(self, *, is_quickest: bool) -> str:
-        """Stop every device; return what is not known to have stopped, empty if nothing."""
+        """Stop every device; return the daemons that did not acknowledge it, empty if all did."""

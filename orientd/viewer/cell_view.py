@@ -1,4 +1,4 @@
-"""The page of a cell: the devices of all daemons beside each other, and one stop for all."""
+"""The page of a cell: the devices of all daemons side by side, and one stop for all."""
 
 from __future__ import annotations
 

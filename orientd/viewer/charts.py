@@ -45,7 +45,7 @@ def charts_of(device: pb.DeviceReport, certificate: pb.Certificate | None) -> li
 
 
 def _rates(limits: Limits, name: str, lowest: dict[str, float]) -> list[Chart]:
-    """Return the line of what was sent and that of its limit, or those of the body's axes."""
+    """Return the lines of a commanded rate and its limit, or of its body-frame components."""
     limit = limits.rate(name)
     if isinstance(limit, float | int):
         lines = [_strip("sent", name, "--z", _SOLID)]

@@ -42,13 +42,13 @@ _log.disabled = True
 
 
 class Source(Protocol):
-    """What a page shows, and what it can ask for."""
+    """A page's content, and its requests."""
 
     def picture(self, seen: dict[str, Any]) -> dict[str, Any]:
-        """Return all there is to show, by name; *seen* is what one browser was last sent."""
+        """Return everything that the page shows, by name; *seen* is the state of one browser."""
 
     def do(self, request: Mapping[str, Any]) -> dict[str, Any] | None:
-        """Do what somebody asks for on a page; return what that browser alone is told.
+        """Carry out a request; return the answer for that browser alone, if any.
 
         Raises:
             OrientdError: it was refused.
@@ -194,16 +194,10 @@ def _listener(host: str, port: int) -> socket.socket:
     try:
         family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         return socket.create_server(address[:2], family=family)
-    except socket.gaierror as error:
-        raise DaemonError(f"cannot serve at {host!r}: {error.strerror}") from error
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
-            problem = f"cannot serve at {host}: port {port} is in use; choose another with --port"
+            problem = f"port {port} is in use; choose another with --port"
         else:
-            problem = f"cannot serve at {host} port {port}: {os_reason(error)}"
-        raise DaemonError(problem) from error
-
-
-def os_reason(error: OSError) -> str:
-    """Return what the operating system says, without what Python adds."""
-    return error.strerror.partition(" (")[0] if error.strerror else str(error)
+            reason = error.strerror or str(error)
+            problem = f"{reason.partition(' (')[0]}; check --host and --port"
+        raise DaemonError(f"cannot serve at {host}: {problem}") from error

@@ -23,8 +23,8 @@ COLUMNS = (
     "acceleration", "acceleration_x", "acceleration_y", "acceleration_z",
     "tracking_error", "lateness",
 )  # fmt: skip
-"""As commanded, the norm and the sizes of the body's components in rad/s and rad/s^2; as measured,
-the norm in rad/s; the angle to where the device should be, rad; s."""
+"""Commanded: norms and magnitudes of the body-frame components, rad/s and rad/s^2.  Measured: the
+norm, rad/s.  Then the angle between measured and commanded orientation, rad, and lateness, s."""
 
 Row = tuple[int, *tuple[float | None, ...]]
 """Number of a span, and the largest value of each column in it; ``None`` if nothing is known."""

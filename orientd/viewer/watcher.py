@@ -1,11 +1,12 @@
 """Watches one daemon for all pages: state, cycles and the plan that runs.
 
-The stream of cycles flows while a page is open.  New values replace old ones, so a slow page holds
-nothing up.
+Cycles are streamed while a page is open.  New values replace old ones, so a slow page delays
+nothing.
 """
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable
@@ -30,10 +31,10 @@ SLOWEST_SAMPLES_HZ = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """What is known of the device that is shown.
+    """The device on the page, as the daemon last reported it.
 
     Attributes:
-        problem: why nothing newer is known; empty while all is well.
+        problem: why there is no newer report; empty while all is well.
         cell: the daemon and its devices; ``None`` before they were first seen.
         device: name of the device.
         pose: of its newest cycle, as the page draws it.
@@ -83,11 +84,13 @@ def sample_rate(duration: float, device_hz: float) -> float:
 
 
 class Watcher:
-    """Looks at a daemon from a thread of its own.
+    """Looks at a daemon from a thread of its own, the only one that changes :attr:`sight`.
 
     Attributes:
-        sight: what is known now.
+        sight: the newest state.
         strips: the last seconds of the device.
+        is_watched: whether a page is open; cycles are streamed only then.
+        chosen: the device to show; the daemon's first one while this names none of its devices.
     """
 
     def __init__(self, connect: Callable[[], Robot]) -> None:
@@ -97,21 +100,15 @@ class Watcher:
             OrientdError: no daemon answers.
         """
         self._connect = connect
-        self._lock = threading.Lock()
         self.sight, self.strips = Sight(), Strips()
+        self.is_watched, self.chosen = False, ""
+        self._closing = threading.Event()
         self._observer: Observer | None = None
-        self._is_watched = False
-        self._closing, self._wake = threading.Event(), threading.Event()
         self._robot: Robot | None = None
         self._last_robot = self._robot = connect()
         self._look(self._robot)
         self._thread = threading.Thread(target=self._work, name="watcher", daemon=True)
         self._thread.start()
-
-    @property
-    def is_streaming(self) -> bool:
-        """Whether cycles flow."""
-        return self._observer is not None
 
     @property
     def connection(self) -> Robot | None:
@@ -122,51 +119,34 @@ class Watcher:
         """Return the connection, for commands; with *even_lost* the last one, to stop by.
 
         Raises:
-            DaemonError: there is none at present.
+            DaemonError: the daemon does not answer at present.
         """
         robot = self._last_robot if even_lost else self._robot
         if robot is None:
             raise DaemonError(self.sight.problem or "no daemon answers")
         return robot
 
-    def watch(self, is_watched: bool) -> None:
-        """Have cycles flow while a page is open."""
-        if is_watched != self._is_watched:
-            self._is_watched = is_watched
-            self._wake.set()
-
-    def choose(self, device: str) -> None:
-        """Show another device."""
-        with self._lock:
-            self.sight = Sight(self.sight.problem, self.sight.cell, device)
-            self._end_stream()
-        self._wake.set()
-
     def close(self) -> None:
         """Look no more and hang up, which gives back the lease if it is held."""
         self._closing.set()
-        self._wake.set()
+        if self._observer is not None:
+            self._observer.close()
         self._thread.join()
         self._part()
 
-    # The thread
-
     def _work(self) -> None:
-        while not self._closing.is_set():
+        while not self._closing.wait(POLL):
             try:
                 if self._robot is None:
                     self._robot = self._last_robot = self._connect()
                 self._look(self._robot)
+                if self.is_watched:
+                    self._stream(self._robot)
             except OrientdError as error:
                 self._part()
-                with self._lock:
-                    self.sight = replace(self.sight, problem=str(error))
-            self._wake.wait(POLL if self._is_watched else 5.0 * POLL)
-            self._wake.clear()
+                self.sight = replace(self.sight, problem=str(error))
 
     def _part(self) -> None:
-        with self._lock:
-            self._end_stream()
         robot, self._robot = self._robot, None
         if robot is not None:
             robot.close()
@@ -175,66 +155,44 @@ class Watcher:
         """Take in the state, and fetch the plan of a motion that is new."""
         asked = time.monotonic()
         cell = robot.state()
-        before = self.sight
-        device = before.device if before.device in cell.devices else next(iter(cell.devices))
+        device = self.chosen if self.chosen in cell.devices else next(iter(cell.devices))
+        before = self.sight if self.sight.device == device else Sight(device=device)
         report, plan = cell.devices[device], before.plan
         if not report.motion_id:
             plan = None
         elif plan is None or plan.motion_id != report.motion_id:
             rate_hz = sample_rate(report.duration, report.rate_hz)
             plan = robot.planned(device=device, sample_rate_hz=rate_hz)
-        with self._lock:
-            if self.sight.device not in ("", device):
-                return  # somebody has chosen another one meanwhile
-            alive = self.sight.alive if before.device == device else 0.0
-            self.sight = replace(
-                self.sight,
-                problem="",
-                cell=cell,
-                device=device,
-                pose=self.sight.pose if self.is_streaming else _reported(report),
-                plan=plan,
-                seen=max(asked, self.sight.seen),
-                alive=max(asked - report.cycle_age * bool(report.servo_pid), alive),
-            )
-            if self._is_watched and not self.is_streaming:
-                self._begin_stream(robot, report)
-            elif not self._is_watched:
-                self._end_stream()
+        self.sight = replace(
+            before,
+            problem="",
+            cell=cell,
+            pose=_reported(report),
+            plan=plan,
+            seen=asked,
+            alive=max(asked - report.cycle_age * bool(report.servo_pid), before.alive),
+        )
 
-    # The stream of cycles, with the lock held
-
-    def _begin_stream(self, robot: Robot, report: pb.DeviceReport) -> None:
+    def _stream(self, robot: Robot) -> None:
+        """Take in cycles while a page is open and shows this device."""
+        report, looked, chosen = self.sight.report, self.sight.seen, self.chosen
+        if report is None:
+            return
         self.strips = strips = Strips(round(report.lead * report.rate_hz))
-        self._observer = observer = robot.observe()
-        arguments = observer, strips, report.name
-        threading.Thread(target=self._stream, args=arguments, name="cycles", daemon=True).start()
-
-    def _end_stream(self) -> None:
-        if self._observer is not None:
-            self._observer.close()
-        self._observer = None
-
-    def _stream(self, observer: Observer, strips: Strips, device: str) -> None:
-        try:
-            for cycles, outline in observer.sight(device, rate_hz=BATCHES_HZ):
-                strips.add(cycles)
+        with contextlib.closing(robot.observe()) as self._observer:
+            if self._closing.is_set():
+                return  # close() ran before the observer was there
+            for cycles, outline in self._observer.sight(report.name, rate_hz=BATCHES_HZ):
                 now = time.monotonic()
-                with self._lock:
-                    if self._observer is not observer:
-                        return
-                    self.sight = replace(
-                        self.sight,
-                        pose=_recorded(cycles[-1]) if cycles else self.sight.pose,
-                        outline=outline,
-                        seen=now,
-                        alive=now if cycles else self.sight.alive,
-                    )
-        except OrientdError:
-            pass  # the next look at the state says what is wrong
-        with self._lock:
-            if self._observer is observer:
-                self._end_stream()
+                if not self.is_watched or self.chosen != chosen:
+                    return
+                if now - looked > POLL:
+                    self._look(robot)
+                    looked = now
+                strips.add(cycles)
+                self.sight = replace(self.sight, outline=outline, seen=now)
+                if cycles:
+                    self.sight = replace(self.sight, pose=_recorded(cycles[-1]), alive=now)
 
 
 def _recorded(cycle: Cycle) -> dict[str, Any]:

@@ -46,6 +46,14 @@ class Page:
     def await_line(self, text):
         self.until(lambda page: page.says(text), text)
 
+    @property
+    def taken(self):
+        """The keyframes that were taken by hand, as the page lists them."""
+        return self.told["control"]["labels"]["taken"]
+
+    def await_taken(self, text):
+        self.until(lambda page: text in page.taken, text)
+
     def await_refusal(self, text):
         self.until(lambda page: any(text in one.get("refused", "") for one in page.answers), text)
 

@@ -25,7 +25,7 @@ from harness import DaemonProcess, until
 
 from emulated_ur import EmulatedRobot, LaunchError
 from orientd import connect, motion_file
-from orientd.errors import DeviceError, OrientdError, StateError
+from orientd.errors import DeviceError, OrientdError
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_quaternion
 from orientd.rotation import angle, exp
@@ -155,30 +155,38 @@ def test_an_arm_in_freedrive_is_taught_and_passes_every_pose_again(arm, tmp_path
         assert_passes(sent, exp(truth[3:]), truth[:3])
 
 
-def test_the_page_teaches_and_holds_the_arm_when_it_gives_up(arm):
-    from orientd.viewer.lesson import Lesson
+def test_a_page_teaches_and_the_arm_holds_when_the_lease_is_given_back(arm):
+    pytest.importorskip("websockets")
+    from browser import view_of
+    from page import page_at
 
     emulated, daemon = arm
-    lesson = Lesson()
-    with connect(daemon.socket) as robot:
-        with pytest.raises(StateError, match="let the device go first"):
-            lesson.take("")
-        lesson.begin(robot, "arm")
+    with view_of(daemon.socket) as view, page_at(view.address) as page:
+        page.await_line("Holding")
+        page.ask("take", name="")
+        page.await_refusal("let the device go first")
+        page.ask("lease")
+        page.await_line("held by this view")
+        page.ask("hand")
+        page.await_line("Free")
         joints = np.add(emulated.state()["actual_q"], [0, 0, 0, 0.1, 0, 0])
-        lesson.take("here & now")
-        assert lesson.taken == "1. 0.00 s here & now"
+        page.ask("take", name="here & now")
+        page.await_taken("1. 0.00 s here & now")
         emulated.ask("push " + " ".join(map(repr, joints.tolist())) + " 0.3")
         emulated.wait_until(lambda state: np.allclose(state["actual_q"], joints, atol=1e-9))
-        lesson.take("")
-        taken = measured_at(robot)
-        until(lambda: measured_at(robot) > taken, "another measurement")
-        lesson.take("")
-        lesson.remove()
-        lesson.end()
-        assert robot.state().devices["arm"].state == pb.STATE_HOLDING
-        found = motion_file.loads(lesson.content("seen").encode(), "seen.yaml")
-    assert (found.name, len(found.keyframes)) == ("seen", 2)
-    assert found.keyframes[0].name == "here & now"
+        page.ask("take", name="")
+        page.await_taken("; 2. ")
+        page.ask("remove")
+        page.until(lambda page: "; 2. " not in page.taken, "a keyframe less")
+        page.ask("lease")
+        page.await_line("Holding")
+        page.ask("download", name="seen")
+        name, content = page.until(
+            lambda page: [one["download"] for one in page.answers if "download" in one], "a file"
+        )[0]
+    found = motion_file.loads(content.encode(), name)
+    assert (found.name, name) == ("seen", "seen.yaml")
+    assert [one.name for one in found.keyframes] == ["here & now"]
 
 
 def test_an_arm_is_held_again_when_whoever_taught_it_is_killed(arm, teach, tmp_path):

@@ -171,13 +171,13 @@ class Service:
                 response.cycles.extend(
                     report.record_message(one) for one in records if record_index(one) % step == 0
                 )
-            if not (response.records or response.cycles or response.lost):
-                continue
             if request.with_outline:
                 response.outline.extend(
                     pb.Polyline(coordinates=[x for point in line for x in point])
                     for line in device.outline()
                 )
+            elif not (response.records or response.cycles or response.lost):
+                continue
             yield response
 
     async def WatchEvents(
