@@ -37,7 +37,7 @@ for folder in (
     "system",
     "chaos",
     "storm",
-    "drivers/dynamixel",
+    "unit/driver_dynamixel",
     "drivers/ur",
     "data/standard",
     "unit/mechanism",

@@ -211,7 +211,7 @@ def test_emulated_bus_leaves_files_alone(tmp_path):
 
 
 def test_gimbal_goes_on_from_the_zenith_and_home(bus, daemon):
-    # Each way on from there, with two axes and with three, is planned in tests/drivers/dynamixel.
+    # Each way from there, with two axes and with three, is planned in unit/driver_dynamixel.
     with connect(daemon.socket) as robot:
         for azimuth, elevation in ((100, 80), (100, 90), (0, 45), (0, 90)):
             aim = {"azimuth_elevation": {"azimuth": azimuth, "elevation": elevation}}

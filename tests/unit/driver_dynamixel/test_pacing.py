@@ -81,7 +81,7 @@ LITTLE_ROLL = [*AXES[:2], dict(AXES[2], limits_deg=[-120, 120])]
     ("order", "top", "begun"),
     [("ZY", 30, 20.0), ("ZY", 60, 20.0), ("ZY", 85, 20.0), ("ZY", 89.5, 20.0),
      ("ZYX", 30, 20.0), ("ZYX", 60, 20.0), ("ZYX", 85, 120.0), ("ZYX", 89.5, 120.0),
-     ("ZY", 89.9, 20.0), ("ZYX", 89.9, 600.0)],
+     ("ZYX", 89.9, 600.0), pytest.param("ZY", 89.9, 20.0, marks=pytest.mark.slow)],
 )  # fmt: skip
 def test_pass_of_a_satellite_is_planned_or_says_how_long_would_do(order, top, begun):
     seconds, pattern = begun, r"([\d.]+) s in place of ([\d.]+) s would do"
