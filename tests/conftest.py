@@ -1,9 +1,11 @@
+import contextlib
 import os
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import pytest
@@ -45,6 +47,38 @@ for folder in (
     "docs",
 ):
     sys.path.insert(0, str(Path(__file__).parent / folder))
+
+
+# Whatever a test starts inherits this, so that what is left of a run is known by it.
+os.environ.setdefault("ORIENTD_TEST_RUN", str(os.getpid()))
+
+
+def left_running():
+    """Return the processes that tests of this run have started, by their number."""
+    mark, found = f"ORIENTD_TEST_RUN={os.environ['ORIENTD_TEST_RUN']}".encode(), {}
+    for path in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if mark in (path / "environ").read_bytes().split(b"\0"):
+                words = (path / "cmdline").read_bytes().replace(b"\0", b" ")
+                found[int(path.name)] = words.decode(errors="replace").strip()
+    found.pop(os.getpid(), None)
+    return found
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session):
+    """Fail a run that leaves processes behind, and end these."""
+    if os.environ["ORIENTD_TEST_RUN"] != str(os.getpid()):
+        return  # one of several workers
+    ends = time.monotonic() + 10.0
+    while (left := left_running()) and time.monotonic() < ends:
+        time.sleep(0.1)
+    for pid, words in left.items():
+        sys.stderr.write(f"\nstill running after the tests: process {pid}, {words}\n")
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+    if left and session.exitstatus == pytest.ExitCode.OK:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
 @pytest.fixture(scope="module")
