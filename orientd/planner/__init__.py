@@ -34,19 +34,14 @@ if TYPE_CHECKING:
     from orientd.planner.blending import blend
     from orientd.planner.certify.certificate import Certificate, Peak
     from orientd.planner.device_planner import DevicePlanner
+    from orientd.planner.facts import HISTORY, MOTION_RECORD, MotionFacts
     from orientd.planner.methods import check_method, curve_of
     from orientd.planner.motion import Motion
     from orientd.planner.offline import in_parallel, need_backend, plan_many
     from orientd.planner.path.path import PathSamples
     from orientd.planner.path.position import position_path
     from orientd.planner.planning import plan
-    from orientd.planner.recorded import (
-        HISTORY,
-        Joints,
-        MotionFacts,
-        RecordedMotion,
-        states_between,
-    )
+    from orientd.planner.recorded import RecordedMotion, rows_of, start_of, states_between
     from orientd.planner.resolve import in_device_coordinates, report_frame
     from orientd.planner.state import State
     from orientd.planner.task import distinct, plan_as_recorded, replay_request, task_of
@@ -74,19 +69,14 @@ __getattr__ = lazily(
         "orientd.planner.blending": ("blend",),
         "orientd.planner.certify.certificate": ("Certificate", "Peak"),
         "orientd.planner.device_planner": ("DevicePlanner",),
+        "orientd.planner.facts": ("HISTORY", "MOTION_RECORD", "MotionFacts"),
         "orientd.planner.methods": ("check_method", "curve_of"),
         "orientd.planner.motion": ("Motion",),
         "orientd.planner.offline": ("in_parallel", "need_backend", "plan_many"),
         "orientd.planner.path.path": ("PathSamples",),
         "orientd.planner.path.position": ("position_path",),
         "orientd.planner.planning": ("plan",),
-        "orientd.planner.recorded": (
-            "HISTORY",
-            "Joints",
-            "MotionFacts",
-            "RecordedMotion",
-            "states_between",
-        ),
+        "orientd.planner.recorded": ("RecordedMotion", "rows_of", "start_of", "states_between"),
         "orientd.planner.resolve": ("in_device_coordinates", "report_frame"),
         "orientd.planner.state": ("State",),
         "orientd.planner.task": ("distinct", "plan_as_recorded", "replay_request", "task_of"),

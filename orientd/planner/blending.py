@@ -15,11 +15,12 @@ from orientd.curves import Trajectory
 from orientd.errors import PlanError
 from orientd.model import Limits, MotionRequest
 from orientd.planner.connect import join, try_joins
+from orientd.planner.facts import HISTORY
 from orientd.planner.job import certified
 from orientd.planner.motion import Motion
 from orientd.planner.path import Path, PositionPath, quintic
 from orientd.planner.planning import plan, timed
-from orientd.planner.recorded import HISTORY, RecordedMotion
+from orientd.planner.recorded import RecordedMotion
 from orientd.planner.state import State
 from orientd.planner.timing import Indices, KeyframePath, quickest
 from orientd.rotation import Floats, angle
@@ -213,7 +214,7 @@ def _cuts(
     period, begin = first.facts.period, first.facts.last_passed
     coming = second.keyframe_times[angle(second.request.keys, corner) > _SAME]
     end = float(coming[0]) if len(coming) else second.end_time
-    at_hand, last = first.at_hand[0] and first.at_hand[0] + HISTORY, first.last_record
+    at_hand, last = first.at_hand[0] + HISTORY, first.last_record
     leave = np.arange(max(earliest, at_hand, int(np.ceil(begin / period))), last)
     joined = np.arange(1, min(int(end / period), second.record_count - 2) + 1)
     if not len(leave) or not len(joined):

@@ -13,15 +13,9 @@ from orientd.drawing import Drawable
 from orientd.driver import Vector3
 from orientd.model import Limits, MotionRequest
 from orientd.planner.certify import Certificate, before
+from orientd.planner.facts import HISTORY, MotionFacts
 from orientd.planner.path import Path, PathSamples, RecordedPath
-from orientd.planner.recorded import (
-    HISTORY,
-    STATE_FLOATS,
-    MotionFacts,
-    RecordedMotion,
-    joints_of,
-    ring_records,
-)
+from orientd.planner.recorded import STATE_FLOATS, RecordedMotion, joints_of, ring_records
 from orientd.planner.saving import write_archive
 from orientd.planner.state import State
 from orientd.rotation import Floats, to_scipy
@@ -173,13 +167,19 @@ class Motion(Drawable):
             device_options=request.driver_options,
             first_joints=self.first_joints,
             last_joints=self.last_joints,
-            earlier=self._earlier(),
             corner=self.corner,
         )
 
-    def recorded(self, first: int = 0, count: int | None = None) -> RecordedMotion:
-        """Return the motion as its records tell it, with *count* of them at hand or all."""
-        rows = self.rows(first, self.record_count - first if count is None else count)
+    def recorded(self, first: int = -HISTORY, end: int | None = None) -> RecordedMotion:
+        """Return the motion as its records tell it, those from *first* on at hand, before *end*.
+
+        Three records before record 0 say where the device came from: orientation, position and
+        axis angles of them count.
+        """
+        end = self.record_count if end is None else end
+        rows = self.rows(max(first, 0), max(end, 0) - max(first, 0))
+        if first < 0:
+            rows = np.concatenate([self._earlier()[first:], rows])
         return RecordedMotion(self.facts, rows, first)
 
     def noted(self, *notes: str) -> Motion:
@@ -197,11 +197,10 @@ class Motion(Drawable):
         """
         if not 0 <= record < self.record_count:
             raise ValueError(f"record must be within 0 to {self.record_count - 1}, got {record}")
-        first = max(record - HISTORY, 0)
-        return self.recorded(first, record + 1 - first).state_at(record)
+        return self.recorded(record - HISTORY, record + 1).state_at(record)
 
     def _earlier(self) -> Floats:
-        """Return orientations, positions and axis angles of the three records before the first."""
+        """Return the rows of the three records before the first."""
         q, position = before(self.start_state, self.period)
         joints = np.array(self.path.joints_before(0), dtype=np.float64).reshape(HISTORY, -1)
         rows = np.zeros((HISTORY, STATE_FLOATS + 2 * joints.shape[1]))

@@ -1,4 +1,4 @@
-"""A motion as its records tell it: all that is needed to feed, leave, measure and continue it.
+"""A motion as its records tell it: all that is needed to leave it and to continue it.
 
 Whoever planned a motion can work out every record of it; everybody else has the records.  Between
 two records the path is that of the servo (:mod:`orientd.servo.path.segment`).
@@ -6,79 +6,25 @@ two records the path is that of the servo (:mod:`orientd.servo.path.segment`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from orientd.driver import Vector3
-from orientd.model import Limits
+from orientd.driver import Joints
+from orientd.kernels import between
+from orientd.planner.facts import HISTORY, MotionFacts
 from orientd.planner.state import State
 from orientd.rotation import Floats
 from orientd.stream import JOINTS, PATH_FLOATS
-
-HISTORY = 3
-"""Setpoints that a third difference reaches back to."""
 
 _POSE_FLOATS = PATH_FLOATS - 2 * JOINTS
 STATE_FLOATS = _POSE_FLOATS + 3
 """What the path ring has of the pose, q (4), omega_body (3), alpha_body (3), position (3) and
 velocity (3), and the acceleration of the position (3)."""
 
-
 _ON_RECORD = 1e-6
 """Share of a period within which an instant is that of a record."""
-
-Joints = tuple[float, ...]
-"""Angles of a device's axes, rad."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MotionFacts:
-    """What there is to know of a motion besides its records.
-
-    Attributes:
-        id: identifies it.
-        name: what people call it; empty where they do not.
-        period: path time from one record to the next, s.
-        record_count: number of records; the last one is at rest.
-        duration: path time from hold to hold, s.
-        start_time: path time of the first keyframe, s.
-        end_time: path time of the last keyframe, s.
-        last_passed: path time of the last keyframe before that one; 0 where there is none.
-        corner: of a motion that is blended with the one before, the path time at which it is
-            nearest to the end of that, s, and how near, rad.
-        limits: what it keeps.
-        brake_rate: share of full speed by which it may be slowed down in a second, 1/s.
-        stop_time: how long a stop on its path from full speed takes at the most, s.
-        omega_start: angular velocity asked for at the first keyframe, body frame, rad/s.
-        omega_end: the same at the last keyframe.
-        device_options: of the device's driver.
-        first_joints: axis angles it begins at, rad; empty unless it was made for a device's axes.
-        last_joints: axis angles it ends at, rad.
-        earlier: states of the three records before the first, shape ``(3, STATE_FLOATS + 2 axes)``;
-            orientations, positions and axis angles of them count.
-    """
-
-    id: str
-    name: str
-    period: float
-    record_count: int
-    duration: float
-    start_time: float
-    end_time: float
-    last_passed: float
-    limits: Limits
-    brake_rate: float
-    stop_time: float
-    omega_start: Vector3 | None
-    omega_end: Vector3 | None
-    device_options: Mapping[str, Any]
-    first_joints: Joints
-    last_joints: Joints
-    earlier: Floats
-    corner: tuple[float, float] | None = None
 
 
 class RecordedMotion:
@@ -88,14 +34,14 @@ class RecordedMotion:
         facts: what there is to know of it.
     """
 
-    def __init__(self, facts: MotionFacts, rows: Floats, first: int = 0) -> None:
+    def __init__(self, facts: MotionFacts, rows: Floats, first: int = -HISTORY) -> None:
         """Take records.
 
         Args:
             facts: of the motion.
             rows: of each state, axis angles and their velocities, shape ``(n, STATE_FLOATS +
                 2 axes)``.
-            first: which record the first row is.
+            first: which record the first row is; before record 0 the device was where it came from.
         """
         self.facts = facts
         self._rows = rows
@@ -115,34 +61,23 @@ class RecordedMotion:
         """Return state, axis angles and their velocities of records.
 
         Args:
-            first: may be down to -3: before the first record the device was where it came from.
+            first: down to -3, if these are at hand.
             count: how many.
 
         Raises:
             ValueError: there are no such records, or they are not at hand.
         """
         begin, end = self.at_hand
-        if first < 0 and begin == 0 and first >= -HISTORY:
-            earlier = self.facts.earlier[HISTORY + first : HISTORY + min(first + count, 0)]
-            rest = count - len(earlier)
-            return np.concatenate([earlier, self.rows(0, rest)]) if rest else earlier
         if count < 0 or first < begin or first + count > end:
             raise ValueError(
                 f"records must be within {begin} to {end}, got {first} to {first + count}"
             )
-        return self._read(first, count)
+        return self._rows[first - begin : first - begin + count]
 
-    def _read(self, first: int, count: int) -> Floats:
-        """Return rows that are at hand."""
-        return self._rows[first - self._first : first - self._first + count]
-
-    def records(self, first: int, count: int) -> Floats:
-        """Return records for the path ring, as many of *count* as are at hand.
-
-        Returns:
-            Shape ``(n, PATH_FLOATS)``.
-        """
-        return ring_records(self.rows(first, min(count, self.at_hand[1] - first)))
+    def packed(self) -> bytes:
+        """Return the records at hand, each a :data:`.MOTION_RECORD`."""
+        acceleration = self._rows[:, _POSE_FLOATS:STATE_FLOATS]
+        return np.concatenate([ring_records(self._rows), acceleration], axis=1).tobytes()
 
     def rows_at(self, records: np.ndarray[Any, np.dtype[np.intp]]) -> Floats:
         """Return the rows of some records, all of them at hand."""
@@ -156,10 +91,7 @@ class RecordedMotion:
         Raises:
             ValueError: there is no such record, or it is not at hand.
         """
-        rows = self.rows(record - HISTORY, HISTORY + 1)
-        here, before = rows[-1].copy(), rows[:-1].copy()
-        turning, linear = (here[:4], here[4:7], here[7:10]), (here[10:13], here[13:16], here[16:19])
-        return State(*turning, *linear, before=(before[:, :4], before[:, 10:13]))
+        return _state_of(self.rows(record - HISTORY, HISTORY + 1))
 
     def joints_at(self, record: int) -> Joints:
         """Return the axis angles planned at a record, rad; none where it knows of none."""
@@ -167,24 +99,64 @@ class RecordedMotion:
 
     def joint_rates_at(self, record: int) -> Joints:
         """Return the velocities of the axes planned at a record, rad/s; none if it has none."""
-        row = self.rows(record, 1)
-        return tuple(row[0, STATE_FLOATS + joints_of(row).shape[1] :].tolist())
+        return tuple(rates_of(self.rows(record, 1))[0].tolist())
 
     def joints_before(self, record: int) -> tuple[Joints, ...]:
         """Return the axis angles of the three records before one, the oldest first."""
         joints = joints_of(self.rows(record - HISTORY, HISTORY))
         return tuple(map(tuple, joints.tolist())) if joints.shape[1] else ()
 
-    def orientations(self, times: Floats) -> Floats:
-        """Return the orientations at path *times* that are at hand, shape ``(n, 4)``.
 
-        Times beyond the records at hand are those of the nearest one.
-        """
-        begin, end = self.at_hand
-        where = np.clip(times / self.facts.period, begin, end - 1.0)
-        first = int(where.min())
-        rows = self.rows(first, int(np.ceil(where.max())) + 1 - first)
-        return states_at(rows[:, :10], where - first, self.facts.period)[:, :4]
+class Start(NamedTuple):
+    """Where a motion begins.
+
+    Attributes:
+        start: where the device is commanded to be.
+        joints: its axis angles there, rad.
+        before: axis angles planned for the cycles before, if it moves.
+        rates: velocities of the axes planned there, rad/s, if it moves.
+    """
+
+    start: State
+    joints: Joints
+    before: Sequence[Joints]
+    rates: Joints
+
+
+def start_of(rows: Floats) -> Start:
+    """Return the last of some rows as the start of a motion.
+
+    The three rows before it say where the device comes from.  One row alone is at rest.
+    """
+    start, (*before, joints) = _state_of(rows), map(tuple, joints_of(rows).tolist())
+    if not joints or start.is_at_rest:
+        return Start(start, joints, (), ())
+    return Start(start, joints, before, tuple(rates_of(rows)[-1].tolist()))
+
+
+def rows_of(records: bytes) -> Floats:
+    """Return the rows that records are, each a :data:`.MOTION_RECORD`.
+
+    Returns:
+        Shape ``(n, STATE_FLOATS + 2 axes)``.
+    """
+    table = np.frombuffer(records).reshape(-1, PATH_FLOATS + 3)
+    rates = PATH_FLOATS - JOINTS
+    axes = int(np.count_nonzero(~np.isnan(table[0, _POSE_FLOATS:rates])))
+    parts = (
+        (0, _POSE_FLOATS),
+        (PATH_FLOATS, None),
+        (_POSE_FLOATS, _POSE_FLOATS + axes),
+        (rates, rates + axes),
+    )
+    return np.concatenate([table[:, begin:end] for begin, end in parts], axis=1)
+
+
+def _state_of(rows: Floats) -> State:
+    here, before = rows[-1].copy(), rows[:-1].copy()
+    turning, linear = (here[:4], here[4:7], here[7:10]), (here[10:13], here[13:16], here[16:19])
+    came = (before[:, :4], before[:, 10:13]) if len(before) else None
+    return State(*turning, *linear, before=came)
 
 
 def joints_of(rows: Floats) -> Floats:
@@ -194,6 +166,12 @@ def joints_of(rows: Floats) -> Floats:
     return joints
 
 
+def rates_of(rows: Floats) -> Floats:
+    """Return the velocities of the axes of rows, rad/s, shape ``(n, axes)``."""
+    rates: Floats = rows[:, STATE_FLOATS + joints_of(rows).shape[1] :]
+    return rates
+
+
 def ring_records(rows: Floats) -> Floats:
     """Return the records of the path ring that rows are; NaN for the axes that there are not."""
     axes = joints_of(rows).shape[1]
@@ -201,7 +179,7 @@ def ring_records(rows: Floats) -> Floats:
     records[:, :_POSE_FLOATS] = rows[:, :_POSE_FLOATS]
     records[:, _POSE_FLOATS : _POSE_FLOATS + axes] = joints_of(rows)
     rates = PATH_FLOATS - JOINTS
-    records[:, rates : rates + axes] = rows[:, STATE_FLOATS + axes :]
+    records[:, rates : rates + axes] = rates_of(rows)
     return records
 
 
@@ -258,9 +236,6 @@ def states_between(here: Floats, there: Floats, period: Floats | float, shares: 
         period: from each to the next, s, one for all or shape ``(n,)``.
         shares: in [0, 1], shape ``(n,)``.
     """
-    # The daemon measures recorded motions, and needs the kernels off the records only.
-    from orientd.kernels import between
-
     found = np.empty(here.shape)
     between(
         np.ascontiguousarray(here),

@@ -22,9 +22,10 @@ from orientd.errors import OrientdError
 from orientd.mechanism import Figure
 from orientd.model import Keyframe, Limits, MotionRequest
 from orientd.planner.certify import Certificate, Peak
+from orientd.planner.facts import HISTORY
 from orientd.planner.motion import Motion
 from orientd.planner.path import RecordedPath
-from orientd.planner.recorded import HISTORY, STATE_FLOATS
+from orientd.planner.recorded import STATE_FLOATS
 from orientd.planner.saving import FORMAT, VERSION
 
 _AXES = ("axis_velocity", "axis_acceleration", "axis_jerk")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from orientd.servo.path.path_follower import FINAL_WORD, TAIL_WORD
+from orientd.servo.path.segment import Segment, point_of
 from orientd.servo.process import ProcessSettings
 from orientd.servo.realtime import set_scheduling
 from orientd.servo.servo import Servo

@@ -13,6 +13,7 @@ from orientd.stream.memory import (
 from orientd.stream.records import (
     CYCLE_RECORD,
     JOINTS,
+    MOVING,
     NO_JOINTS,
     NOT_GIVEN,
     PATH_FLOATS,

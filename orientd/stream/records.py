@@ -37,6 +37,10 @@ class ServoState(IntEnum):
         return self.name
 
 
+MOVING = (ServoState.STREAMING, ServoState.STOPPING)
+"""States in which the setpoints are those of a motion."""
+
+
 class Command(IntEnum):
     """The commands of the daemon to the servo."""
 

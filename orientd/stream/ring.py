@@ -9,6 +9,7 @@ requested index and the checksum agrees.  A torn or overwritten slot reads as ``
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from typing import Any
 from zlib import crc32
 
@@ -59,11 +60,10 @@ class RecordRing:
         """Index of the next record, which is the number of records published so far."""
         return self.words[HEAD]
 
-    def put(self, records: bytes, index: int) -> None:
+    def put(self, records: Sequence[bytes], index: int) -> None:
         """Fill the slots from *index* on, at most all of them, without publishing them."""
-        size, rest = self._size, bytes(self._stride - self._end)
-        each = [records[begin : begin + size] for begin in range(0, len(records), size)]
-        slots = b"".join([record + _CHECK.pack(crc32(record)) + rest for record in each])
+        rest = bytes(self._stride - self._end)
+        slots = b"".join([record + _CHECK.pack(crc32(record)) + rest for record in records])
         begin = index % self.capacity * self._stride
         whole = slots[: len(self._slots) - begin]
         self._slots[begin : begin + len(whole)] = whole
@@ -92,6 +92,11 @@ class RecordRing:
         if _check_of(slot, self._size)[0] != crc32(record) or _index_of(record)[0] != index:
             return None
         return record
+
+    def records(self, first: int, end: int) -> list[bytes]:
+        """Return the records from *first* to before *end* that are there, in order."""
+        indices = range(self.oldest(first), min(end, self.words[HEAD]))
+        return [record for record in map(self.read_bytes, indices) if record is not None]
 
     def oldest(self, index: int) -> int:
         """Return *index*, or the index of the first later record that is not overwritten."""

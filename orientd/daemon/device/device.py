@@ -1,6 +1,7 @@
 """One device of the daemon: what it can be asked to do, what runs on it, and how it is.
 
 A thread of its own beats the heart, feeds the path ring, hears the servo and reports events.
+Another one measures what runs, which may take its time.
 """
 
 from __future__ import annotations
@@ -34,7 +35,6 @@ from orientd.errors import (
     StateError,
 )
 from orientd.planner import Limits
-from orientd.planner import State as PlannedState
 from orientd.protocol import control_pb2 as pb
 from orientd.servo import LEFT_OUT_WORD
 from orientd.stream import NOT_GIVEN, UNKNOWN, Command, Cycle, ServoState, unpack_cycle
@@ -46,6 +46,9 @@ _log = logging.getLogger(__name__)
 
 TICK = 0.01
 """How often the thread looks at the servo, s."""
+
+_MEASURE = 0.1
+"""How often what runs is measured, s."""
 
 GONE = "its caller has gone away"
 _READ_AHEAD = 8.0
@@ -136,7 +139,7 @@ class Device:
         )
         self._lock = threading.RLock()
         self._resetting = threading.Lock()
-        self._thread: threading.Thread | None = None
+        self._threads: list[threading.Thread] = []
         self._closing = threading.Event()
         # Motions come and go in one step each, in any thread.
         self._unfinished: set[QueuedMotion] = set()
@@ -150,11 +153,13 @@ class Device:
         """Start the servo process and return at once; see :meth:`wait_ready`."""
         with self._lock:
             self._start_servo()
-            if self._thread is None:
-                self._thread = threading.Thread(
-                    target=self._watch, name=f"device {self.name}", daemon=True
-                )
-                self._thread.start()
+            if not self._threads:
+                self._threads = [
+                    threading.Thread(target=work, name=f"{what} {self.name}", daemon=True)
+                    for work, what in ((self._watch, "device"), (self._measure, "meter"))
+                ]
+                for thread in self._threads:
+                    thread.start()
 
     def wait_ready(self, timeout: float) -> bool:
         """Wait until the servo runs its cycles, or has failed to; return which."""
@@ -170,9 +175,8 @@ class Device:
         with self._lock:
             self._closing.set()
             self._servo.end()
-            self._queue.measure()
-        if self._thread is not None:
-            self._thread.join()
+        for thread in self._threads:
+            thread.join()
         for queued in self.unfinished():
             self._conclude(queued, (pb.OUTCOME_STOPPED, GOING_DOWN))
 
@@ -182,8 +186,8 @@ class Device:
 
     # Motions
 
-    def commanded(self) -> PlannedState:
-        """Return where the device holds: the state that a motion from rest begins in.
+    def commanded(self) -> Cycle:
+        """Return a cycle in which the device holds: where a motion from rest begins.
 
         Raises:
             StateError: the device is not holding.
@@ -567,6 +571,10 @@ class Device:
             finally:
                 self._lock.release()
 
+    def _measure(self) -> None:
+        while not self._closing.wait(_MEASURE):
+            self._queue.measure()
+
     def _tick(self) -> None:
         self._servo.beat()
         is_alive, memory = self._servo.is_alive, self._servo.memory
@@ -597,32 +605,15 @@ class Device:
     # Events
 
     def _tell_of_servo(self, kind: EventKind, text: str) -> None:
-        number = self._queue.present if kind is EventKind.FAULT else 0
-        self._on_event(DeviceEvent(self.name, kind, number, text, time.monotonic_ns()))
+        queued = self._queue.present if kind is EventKind.FAULT else None
+        self._on_event(DeviceEvent(self.name, kind, text, time.monotonic_ns(), queued))
 
     def _tell(
         self, kind: EventKind, queued: QueuedMotion, text: str, lease: Lease | None = None
     ) -> None:
         """Report what has happened to a motion; it has ended by most of that."""
-        planned, ended = queued.planned, self._how(kind, queued, text)
-        is_start = kind is EventKind.MOTION_STARTED
-        self._on_event(
-            DeviceEvent(
-                self.name,
-                kind,
-                queued.number,
-                text,
-                time.monotonic_ns(),
-                motion=planned if is_start else None,
-                path_index=queued.first_index if is_start else None,
-                motion_id="" if planned is None else planned.id,
-                motion_name="" if planned is None else planned.facts.name,
-                outcome=None if ended is None else ended[0],
-                reason="" if ended is None else ended[1],
-                commander="" if lease is None else lease.who,
-                identity="" if lease is None else lease.owner,
-            )
-        )
+        ended, now_ns = self._how(kind, queued, text), time.monotonic_ns()
+        self._on_event(DeviceEvent(self.name, kind, text, now_ns, queued, ended, lease))
         if ended is not None:
             self._conclude(queued, ended)
 

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
 
-from orientd.protocol import control_pb2 as pb
-
-if TYPE_CHECKING:
-    from orientd.daemon.planners import PlannedMotion
+from orientd.daemon.device.queued_motion import Ended, QueuedMotion
+from orientd.daemon.leases import Lease
 
 
 class EventKind(Enum):
@@ -37,27 +34,22 @@ class DeviceEvent:
     Attributes:
         device: its name.
         kind: what happened.
-        motion_number: the motion it happened to, 0 for none.
         text: in words.
         time_ns: when the daemon saw it, monotonic clock.
-        motion: the motion that has started.
-        path_index: of its first record, if that is known.
-        motion_id, motion_name: of the motion it happened to; empty for targets.
-        outcome: how that motion has ended; ``None`` if it goes on.
-        reason: why it has ended.
-        commander, identity: who has started it, for people and as the daemon knows them.
+        queued: the motion that it happened to; ``None`` if it happened to none.
+        ended: how that motion has ended and why; ``None`` if it goes on.
+        lease: the lease of who has started it.
     """
 
     device: str
     kind: EventKind
-    motion_number: int
     text: str
     time_ns: int
-    motion: PlannedMotion | None = None
-    path_index: int | None = None
-    motion_id: str = ""
-    motion_name: str = ""
-    outcome: pb.Outcome | None = None
-    reason: str = ""
-    commander: str = ""
-    identity: str = ""
+    queued: QueuedMotion | None = None
+    ended: Ended | None = None
+    lease: Lease | None = None
+
+    @property
+    def motion_number(self) -> int:
+        """Number of the motion that it happened to; 0 for none."""
+        return 0 if self.queued is None else self.queued.number

@@ -5,9 +5,10 @@ It keeps the ring filled ahead of the servo, and holds no more of a motion than 
 
 from __future__ import annotations
 
-import numpy as np
+import struct
 
-from orientd.planner import RecordedMotion
+from orientd.daemon.planners import PlannedMotion
+from orientd.planner import MOTION_RECORD
 from orientd.servo import FINAL_WORD, TAIL_WORD
 from orientd.stream import PATH_FLOATS, RecordRing
 
@@ -15,7 +16,8 @@ BLOCK = 512
 """Records copied at a time."""
 
 MARGIN = 8
-_LAYOUT = np.dtype([("index", "u8"), ("floats", "f8", (PATH_FLOATS,))], align=True)
+_index = struct.Struct("@Q").pack
+_PATH_BYTES = 8 * PATH_FLOATS
 
 
 class Feeder:
@@ -26,7 +28,7 @@ class Feeder:
         first_index: the ring's index of the motion's first record.
     """
 
-    def __init__(self, ring: RecordRing, motion: RecordedMotion, *, read_ahead: int) -> None:
+    def __init__(self, ring: RecordRing, motion: PlannedMotion, *, read_ahead: int) -> None:
         """Begin behind whatever the ring holds.
 
         Args:
@@ -82,16 +84,20 @@ class Feeder:
         count = min(most, room, self._until - self._fed)
         if count <= 0:
             return 0
-        floats = self.motion.records(self._fed, count)
-        block = np.empty(len(floats), dtype=_LAYOUT)
-        block["index"] = np.arange(ring.head, ring.head + len(floats))
-        block["floats"] = floats
-        ring.put(block.tobytes(), ring.head)
-        self._fed += len(block)
+        head, records = ring.head, self.motion.feed(self._fed, count)
+        places = range(0, len(records), MOTION_RECORD.size)
+        ring.put(
+            [
+                _index(index) + records[at : at + _PATH_BYTES]
+                for index, at in enumerate(places, start=head)
+            ],
+            head,
+        )
+        self._fed += len(places)
         if self._is_taken_up:
             self._declare_end()
-        ring.advance(ring.head + len(block))
-        return len(block)
+        ring.advance(head + len(places))
+        return len(places)
 
     def take_up(self) -> None:
         """Note that the servo has the motion on its path; it is told where it ends from now on."""

@@ -1,24 +1,33 @@
 """Measure a motion from the cycles the servo has published: what was sent, not what was planned.
 
 The figures grow no memory: lateness goes into a histogram with bins 1 % wide, peaks are kept as
-they pass.
+they pass.  Nothing here waits for the device or keeps it waiting: cycles stay in their ring for
+seconds, and whoever wants the figures takes in those that are still missing.
 """
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+import threading
+from bisect import bisect_left
+from collections import Counter
+from math import exp, log
 
-from orientd import rotation
-from orientd.planner import RecordedMotion, Vector3
+from orientd.daemon.planners import PlannedMotion
+from orientd.driver import ZERO, Quaternion, Vector3
+from orientd.floats import combine, difference, multiply, norm
+from orientd.floats import exp as turn_of
+from orientd.planner import MOTION_RECORD
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import Table, from_records
-from orientd.rotation import Floats
-from orientd.stream import CycleFlag, ServoState
+from orientd.servo import Segment, point_of
+from orientd.stream import MOVING, PATH_FLOATS, Cycle, CycleFlag, RecordRing, unpack_cycle
 
-_BIN = np.log(1.01)
-_BINS = 2200
-"""From 1 ns to 3.2 s."""
+_BIN = log(1.01)
+
+_BLOCK = 64
+"""Cycles measured, and records read, at a time."""
+
+_REACH = 3
+"""Cycles before the first one of a motion that its third difference reaches back to."""
 
 NANOSECONDS = 1e9
 
@@ -29,27 +38,25 @@ _SAME = 1e-6
 
 
 class Histogram:
-    """Durations in bins 1 % wide, of constant size."""
+    """Durations in bins 1 % wide."""
 
     def __init__(self) -> None:
-        self._counts = np.zeros(_BINS, dtype=np.int64)
+        self._counts: Counter[int] = Counter()
         self.largest_ns = 0
 
-    def add(self, durations_ns: NDArray[np.int64]) -> None:
-        """Count *durations_ns*; what is not positive counts as 1 ns."""
-        if durations_ns.size:
-            bins = np.log(np.maximum(durations_ns, 1)) / _BIN
-            np.add.at(self._counts, np.minimum(bins.astype(np.int64), _BINS - 1), 1)
-            self.largest_ns = max(self.largest_ns, int(durations_ns.max()))
+    def add(self, duration_ns: int) -> None:
+        """Count a duration; what is not positive counts as 1 ns."""
+        self._counts[int(log(max(duration_ns, 1)) / _BIN)] += 1
+        self.largest_ns = max(self.largest_ns, duration_ns)
 
     def percentile_ns(self, percent: float) -> float:
         """Return the duration that *percent* of those counted do not exceed, to 1 %."""
-        total = int(self._counts.sum())
-        if total == 0:
-            return 0.0
-        rank = percent / 100.0 * total
-        place = int(np.searchsorted(np.cumsum(self._counts), rank))
-        return float(min(np.exp((place + 0.5) * _BIN), self.largest_ns))
+        left = percent / 100.0 * self._counts.total()
+        for place, count in sorted(self._counts.items()):
+            left -= count
+            if left <= 0.0:
+                return min(exp((place + 0.5) * _BIN), float(self.largest_ns))
+        return 0.0
 
 
 class LedSetpoints:
@@ -62,38 +69,35 @@ class LedSetpoints:
     and stops are those of what is sent.
     """
 
-    def __init__(self, lead: float, held: Floats) -> None:
-        """Expect feedback *lead* seconds after its setpoint; *held* is sent before the first."""
-        self._lead_ns = round(lead * 1e9)
-        self._held = np.asarray(held, dtype=np.float64)
-        self._times_ns = np.zeros(0, dtype=np.int64)
-        self._q = np.zeros((0, 4))
+    def __init__(self, lead: float) -> None:
+        """Expect feedback *lead* seconds after its setpoint."""
+        self._lead_ns = round(lead * NANOSECONDS)
+        self._times_ns: list[int] = []
+        self._q: list[Quaternion] = []
 
-    def gaps(self, cycles: Table) -> Floats:
-        """Return the angles between the feedback of further *cycles* and what was to be, rad.
-
-        Args:
-            cycles: in order, each with feedback or without; those without have a gap of 0.
-        """
-        if not len(self._times_ns):
-            self._times_ns = cycles["deadline_ns"][:1] - 1
-            self._q = self._held[None]
-        self._times_ns = np.concatenate([self._times_ns, cycles["deadline_ns"]])
-        self._q = np.concatenate([self._q, cycles["sent_q"]])
+    def gap(self, cycle: Cycle) -> float:
+        """Return the angle between the feedback of the next cycle and what was to be, rad."""
         times_ns, q = self._times_ns, self._q
-        wanted_ns = cycles["feedback_time_ns"] - self._lead_ns
-        after = np.clip(np.searchsorted(times_ns, wanted_ns), 1, len(times_ns) - 1)
+        if not times_ns:
+            times_ns.append(cycle.deadline_ns - 1)
+            q.append(cycle.q)
+        times_ns.append(cycle.deadline_ns)
+        q.append(cycle.q)
+        while times_ns[0] <= cycle.deadline_ns - self._lead_ns - _OLDEST_FEEDBACK_NS:
+            del times_ns[0], q[0]
+        if not cycle.has_feedback:
+            return 0.0
+        wanted_ns = cycle.feedback_time_ns - self._lead_ns
+        after = min(max(bisect_left(times_ns, wanted_ns), 1), len(times_ns) - 1)
         before_ns = times_ns[after - 1]
-        share = (wanted_ns - before_ns) / np.maximum(times_ns[after] - before_ns, 1)
-        expected = rotation.slerp(q[after - 1], q[after], np.clip(share, 0.0, 1.0))
-        gaps = rotation.angle(expected, cycles["measured_q"])
-        is_kept = times_ns > times_ns[-1] - self._lead_ns - _OLDEST_FEEDBACK_NS
-        self._times_ns, self._q = times_ns[is_kept], q[is_kept]
-        return np.where(cycles["flags"] & CycleFlag.FEEDBACK, gaps, 0.0)
+        share = (wanted_ns - before_ns) / (times_ns[after] - before_ns)
+        turn = difference(q[after - 1], q[after])
+        part = turn_of(combine(turn, min(max(share, 0.0), 1.0), ZERO, 0.0))
+        return norm(difference(multiply(q[after - 1], part), cycle.feedback_q))
 
 
 class MotionMeter:
-    """Measure one motion, block of cycles by block.
+    """Measure one motion.
 
     Peaks are of backward differences, which are not taken across a stall, from which the motion
     goes on from rest.  Feedback is compared with what was sent in the same cycle; for a device that
@@ -101,18 +105,16 @@ class MotionMeter:
 
     Attributes:
         number: the motion's number.
-        began_ns: when the motion began to be run, monotonic clock, as its first setpoint says,
-            which is for the end of a cycle; ``None`` before that.
     """
 
     def __init__(
         self,
-        motion: RecordedMotion,
+        motion: PlannedMotion,
         number: int,
         first_index: int,
+        cycles: RecordRing,
         *,
         lead: float = 0.0,
-        after: MotionMeter | None = None,
     ) -> None:
         """Expect the motion's records in the path ring from *first_index* on.
 
@@ -120,82 +122,99 @@ class MotionMeter:
             motion: to measure.
             number: of the motion.
             first_index: ring index of its first record.
+            cycles: the ring of cycles, in which those of the motion come.
             lead: by how much the device is led, s.
-            after: measures the motion that this one takes over from while it moves.
         """
         self.number = number
-        self._motion = motion
+        self._motion, self._facts = motion, motion.facts
         self._first = first_index
+        self._lock = threading.Lock()
+        self._cycles: RecordRing | None = cycles
+        self._next = max(0, cycles.head - _REACH - round(lead / motion.facts.period))
+        self._end: int | None = None
+        self._began_ns: int | None = None
         self._lateness, self._work = Histogram(), Histogram()
-        self._cycles = 0
-        self._counters: tuple[int, int] | None = None
-        self._overruns = self._missed = self._stalls = 0
+        self._count = self._stalls = 0
+        self._counters, self._counters_before = (0, 0), (0, 0)
         self._peaks = [0.0, 0.0, 0.0]
         self._path_error = self._tracking_error = 0.0
-        self._before: Table | None = None
-        self._omega = np.zeros(3)
-        self._alpha = np.zeros(3)
+        self._before: Cycle | None = None
+        self._omega = self._alpha = ZERO
         self._start_error: float | None = None
         self._end_error: float | None = None
-        self._carried: tuple[Table, NDArray[np.float64]] | None = None
-        # The device holds there before the first cycle of the motion.
-        self._last_q = motion.orientations(np.zeros(1))[0]
-        self._led = LedSetpoints(lead, self._last_q) if lead > 0.0 else None
-        self._after = after
-        self.began_ns: int | None = None
-
-    def add(self, records: list[bytes]) -> None:
-        """Measure further cycles, in order; those that are not of the motion are left out."""
-        cycles = from_records(records)
-        moving = (cycles["state"] == ServoState.STREAMING) | (
-            cycles["state"] == ServoState.STOPPING
-        )
-        # The first cycle at rest belongs to the motion too: it is the last setpoint of it.
-        moving[1:] |= moving[:-1]
-        if self._before is not None:
-            moving[0] |= self._before["state"] in (ServoState.STREAMING, ServoState.STOPPING)
-        previous, self._before = self._before, cycles[-1]
-        chosen = moving & (cycles["motion"] == self.number)
-        if not chosen.any():
-            return
-        first = int(np.argmax(chosen))
-        block = cycles[chosen]
-        if self.began_ns is None:
-            block = self._after_waiting(block)
-            if not len(block):
-                return
-        self._cycles += len(block)
-        self._lateness.add(block["lateness_ns"])
-        self._work.add(block["work_ns"][1:])
-        if self._counters is None:
-            one = cycles[first - 1] if first else previous
-            base = one if one is not None else block[0]
-            self._counters = (int(base["overruns"]), int(base["missed"]))
-        self._overruns = int(block["overruns"][-1]) - self._counters[0]
-        self._missed = int(block["missed"][-1]) - self._counters[1]
-        if self._after is not None:
-            self._last_q, self._omega, self._alpha = self._after.last
-            self._after = None
-        (resumed,) = np.nonzero(block["flags"] & CycleFlag.FROM_REST)
-        for number, sent in enumerate(np.split(block["sent_q"], resumed)):
-            if number:
-                self._omega, self._alpha = np.zeros(3), np.zeros(3)
-            if len(sent):
-                self._differentiate(sent)
-        self._stalls += len(resumed)
-        self._compare(block)
+        self._recent: list[tuple[float, Cycle]] = []
+        self._led = LedSetpoints(lead) if lead > 0.0 else None
+        self._block, self._block_first = b"", 0
 
     @property
-    def last(self) -> tuple[Floats, Floats, Floats]:
-        """Orientation sent last, and its first and second backward differences."""
-        return self._last_q, self._omega, self._alpha
+    def began_ns(self) -> int | None:
+        """When the motion began to be run, monotonic clock; ``None`` before that.
+
+        That is as its first setpoint says, which is for the end of a cycle.
+        """
+        self.measure()
+        return self._began_ns
+
+    def end(self) -> None:
+        """Expect no cycles of the motion after the newest one there is."""
+        if self._end is None and self._cycles is not None:
+            self._end = self._cycles.head
+
+    def measure(self) -> bool:
+        """Take in what cycles have come; return whether that was the last of them."""
+        with self._lock:
+            ring, end = self._cycles, self._end
+            if ring is not None:
+                # Cycles that come meanwhile are for the next time: it would never end else.
+                head = ring.head if end is None else end
+                while self._next < head:
+                    since, self._next = self._next, min(self._next + _BLOCK, head)
+                    for record in ring.records(since, self._next):
+                        self.add(unpack_cycle(record))
+                if end is not None:
+                    # Nothing of the servo's memory is kept.
+                    self._cycles, self._block = None, b""
+            return self._cycles is None
+
+    def add(self, cycle: Cycle) -> None:
+        """Measure the next cycle; one that is not of the motion tells where that comes from."""
+        before, self._before = self._before, cycle
+        was_moving = before is not None and before.state in MOVING
+        # The first cycle at rest belongs to the motion too: it is the last setpoint of it.
+        is_moving = cycle.state in MOVING or was_moving
+        is_own = is_moving and cycle.motion == self.number
+        if is_own and self._began_ns is None:
+            self._look_for_begin(cycle, before if was_moving else None)
+        if before is None or not is_moving or cycle.flags & CycleFlag.FROM_REST:
+            self._omega = self._alpha = ZERO
+        if before is not None and is_moving:
+            self._differentiate(before.q, cycle.q, is_own=is_own and self._began_ns is not None)
+        gap = self._led.gap(cycle) if self._led is not None else 0.0
+        if not is_own or self._began_ns is None:
+            self._counters_before = (cycle.overruns, cycle.missed)
+            return
+        self._lateness.add(cycle.lateness_ns)
+        if self._count:  # the work is that of the cycle before
+            self._work.add(cycle.work_ns)
+        self._count += 1
+        self._counters = (
+            cycle.overruns - self._counters_before[0],
+            cycle.missed - self._counters_before[1],
+        )
+        self._stalls += bool(cycle.flags & CycleFlag.FROM_REST)
+        if self._led is None and cycle.has_feedback:
+            gap = norm(difference(cycle.q, cycle.feedback_q))
+        self._tracking_error = max(self._tracking_error, gap)
+        self._compare(cycle)
 
     def statistics(self) -> pb.MotionStatistics:
         """Return the figures so far."""
+        self.measure()
+        overruns, missed = self._counters
         return pb.MotionStatistics(
-            cycles=self._cycles,
-            overruns=self._overruns,
-            missed=self._missed,
+            cycles=self._count,
+            overruns=overruns,
+            missed=missed,
             stalls=self._stalls,
             lateness=_durations(self._lateness),
             work=_durations(self._work),
@@ -208,100 +227,99 @@ class MotionMeter:
             end_velocity_error=self._end_error,
         )
 
-    def _after_waiting(self, block: Table) -> Table:
-        """Return *block* without the cycles in which the motion had not begun to move.
+    def _look_for_begin(self, cycle: Cycle, moving: Cycle | None) -> None:
+        """Note when the motion began, unless it waits yet for its time to begin.
 
         A motion that takes over from another one moves from its first record on.
+
+        Args:
+            cycle: of the motion.
+            moving: the one before, if the device moved then.
         """
-        moved = (block["path_index"] > self._first) | (block["path_fraction"] > 0.0)
-        moved |= self._after is not None
-        if not moved.any():
-            return block[:0]
-        first = int(np.argmax(moved))
-        sent = block[first]
-        run = sent["path_index"] - self._first + sent["path_fraction"]
-        late_ns = (1.0 - run / (sent["speed"] or 1.0)) * self._motion.facts.period * 1e9
-        self.began_ns = int(sent["deadline_ns"] + sent["lateness_ns"] + round(late_ns))
-        return block[first:]
+        run = cycle.path_index - self._first + cycle.path_fraction
+        takes_over = moving is not None and moving.motion != self.number
+        if run > 0.0 or takes_over:
+            late_ns = (1.0 - run / (cycle.speed or 1.0)) * self._facts.period * NANOSECONDS
+            self._began_ns = cycle.deadline_ns + cycle.lateness_ns + round(late_ns)
 
-    def _differentiate(self, sent: NDArray[np.float64]) -> None:
-        h, q = self._motion.facts.period, np.vstack([self._last_q, sent])
-        omega = rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:])) / h
-        alpha = np.diff(np.vstack([self._omega, omega]), axis=0) / h
-        jerk = np.diff(np.vstack([self._alpha, alpha]), axis=0) / h
-        self._last_q, self._omega, self._alpha = sent[-1], omega[-1], alpha[-1]
-        for k, derivative in enumerate((omega, alpha, jerk)):
-            largest = float(np.sqrt((derivative**2).sum(axis=1).max()))
-            self._peaks[k] = max(self._peaks[k], largest)
+    def _differentiate(self, before: Quaternion, q: Quaternion, *, is_own: bool) -> None:
+        per_second = 1.0 / self._facts.period
+        omega = combine(difference(before, q), per_second, ZERO, 0.0)
+        alpha = combine(omega, per_second, self._omega, -per_second)
+        jerk = combine(alpha, per_second, self._alpha, -per_second)
+        self._omega, self._alpha = omega, alpha
+        if is_own:
+            found = map(norm, (omega, alpha, jerk))
+            self._peaks = [max(pair) for pair in zip(self._peaks, found, strict=True)]
 
-    def _compare(self, block: Table) -> None:
-        motion = self._motion
-        times = (block["path_index"] - self._first + block["path_fraction"]) * motion.facts.period
-        off_plan = rotation.angle(motion.orientations(times), block["sent_q"])
-        self._path_error = max(self._path_error, float(off_plan.max()))
-        measured = (block["flags"] & CycleFlag.FEEDBACK) != 0
-        if self._led is not None:
-            self._tracking_error = max(self._tracking_error, float(self._led.gaps(block).max()))
-        elif measured.any():
-            gap = rotation.angle(block["sent_q"][measured], block["measured_q"][measured])
-            self._tracking_error = max(self._tracking_error, float(gap.max()))
-        if self._carried is not None:
-            block = np.concatenate([self._carried[0], block])
-            times = np.concatenate([self._carried[1], times])
-        self._carried = (block[-2:], times[-2:])
-        full = block["speed"] == 1.0
-        block, times = block[full], times[full]
-        facts = motion.facts
-        if self._start_error is None and facts.omega_start is not None:
-            self._start_error = self._velocity_error(
-                block, times, facts.start_time, facts.omega_start, from_before=False
-            )
-        if self._end_error is None and facts.omega_end is not None:
-            self._end_error = self._velocity_error(
-                block, times, facts.end_time, facts.omega_end, from_before=True
-            )
+    def _compare(self, cycle: Cycle) -> None:
+        """Compare what was sent with the plan."""
+        facts, record = self._facts, cycle.path_index - self._first
+        planned = self._planned(record, cycle.path_fraction)
+        if planned is not None:
+            self._path_error = max(self._path_error, norm(difference(planned, cycle.q)))
+        if cycle.speed == 1.0:
+            time = (record + cycle.path_fraction) * facts.period
+            self._recent = [*self._recent[-2:], (time, cycle)]
+            if self._start_error is None and facts.omega_start is not None:
+                self._start_error = self._velocity_error(
+                    facts.start_time, facts.omega_start, from_before=False
+                )
+            if self._end_error is None and facts.omega_end is not None:
+                self._end_error = self._velocity_error(
+                    facts.end_time, facts.omega_end, from_before=True
+                )
+
+    def _planned(self, record: int, fraction: float) -> Quaternion | None:
+        """Return the orientation planned at a place on the path, if that is at hand."""
+        last = self._motion.last_record
+        if record >= last:
+            record, fraction = last, 0.0
+        size, needed = MOTION_RECORD.size, 2 if fraction else 1
+        here = record - self._block_first
+        if not 0 <= here <= len(self._block) // size - needed:
+            begin, end = self._motion.at_hand
+            if not begin <= record <= end - needed:
+                return None
+            self._block_first, here = record, 0
+            self._block = self._motion.read(record, min(_BLOCK, end - record))
+        start, *others = [
+            point_of((0, *MOTION_RECORD.unpack_from(self._block, at * size)[:PATH_FLOATS]))
+            for at in range(here, here + needed)
+        ]
+        return Segment(start, others[0], self._facts.period).at(fraction).q if others else start.q
 
     def _velocity_error(
-        self,
-        block: Table,
-        times: NDArray[np.float64],
-        instant: float,
-        wanted: Vector3,
-        *,
-        from_before: bool,
+        self, instant: float, wanted: Vector3, *, from_before: bool
     ) -> float | None:
-        """Return the error of the velocity sent at *instant*, where the block spans it.
+        """Return the error of the velocity sent at *instant*, if the recent cycles span it.
 
         Where no cycle falls on the instant, the velocity is the cubic through velocity and
         acceleration of the two cycles before it, or after it: between the one before and the one
         after, another curve begins with a step in jerk.
         """
-        h = self._motion.facts.period
-        k = int(np.searchsorted(times, instant - _SAME * h))
-        if k >= len(times):
+        recent, h = self._recent, self._facts.period
+        k = next((k for k, (time, _) in enumerate(recent) if time >= instant - _SAME * h), None)
+        if k is None:
             return None
-        if times[k] - instant <= _SAME * h:
-            sent = block["sent_omega_body"][k]
-            return float(np.linalg.norm(sent - np.array(wanted)))
+        time, cycle = recent[k]
+        if time - instant <= _SAME * h:
+            return norm(combine(cycle.omega_body, 1.0, wanted, -1.0))
         first = k - 2 if from_before else k
-        if first < 0 or first + 1 >= len(times):
+        if first < 0 or first + 1 >= len(recent):
             return None
-        nearest = times[k - 1] if from_before else times[k]
-        step = times[first + 1] - times[first]
-        if abs(step - h) > _SAME * h or abs(instant - nearest) > h:
+        (begin, here), (end, there) = recent[first : first + 2]
+        step = end - begin
+        if abs(step - h) > _SAME * h or abs(instant - (end if from_before else begin)) > h:
             return None
-        u = (instant - times[first]) / step
-        omega, alpha = (
-            block["sent_omega_body"][first : first + 2],
-            block["sent_alpha_body"][first : first + 2],
+        u = (instant - begin) / step
+        velocity = combine(
+            here.omega_body, (1 + 2 * u) * (1 - u) ** 2, there.omega_body, u**2 * (3 - 2 * u)
         )
-        sent = (
-            (1 + 2 * u) * (1 - u) ** 2 * omega[0]
-            + u**2 * (3 - 2 * u) * omega[1]
-            + u * (1 - u) ** 2 * step * alpha[0]
-            + u**2 * (u - 1) * step * alpha[1]
+        slope = combine(
+            here.alpha_body, u * (1 - u) ** 2 * step, there.alpha_body, u**2 * (u - 1) * step
         )
-        return float(np.linalg.norm(sent - np.array(wanted)))
+        return norm(combine(combine(velocity, 1.0, slope, 1.0), 1.0, wanted, -1.0))
 
 
 def _durations(histogram: Histogram) -> pb.Durations:

@@ -20,10 +20,7 @@ from orientd.daemon.device.servo_process import ServoProcess, servo_limits_of
 from orientd.errors import DaemonError, LateError, NotYetError, OrientdError, StateError
 from orientd.planner import MotionFacts
 from orientd.servo import TAIL_WORD
-from orientd.stream import UNKNOWN, Command, Cycle, ServoLimits, ServoState, record_index
-
-_METER_BLOCK = 256
-"""Cycles measured at a time: few of them would cost nearly as much as so many."""
+from orientd.stream import MOVING, UNKNOWN, Command, Cycle, ServoLimits, ServoState
 
 _FEED_TIME = 0.25
 """How much of a motion is fed before the servo is told of it, beyond what a stop takes; s."""
@@ -31,8 +28,6 @@ _FEED_TIME = 0.25
 
 STOPPED = "stopped on its path"
 """Text of a motion that was stopped, if there is no more to say of it than why."""
-
-MOVING = (ServoState.STREAMING, ServoState.STOPPING)
 
 
 class MotionQueue:
@@ -63,12 +58,12 @@ class MotionQueue:
         self._targets: QueuedMotion | None = None
         self._shown: QueuedMotion | None = None
         self._tuned: Mapping[str, Any] = {}
-        self._metered = 0
+        self._meters: list[MotionMeter] = []
 
     def restart(self) -> None:
         """Begin anew with a new servo process, which knows of no motion."""
         self._targets = self._shown = None
-        self._tuned, self.is_paused, self._metered = {}, False, 0
+        self._tuned, self.is_paused = {}, False
 
     # What there is
 
@@ -92,10 +87,9 @@ class MotionQueue:
         return next((queued for queued in self._motions if queued.number == number), None)
 
     @property
-    def present(self) -> int:
-        """Number of the motion that the device is on; 0 for none."""
-        present = self._motions[0] if self._motions else self._targets
-        return 0 if present is None else present.number
+    def present(self) -> QueuedMotion | None:
+        """The motion that the device is on."""
+        return self._motions[0] if self._motions else self._targets
 
     def shown(self, cycle: Cycle | None) -> QueuedMotion | None:
         """Return the motion that a cycle belongs to, or the one that was there last."""
@@ -220,11 +214,9 @@ class MotionQueue:
             DaemonError: the servo does not answer.
         """
         feeder = self._feed_first(queued, is_at_rest=True)
-        self._metered = self._servo.next_cycle
         start_ns = UNKNOWN if queued.begins is not None else queued.options.start_ns
         posted = self._command(Command.START, queued, feeder, speed=self.speed, start_ns=start_ns)
         self._motions = [queued]
-        self._add_meter(queued, after=None)
         return posted
 
     def replace(self, queued: QueuedMotion, leave: SplicePoint) -> tuple[list[QueuedMotion], float]:
@@ -348,7 +340,7 @@ class MotionQueue:
         return out
 
     def tend(self) -> None:
-        """Feed what runs, measure it, and note what has ended; to be called every few cycles.
+        """Feed what runs, and note what has ended; to be called every few cycles.
 
         Raises:
             DaemonError: the servo does not answer.
@@ -366,7 +358,6 @@ class MotionQueue:
         except LateError as error:
             self._stop(self.miss(), str(error))
         cycle = self._servo.newest()
-        self.measure_some()
         if cycle is None or (cycle.state is ServoState.FAULT and not fault_text):
             return  # the reason for a fault of this very moment comes before the next look
         self._endings.leave(self.passed(cycle), self.first, cycle)
@@ -424,31 +415,15 @@ class MotionQueue:
         for queued in ended:
             self._tell(kind, queued, text)
 
-    def measure_some(self) -> None:
-        """Add the cycles since the last look to the measurements, if they have become many."""
-        memory = self._servo.memory
-        many = _METER_BLOCK if memory is None else min(_METER_BLOCK, memory.cycles.capacity // 4)
-        if self._servo.next_cycle - self._metered >= many:
-            self.measure()
-
     def measure(self) -> None:
-        """Add the cycles since the last look to the measurements."""
-        # Cycles that come meanwhile are for the next look: a busy machine would never catch up.
-        head = self._servo.next_cycle
-        while self._metered < head and (
-            records := self._servo.cycle_records(self._metered, _METER_BLOCK)
-        ):
-            self._servo.beat()
-            for queued in self._motions:
-                if queued.meter is not None:
-                    queued.meter.add(records)
-            self._metered = record_index(records[-1]) + 1
+        """Add the cycles since the last look to the measurements; in any thread, without a lock."""
+        for meter in self._meters[:]:
+            if meter.measure():
+                self._meters.remove(meter)
 
     def passed(self, cycle: Cycle) -> list[QueuedMotion]:
         """Take out the motions that the servo has left behind by *cycle*, and return them."""
         place = next((k for k, s in enumerate(self._motions) if s.number == cycle.motion), 0)
-        if place:
-            self.measure()
         passed, self._motions = self._motions[:place], self._motions[place:]
         self._let_go(passed)
         if self._motions and self.first.reason and cycle.state is ServoState.STREAMING:
@@ -457,8 +432,6 @@ class MotionQueue:
 
     def clear(self) -> list[QueuedMotion]:
         """Take out all queued motions, and return them."""
-        if self._motions:
-            self.measure()
         motions, self._motions = self._motions, []
         self._let_go(motions)
         return motions
@@ -488,7 +461,6 @@ class MotionQueue:
             if isinstance(error, LateError | DaemonError):
                 raise
             raise LateError(str(error)) from error
-        self._add_meter(queued, after=left.meter)
         return posted
 
     def needed(self, facts: MotionFacts) -> int:
@@ -530,7 +502,10 @@ class MotionQueue:
         leave_index: int = UNKNOWN,
     ) -> float:
         """Tell the servo of a motion; return when it could see that, monotonic s."""
-        facts = queued.motion.facts
+        facts, cycles = queued.motion.facts, self._servo.running().cycles
+        meter = MotionMeter(
+            queued.motion, queued.number, feeder.first_index, cycles, lead=self._lead
+        )
         self._servo.beat()
         posted = self._servo.ask(
             command,
@@ -542,12 +517,7 @@ class MotionQueue:
             speed=speed,
             servo_limits=servo_limits_of(facts.limits, facts.brake_rate),
         )
-        queued.is_running = True
+        queued.is_running, queued.meter = True, meter
+        self._meters.append(meter)
         feeder.take_up()
         return posted
-
-    def _add_meter(self, queued: QueuedMotion, *, after: MotionMeter | None) -> None:
-        first = queued.first_index or 0
-        queued.meter = MotionMeter(
-            queued.motion, queued.number, first, lead=self._lead, after=after
-        )

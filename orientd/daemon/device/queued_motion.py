@@ -92,7 +92,7 @@ class QueuedMotion:
         first_index: the path ring's index of its first record; ``None`` before its turn.
         feeder: puts it into the ring; ``None`` before its turn and after its end.
         is_running: whether the servo knows of it.
-        meter: measures it while it runs.
+        meter: has measured it since it began to run; ``None`` before.
         reason: why it was told to end, by itself or with its device; empty if it was not.
         ended: how it ended and why, once it has.
         settled_after: how long after its last setpoint it was on target, s, if that is known.
@@ -115,7 +115,6 @@ class QueuedMotion:
     reason: str = ""
     ended: Future[Ended] = field(default_factory=Future)
     settled_after: float | None = None
-    _measured: tuple[pb.MotionStatistics | None, int | None] = (None, None)
 
     @property
     def motion(self) -> PlannedMotion:
@@ -137,12 +136,12 @@ class QueuedMotion:
     @property
     def statistics(self) -> pb.MotionStatistics | None:
         """What was measured of it; ``None`` before it begins."""
-        return self._measured[0] if self.meter is None else self.meter.statistics()
+        return None if self.meter is None else self.meter.statistics()
 
     @property
     def began_ns(self) -> int | None:
         """When it began to move, monotonic clock; ``None`` if that is not known."""
-        return self._measured[1] if self.meter is None else self.meter.began_ns
+        return None if self.meter is None else self.meter.began_ns
 
     def path_time(self, cycle: Cycle) -> float:
         """Return the time within the motion at a cycle of it, s."""
@@ -154,6 +153,7 @@ class QueuedMotion:
         return min(max(0.0, records * facts.period), facts.duration)
 
     def let_go(self) -> None:
-        """Keep what was measured, and nothing of the servo's memory."""
-        self._measured = self.statistics, self.began_ns
-        self.meter = self.feeder = None
+        """Note that it has ended: it is fed no more, and measured up to here."""
+        self.feeder = None
+        if self.meter is not None:
+            self.meter.end()

@@ -15,10 +15,18 @@ import time
 from collections import defaultdict, deque
 from collections.abc import Callable, Sequence
 
-from orientd.daemon.device.queue import MOVING, MotionQueue
+from orientd.daemon.device.queue import MotionQueue
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.device.servo_process import ServoProcess
-from orientd.daemon.planners import PlanCall, PlanInput, PlannedMotion, Planners, Rank
+from orientd.daemon.planners import (
+    PlanCall,
+    PlanInput,
+    PlannedMotion,
+    Planners,
+    Rank,
+    record_at_rest,
+)
+from orientd.driver import Joints
 from orientd.errors import (
     DeadlineError,
     LateError,
@@ -29,8 +37,8 @@ from orientd.errors import (
     StateError,
 )
 from orientd.floats import difference, norm
-from orientd.planner import HISTORY, RecordedMotion, State
-from orientd.stream import UNKNOWN, Command, ServoState
+from orientd.planner import HISTORY, MOTION_RECORD
+from orientd.stream import JOINTS, MOVING, PATH_FLOATS, UNKNOWN, Command, ServoState
 
 _log = logging.getLogger(__name__)
 
@@ -183,14 +191,14 @@ class Retargeting:
         """
         cycle, queue = self._servo.newest(), self._queue
         if cycle is None or cycle.state not in MOVING or not queue.is_active:
-            start, joints = self._servo.commanded(), self._servo.joints()
+            start = self._held()
         else:
             # A motion stopped a moment ago may not have been taken out yet.
             last = queue.last.motion
-            start = (await self._tail(last, last.last_record)).state_at(last.last_record)
-            joints = last.facts.last_joints or self._servo.joints()
-        plan_input = PlanInput(self._name, call.motion, start=start, joints=joints)
-        return await self._planners.plan(plan_input, call)
+            end = (await self._tail(last, last.last_record))[-MOTION_RECORD.size :]
+            joints = last.facts.last_joints or cycle.sent_joints or cycle.joints
+            start = _at_rest(end, joints)
+        return await self._planners.plan(PlanInput(self._name, call.motion, start), call)
 
     def check_start(self, motion: PlannedMotion) -> None:
         """Refuse a kept plan unless it begins where the device, at rest, is commanded to be.
@@ -199,11 +207,10 @@ class Retargeting:
             StateError: the device is not holding.
             StartError: the motion begins with another orientation, position or axis angles.
         """
-        here, begin = self._servo.commanded(), motion.state_at(0)
-        cycle, joints = self._servo.newest(), motion.facts.first_joints
-        measured = () if cycle is None else cycle.joints
-        turn = norm(difference(here.q.tolist(), begin.q.tolist()))
-        away = float(abs(here.position - begin.position).max())
+        here, begin = self._servo.commanded(), MOTION_RECORD.unpack(motion.read(0, 1))
+        measured, joints = here.joints, motion.facts.first_joints
+        turn = norm(difference(here.q, begin[:4]))
+        away = max(abs(a - b) for a, b in zip(here.position, begin[10:13], strict=True))
         problem = ""
         if turn > START_TOLERANCE:
             problem = f"{turn:.6g} rad from where device {self._name!r} is commanded to be"
@@ -224,11 +231,13 @@ class Retargeting:
         chosen, leave = time.monotonic(), self._choose(queued, kind, late)
         motion: PlannedMotion | None = None
         if leave is not None and queued.options.is_queued:
-            tail = await self._tail(self._left(leave), leave.record)
+            left = self._left(leave)
+            tail = await self._tail(left, leave.record)
             plan_input = PlanInput(
                 self._name,
                 call.motion,
-                after=tail,
+                tail,
+                after=left.facts,
                 tolerance=queued.options.blend,
                 earliest=leave.record,
             )
@@ -238,8 +247,7 @@ class Retargeting:
             chosen, leave, motion = await self._take_over(queued, call, kind, late, leave)
         if motion is None:
             await self._await_stop(call)
-            start, joints = self._servo.commanded(), self._servo.joints()
-            plan_input = PlanInput(self._name, call.motion, start=start, joints=joints)
+            plan_input = PlanInput(self._name, call.motion, self._held())
             motion = await self._planners.plan(plan_input, call)
         await motion.arrive(self._queue.needed(motion.facts))
         queued.planned, queued.begins = motion, leave
@@ -279,7 +287,7 @@ class Retargeting:
             if the motion is to begin at rest.
         """
         chosen, left = time.monotonic(), self._left(leave)
-        is_shaped = bool(left.joints_at(leave.record))
+        is_shaped = bool(left.facts.first_joints)
         rows = _LATER if late < _LATER_ATTEMPTS else () if is_shaped else _LATER[:1]
         refusal: PlanError | None = None
         for together in rows:
@@ -309,9 +317,7 @@ class Retargeting:
             leave, left = now, self._left(now)
         else:
             # What cannot be planned from rest near there is not worth a stop.
-            state, joints = left.state_at(leave.record), left.joints_at(leave.record)
-            rest = State.at_rest(state.q, state.position)
-            plan_input = PlanInput(self._name, call.motion, start=rest, joints=joints)
+            plan_input = PlanInput(self._name, call.motion, _at_rest(left.read(leave.record, 1)))
             await self._planners.plan(plan_input, call)
         cycle = self._servo.newest()
         if cycle is not None and cycle.state is ServoState.STREAMING:
@@ -321,16 +327,7 @@ class Retargeting:
 
     async def _plan_from(self, call: PlanCall, left: PlannedMotion, record: int) -> PlannedMotion:
         """Plan a motion that takes over from another one at a record of that."""
-        state, joints = left.state_at(record), left.joints_at(record)
-        is_moving = bool(joints) and not state.is_at_rest
-        plan_input = PlanInput(
-            self._name,
-            call.motion,
-            start=state,
-            joints=joints,
-            before=left.joints_before(record) if is_moving else (),
-            rates=left.joint_rates_at(record) if is_moving else (),
-        )
+        plan_input = PlanInput(self._name, call.motion, left.start_at(record))
         return await self._planners.plan(plan_input, call, rank=Rank.URGENT)
 
     def _first_ahead(self, leave: SplicePoint, found: dict[int, PlannedMotion]) -> int:
@@ -351,15 +348,22 @@ class Retargeting:
             raise LateError(f"motion {leave.number} has ended")
         return queued.motion
 
-    async def _tail(self, motion: PlannedMotion, earliest: int) -> RecordedMotion:
-        """Return the end of a motion, as far as one that follows it may need it."""
-        first = max(0, motion.tail_record(earliest) - HISTORY)
+    async def _tail(self, motion: PlannedMotion, earliest: int) -> bytes:
+        """Return the last records of a motion, as far as one that follows it may need them."""
+        first = motion.tail_record(earliest) - HISTORY
         begin, end = motion.at_hand
         if begin <= first and end == motion.facts.record_count:
-            rows = motion.rows(first, end - first)
-        else:
-            rows = await self._planners.records(motion, first)
-        return RecordedMotion(motion.facts, rows, first)
+            return motion.read(first, end - first)
+        return await self._planners.records(motion, first)
+
+    def _held(self) -> bytes:
+        """Return the record in which the device holds.
+
+        Raises:
+            StateError: the device is not holding.
+        """
+        cycle = self._servo.commanded()
+        return record_at_rest(cycle.q, cycle.position, cycle.sent_joints or cycle.joints)
 
     # Waiting for the device
 
@@ -394,3 +398,16 @@ class Retargeting:
                 return
             before = now
         raise StateError("the device does not come to a steady speed")
+
+
+def _at_rest(record: bytes, joints: Joints = ()) -> bytes:
+    """Return a record at rest where another one is.
+
+    Args:
+        record: of a motion.
+        joints: axis angles, rad, of a record that has none.
+    """
+    fields = MOTION_RECORD.unpack(record)
+    planned = fields[PATH_FLOATS - 2 * JOINTS : PATH_FLOATS - JOINTS]
+    known = tuple(angle for angle in planned if not math.isnan(angle))
+    return record_at_rest(fields[:4], fields[10:13], known or joints)

@@ -21,7 +21,7 @@ from orientd.daemon.device.event import EventKind
 from orientd.daemon.report_directory import report_directory
 from orientd.driver import Explaining, PartHealth, driver_target, python_command, python_version
 from orientd.errors import GOING_DOWN, ConfigError, DaemonError, Fault, NotYetError, StateError
-from orientd.planner import Limits, State
+from orientd.planner import Limits
 from orientd.servo import ProcessSettings
 from orientd.stream import (
     GIVEN_UP_WORD,
@@ -470,8 +470,8 @@ class ServoProcess:
                 return unpack_cycle(record)
         return None
 
-    def commanded(self) -> State:
-        """Return where the device holds: the state that a motion from rest begins in.
+    def commanded(self) -> Cycle:
+        """Return a cycle in which the device holds: where a motion from rest begins.
 
         Raises:
             StateError: the device is not holding.
@@ -480,7 +480,7 @@ class ServoProcess:
         self.running()
         cycle = self.newest()
         if cycle is not None and cycle.state is ServoState.HOLDING:
-            return State.at_rest(cycle.q, cycle.position)
+            return cycle
         state = "not ready" if cycle is None else cycle.state.name.lower()
         advice, problem = _UNREADY.get(state, ""), self.fault_text
         if state == "idle":
@@ -488,11 +488,6 @@ class ServoProcess:
         elif state == "fault":
             advice = f": {problem}; reset it first"
         raise StateError(f"device {self._settings.name} is {state}, not holding{advice}")
-
-    def joints(self) -> tuple[float, ...]:
-        """Return the axis angles that were sent last, or else those measured."""
-        cycle = self.newest()
-        return () if cycle is None else cycle.sent_joints or cycle.joints
 
     @property
     def next_cycle(self) -> int:
@@ -506,10 +501,8 @@ class ServoProcess:
         if memory is None:
             return []
         ring = memory.cycles
-        head = ring.head
-        first = max(since, head - ring.capacity + 16, 0)
-        found = (ring.read_bytes(index) for index in range(first, min(head, first + limit)))
-        return [record for record in found if record is not None]
+        first = max(since, ring.head - ring.capacity + 16, 0)
+        return ring.records(first, first + limit)
 
     @property
     def memory(self) -> SharedMemory | None:

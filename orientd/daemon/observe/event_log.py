@@ -26,42 +26,41 @@ class EventLog:
 
     def hear(self, event: DeviceEvent) -> None:
         """Log an event; called from the device's own thread, or from a command."""
-        is_ended = event.outcome is not None
-        title = titled(event.motion_number, event.motion_name)
-        text = event.reason if is_ended else event.text
-        outcome = None
-        if event.outcome is not None:
-            outcome = pb.Outcome.Name(event.outcome).removeprefix("OUTCOME_").lower()
+        number, planned = event.motion_number, event.queued and event.queued.planned
+        motion_id, name = (planned.id, planned.facts.name) if planned else ("", "")
+        title, text, outcome = titled(number, name), event.text, None
+        if event.ended is not None:
+            ended, text = event.ended
+            outcome = pb.Outcome.Name(ended).removeprefix("OUTCOME_").lower()
         _log.log(
             self._level(event),
             "%s: %s%s%s",
             event.device,
             event.kind.value,
-            f" {title}" if event.motion_number else "",
+            f" {title}" if number else "",
             f": {text}" if text else "",
             extra=about(
                 device=event.device,
                 event=event.kind.value,
-                motion=event.motion_number,
-                motion_id=event.motion_id,
-                motion_name=event.motion_name,
+                motion=number,
+                motion_id=motion_id,
+                motion_name=name,
                 outcome=outcome,
             ),
         )
-        if event.commander:
-            duration = event.motion.facts.duration if event.motion is not None else None
+        if event.lease is not None:
             _log.info(
                 "%s: motion %s is commanded by %s",
                 event.device,
                 title,
-                event.commander,
+                event.lease.who,
                 extra=about(
                     device=event.device,
-                    motion=event.motion_number,
-                    motion_id=event.motion_id,
-                    motion_name=event.motion_name,
-                    identity=event.identity,
-                    planned_duration=duration,
+                    motion=number,
+                    motion_id=motion_id,
+                    motion_name=name,
+                    identity=event.lease.owner,
+                    planned_duration=planned.facts.duration if planned else None,
                 ),
             )
 

@@ -124,7 +124,7 @@ class FlightRecorder:
                 logging.ERROR if is_bad else logging.INFO, "%s: %s: %s",
                 event.device, kind.value, text,
             )  # fmt: skip
-            self._journal.hear(DeviceEvent(event.device, kind, 0, text, time.monotonic_ns()))
+            self._journal.hear(DeviceEvent(event.device, kind, text, time.monotonic_ns()))
 
     def _write(self, event: DeviceEvent) -> tuple[EventKind, str]:
         """Write a file and return how that went: its path, or why not."""

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable
 from queue import SimpleQueue
 
-from orientd.daemon.device import DeviceEvent
+from orientd.daemon.device import DeviceEvent, EventKind
 from orientd.protocol import control_pb2 as pb
 
 _log = logging.getLogger(__name__)
@@ -152,8 +152,9 @@ def event_to_message(event: DeviceEvent) -> pb.Event:
         text=event.text,
         time_ns=event.time_ns,
     )
-    if event.motion is not None:
-        message.MergeFromString(event.motion.event)
-        if event.path_index is not None:
-            message.path_index = event.path_index
+    queued = event.queued
+    if event.kind is EventKind.MOTION_STARTED and queued is not None and queued.planned is not None:
+        message.MergeFromString(queued.planned.event)
+        if queued.first_index is not None:
+            message.path_index = queued.first_index
     return message

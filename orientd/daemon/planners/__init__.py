@@ -14,13 +14,25 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd.daemon.planners.planned_motion import PlannedMotion
     from orientd.daemon.planners.pool import Planners, default_processes
-    from orientd.daemon.planners.task import PlanCall, PlanInput, PlannerDevice, Rank
+    from orientd.daemon.planners.task import (
+        PlanCall,
+        PlanInput,
+        PlannerDevice,
+        Rank,
+        record_at_rest,
+    )
 
 __getattr__ = lazily(
     __name__,
     {
         "orientd.daemon.planners.planned_motion": ("PlannedMotion",),
         "orientd.daemon.planners.pool": ("Planners", "default_processes"),
-        "orientd.daemon.planners.task": ("PlanCall", "PlanInput", "PlannerDevice", "Rank"),
+        "orientd.daemon.planners.task": (
+            "PlanCall",
+            "PlanInput",
+            "PlannerDevice",
+            "Rank",
+            "record_at_rest",
+        ),
     },
 )

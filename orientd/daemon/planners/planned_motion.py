@@ -1,4 +1,4 @@
-"""A planned motion as the daemon has it: facts, records, and the input to ask for more of them."""
+"""A planned motion as the daemon has it: facts, records as bytes, and the input for more."""
 
 from __future__ import annotations
 
@@ -9,12 +9,9 @@ from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
 from typing import Self
 
-import numpy as np
-
 from orientd.daemon.planners.task import CHUNK, PlanInput, Planned, RecordFile, Rest
 from orientd.errors import OrientdError
-from orientd.planner import RecordedMotion
-from orientd.rotation import Floats
+from orientd.planner import HISTORY
 
 _WAIT = 1.0
 """How long the journal waits for what it is to report of a motion, s."""
@@ -29,13 +26,14 @@ More = Callable[[PlanInput, RecordFile, int], "Future[int]"]
 """Has a planner add records to a file, from one on; returns the end.  From any thread."""
 
 
-class PlannedMotion(RecordedMotion):
+class PlannedMotion:
     """A motion of which a planner has worked out the first records.
 
     Records are fed from the beginning to the end.  When half of those at hand are used up the next
     are asked for, and old ones are forgotten, but for the first chunk.
 
     Attributes:
+        facts: what there is to know of it besides its records.
         input: what it was planned from; any planner makes the same of it again.
         plan: a serialised ``orientd.v1.Plan``.
         response: a serialised ``PlanResponse`` with samples, if the caller asked for some.
@@ -61,11 +59,11 @@ class PlannedMotion(RecordedMotion):
             more: asks for more of them.
             rest: how many there are in the end, and what the journal reports of the motion.
         """
-        super().__init__(planned.facts, np.empty((0, planned.columns)))
+        self.facts = planned.facts
         self.input, self.leave, self.frame = plan_input, planned.leave, planned.frame
         self.plan, self.response = planned.plan, planned.response
         self._planned, self._file = planned, file
-        self._begin, self._end = 0, planned.end
+        self._begin, self._end = -HISTORY, planned.end
         self._more, self._rest = more, rest
         self._is_whole = False
         self._coming: Future[int] | None = None
@@ -74,6 +72,11 @@ class PlannedMotion(RecordedMotion):
     def id(self) -> str:
         """Its name."""
         return self.facts.id
+
+    @property
+    def last_record(self) -> int:
+        """The record at which it ends."""
+        return self.facts.record_count - 1
 
     @property
     def event(self) -> bytes:
@@ -109,13 +112,35 @@ class PlannedMotion(RecordedMotion):
         if self.at_hand[1] < min(count, self.facts.record_count):
             await asyncio.wait([asyncio.wrap_future(self._rest)])
 
-    def records(self, first: int, count: int) -> Floats:
-        """See :meth:`.RecordedMotion.records`; asks for more if there will soon be none."""
-        self._look_ahead(first)
-        return super().records(first, count)
+    def read(self, first: int, count: int) -> bytes:
+        """Return records, each a :data:`.MOTION_RECORD`.
 
-    def _read(self, first: int, count: int) -> Floats:
-        return self._file.read(first, count, self._planned.columns)
+        Args:
+            first: down to -3: before the first record the device was where it came from.
+            count: how many.
+
+        Raises:
+            ValueError: there are no such records, or they are not at hand.
+        """
+        begin, end = self.at_hand
+        if count < 0 or first < begin or first + count > end:
+            raise ValueError(
+                f"records must be within {begin} to {end}, got {first} to {first + count}"
+            )
+        return self._file.read(first, count)
+
+    def feed(self, first: int, count: int) -> bytes:
+        """Return as many of *count* records as are at hand; ask for more if few are left."""
+        self._look_ahead(first)
+        return self.read(first, min(count, self.at_hand[1] - first))
+
+    def start_at(self, record: int) -> bytes:
+        """Return a record behind the three before it, for a motion that takes over there.
+
+        Raises:
+            ValueError: there is no such record, or it is not at hand.
+        """
+        return self.read(record - HISTORY, HISTORY + 1)
 
     def _look_ahead(self, first: int) -> None:
         """Ask for more if the records at hand do not last for long."""
@@ -134,5 +159,5 @@ class PlannedMotion(RecordedMotion):
     def _forget(self, before: int) -> None:
         """Forget records that are far behind; the first chunk stays for another run."""
         if before > CHUNK:
-            self._file.forget(max(CHUNK, self._begin), before, self._planned.columns)
-            self._begin = before
+            begin, self._begin = max(CHUNK, self._begin), before
+            self._file.forget(begin, before)

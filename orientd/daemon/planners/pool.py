@@ -26,7 +26,6 @@ from orientd.daemon.planners.task import (
     Task,
 )
 from orientd.errors import GOING_DOWN, DaemonError, DeadlineError, OrientdError, TooMuchError
-from orientd.rotation import Floats
 
 _log = logging.getLogger(__name__)
 
@@ -156,12 +155,12 @@ class Planners:
             raise DeadlineError(f"no planner has started within {self.timeout:g} s") from None
         return self._methods
 
-    async def records(self, motion: PlannedMotion, first: int) -> Floats:
+    async def records(self, motion: PlannedMotion, first: int) -> bytes:
         """Return the records of a motion from one on to its end."""
         task = Task(motion.input, first, motion.facts.record_count - first)
         file = RecordFile()
         planned = await self._records(task, file)
-        return file.read(first, planned.end - first, planned.columns)
+        return file.read(first, planned.end - first)
 
     def _more(self, plan_input: PlanInput, file: RecordFile, first: int) -> Future[int]:
         """Have more records of a motion added to its file, from any thread; return the end."""

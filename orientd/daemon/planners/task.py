@@ -2,7 +2,8 @@
 
 A message is its length and a pickle; both ends are of one installation and one user.  With each
 task comes the descriptor of a file in memory, to which the planner writes the records of the motion
-and, in words, what it is doing.  A planner answers a task twice: with a :class:`Planned`, or the
+and, in words, what it is doing.  The daemon copies records and calculates nothing with them, so
+that they stay bytes there.  A planner answers a task twice: with a :class:`Planned`, or the
 error why there is none, and with the :class:`Rest`, for which nobody waits.
 """
 
@@ -10,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import math
 import os
 import pickle
 import struct
@@ -20,10 +22,9 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from orientd.planner import Frame, Joints, Limits, MotionFacts, RecordedMotion, State
-from orientd.rotation import Floats
+from orientd.driver import ZERO, Joints, Quaternion, Vector3
+from orientd.planner import HISTORY, MOTION_RECORD, Frame, Limits, MotionFacts
+from orientd.stream import JOINTS
 
 CHUNK = 65_536
 """Records that a planner works out at a time: two minutes at 500 Hz."""
@@ -37,7 +38,6 @@ SMALL_BYTES = 32_768
 HEADER = struct.Struct("!Q")
 
 _STAGE_BYTES = 256
-_DOUBLE = 8
 _PUNCH_HOLE = 0x02 | 0x01  # FALLOC_FL_PUNCH_HOLE, FALLOC_FL_KEEP_SIZE
 
 
@@ -118,23 +118,18 @@ class PlanInput:
         device: what is to move.
         motion: a serialised ``orientd.v1.MotionRequest``.
         motion_id: names the motion, and no other.
-        start: where the device will be; not of a motion that follows another.
-        joints: its axis angles there, rad.
-        before: axis angles planned for the cycles before, if it moves.
-        rates: velocities of the axes planned there, rad/s, if it moves.
-        after: the end of the motion that it is to follow; ``None`` if it begins at *start*.
+        records: of where it begins: that one, at rest; or with the three before it that one of
+            the motion that it takes over from; or the end of the motion that it is to follow.
+        after: the motion that it is to follow; ``None`` if it begins at the last of *records*.
         tolerance: how far from the corner between the two the device may pass, rad.
         earliest: the record of *after* before which that cannot be left any more.
     """
 
     device: str
     motion: bytes
+    records: bytes
     motion_id: str = field(default_factory=lambda: os.urandom(6).hex())
-    start: State | None = None
-    joints: Joints = ()
-    before: tuple[Joints, ...] = ()
-    rates: Joints = ()
-    after: RecordedMotion | None = None
+    after: MotionFacts | None = None
     tolerance: float = 0.0
     earliest: int = 0
 
@@ -145,7 +140,7 @@ class Task:
 
     Attributes:
         input: what to plan.
-        first: record that is wanted.
+        first: record that is wanted; with record 0 come the three before it.
         count: how many records are; fewer if the motion ends.
         rate_hz: samples a second to report; 0 for none.
     """
@@ -166,7 +161,6 @@ class Planned(NamedTuple):
         response: a serialised ``PlanResponse`` with samples, if the task asks for some.
         frame: in which the motion was asked for; ``None`` for the device's own coordinates.
         end: the record behind the last one in the file.
-        columns: numbers of each record.
     """
 
     facts: MotionFacts
@@ -175,7 +169,6 @@ class Planned(NamedTuple):
     response: bytes
     frame: Frame | None
     end: int
-    columns: int
 
 
 class Rest(NamedTuple):
@@ -193,7 +186,7 @@ class Rest(NamedTuple):
 
 
 class RecordFile:
-    """A file in memory with the records of one motion, each at its own place.
+    """A file in memory with the records of one motion, each at its own place, from -3 on.
 
     The planner writes them and the daemon reads what it feeds.  None of it counts as memory of the
     daemon, however many motions wait.
@@ -220,37 +213,45 @@ class RecordFile:
         text = stage.encode()[: _STAGE_BYTES - 1]
         os.pwrite(self.descriptor, text.ljust(_STAGE_BYTES, b"\0"), 0)
 
-    def read(self, first: int, count: int, columns: int) -> Floats:
-        """Return records, shape ``(count, columns)``.
+    def read(self, first: int, count: int) -> bytes:
+        """Return records, each a :data:`MOTION_RECORD`.
 
         Raises:
             ValueError: they are not in the file.
         """
-        rows = np.empty((count, columns))
-        if os.preadv(self.descriptor, [rows.data], _place(first, columns)) != rows.nbytes:
+        size = count * MOTION_RECORD.size
+        records = os.pread(self.descriptor, size, _place(first))
+        if len(records) != size:
             raise ValueError(f"records {first} to {first + count} are not in the file")
-        return rows
+        return records
 
-    def write(self, first: int, rows: Floats) -> None:
+    def write(self, first: int, records: bytes) -> None:
         """Put records into the file.
 
         Raises:
             MemoryError: there is no room for them.
         """
-        content = np.ascontiguousarray(rows).data
-        if os.pwrite(self.descriptor, content, _place(first, rows.shape[1])) != rows.nbytes:
+        if os.pwrite(self.descriptor, records, _place(first)) != len(records):
             raise MemoryError
 
-    def forget(self, first: int, end: int, columns: int) -> None:
+    def forget(self, first: int, end: int) -> None:
         """Give back the memory of records *first* to *end*."""
-        begin, behind = _place(first, columns), _place(end, columns)
+        begin, behind = _place(first), _place(end)
         if behind > begin:
             place, length = ctypes.c_int64(begin), ctypes.c_int64(behind - begin)
             ctypes.CDLL(None).fallocate(self.descriptor, _PUNCH_HOLE, place, length)
 
 
-def _place(record: int, columns: int) -> int:
-    return _STAGE_BYTES + _DOUBLE * columns * record
+def _place(record: int) -> int:
+    return _STAGE_BYTES + (HISTORY + record) * MOTION_RECORD.size
+
+
+def record_at_rest(q: Quaternion, position: Vector3, joints: Joints) -> bytes:
+    """Return the record of a device that holds at an orientation, a position and axis angles."""
+    absent = (math.nan,) * (JOINTS - len(joints))
+    rates = (0.0,) * len(joints)
+    at = (*q, *ZERO, *ZERO, *position, *ZERO, *joints, *absent, *rates, *absent, *ZERO)
+    return MOTION_RECORD.pack(*at)
 
 
 def packed(content: object) -> bytes:

@@ -35,7 +35,18 @@ from orientd.daemon.planners.task import (
 )
 from orientd.driver import make_driver
 from orientd.errors import OrientdError, PlanError, RequestError
-from orientd.planner import DevicePlanner, Frame, Keyframe, Motion, MotionRequest, State
+from orientd.planner import (
+    HISTORY,
+    DevicePlanner,
+    Frame,
+    Keyframe,
+    Motion,
+    MotionRequest,
+    RecordedMotion,
+    State,
+    rows_of,
+    start_of,
+)
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_request
 
@@ -75,8 +86,7 @@ class Worker:
         file.say(f"reporting on {motion.record_count} records")
         first, rate_hz = task.first, task.rate_hz
         end = min(first + (task.count if first else min(task.count, FIRST)), motion.record_count)
-        rows = motion.rows(first, max(0, end - first))
-        file.write(first, rows)
+        file.write(first or -HISTORY, motion.recorded(first or -HISTORY, end).packed())
         # A report on a plan that is kept, without records, is in the device's own coordinates.
         seen_in = frame if task.count else None
         return Planned(
@@ -86,7 +96,6 @@ class Worker:
             response=reporting.plan_response(motion, rate_hz, seen_in) if rate_hz else b"",
             frame=frame,
             end=end,
-            columns=rows.shape[1],
         )
 
     def rest(self, task: Task, planned: Planned, file: RecordFile) -> Rest:
@@ -94,7 +103,7 @@ class Worker:
         motion, *_ = self._known[task.input.motion_id]
         end = min(task.count, motion.record_count)
         for first in range(planned.end, end, _BLOCK):
-            file.write(first, motion.rows(first, min(_BLOCK, end - first)))
+            file.write(first, motion.recorded(first, min(first + _BLOCK, end)).packed())
         return Rest(max(end, planned.end), reporting.event(motion), resident())
 
     def _motion(self, plan_input: PlanInput, file: RecordFile) -> tuple[Motion, int, Frame | None]:
@@ -108,27 +117,19 @@ class Worker:
             raise RequestError("motion", f"cannot be read: {error}") from error
         duration = f", duration {request.duration}" if request.duration else ""
         file.say(f"planning {len(request.keyframes)} keyframes with {request.method}{duration}")
-        planner = self._planners[plan_input.device]
-        leave = 0
-        if plan_input.after is not None:
+        planner, rows = self._planners[plan_input.device], rows_of(plan_input.records)
+        leave, after = 0, plan_input.after
+        if after is not None:
             leave, motion = planner.blend(
-                plan_input.after,
+                RecordedMotion(after, rows, after.record_count - len(rows)),
                 request,
                 tolerance=plan_input.tolerance,
                 earliest=plan_input.earliest,
                 motion_id=plan_input.motion_id,
             )
-        elif plan_input.start is not None:
-            motion = planner.plan(
-                request,
-                start=plan_input.start,
-                joints=plan_input.joints,
-                before=plan_input.before,
-                rates=plan_input.rates,
-                motion_id=plan_input.motion_id,
-            )
         else:
-            raise ValueError("the motion needs a start")
+            start = start_of(rows)._asdict()
+            motion = planner.plan(request, **start, motion_id=plan_input.motion_id)
         known = self._known[plan_input.motion_id] = motion, leave, planner.report_frame(request)
         while len(self._known) > KEPT:
             self._known.popitem(last=False)

@@ -38,8 +38,8 @@ from orientd import kernels
 from orientd.model import ANGULAR, Limits
 from orientd.planner.certify.brake import LAW
 from orientd.planner.certify.certificate import Peak
+from orientd.planner.facts import HISTORY
 from orientd.planner.path import Path
-from orientd.planner.recorded import HISTORY
 from orientd.rotation import Floats
 
 OFF_GRID = {0: (2.0, 2.0), 1: (1.0, 1.5), 2: (1.0, 1.0)}

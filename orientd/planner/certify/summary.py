@@ -12,8 +12,8 @@ from orientd.mechanism import Figure
 from orientd.model import ANGULAR, AXES, UNITS, MotionRequest
 from orientd.planner.certify.certificate import Certificate, Peak
 from orientd.planner.certify.measuring import Peaks
+from orientd.planner.facts import HISTORY
 from orientd.planner.path import Path, RecordedPath
-from orientd.planner.recorded import HISTORY
 from orientd.planner.state import State
 from orientd.rotation import Floats, angle, exp, multiply
 

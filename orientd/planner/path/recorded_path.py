@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orientd.planner.facts import HISTORY
 from orientd.planner.path.path import Path, PathSamples
-from orientd.planner.recorded import HISTORY, STATE_FLOATS, joint_rates, joints_of, states_at
+from orientd.planner.recorded import STATE_FLOATS, joint_rates, joints_of, rates_of, states_at
 from orientd.planner.state import State
 from orientd.rotation import Floats, align, angle, conjugate, exp, log, multiply
 
@@ -117,8 +118,7 @@ class RecordedPath:
     @property
     def joint_rates(self) -> Floats:
         """Velocities of the axes at the records, rad/s, shape ``(n, axes)``."""
-        rates: Floats = self.table[:, STATE_FLOATS + self.joints.shape[1] :]
-        return rates
+        return rates_of(self.table)
 
     def joints_at(self, record: int) -> tuple[float, ...]:
         """Return the axis angles at a record, rad, held beyond the first and the last."""

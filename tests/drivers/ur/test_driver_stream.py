@@ -9,6 +9,7 @@ from ur_rig import device_of, is_holding, streaming, swing_motion, until
 from orientd import rotation
 from orientd.daemon.calls.latency_identification import identify
 from orientd.errors import Fault
+from orientd.planner import rows_of
 from orientd.protocol import control_pb2 as pb
 
 pytest.importorskip("rtde_control")
@@ -48,7 +49,7 @@ def check_motion(robot, tmp_path, *, seconds, count):
     woken = np.array([w for w in woken if times[0] < w < times[-1]])
     to_wire = (times[np.searchsorted(times, woken)] - woken) * 1e-3
     count = motion.facts.record_count
-    planned = motion.rows(0, count)[:, :4]
+    planned = rows_of(motion.read(0, count))[:, :4]
     # Setpoints of the hold come before the motion and after it.
     lags = range(len(arrived) - count + 1)
     some = np.arange(0, count, 50)

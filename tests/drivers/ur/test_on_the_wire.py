@@ -12,7 +12,7 @@ from wire_reader import read_poses, reading
 
 from orientd import rotation
 from orientd.errors import Fault
-from orientd.planner import Keyframe, MotionRequest
+from orientd.planner import Keyframe, MotionRequest, rows_of
 
 pytest.importorskip("rtde_control")
 
@@ -68,7 +68,7 @@ def test_joints_that_were_certified_make_the_poses_that_arrive(ur_host, tmp_path
             until(lambda: is_holding(device), "the end", motion.facts.duration + 10.0)
             assert device.snapshot().fault is Fault.NONE
     arrived = np.array(read_poses(tmp_path / "poses"))
-    planned = motion.rows(0, motion.facts.record_count)
+    planned = rows_of(motion.read(0, motion.facts.record_count))
     joints = planned[:, -12:-6]  # then their velocities
     assert joints[0] == pytest.approx(START, abs=1e-9)
     # The device holds before and after: the motion is where the first record is left.

@@ -8,8 +8,9 @@ from concurrent.futures import Future
 from orientd.daemon.device import AT_ONCE
 from orientd.daemon.devices import planner_device
 from orientd.daemon.planners import PlanCall, PlanInput, PlannedMotion, reporting
-from orientd.daemon.planners.task import RecordFile, Task
+from orientd.daemon.planners.task import Planned, RecordFile, Rest, Task
 from orientd.daemon.planners.worker import Worker
+from orientd.planner import HISTORY, State, rows_of, start_of
 from orientd.protocol import from_request
 
 
@@ -36,13 +37,27 @@ class DirectPlanners:
     async def records(self, motion, first):
         count, file = motion.facts.record_count - first, RecordFile()
         planned = self.worker.plan(Task(motion.input, first, count), file)
-        return file.read(first, count, planned.columns)
+        return file.read(first, planned.end - first)
 
     async def report(self, plan_input, call, rate_hz):
         return self.worker.plan(Task(plan_input, 0, 0, rate_hz), RecordFile()).response
 
     async def methods(self):
         return reporting.methods()
+
+
+def recorded(motion) -> PlannedMotion:
+    """Return a motion of the planner with all of its records, as the daemon has it."""
+    count, file, rest = motion.record_count, RecordFile(), Future()
+    file.write(-HISTORY, motion.recorded().packed())
+    rest.set_result(Rest(count, b"", 0))
+    planned = Planned(motion.facts, 0, b"", b"", None, count)
+    return PlannedMotion(planned, None, file, more=None, rest=rest)
+
+
+def state_at(motion: PlannedMotion, record) -> State:
+    """Return the state in a record of a motion, for another one to take over."""
+    return start_of(rows_of(motion.start_at(record))).start
 
 
 def order_of(request) -> PlanCall:

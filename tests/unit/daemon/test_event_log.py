@@ -1,10 +1,11 @@
 """What the log says of devices: a start that fails as before is said once."""
 
 import logging
+from types import SimpleNamespace
 
 import pytest
 
-from orientd.daemon.device import DeviceEvent, EventKind
+from orientd.daemon.device import DeviceEvent, EventKind, QueuedMotion
 from orientd.daemon.observe import EventLog
 from orientd.protocol import control_pb2 as pb
 
@@ -26,16 +27,16 @@ def test_a_start_that_fails_as_before_is_said_once(caplog, events, said):
     log = EventLog()
     with caplog.at_level(logging.ERROR):
         for kind, text in events:
-            log.hear(DeviceEvent("arm", kind, 0, text, 0))
+            log.hear(DeviceEvent("arm", kind, text, 0))
     told = [record.getMessage() for record in caplog.records]
     assert told == [f"arm: servo died: {text}" for text in said]
 
 
 def test_a_motion_that_starts_is_logged_with_who_commands_it(caplog):
-    event = DeviceEvent(
-        "arm", EventKind.MOTION_STARTED, 3, "2.000 s", 0,
-        motion_name="fetch", commander="ana (user:1)", identity="user:1",
-    )  # fmt: skip
+    planned = SimpleNamespace(id="a1", facts=SimpleNamespace(name="fetch", duration=2.0))
+    lease = SimpleNamespace(who="ana (user:1)", owner="user:1")
+    queued = QueuedMotion(planned, number=3)
+    event = DeviceEvent("arm", EventKind.MOTION_STARTED, "2.000 s", 0, queued, lease=lease)
     with caplog.at_level(logging.INFO):
         EventLog().hear(event)
     assert [record.getMessage() for record in caplog.records] == [
@@ -45,10 +46,9 @@ def test_a_motion_that_starts_is_logged_with_who_commands_it(caplog):
 
 
 def test_a_motion_that_ends_is_logged_with_the_reason(caplog):
-    event = DeviceEvent(
-        "arm", EventKind.MOTION_STOPPED, 3, "stopped on its path", 0,
-        outcome=pb.OUTCOME_STOPPED, reason="stopped by ben",
-    )  # fmt: skip
+    ended = pb.OUTCOME_STOPPED, "stopped by ben"
+    queued, text = QueuedMotion(number=3), "stopped on its path"
+    event = DeviceEvent("arm", EventKind.MOTION_STOPPED, text, 0, queued, ended)
     with caplog.at_level(logging.INFO):
         EventLog().hear(event)
     assert caplog.records[0].getMessage() == "arm: motion stopped 3: stopped by ben"

@@ -25,7 +25,7 @@ def test_a_file_that_takes_its_time_does_not_hold_up_the_end(tmp_path, monkeypat
     recorder = module.FlightRecorder(settings, journal, {"arm": device})
     recorder.memory("arm", device.rate_hz).append(bytes(64))
     recorder.start()
-    recorder.hear(DeviceEvent("arm", EventKind.FAULT, 0, "why", time.monotonic_ns()))
+    recorder.hear(DeviceEvent("arm", EventKind.FAULT, "why", time.monotonic_ns()))
     began = time.monotonic()
     recorder.close()
     assert time.monotonic() - began < 2.0

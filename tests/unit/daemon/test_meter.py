@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from direct_planners import recorded
 
 from orientd import planner, rotation
 from orientd.daemon.device.meter import Histogram, MotionMeter
 from orientd.recorder.cycle_table import CYCLES
-from orientd.stream import CycleFlag, ServoState
+from orientd.stream import CYCLE_RECORD, CycleFlag, RecordRing, ServoState
 
 PERIOD = 0.002
 FIRST = 700  # index in the path ring
@@ -48,28 +49,31 @@ def sent(motion):
     return cycles
 
 
-def measure(motion, cycles, sizes=(64,)):
-    """Return the statistics of *cycles*, given in blocks of these sizes in turn."""
-    meter = MotionMeter(motion.recorded(), NUMBER, FIRST)
-    begin, turn = 0, 0
-    while begin < len(cycles):
-        end = begin + sizes[turn % len(sizes)]
-        meter.add([record.tobytes() for record in cycles[begin:end]])
-        begin, turn = end, turn + 1
-    return meter.statistics()
+def measure(motion, cycles, *, size=64, lead=0.0):
+    """Return the statistics of *cycles*, of which *size* come between two measurements."""
+    view = memoryview(bytearray(RecordRing.bytes_needed(CYCLE_RECORD, len(cycles))))
+    ring = RecordRing(view, CYCLE_RECORD, len(cycles))
+    meter = MotionMeter(recorded(motion), NUMBER, FIRST, ring, lead=lead)
+    for index, cycle in enumerate(cycles):
+        ring.append(cycle.tobytes())
+        if index % size == size - 1:
+            assert not meter.measure()
+    meter.end()
+    found = meter.statistics()
+    assert meter.measure()
+    return found
 
 
-@pytest.mark.parametrize("sizes", [(64,), (50,), (51,), (1,)])
-def test_stops_for_a_stall_are_counted_and_not_differentiated(motion, sizes):
+def test_stops_for_a_stall_are_counted_and_not_differentiated(motion):
     cycles, rate = sent(motion)[:103], 0.5
     cycles["state"][3:] = ServoState.STREAMING
     turned = 0.5 * rate * (np.arange(51) * PERIOD) ** 2
     turns = np.zeros((103, 3))
     turns[2:53, 2], turns[52:, 2] = turned, turned[-1] + turned
     cycles["sent_q"] = rotation.exp(turns)
-    assert measure(motion, cycles, sizes).acceleration == pytest.approx(0.05 / PERIOD, rel=0.05)
+    assert measure(motion, cycles).acceleration == pytest.approx(0.05 / PERIOD, rel=0.05)
     cycles["flags"][53] |= CycleFlag.FROM_REST
-    found = measure(motion, cycles, sizes)
+    found = measure(motion, cycles)
     assert found.stalls == 1
     assert found.acceleration == pytest.approx(rate, rel=1e-6)
 
@@ -107,13 +111,35 @@ def test_velocities_are_not_measured_where_the_speed_was_another(motion):
     assert not found.HasField("end_velocity_error")
 
 
-@pytest.mark.parametrize("sizes", [(1,), (2,), (5, 1, 3), (10_000,)])
-def test_the_blocks_do_not_matter(motion, sizes):
-    found, expected = measure(motion, sent(motion), sizes), measure(motion, sent(motion))
-    assert found.cycles == expected.cycles
-    for name in ("velocity", "acceleration", "jerk"):
-        assert getattr(found, name) == pytest.approx(getattr(expected, name), rel=1e-9)
-    assert found.end_velocity_error == pytest.approx(expected.end_velocity_error, abs=1e-12)
+@pytest.mark.parametrize("size", [1, 7, 10_000])
+def test_it_does_not_matter_when_it_is_measured(motion, size):
+    assert measure(motion, sent(motion), size=size) == measure(motion, sent(motion))
+
+
+def test_what_comes_after_the_end_of_a_motion_is_not_measured(motion):
+    cycles = sent(motion)
+    view = memoryview(bytearray(RecordRing.bytes_needed(CYCLE_RECORD, len(cycles))))
+    ring = RecordRing(view, CYCLE_RECORD, len(cycles))
+    meter = MotionMeter(recorded(motion), NUMBER, FIRST, ring)
+    for index, cycle in enumerate(cycles):
+        ring.append(cycle.tobytes())
+        if index == 99:
+            meter.end()
+    assert meter.statistics().cycles == 100 - 3
+
+
+def test_a_motion_that_takes_over_is_differentiated_across_the_splice(motion):
+    cycles = sent(motion)
+    other = cycles["index"] < 100
+    cycles["motion"][other] = NUMBER - 1
+    cycles["path_index"][~other] -= 97
+    found = measure(motion, cycles)
+    assert found.cycles == np.count_nonzero(~other) - 3
+    rates = rotation.log(
+        rotation.multiply(rotation.conjugate(cycles["sent_q"][:-1]), cycles["sent_q"][1:])
+    )
+    expected = np.linalg.norm(np.diff(rates, 2, axis=0)[97:], axis=1).max() / PERIOD**3
+    assert found.jerk == pytest.approx(expected, rel=1e-6)
 
 
 def test_a_step_off_the_plan_is_measured(motion):
@@ -137,8 +163,8 @@ def test_overruns_and_missed_deadlines_are_those_of_the_motion(motion):
 def test_percentiles_are_right_to_a_percent():
     histogram = Histogram()
     durations = np.random.default_rng(1).gamma(2.0, 30_000.0, 20_000).astype(np.int64)
-    for block in np.array_split(durations, 7):
-        histogram.add(block)
+    for duration in durations.tolist():
+        histogram.add(duration)
     for percent in (50.0, 99.0, 99.9):
         exact = np.percentile(durations, percent, method="inverted_cdf")
         assert histogram.percentile_ns(percent) == pytest.approx(exact, rel=0.011)
@@ -148,7 +174,8 @@ def test_percentiles_are_right_to_a_percent():
 def test_nothing_measured_is_nothing():
     histogram = Histogram()
     assert histogram.percentile_ns(99.0) == 0.0
-    histogram.add(np.array([-5, 0], dtype=np.int64))
+    for duration in (-5, 0):
+        histogram.add(duration)
     assert histogram.percentile_ns(50.0) <= 1.0
 
 
@@ -158,8 +185,6 @@ def test_a_device_that_is_led_is_compared_with_what_was_sent_a_lead_before(motio
     cycles["measured_q"][behind:] = cycles["sent_q"][:-behind]
     cycles["measured_q"][:behind] = cycles["sent_q"][0]
     assert measure(motion, cycles).tracking_error > 1e-3
-    meter = MotionMeter(motion.recorded(), NUMBER, FIRST, lead=behind * PERIOD)
-    for begin in range(0, len(cycles), 7):
-        meter.add([record.tobytes() for record in cycles[begin : begin + 7]])
-    assert meter.statistics().tracking_error < 1e-9
-    assert meter.statistics().path_error < 1e-12
+    found = measure(motion, cycles, lead=behind * PERIOD)
+    assert found.tracking_error < 1e-9
+    assert found.path_error < 1e-12

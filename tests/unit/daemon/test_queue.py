@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from fake_device import cycle, record_of
+from direct_planners import recorded, state_at
 
 from orientd import planner, rotation
 from orientd.daemon.device.queue import MotionQueue
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
 from orientd.errors import LateError, NotYetError
 from orientd.servo import TAIL_WORD
-from orientd.stream import Command, SharedMemory
+from orientd.stream import PATH_FLOATS, Command, SharedMemory
 
 PERIOD = 0.002
 
@@ -28,15 +28,13 @@ class Link:
     def running(self):
         return self.memory
 
-    next_cycle = 0
-
     def ask(self, command, **fields):
         if self.refusal is not None:
             raise self.refusal
         self.asked.append((command, fields))
 
     def read(self, index):
-        return np.frombuffer(self.memory.path.read_bytes(index)[8:]).copy()
+        return self.memory.path.read_bytes(index)[8:]
 
 
 @pytest.fixture
@@ -50,9 +48,9 @@ def turn(angle, start=(1.0, 0.0, 0.0, 0.0)):
     q = rotation.multiply(start, rotation.exp(np.array([0.0, 0.0, angle])))
     request = planner.MotionRequest([planner.Keyframe(tuple(q))], pace="even")
     start = planner.State.at_rest(start)
-    return planner.plan(
-        request, start=start, limits=planner.DEFAULT_LIMITS, period=PERIOD
-    ).recorded()
+    return recorded(
+        planner.plan(request, start=start, limits=planner.DEFAULT_LIMITS, period=PERIOD)
+    )
 
 
 def test_a_motion_goes_on_in_the_ring_until_the_servo_goes_over_to_the_next(link):
@@ -60,7 +58,7 @@ def test_a_motion_goes_on_in_the_ring_until_the_servo_goes_over_to_the_next(link
     motion_queue = MotionQueue(link, print, lead=0.0, read_ahead=300)
     motion_queue.begin(QueuedMotion(first, number=1))
     leave = motion_queue.needed(first.facts) + 190  # beyond what is read ahead
-    second = turn(0.5, first.state_at(leave).q)
+    second = turn(0.5, state_at(first, leave).q)
     motion_queue.append(QueuedMotion(second, number=2), SplicePoint(1, leave))
     link.memory.path.words[TAIL_WORD] = leave - 20
 
@@ -71,7 +69,7 @@ def test_a_motion_goes_on_in_the_ring_until_the_servo_goes_over_to_the_next(link
     ring = link.memory.path
     assert ring.head - ring.words[TAIL_WORD] >= motion_queue.needed(first.facts)
     for record in (leave, ring.head - 1):
-        np.testing.assert_array_equal(link.read(record), first.records(record, 1)[0])
+        assert link.read(record) == first.read(record, 1)[: 8 * PATH_FLOATS]
 
     link.refusal = None
     motion_queue.feed()
@@ -79,7 +77,7 @@ def test_a_motion_goes_on_in_the_ring_until_the_servo_goes_over_to_the_next(link
     assert (command, fields["leave_index"]) == (Command.SPLICE, leave)
     for record in (0, second.last_record):
         at = fields["path_index"] + record
-        np.testing.assert_array_equal(link.read(at), second.records(record, 1)[0])
+        assert link.read(at) == second.read(record, 1)[: 8 * PATH_FLOATS]
 
 
 @pytest.mark.parametrize("refusal", [LateError("it has passed"), NotYetError("it changes")])
@@ -87,7 +85,7 @@ def test_a_motion_that_cannot_be_blended_any_more_is_not_taken(link, refusal):
     first = turn(0.5)
     motion_queue = MotionQueue(link, print, lead=0.0, read_ahead=700)
     motion_queue.begin(QueuedMotion(first, number=1))
-    link.refusal, second = refusal, turn(0.5, first.state_at(20).q)
+    link.refusal, second = refusal, turn(0.5, state_at(first, 20).q)
     with pytest.raises(type(refusal)):
         motion_queue.append(QueuedMotion(second, number=2), SplicePoint(1, 20))
     assert motion_queue.last.number == 1
@@ -99,7 +97,7 @@ def test_a_motion_that_follows_at_rest_is_not_too_late(link):
     motion_queue = MotionQueue(link, print, lead=0.0, read_ahead=700)
     motion_queue.begin(QueuedMotion(first, number=1))
     link.refusal = LateError("splice is not possible while holding")
-    end, second = SplicePoint(1, first.last_record), turn(0.5, first.state_at(first.last_record).q)
+    end, second = SplicePoint(1, first.last_record), turn(0.5, state_at(first, first.last_record).q)
     motion_queue.append(QueuedMotion(second, number=2), end)
     assert motion_queue.last.number == 2
 
@@ -107,12 +105,14 @@ def test_a_motion_that_follows_at_rest_is_not_too_late(link):
 def test_as_much_of_a_motion_is_read_ahead_as_its_stop_takes(link):
     limits = planner.DEFAULT_LIMITS.with_rates({"velocity": 0.1, "acceleration": 0.1})
     keyframes = [planner.Keyframe((np.cos(1.5), 0.0, 0.0, np.sin(1.5)))]
-    motion = planner.plan(
-        planner.MotionRequest(keyframes),
-        start=planner.State.at_rest((1.0, 0.0, 0.0, 0.0)),
-        limits=limits,
-        period=PERIOD,
-    ).recorded()
+    motion = recorded(
+        planner.plan(
+            planner.MotionRequest(keyframes),
+            start=planner.State.at_rest((1.0, 0.0, 0.0, 0.0)),
+            limits=limits,
+            period=PERIOD,
+        )
+    )
     motion_queue = MotionQueue(link, print, lead=0.0, read_ahead=300)
     motion_queue.begin(QueuedMotion(motion, number=1))
     needed, ring = motion_queue.needed(motion.facts), link.memory.path
@@ -121,18 +121,3 @@ def test_as_much_of_a_motion_is_read_ahead_as_its_stop_takes(link):
         ring.words[TAIL_WORD] = tail
         motion_queue.feed()
         assert ring.head - tail >= needed
-
-
-def test_measuring_ends_although_cycles_come_all_the_time(link):
-    asked = []
-
-    def cycle_records(since, limit):
-        asked.append(since)
-        link.next_cycle += 2
-        return [record_of(cycle(index)) for index in range(since, link.next_cycle)][:limit]
-
-    motion_queue = MotionQueue(link, print, lead=0.0, read_ahead=300)
-    motion_queue.begin(QueuedMotion(turn(0.5), number=1))
-    link.next_cycle, link.cycle_records = 3, cycle_records
-    motion_queue.measure()
-    assert len(asked) == 1

@@ -77,8 +77,7 @@ def test_who_is_behind_reads_on_where_a_full_batch_ended(device):
 
 
 def test_progress_tells_the_worst_lateness_since_the_last(device, motion):
-    device.motion = motion.recorded()
-    planned = SimpleNamespace(facts=device.motion.facts, frame=None)
+    device.motion = planned = SimpleNamespace(facts=motion.facts, frame=None)
     reader = report.ProgressReader(device, QueuedMotion(planned, number=1))
     device.published += [cycle(1, lateness_ns=5), cycle(2, lateness_ns=900), cycle(3, overruns=2)]
     progress = reader.read()
@@ -93,7 +92,7 @@ def test_progress_tells_the_worst_lateness_since_the_last(device, motion):
 
 def test_a_motion_that_was_left_for_another_tells_nothing_of_the_other(device, motion):
     device.number = 2
-    planned = SimpleNamespace(facts=motion.recorded().facts, frame=None)
+    planned = SimpleNamespace(facts=motion.facts, frame=None)
     left, present = (
         report.ProgressReader(device, QueuedMotion(planned, number=number)) for number in (1, 2)
     )
@@ -110,9 +109,16 @@ def test_samples_begin_and_end_with_the_motion(motion):
         np.testing.assert_array_equal(samples.q, motion.sample(samples.times).q)
 
 
+class Meter:
+    """What was measured of a motion."""
+
+    def __init__(self, measured=None, began_ns=None):
+        self.statistics, self.began_ns = lambda: measured, began_ns
+
+
 def test_a_summary_has_what_was_measured_of_its_motion():
     for measured in (STATISTICS, None):
-        run = QueuedMotion(number=1, _measured=(measured, None))
+        run = QueuedMotion(number=1, meter=measured and Meter(measured))
         run.ended.set_result((pb.OUTCOME_STOPPED, "why"))
         summary = report.summary(run, [])
         assert (summary.outcome, summary.text) == (pb.OUTCOME_STOPPED, "why")
@@ -125,7 +131,7 @@ def test_motions_with_one_start_time_are_compared():
     began = [start_ns + 3_000, start_ns + 11_000]
     devices = [SimpleNamespace(began_ns={start_ns: one}.get) for one in began]
     for one, lateness in zip(began, (3e-6, 11e-6), strict=True):
-        run = QueuedMotion(options=MoveOptions(start_ns=start_ns), _measured=(None, one))
+        run = QueuedMotion(options=MoveOptions(start_ns=start_ns), meter=Meter(began_ns=one))
         run.ended.set_result((pb.OUTCOME_DONE, ""))
         summary = report.summary(run, devices)
         assert summary.start_lateness == pytest.approx(lateness)

@@ -6,16 +6,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from direct_planners import DirectPlanners, order_of
+from direct_planners import DirectPlanners, order_of, state_at
 
 from orientd import config
 from orientd.daemon.device import retarget
 from orientd.daemon.device.queue import MotionQueue
 from orientd.daemon.device.queued_motion import QueuedMotion, SplicePoint
 from orientd.daemon.device.retarget import ReplanningHorizon, Retargeting
-from orientd.daemon.planners import PlanInput
+from orientd.daemon.planners import PlanInput, record_at_rest
+from orientd.driver import ZERO
 from orientd.errors import LateError, LimitError
-from orientd.planner import Keyframe, Limits, MotionRequest, State
+from orientd.planner import Keyframe, Limits, MotionRequest
 from orientd.stream import Command, ServoState
 
 PERIOD = 0.002
@@ -43,7 +44,7 @@ def planners():
 @pytest.fixture(scope="module")
 def first(planners):
     order = to(AIM)
-    job = PlanInput("arm", order.motion, start=State.at_rest(HERE))
+    job = PlanInput("arm", order.motion, record_at_rest(HERE, ZERO, ()))
     return asyncio.run(planners.plan(job, order))
 
 
@@ -90,14 +91,14 @@ def test_a_motion_that_cannot_begin_where_a_device_gains_speed_begins_a_little_l
     planners, first
 ):
     leave = SplicePoint(1, RISING)
-    state, order = first.state_at(RISING), to(OTHER, limits=GENTLE)
+    records, order = first.start_at(RISING), to(OTHER, limits=GENTLE)
     with pytest.raises(LimitError, match="in the lead-in") as refused:
-        asyncio.run(planners.plan(PlanInput("arm", order.motion, start=state), order))
+        asyncio.run(planners.plan(PlanInput("arm", order.motion, records), order))
     assert refused.value.is_in_lead_in
     later, motion, chosen, _ = successor(planners, first, order, leave)
     assert later.record == RISING + round(0.15 / PERIOD)
     assert chosen == 1
-    begun, left = motion.state_at(0), first.state_at(later.record)
+    begun, left = state_at(motion, 0), state_at(first, later.record)
     assert np.abs(begun.q - left.q).max() < 1e-15
     assert begun.omega_body == pytest.approx(left.omega_body, abs=1e-12)
 

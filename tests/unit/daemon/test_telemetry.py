@@ -140,7 +140,7 @@ def test_counters_do_not_fall_when_a_servo_is_started_anew(telemetry, device):
 
 
 def event(kind):
-    return DeviceEvent("arm", kind, 1, "", 0)
+    return DeviceEvent("arm", kind, "", 0)
 
 
 def test_motions_and_faults_are_counted_by_what_they_were(telemetry, device):

@@ -115,7 +115,7 @@ class AxisRide(LoopRig):
         ring, rows = self.memory.path, motion.records(0, motion.record_count)
         first = ring.head
         for index, row in enumerate(rows.tolist(), first):
-            ring.put(ring.layout.pack(index, *row), index)
+            ring.put([ring.layout.pack(index, *row)], index)
         ring.advance(first + len(rows))
         self.command(
             Command.SPLICE, motion=2, path_index=first, leave=self.first + record,

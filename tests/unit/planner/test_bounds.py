@@ -11,7 +11,7 @@ from reference.differences import differences
 from orientd.errors import OrientdError
 from orientd.model import DEFAULT_LIMITS, Limits
 from orientd.planner import Keyframe, MotionRequest, State, plan, states_between
-from orientd.planner.recorded import HISTORY
+from orientd.planner.facts import HISTORY
 from orientd.rotation import exp, multiply
 
 CASES = int(os.environ.get("ORIENTD_CASES", "100000"))

@@ -151,7 +151,7 @@ class Rig:
         for k in range(count):
             index = first + k
             fields = (*q[k], *omega[k], *alpha[k], *position[k], *velocity[k], *joints[k])
-            ring.put(ring.layout.pack(index, *fields), index)
+            ring.put([ring.layout.pack(index, *fields)], index)
         ring.advance(first + count)
         if is_whole and count == len(q):
             ring.words[FINAL_WORD] = first + count

@@ -14,6 +14,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import pytest
+from direct_planners import recorded, state_at
 from rig import PERIOD, Rig
 from setpoint_checker import reached
 
@@ -22,7 +23,7 @@ from orientd.daemon.device.queue import MotionQueue
 from orientd.daemon.device.queued_motion import QueuedMotion
 from orientd.daemon.device.servo_process import servo_limits_of
 from orientd.errors import LateError, LimitError, NotYetError, PlanError, StateError
-from orientd.planner import Keyframe, Limits, MotionRequest, State
+from orientd.planner import HISTORY, Keyframe, Limits, MotionRequest, RecordedMotion, State, rows_of
 from orientd.stream import NOT_GIVEN, UNKNOWN, Answer, Command, NoteKind, ServoState, unpack_note
 
 MANY = int(os.environ.get("ORIENTD_FUZZ_EVENTS", "100000"))
@@ -60,9 +61,6 @@ class VirtualServo:
 
     def newest(self):
         return self.rig.cycle
-
-    def cycle_records(self, since, limit):
-        return []
 
     def ask(
         self, command, *, motion=0, path_index=0, leave_index=UNKNOWN, final_index=UNKNOWN,
@@ -161,7 +159,7 @@ class Fuzz:
 
     def planned(self, start, limits):
         request = self.request()
-        return planner.plan(request, start=start, limits=limits, period=PERIOD).recorded()
+        return recorded(planner.plan(request, start=start, limits=limits, period=PERIOD))
 
     def retarget(self):
         self.tend()
@@ -175,7 +173,7 @@ class Fuzz:
             leave = motion_queue.ahead(cycle, int(self.random.integers(2, 9)))
             left = motion_queue.queued(leave.number)
             try:
-                motion = self.plan(left.motion.state_at(leave.record))
+                motion = self.plan(state_at(left.motion, leave.record))
             except LimitError as error:
                 # It gains speed just below its limit: what nothing can take over from is stopped.
                 if not error.is_in_lead_in:
@@ -199,7 +197,7 @@ class Fuzz:
             return
         last = motion_queue.last
         leave = motion_queue.end(last.motion.last_record)
-        motion = self.plan(last.motion.state_at(leave.record))
+        motion = self.plan(state_at(last.motion, leave.record))
         self.number += 1
         motion_queue.append(QueuedMotion(motion, number=self.number, begins=leave), leave)
 
@@ -211,9 +209,11 @@ class Fuzz:
         last, earliest = motion_queue.last, 0
         if last is motion_queue.first:
             earliest = motion_queue.ahead(cycle, 8).record
+        facts = last.motion.facts
+        count = HISTORY + facts.record_count
         try:
             record, motion = planner.blend(
-                last.motion,
+                RecordedMotion(facts, rows_of(last.motion.read(-HISTORY, count))),
                 self.request(),
                 tolerance=float(self.random.choice([0.0, 0.02, 0.1])),
                 limits=self.limits,
@@ -225,7 +225,7 @@ class Fuzz:
         self.number += 1
         try:
             leave = motion_queue.end(record)
-            queued = QueuedMotion(motion.recorded(), number=self.number, begins=leave)
+            queued = QueuedMotion(recorded(motion), number=self.number, begins=leave)
             motion_queue.append(queued, leave)
         except LateError as error:
             self.count_late(error)

@@ -32,7 +32,7 @@ def scribble(memory, chance):
             # A record that is whole, of numbers that mean nothing, a little ahead.
             for index in range(memory.path.head):
                 fields = [chance.choice(FLOATS) for _ in range(PATH_FLOATS)]
-                memory.path.put(PATH_RECORD.pack(index, *fields), index)
+                memory.path.put([PATH_RECORD.pack(index, *fields)], index)
             memory.targets.publish(0, 2**62, *[chance.choice(FLOATS) for _ in range(10)])
         case _:
             memory.pulse[chance.randrange(4)] = chance.choice(WILD)
@@ -66,7 +66,7 @@ def test_a_record_that_is_no_orientation_is_not_sent():
     for index in range(first + 300, first + 400):
         fields = list(rig.memory.path.read(index))
         fields[1:5] = [2.0 * part for part in fields[1:5]]
-        rig.memory.path.put(PATH_RECORD.pack(*fields), index)
+        rig.memory.path.put([PATH_RECORD.pack(*fields)], index)
     rig.run_until(lambda servo: servo.state is ServoState.FAULT)
     assert rig.servo.setpoints.fault is Fault.PATH_STARVED
     assert "is no orientation" in rig.servo.setpoints.fault_text

@@ -112,7 +112,7 @@ def test_only_what_is_in_the_ring_is_peeked_at(ring, follower):
 def test_a_record_that_is_written_and_not_published_is_not_peeked_at(ring, follower):
     lay(ring, range(3))
     record = ring.read_bytes(2)
-    ring.put(struct.pack("Q", 3) + record[8:], 3)
+    ring.put([struct.pack("Q", 3) + record[8:]], 3)
     assert ring.read(3) is not None
     assert follower.peek(3) is None
     ring.advance(4)

@@ -35,7 +35,7 @@ def laid(rig, path):
     first = ring.head
     for k, (q, omega, alpha) in enumerate(zip(*path, strict=True)):
         fields = (*q, *omega, *alpha, *np.zeros(6), *NO_JOINTS, *NO_JOINTS)
-        ring.put(ring.layout.pack(first + k, *fields), first + k)
+        ring.put([ring.layout.pack(first + k, *fields)], first + k)
     ring.advance(first + len(path[0]))
     return first, first + len(path[0]) - 1
 

@@ -11,17 +11,18 @@ from direct_planners import DirectPlanners
 
 from orientd import config
 from orientd.daemon.devices import planner_device
-from orientd.daemon.planners import PlanCall, PlanInput, Planners, Rank
+from orientd.daemon.planners import PlanCall, PlanInput, Planners, Rank, record_at_rest
 from orientd.daemon.planners.pool import MOST_WAITING
 from orientd.daemon.planners.task import CHUNK, FIRST
+from orientd.driver import IDENTITY, ZERO
 from orientd.errors import DaemonError, DeadlineError, PlanError, RequestError, TooMuchError
-from orientd.planner import Keyframe, MotionRequest, State
+from orientd.planner import MOTION_RECORD, Keyframe, MotionRequest
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import from_request
 from orientd.rotation import exp
 
 SETTINGS = config.default_settings().devices["arm"]
-HERE = State.at_rest((1.0, 0.0, 0.0, 0.0))
+HERE = record_at_rest(IDENTITY, ZERO, ())
 
 
 def motion(*angles, **fields):
@@ -44,7 +45,7 @@ def endless(timeout, caller=""):
 
 
 def job(content=SMALL, name="arm"):
-    return PlanInput(name, content, os.urandom(6).hex(), HERE)
+    return PlanInput(name, content, HERE)
 
 
 def run(test, *, processes=1, timeout=60.0):
@@ -83,7 +84,7 @@ def test_a_planner_makes_what_is_made_here_bit_for_bit():
     here = asyncio.run(DirectPlanners([SETTINGS]).plan(one, PlanCall(one.motion)))
     assert (there.plan, event) == (here.plan, here.event)
     count = here.facts.record_count
-    assert there.rows(0, count).tobytes() == here.rows(0, count).tobytes()
+    assert there.read(0, count) == here.read(0, count)
 
 
 def test_what_is_wrong_with_a_request_is_raised_where_it_was_asked():
@@ -260,29 +261,29 @@ def test_records_beyond_the_first_chunk_are_asked_for_while_they_are_fed():
         ends = time.monotonic() + 60.0
         place = 0
         while place < count and time.monotonic() < ends:
-            rows = found.records(place, 512)
-            fed.append(rows.copy())
-            place += len(rows)
-            await asyncio.sleep(0.0 if len(rows) else 0.01)
-        return np.concatenate(fed)
+            records = found.feed(place, 512)
+            fed.append(records)
+            place += len(records) // MOTION_RECORD.size
+            await asyncio.sleep(0.0 if records else 0.01)
+        return b"".join(fed)
 
     fed = run(test)
     whole = asyncio.run(DirectPlanners([SETTINGS]).plan(one, PlanCall(long)))
-    assert fed.tobytes() == whole.records(0, whole.facts.record_count).tobytes()
+    assert fed == whole.read(0, whole.facts.record_count)
 
 
 def test_a_motion_of_several_chunks_is_fed_to_its_end_and_again():
     one = job(motion(0.5, duration=400.0))
 
     def fed(found):
-        parts = [found.records(0, 4096)]
-        while (place := sum(map(len, parts))) < found.facts.record_count:
-            parts.append(found.records(place, 4096))
-        return np.concatenate(parts)
+        fed = found.feed(0, 4096)
+        while (place := len(fed) // MOTION_RECORD.size) < found.facts.record_count:
+            fed += found.feed(place, 4096)
+        return fed
 
     found = asyncio.run(DirectPlanners([SETTINGS]).plan(one, PlanCall(one.motion)))
     assert found.facts.record_count > 2 * CHUNK
     first = fed(found)
-    assert len(first) == found.facts.record_count
+    assert len(first) == found.facts.record_count * MOTION_RECORD.size
     assert found.at_hand[0] > CHUNK  # what is far behind was forgotten
-    assert fed(found.again()).tobytes() == first.tobytes()
+    assert fed(found.again()) == first
