@@ -16,9 +16,11 @@ from orientd.protocol import control_pb2 as pb
 from orientd.protocol.control_pb2_grpc import ControlStub
 
 DEVICE = "arm"
-PLAN_TIMEOUT = 2.0
-PROMPT = 1.0
-"""s; nobody waits longer who asks for little, or whose call is over."""
+PLAN_TIMEOUT = 1.0
+NO_DEADLINE = 300.0
+"""s; a planner that nobody frees or replaces is busy for so long."""
+PROMPT = 30.0
+"""s; far less than that, and long enough for a busy machine."""
 
 SMALL = pb.PlanRequest(device=DEVICE, motion=nudge(0.3))
 
@@ -30,8 +32,9 @@ def endless():
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory):
-    """A daemon with the deadline of the defaults, which has planned before."""
-    with Rig(tmp_path_factory.mktemp("rig"), devices=[DEVICE]) as it:
+    """A daemon that gives plans all the time they want, and has planned before."""
+    folder = tmp_path_factory.mktemp("rig")
+    with Rig(folder, devices=[DEVICE], planner=f"plan_timeout = {NO_DEADLINE!r}") as it:
         it.stub.Plan(SMALL)
         yield it
 
@@ -46,7 +49,7 @@ def hasty_rig(tmp_path_factory):
 
 
 @contextlib.contextmanager
-def under_way(rig, endless, timeout=60.0):
+def under_way(rig, endless, timeout=NO_DEADLINE):
     """Have a plan under way that does not end; give its call and the process that plans."""
     call = rig.stub.Plan.future(endless, timeout=timeout)
     try:
@@ -104,7 +107,7 @@ def assert_replaced(rig, pid, count, seconds):
 
 def test_a_killed_planner_fails_its_own_call_alone_and_is_replaced(rig, endless):
     count = len(rig.planners())
-    with motion(rig, 8.0), small_plans(rig):
+    with motion(rig, 4.0), small_plans(rig):
         with under_way(rig, endless) as (call, pid):
             os.kill(pid, signal.SIGKILL)
             until(call.done, "an answer", PROMPT)
@@ -112,7 +115,7 @@ def test_a_killed_planner_fails_its_own_call_alone_and_is_replaced(rig, endless)
         assert text
         assert "\n" not in text
         assert "Traceback" not in text
-        assert_replaced(rig, pid, count, 10.0)
+        assert_replaced(rig, pid, count, PROMPT)
     rig.stub.Plan(SMALL, timeout=PROMPT)
 
 
@@ -131,16 +134,16 @@ def test_a_plan_ends_at_its_deadline_and_leaves_a_planner(request, endless, whos
             assert time.monotonic() - begun > 0.9 * PLAN_TIMEOUT
             assert call.code() is grpc.StatusCode.DEADLINE_EXCEEDED, call.details()
             if is_stopped:
-                assert_replaced(rig, pid, count, 1.0 + PROMPT)
+                assert_replaced(rig, pid, count, PROMPT)
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGCONT)
-    await_idle(rig, 5.0)
+    await_idle(rig, PROMPT)
     rig.stub.Plan(SMALL, timeout=PROMPT)
 
 
 def test_what_a_plan_took_is_given_back_when_it_ends_at_its_deadline(hasty_rig, endless):
-    await_idle(hasty_rig, 10.0)
+    await_idle(hasty_rig, PROMPT)
 
     def sizes():
         return [memory_mib(pid, "VmRSS") for pid in (hasty_rig.pid, *hasty_rig.planners())]
@@ -151,30 +154,28 @@ def test_what_a_plan_took_is_given_back_when_it_ends_at_its_deadline(hasty_rig, 
         with pytest.raises(grpc.RpcError):
             hasty_rig.stub.Plan(endless, timeout=30.0)
     allowed = max(before) + 32.0
-    until(lambda: max(sizes()) < allowed, f"memory given back, {before} before", 5.0)
+    until(lambda: max(sizes()) < allowed, f"memory given back, {before} before", PROMPT)
 
 
 def test_a_caller_who_hangs_up_frees_who_plans(rig, endless):
-    await_idle(rig, 60.0)
+    await_idle(rig, PROMPT)
     calls = [rig.stub.Plan.future(endless) for _ in range(8)]
     time.sleep(1.0)
     for call in calls:
         call.cancel()
-    begun = time.monotonic()
-    rig.stub.Plan(SMALL, timeout=30.0)
-    assert time.monotonic() - begun < PROMPT
-    await_idle(rig, 5.0)
+    rig.stub.Plan(SMALL, timeout=PROMPT)
+    await_idle(rig, PROMPT)
 
 
 @pytest.mark.storm
 def test_many_large_plans_of_one_caller_do_not_hold_up_another(rig):
     large = pb.PlanRequest(device=DEVICE, motion=large_motion(50_000))
-    await_idle(rig, 60.0)
+    await_idle(rig, PROMPT)
     begun = time.monotonic()
     rig.stub.Plan(large)
     alone = time.monotonic() - begun
     # The processors are shared while they plan.
-    longest, waits = 2.0 * alone + PROMPT, []
+    longest, waits = 2.0 * alone + 1.0, []
     with raw_channel(rig.socket) as greedy, raw_channel(rig.socket) as modest:
         calls = [ControlStub(greedy).Plan.future(large) for _ in range(50)]
         time.sleep(0.5)

@@ -15,7 +15,7 @@ from orientd.planner import Keyframe, MotionRequest
 from orientd.stream import ServoState
 
 
-def until(claim, what, seconds=10.0):
+def until(claim, what, seconds=30.0):
     ends = time.monotonic() + seconds
     while not (found := claim()):
         if time.monotonic() > ends:
@@ -81,7 +81,7 @@ def streaming(device):
     until(lambda: device.snapshot().path_time > 0.3, lambda: f"streaming {device.snapshot()}")
 
 
-def fault_of(device, seconds=2.0):
+def fault_of(device, seconds=20.0):
     """Wait for a fault; return it, its text and how long it took."""
     begun = time.monotonic()
     until(lambda: device.snapshot().fault is not Fault.NONE, "a fault", seconds)

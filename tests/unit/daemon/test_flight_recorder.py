@@ -26,11 +26,10 @@ def test_a_file_that_takes_its_time_does_not_hold_up_the_end(tmp_path, monkeypat
     recorder.memory("arm", device.rate_hz).append(bytes(64))
     recorder.start()
     recorder.hear(DeviceEvent("arm", EventKind.FAULT, "why", time.monotonic_ns()))
-    began = time.monotonic()
     recorder.close()
-    assert time.monotonic() - began < 2.0
     assert "not written yet when the daemon ended" in caplog.text
     journal.close()
     (process,) = recorder.unfinished
+    assert process.poll() is None
     process.kill()
     process.wait()

@@ -50,20 +50,17 @@ def test_name_of_a_server_that_is_not_there_is_in_the_error():
 
 
 def test_answer_that_trickles_in_is_given_up_in_time(peer):
-    host, _ = peer(DASHBOARD_PORT, [b"C"] * 40, pause=0.05)
-    begun = time.monotonic()
+    # It trickles for longer than a test may take.
+    host, _ = peer(DASHBOARD_PORT, [b"C"] * 4000, pause=0.05)
     with pytest.raises(LinkError, match="did not send its greeting: timed out"):
         Dashboard(host, timeout=0.3)
-    assert 0.2 < time.monotonic() - begun < 1.8
 
 
 def test_total_time_bounds_every_answer_together(peer):
     host, _ = peer(RTDE_PORT, None, package("V", b"\1"))
-    with RtdeClient(host, 5.0, total=0.3) as client:
-        begun = time.monotonic()
-        with pytest.raises(LinkError, match="data packages: timed out"):
-            client.sample()
-        assert time.monotonic() - begun < 4.0
+    client = RtdeClient(host, 300.0, total=0.3)
+    with client, pytest.raises(LinkError, match="data packages: timed out"):
+        client.sample()
 
 
 def test_connection_that_the_controller_closes_is_said_to_be_closed(peer):
