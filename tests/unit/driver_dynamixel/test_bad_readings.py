@@ -13,7 +13,7 @@ from emulated_dynamixel import FaultKind, Lie, ReplyFault
 from orientd.errors import DeviceFaultError, Fault
 from orientd.stream import Answer, Command, ServoState
 
-CASES = int(os.environ.get("ORIENTD_CASES", "10"))
+CASES = int(os.environ.get("ORIENTD_CASES", "6"))
 
 MOMENTS = ("open", "enable", "motion", "end", "fault", "reset", "second enable")
 CAUSES = ("none", "silent", "jam", "overload", "restart")

@@ -15,7 +15,7 @@ from orientd.tolerances import GUARD_TOLERANCE
 from orientd_ur import UrDriver
 from orientd_ur.arm import MODELS
 
-CASES = int(os.environ.get("ORIENTD_CASES", "12"))
+CASES = int(os.environ.get("ORIENTD_CASES", "6"))
 SEED = int(os.environ.get("ORIENTD_SEED", "41"))
 LIMITS = Limits(2.5, 17.0, 8500.0, 1.0, 10.0)
 

@@ -14,8 +14,8 @@ from orientd.planner import Keyframe, MotionRequest, State, plan, states_between
 from orientd.planner.facts import HISTORY
 from orientd.rotation import exp, multiply
 
-CASES = int(os.environ.get("ORIENTD_CASES", "100000"))
-MOTIONS = 200
+CASES = int(os.environ.get("ORIENTD_CASES", "40000"))
+MOTIONS = 80
 METHODS = ["c2_cumulative", "squad", "kks_hermite_spline", "bezier_catmull_rom", "piecewise_slerp"]
 LIMITS = [
     DEFAULT_LIMITS,

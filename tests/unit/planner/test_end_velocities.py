@@ -16,7 +16,7 @@ from orientd.errors import PlanError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, Limits, MotionRequest, State, plan
 
 PERIOD = 0.002
-CASES = int(os.environ.get("ORIENTD_CASES", "8"))
+CASES = int(os.environ.get("ORIENTD_CASES", "5"))
 SLOWER = 1.05
 DURATIONS = (1.05, 1.3, 2.0)
 
