@@ -13,32 +13,33 @@ SEED ?= 1
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
 
-# What runs real processes to a clock waits most of the time, so two files of that are tested at once,
-# and beside them, giving way to them, what only calculates, which is told of at the end.  A machine that
-# stands still for half a second fails some that run: what failed is repeated once, by itself, and what
-# passes then is named as flaky.  What takes longer is behind the markers of `make soak`, `chaos`, `storm`, `bench`.
+# Tests of real processes mostly wait, so several files of them run at once.  Tests that only calculate
+# run next to them at a low priority, and report at the end.  A machine that stands still for some seconds
+# can fail a test of real processes.  So each failed test is repeated once, alone.  If it passes then, the
+# summary counts it as flaky.  Longer tests have the markers of `make soak`, `chaos`, `storm` and `bench`.
 CALCULATES = tests/unit tests/docs orientd drivers sim
 RUNS = tests/system tests/drivers tests/chaos tests/storm tests/bench
+AT_ONCE ?= 4
 
-# Lists what passes only when it is repeated; what could not be collected at all is not repeated.
-AGAIN = --last-failed --last-failed-no-failures none -rfEp
+# Repeats the failed tests.  Files that cannot be collected are not repeated.
+AGAIN = --last-failed --last-failed-no-failures none -rfE
 
-# A memory of its own: what failed of the one half is not to be lost by the other.
+# A cache of its own: the failures of one half must not hide those of the other.
 CALCULATE = $(BIN)/python -m pytest -o cache_dir=build/calculates $(CALCULATES)
 
 test: check
 	@$(MAKE) --no-print-directory --keep-going --jobs=2 runs calculates; status=$$?; \
-	    echo "What only calculates:"; cat build/calculates.txt; exit $$status
+	    echo "Tests that only calculate:"; cat build/calculates.txt; exit $$status
 
 runs: $(VENV)/.dev
-	$(BIN)/python -m pytest -n 2 --dist loadfile $(RUNS) || { \
-	    echo "What failed is repeated once; what passes now is flaky:"; \
+	$(BIN)/python -m pytest -n $(AT_ONCE) --dist loadfile $(RUNS) || { \
+	    echo "Repeating the failed tests:"; \
 	    $(BIN)/python -m pytest $(RUNS) $(AGAIN); }
 
 calculates: $(VENV)/.dev
 	@mkdir -p build
 	@nice -n 15 $(CALCULATE) -n logical > build/calculates.txt 2>&1 || { \
-	    echo "What failed is repeated once; what passes now is flaky:"; \
+	    echo "Repeating the failed tests:"; \
 	    nice -n 5 $(CALCULATE) $(AGAIN); } >> build/calculates.txt 2>&1
 
 check: $(VENV)/.dev

@@ -65,6 +65,15 @@ def left_running():
     return found
 
 
+def pytest_terminal_summary(terminalreporter, config):
+    """Count the tests that failed in the run before and pass now."""
+    flaky = terminalreporter.getreports("passed") if config.getoption("lf") else ()
+    if flaky:
+        terminalreporter.section(f"{len(flaky)} flaky: failed at first, passed alone")
+        for report in flaky:
+            terminalreporter.line(report.nodeid)
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish(session):
     """Fail a run that leaves processes behind, and end these."""
