@@ -67,7 +67,7 @@ def left_running():
 
 def pytest_terminal_summary(terminalreporter, config):
     """Count the tests that failed in the run before and pass now."""
-    flaky = terminalreporter.getreports("passed") if config.getoption("lf") else ()
+    flaky = terminalreporter.getreports("passed") if config.getoption("lf", False) else ()
     if flaky:
         terminalreporter.section(f"{len(flaky)} flaky: failed at first, passed alone")
         for report in flaky:

@@ -1,0 +1,109 @@
+"""What options of commands change; the tests of the commands give the others."""
+
+import json
+import os
+import subprocess
+
+import numpy as np
+import pytest
+from command_line import begin, environment, inside
+from gimbal_bench import EmulatedGimbal
+from harness import DEVICE, DaemonProcess, peaks, until
+
+from orientd.protocol import control_pb2 as pb
+from orientd.rotation import conjugate, log, multiply
+
+RATE = 0.8
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory):
+    with DaemonProcess(tmp_path_factory.mktemp("daemon")) as process:
+        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
+        yield process
+
+
+def told(*words):
+    done = inside(*words, "--json")
+    assert (done.returncode, done.stderr) == (0, ""), done
+    return json.loads(done.stdout)
+
+
+def test_a_turn_has_the_rate_duration_axis_and_frame_that_it_is_given(daemon):
+    def turn(*words):
+        begun = len(daemon.sent())
+        told("turn", *words, "--duration", "0.5", "--socket", daemon.socket)
+        return daemon.sent()[begun:]
+
+    turn("--rate", "2.4")  # the tool's axes lie elsewhere than the world's
+    for frame in ("body", "world"):
+        q = turn("--rate", str(-RATE), "--axis", "x", "--frame", frame)
+        step = multiply(conjugate(q[0]), q[-1])
+        turned = log(step if frame == "body" else multiply(q[-1], conjugate(q[0])))
+        assert turned[1:] == pytest.approx([0.0, 0.0], abs=1e-9)
+        # At the rate for the duration, and the way there and back to rest.
+        assert -0.5 * RATE - 0.4 < turned[0] < -0.5 * RATE
+        assert peaks(q, daemon.period)[0] == pytest.approx(RATE, rel=1e-6)
+
+
+def test_a_target_without_a_lifetime_counts_for_the_one_that_is_given(daemon):
+    words = ("track", "--time-to-live", "0.3", "--socket", daemon.socket)
+    with begin(*words, stdin=subprocess.PIPE, env=environment()) as process:
+        target = {"rotation_vector": [0, 0, 0], "angular_velocity": [0, 0, 0.5]}
+        process.stdin.write(json.dumps(target) + "\n")
+        process.stdin.flush()
+        until(lambda: daemon.device().state == pb.STATE_TRACKING, "targets to be followed")
+
+        def rests():
+            q = daemon.sent()[-100:]
+            return np.array_equal(q[0], q[-1]) and daemon.device().state == pb.STATE_TRACKING
+
+        # Its input is still open: it rests since the target has expired.
+        until(rests, "rest")
+        process.communicate(timeout=30)
+    assert process.returncode == 0
+
+
+def test_a_motion_is_done_on_target_as_it_is_asked(daemon, tmp_path):
+    file = tmp_path / "there.json"
+    file.write_text(json.dumps({"keyframes": [{"rotation_vector": [0, 0, 0.2]}]}))
+    words = ("move", file, "--socket", daemon.socket, "--on-target")
+    assert told(*words, "1,1,0.05")["summary"]["outcome"] == "done"
+    assert inside(*words, "1,1").returncode == 2
+
+
+def test_emulated_servos_listen_at_the_line_speed_that_is_given(tmp_path):
+    sdk = pytest.importorskip("dynamixel_sdk")
+    words = ("--baud", "57600", "--ideal", "--seed", "3", "--servos", "1:xm430")
+    bus = EmulatedGimbal(tmp_path / "bus", *words)
+    port = sdk.PortHandler(str(tmp_path / "bus"))
+    try:
+        assert port.openPort()
+        for baud, answer in ((1_000_000, -3001), (57_600, 0)):
+            assert port.setBaudRate(baud)
+            assert sdk.Protocol2PacketHandler().ping(port, 1)[1] == answer
+    finally:
+        port.closePort()
+        bus.end()
+
+
+def test_a_service_of_the_system_runs_as_the_user_that_is_given(tmp_path):
+    config = tmp_path / "orientd.toml"
+    config.write_text(f'[devices.{DEVICE}]\ndriver = "loopback"\n')
+    done = inside("service", "install", "--config", config, "--as", "nobody", "--print")
+    if os.getuid() == 0 and done.returncode:
+        assert "nobody cannot" in done.stderr  # the folder is root's alone
+    else:
+        assert "User=nobody" in done.stdout.splitlines()
+
+
+def test_the_configuration_of_a_router_is_printed(tmp_path):
+    pytest.importorskip("zenoh")
+    config = tmp_path / "router.toml"
+    config.write_text(
+        '[fleet]\ncell = "line"\nname = "router"\nlisten = ["tls/127.0.0.1:7447"]\ncertificate = "r.pem"\nkey = "r.key"\n'
+        'ca = "ca.pem"\ndaemons = ["arm-1"]\n[access.certificates]\npendant = "operator"\n'
+    )
+    done = inside("fleet", "router", "--config", config, "--print")
+    assert done.returncode == 0, done.stderr
+    assert "tls/127.0.0.1:7447" in done.stdout
