@@ -101,7 +101,8 @@ def test_the_configuration_of_a_router_is_printed(tmp_path):
     pytest.importorskip("zenoh")
     config = tmp_path / "router.toml"
     config.write_text(
-        '[fleet]\ncell = "line"\nname = "router"\nlisten = ["tls/127.0.0.1:7447"]\ncertificate = "r.pem"\nkey = "r.key"\n'
+        '[fleet]\ncell = "line"\nname = "router"\nlisten = ["tls/127.0.0.1:7447"]\n'
+        'certificate = "r.pem"\nkey = "r.key"\n'
         'ca = "ca.pem"\ndaemons = ["arm-1"]\n[access.certificates]\npendant = "operator"\n'
     )
     done = inside("fleet", "router", "--config", config, "--print")
