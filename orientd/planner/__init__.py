@@ -1,10 +1,10 @@
 """Plan motions: from a request to an immutable :class:`Motion` with its certificate.
 
-:func:`plan` is the way in.  Everything a request is made of is checked when it is made; what a
-motion promises is in its :class:`Certificate`.
+Start with :func:`plan`.  A request checks itself when it is made.  The :class:`Certificate` of a
+motion has the properties that it guarantees.
 
-Names are loaded when they are first asked for: limits need none of what plans, and a daemon that
-has not planned yet stays small.
+Names load on first use: limits need none of the planning modules, and a daemon that has not planned
+yet stays small.
 """
 
 from __future__ import annotations

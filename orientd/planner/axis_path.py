@@ -1,4 +1,4 @@
-"""A motion on the path that a device's axes can follow, checked anew on what will be sent."""
+"""A motion on the path that a device's axes can follow, with the limits checked again."""
 
 from __future__ import annotations
 
@@ -36,22 +36,22 @@ def reshaped(
     joints_before: Sequence[Sequence[float]] = (),
     joint_rates: Sequence[float] = (),
 ) -> Motion:
-    """Return *motion* on the path of *shape*, held against its limits again.
+    """Return *motion* on the path of *shape*, checked against its limits again.
 
     Args:
-        motion: as it was planned.
+        motion: the motion as planned.
         shape: the path that the device's axes follow, on the same grid.
-        axes: their limits.
-        joints_before: axis angles of the three records before it, where it begins in motion.
-        joint_rates: velocities of the axes where it begins in motion, rad/s.
+        axes: limits of the axes.
+        joints_before: axis angles of the three records before a motion that begins in motion.
+        joint_rates: axis velocities at the start of a motion that begins in motion, rad/s.
 
     Raises:
-        LimitError: the path as shaped breaks a limit.
-        StartError: it begins elsewhere than the motion, which begins in motion.
-        ValueError: *motion* is shaped already.
+        LimitError: the shaped path breaks a limit.
+        StartError: the shaped path begins elsewhere than a motion that begins in motion.
+        ValueError: *motion* already has a shape.
     """
     if not isinstance(motion.path, Path):
-        raise ValueError("motion must be as it was planned")
+        raise ValueError("motion already has a path of the axes")
     period, request = motion.period, motion.request
     path_times, q, joints = shape.path_times, shape.q, shape.joints
     begun = float(angle(q[0], motion.start_state.q))
@@ -63,7 +63,7 @@ def reshaped(
     path = RecordedPath.of(q, path_times, motion.path, period, joints, earlier, joint_rates)
 
     def moved(times: Floats) -> Floats:
-        """Return when the path as shaped gets to *times* of the path as planned."""
+        """Return when the shaped path reaches *times* of the planned path."""
         grid = period * np.arange(len(path_times), dtype=np.float64)
         if len(path_times) == motion.record_count and np.allclose(
             path_times, grid, rtol=0, atol=1e-9
@@ -85,7 +85,7 @@ def reshaped(
     )
     brake = joint_brake(joints, path.joint_rates, path.earlier, period, axes)
     if path.is_reshaped:
-        # The records do not say all of what a tool does that the axes lead off its path.
+        # The records do not have the full motion of a tool that the axes lead off its path.
         between = path.between_records(PARTS)
         brake = min(brake, tool_brake(between, period, motion.limits.numbers()[4:8]))
     if brake.rate < peaks.brake_rate:

@@ -1,8 +1,8 @@
-"""Blending: one motion after another without coming to rest at the corner between them.
+"""Blending: run one motion into the next one without stopping at the corner between them.
 
-The first motion is left a little before its end, and the next one joined a little after its
-beginning, by a quintic with orientation, velocity and acceleration of both: the wider it cuts the
-corner, the quicker, and the tolerance says how wide it may be cut.
+A quintic leaves the first motion shortly before its end and joins the next one shortly after its
+start.  It has the orientation, velocity and acceleration of both.  A wider cut of the corner is
+faster, and the tolerance limits its width.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from orientd.planner.state import State
 from orientd.planner.timing import Indices, KeyframePath, quickest
 from orientd.rotation import Floats, angle
 
-_DISTANCES = 24  # from the corner at which to leave and to join
-_SHARES = np.concatenate([np.linspace(0.3, 1.0, 15), [1.1, 1.2]])  # of the time cut out
-_FEW_SHARES = np.array([0.6, 0.8, 1.0])  # where a timing is found: the less, the farther off
-_BELOW = 0.99  # share of the velocity at which a motion may be left
-_TRIES = 12  # blends whose timing is found
+_DISTANCES = 24  # distances from the corner at which to leave and to join
+_SHARES = np.concatenate([np.linspace(0.3, 1.0, 15), [1.1, 1.2]])  # of the replaced time
+_FEW_SHARES = np.array([0.6, 0.8, 1.0])  # for a computed timing: less at a larger distance
+_BELOW = 0.99  # share of the velocity limit at which a blend may leave a motion
+_TRIES = 12  # blends with a computed timing
 _POINTS = 65
 _SAME = 1e-9
 
@@ -44,28 +44,27 @@ def blend(
     earliest: int = 0,
     motion_id: str | None = None,
 ) -> tuple[int, Motion]:
-    """Plan a motion that follows another one, if possible without coming to rest between them.
+    """Plan a motion that follows another one, without a stop between them if possible.
 
-    Where the tolerance is zero, or no blend is found, the motions are joined where the first one
-    ends: with its end velocity, if the next one begins there with the same one, and else at rest.
+    If the tolerance is zero, or no blend exists, the motions meet at the end of the first one. They
+    meet there at its end velocity if the next one begins with the same velocity, otherwise at rest.
 
     Args:
-        first: the motion before, with the records at hand from *earliest* on, three more before
-            that, to its end.
-        request: what is to follow.
-        tolerance: how far from the corner, the orientation in which the first motion ends, the
-            device may pass, rad.
+        first: the previous motion from *earliest* to its end, with three more records before that.
+        request: the next motion.
+        tolerance: largest distance of the blend from the corner, the final orientation of the first
+            motion, rad.
         limits: the device's.
         period: the device's cycle, s.
-        earliest: record of *first* before which it cannot be left any more.
-        motion_id: names the motion; by default a new random name.
+        earliest: the first record of *first* at which the blend may leave it.
+        motion_id: identifier of the motion; by default a new random one.
 
     Returns:
-        The record of *first* at which to leave it, and the motion from there on; its certificate
+        The record of *first* at which to leave it, and the motion from there on.  Its certificate
         notes how far from the corner it passes.
 
     Raises:
-        RequestError: the request is not one that its method or the device allows.
+        RequestError: its method or the device does not allow the request.
         PlanError: it cannot be planned.
         ValueError: *tolerance* is not a number from 0 on, or the periods differ.
     """
@@ -96,7 +95,7 @@ def _moving_on(
     earliest: int,
     motion_id: str | None,
 ) -> tuple[int, Motion] | None:
-    """Return the motion from the end velocity of the first one on, if it begins with that."""
+    """Return the motion that begins with the end velocity of the first one, if there is one."""
     end_time = first.facts.end_time
     record = round(end_time / period)
     is_on_record = abs(record * period - end_time) <= _SAME * period
@@ -117,7 +116,7 @@ def _moving_on(
 def _blended(
     first: RecordedMotion, second: Motion, path: Path, tolerance: float, earliest: int
 ) -> tuple[int, Motion] | None:
-    """Return the quickest blend that passes the corner within the tolerance."""
+    """Return the fastest blend within the tolerance."""
     cuts = _cuts(first, second, first.state_at(first.last_record).q, earliest)
     request = second.request
     is_slower = request.total is not None or request.pace is not None or not request.is_quickest
@@ -138,25 +137,24 @@ def _best(
     *,
     is_timed_anew: bool,
 ) -> tuple[int, Motion] | None:
-    """Return the quickest blend of those between some records.
+    """Return the fastest blend between given records.
 
     Args:
-        tolerance: how far from the corner it may pass, rad.
+        tolerance: largest distance from the corner, rad.
         cuts: records at which to leave the first motion and to join the second one.
-        is_timed_anew: whether to run through the blend and what follows as quickly as the limits
-            permit, or through what follows at the times it has.
+        is_timed_anew: whether to run the blend and the second motion as fast as the limits permit,
+            or the second motion at its own times.
     """
     period, corner, limits = first.facts.period, first.state_at(first.last_record).q, second.limits
     leave, joined = cuts
     omega = np.abs(first.rows_at(leave)[:, 4:7])
     speeds = np.linalg.norm(omega, axis=1) / limits.velocity
     speeds = np.maximum(speeds, np.max(omega / limits.axis_velocity, axis=1))
-    # Where the first motion is left it may be at its limits.
+    # The first motion may be at its limits where the blend leaves it.
     quickest_state = first.state_at(int(leave[np.argmax(speeds)]))
     shares, pairs = _SHARES, np.arange(len(leave))
     if is_timed_anew:
-        # Those that leave out most first.  At the limit of the velocity there is no way but
-        # straight on.
+        # Try those that save most first.  At the velocity limit only a straight path is possible.
         shares, pairs = _FEW_SHARES, np.argsort(leave - joined, kind="stable")
         pairs = pairs[speeds[pairs] <= _BELOW]
     if not len(pairs):
@@ -173,7 +171,7 @@ def _best(
     w, kept = try_joins(begins, there, durations, quickest_state, limits)
     order = np.arange(len(spared))
     if not is_timed_anew:
-        # The quickest first.
+        # Try the fastest first.
         kept = kept[(spared - cycles)[kept] > 0.0]
         order = kept[np.argsort(-(spared - cycles)[kept], kind="stable")]
     best: tuple[int, Motion] | None = None
@@ -210,7 +208,7 @@ def _best(
 def _cuts(
     first: RecordedMotion, second: Motion, corner: Floats, earliest: int
 ) -> tuple[Indices, Indices]:
-    """Return records to leave and to join at, as far from the corner, beyond no other keyframe."""
+    """Return records to leave and to join, equally far from the corner, near no other keyframe."""
     period, begin = first.facts.period, first.facts.last_passed
     coming = second.keyframe_times[angle(second.request.keys, corner) > _SAME]
     end = float(coming[0]) if len(coming) else second.end_time
@@ -221,7 +219,7 @@ def _cuts(
         return leave[:0], joined[:0]
     before = angle(first.rows_at(leave)[:, :4], corner)
     after = angle(second.sample(period * joined.astype(np.float64)).q, corner)
-    # From the corner on as far as the distance grows.
+    # Stop where the distance from the corner no longer grows.
     before = np.maximum.accumulate(before[::-1])
     after = np.maximum.accumulate(after)
     most = min(before[-1], after[-1])
@@ -236,10 +234,10 @@ def _cuts(
 def _followed(
     blended: Trajectory, start: State, second: Motion, path: Path, time: float, nearest: float
 ) -> KeyframePath:
-    """Return a blend and what it leads into; its first time is that of the corner.
+    """Return a blend and its continuation; its first time is that of the corner.
 
     Args:
-        time: path time of the second motion at which it is joined, s.
+        time: path time of the second motion at which the blend joins it, s.
         nearest: path time at which the blend is nearest to the corner, s.
     """
     shift = blended.duration - time
@@ -259,13 +257,13 @@ def _followed(
 def _motion(
     followed: KeyframePath, start: State, second: Motion, far: float, *, is_timed_anew: bool
 ) -> Motion:
-    """Return the motion along a blend and what it leads into, *far* from the corner, rad.
+    """Return the motion along a blend and its continuation, *far* from the corner, rad.
 
     Raises:
         PlanError: it breaks a limit.
     """
     request, limits, period = second.request, second.limits, second.period
-    # An end velocity is one at a time of its own: what comes after it stays as it is.
+    # An end velocity that holds at a given time fixes everything after it.
     end, last = followed.duration, followed.duration
     if request.omega_end is not None:
         end = float(followed.times[-1])

@@ -1,4 +1,4 @@
-"""Plans for one device: from where it is commanded to be, and as its axes can follow them."""
+"""Plan for one device: from its commanded state, with a path that its axes can follow."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from orientd.stream import tuning_text
 
 
 class DevicePlanner:
-    """Plan motions that a device's driver agrees to.
+    """Plan motions for a device with the checks of its driver.
 
     Args:
         examiner: a driver of the device, which need not be open.
         limits: the device's.
         period: its cycle, s.
-        frames: that requests may name, by name.
+        frames: frames that requests may name, by name.
     """
 
     def __init__(
@@ -54,11 +54,11 @@ class DevicePlanner:
         return at_rate(request, start, self._limits.narrowed(request.limits))
 
     def report_frame(self, request: MotionRequest) -> Frame | None:
-        """Return the frame that reports of *request* are in; see :func:`.report_frame`."""
+        """Return the frame for reports of *request*; see :func:`.report_frame`."""
         return report_frame(self._framed(request))
 
     def _framed(self, request: MotionRequest) -> MotionRequest:
-        """Return *request* with the frames that it may name; its own come before the device's."""
+        """Return *request* with all frames that it may name; its own replace the device's."""
         frames = {**self._frames, **request.frames}
         return replace(request, frames=frames) if self._frames else request
 
@@ -76,16 +76,16 @@ class DevicePlanner:
         """Plan a motion from *start*.
 
         Args:
-            request: what to do.
-            start: where the device is commanded to be.
-            joints: its axis angles there, rad.
-            before: axis angles planned for the cycles before, where it moves.
-            rates: velocities of the axes planned there, rad/s, where it moves.
-            motion_id: names the motion; by default a new random name.
-            is_offline: whether the device is not to be asked for anything.
+            request: the requested motion.
+            start: the commanded state of the device.
+            joints: axis angles there, rad.
+            before: planned axis angles of the previous cycles, if it moves.
+            rates: planned axis velocities there, rad/s, if it moves.
+            motion_id: identifier of the motion; by default a new random one.
+            is_offline: whether not to ask the device anything.
 
         Raises:
-            RequestError: the request is not one that its method or the device allows.
+            RequestError: its method or the device does not allow the request.
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
         """
         mechanism = self._mechanism(may_ask=not is_offline)
@@ -113,30 +113,30 @@ class DevicePlanner:
     def plan_offline(self, request: MotionRequest, *, from_device: bool = False) -> Motion:
         """Plan a motion without a daemon, from rest.
 
-        A motion that leads in begins where the device stands, if that is known; else a motion
-        begins at its first keyframe.
+        A motion with a lead-in begins at the pose of the device, if that is known.  Otherwise a
+        motion begins at its first keyframe.
 
         Args:
-            request: what to do.
-            from_device: ask the device where it stands; without it, its options say so.
+            request: the requested motion.
+            from_device: whether to ask the device for its pose; otherwise its options give it.
 
         Raises:
-            RequestError: the request is not one that its method or the device allows.
-            PlanError: it cannot be planned, or the device cannot be asked where it is.
-            LinkError: the device is asked, and does not answer.
+            RequestError: its method or the device does not allow the request.
+            PlanError: it cannot be planned, or the driver cannot ask its device for the pose.
+            LinkError: the device does not answer.
         """
         stands: Feedback | None = None
         if isinstance(self._examiner, Locatable):
             stands = self._examiner.offline_start(from_device=from_device)
         elif from_device:
             name = self._examiner.name
-            raise PlanError(f"the driver {name!r} cannot ask its device where it is")
+            raise PlanError(f"the driver {name!r} cannot ask its device for its pose")
         is_single = len(request.keyframes) == 1
         if is_single and stands is None:
             raise RequestError(
                 "keyframes",
-                "expected at least 2, got 1: a single one needs a start, which is not known "
-                "without a daemon",
+                "expected at least 2, got 1: a single one needs the current orientation, which "
+                "only a daemon knows",
             )
         here = None if stands is None else State.at_rest(stands.q, stands.position)
         request = self.placed(request, here)
@@ -144,15 +144,15 @@ class DevicePlanner:
             elsewhere = stands.position if stands is not None else (0.0, 0.0, 0.0)
             position = request.keyframes[0].position or elsewhere
             here = State.at_rest(request.keys[0], position)
-        # If nothing says where the axes are, the mechanism chooses.
+        # If the axis angles are unknown, the mechanism chooses.
         joints = stands.joints if stands is not None else ()
         return self.plan(request, start=here, joints=joints, is_offline=not from_device)
 
     def _mechanism(self, *, may_ask: bool) -> Mechanism | None:
-        """Return the device's mechanism, if its driver knows one.
+        """Return the device's mechanism, or ``None`` if its driver has none.
 
         Raises:
-            PlanError: the device does not say which it is.
+            PlanError: the device does not tell which mechanism it has.
         """
         if not isinstance(self._examiner, Mechanical):
             return None
@@ -170,20 +170,20 @@ class DevicePlanner:
         earliest: int,
         motion_id: str | None = None,
     ) -> tuple[int, Motion]:
-        """Plan a motion that follows *first* without coming to rest between them.
+        """Plan a motion that follows *first* without a stop between them.
 
         Args:
-            first: the end of what runs before.
-            request: what is to follow.
-            tolerance: how far from the corner between them it may pass, rad.
-            earliest: record of *first* before which it cannot be left any more.
-            motion_id: names the motion; by default a new random name.
+            first: the end of the previous motion.
+            request: the next motion.
+            tolerance: largest distance from the corner between them, rad.
+            earliest: the first record of *first* at which the blend may leave it.
+            motion_id: identifier of the motion; by default a new random one.
 
         Returns:
             The record of *first* at which to leave it, and the motion from there on.
 
         Raises:
-            RequestError: the request is not one that its method or the device allows.
+            RequestError: its method or the device does not allow the request.
             PlanError: it cannot be planned, or would break a limit.
         """
         mechanism = self._mechanism(may_ask=True)
@@ -203,7 +203,7 @@ class DevicePlanner:
             state, joints = first.state_at(record), first.joints_at(record)
             before, rates = first.joints_before(record), first.joint_rates_at(record)
             fitting = Fitting(mechanism, state, joints, self._limits, self._period, before, rates)
-            # What an axis cannot follow at the blend's own pace is planned from rest.
+            # If an axis cannot follow the blend at its own pace, plan from rest.
             with suppress(LimitError):
                 return record, fitting.fitted(motion)
         record = first.last_record
@@ -212,7 +212,7 @@ class DevicePlanner:
         return record, motion
 
     def _check_options(self, request: MotionRequest, mechanism: Mechanism | None) -> None:
-        """Have the driver look at its options of this motion."""
+        """Check the driver's options of this motion."""
         try:
             tuning_text(request.device_options)
             if switch("home", request.device_options.get("home", False)):
@@ -229,7 +229,7 @@ def _check_home(mechanism: Mechanism | None) -> None:
 
 
 def _with_roll_of_axes(request: MotionRequest, mechanism: Mechanism) -> MotionRequest | None:
-    """Return *request* with the roll that a gimbal's axes have it, where that is free."""
+    """Return *request* with a free roll replaced by the one that a gimbal's axes give it."""
     if not isinstance(mechanism, Gimbal):
         return None
     keyframes = []

@@ -1,8 +1,8 @@
-"""Plans on the path that the axes of a device can follow, as quick as they allow.
+"""Plans on the path that the axes of a device can follow, as fast as the axes allow.
 
-Where the axes refuse a path whose times are not the user's, the motion runs slower where an axis
-needs it; if that does not fit, it is planned again, slower: first until it fits, then by bisection
-nearly as fast as the axes allow.
+If the axes cannot follow a path and the user set no times, the motion slows down where an axis
+needs it.  If that does not fit, the whole motion is planned again at a lower speed.  A bisection
+then finds nearly the highest speed that the axes allow.
 """
 
 from __future__ import annotations
@@ -42,44 +42,44 @@ _POWERS = {
     LimitKind.JERK: 3,
     LimitKind.TIME: 1,
 }
-"""How what a limit is about falls with the speed; a stop takes less long, too."""
+"""Exponents by which limited quantities fall with the speed; a stop also takes less time."""
 _STEP = 0.8
 _SLOWEST = 0.1
 """Share of the device's speed below which no motion is slowed down for its axes."""
 _SHARES = (0.8, 0.5)
-"""Of the accelerations, for a pace that changes little; less leaves more to change it with."""
+"""Usable share of the accelerations for a nearly constant pace; less leaves more for changes."""
 _BEYOND = 0.1
-"""How far beyond a lead-in its pace is looked for, s."""
+"""How far beyond a lead-in the search for its pace looks, s."""
 _FINEST, _FINEST_OF_LEAD, _FINEST_OF_ARM, _MOST_SAMPLES = 16, 64, 1, 40_000
-"""Samples in a cycle on which a pace is looked for, and in all: near a pole axes turn quickly.
+"""Samples per cycle and in total of the search for a pace: near a pole axes turn quickly.
 
-A lead-in to times of the user may pass the pole however closely, and is short.
+A lead-in to times of the user is short and may pass very close to the pole.
 """
 _LONG = 1.5
-"""How much longer a pace may make a motion before all of it is tried slower, too."""
+"""Factor of the duration beyond which the planner tries to slow down the whole motion instead."""
 _CLOSE = 1.02
-"""How near the slowest speed refused and the one that fits come to each other."""
+"""Ratio at which the bisection between refused and feasible speed ends."""
 _GIVEN = 0.2
-"""For how long after it takes over from a motion its speed is that motion's, s."""
+"""How long after it takes over from a motion its speed is that motion's, s."""
 _ATTEMPTS = 16
-"""Plans made at most: each costs as much as the first."""
+"""Most plans of one request: each costs as much as the first."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fitting:
-    """Plan for a device on the path that its axes follow.
+    """Planner for a device, on the path that its axes follow.
 
     Attributes:
-        mechanism: whose axes follow the path.
-        start: where the device is commanded to be.
-        joints: its axis angles there, rad.
+        mechanism: kinematics and limits of the axes.
+        start: the commanded state of the device.
+        joints: axis angles there, rad.
         limits: the device's.
         period: the device's cycle, s.
-        before: axis angles planned for the cycles before, where it moves, the oldest first; see
+        before: planned axis angles of the previous cycles, if it moves, oldest first; see
             :meth:`.RecordedMotion.joints_before`.
-        rates: velocities of the axes planned there, rad/s.
-        motion_id: names the motion; by default a new random name.
-        free: up to which path time the path may stand while an axis turns at a pole, s.
+        rates: planned axis velocities there, rad/s.
+        motion_id: identifier of the motion; by default a new random one.
+        free: path time up to which the path may stand while an axis turns at a pole, s.
     """
 
     mechanism: Mechanism
@@ -93,10 +93,10 @@ class Fitting:
     free: float = 0.0
 
     def plan(self, request: MotionRequest) -> Motion:
-        """Return the motion that a request asks for, on the path that the device's axes follow.
+        """Return the requested motion on the path that the device's axes follow.
 
         Raises:
-            RequestError: the request is not one that its method or the device allows.
+            RequestError: its method or the device does not allow the request.
             PlanError: it cannot be planned, an axis cannot follow, or it would break a limit.
         """
         home = self._by_way(request)
@@ -107,11 +107,11 @@ class Fitting:
             return self.followed(motion)
         except PlanError as error:
             refusal = error
-        # As planned it has the roll that was free.
+        # The plan has chosen the free roll.
         way = self._by_way(motion.request, refusal)
         if way is not None:
             return way
-        # What has times of the user's may stand before them only.
+        # A motion with times of the user may stand only before its first keyframe.
         is_gimbal = isinstance(self.mechanism, Gimbal)
         free = math.inf if request.times is None else motion.start_time
         is_later = isinstance(refusal, LimitError) and refusal.time > free
@@ -121,7 +121,7 @@ class Fitting:
         raise refusal
 
     def planned(self, request: MotionRequest) -> Motion:
-        """Return what a request asks for, whatever the axes."""
+        """Return the requested motion without regard to the axes."""
         return plan(
             request,
             start=self.start,
@@ -131,15 +131,15 @@ class Fitting:
         )
 
     def followed(self, motion: Motion) -> Motion:
-        """Return *motion* as the axes can follow its path, or raise :class:`.PlanError`."""
+        """Return *motion* with the axes on its path, or raise :class:`.PlanError`."""
         try:
             return self.fitted(motion)
         except LimitError as error:
             if error.kind is LimitKind.RANGE:
                 raise
             is_fixed = motion.request.times is not None or error.kind not in _POWERS
-            # No pace changes what the motion before leaves; whether one would do later is long to
-            # find.
+            # A pace cannot change the state that the previous motion leaves.  Searching for a later
+            # pace would take too long.
             is_given = not self.start.is_at_rest and error.time < _GIVEN and not is_fixed
             outside: LimitError | None = None
             try:
@@ -153,20 +153,20 @@ class Fitting:
             if is_fixed:
                 raise
             refusal = error
-        # A pace keeps to the path exactly: where the axes may miss it, all of it slower may be
-        # quicker.
+        # A pace keeps exactly to the path.  If the axes may deviate from it, a uniformly slower
+        # motion can be faster.
         least = _SLOWEST if paced is None else max(_SLOWEST, motion.duration / paced.duration)
         try:
             evenly = self._slowed(motion, refusal, least)
         except PlanError:
             if paced is None:
-                # An end of travel that the axes meet however slowly is what to be told.
+                # If the axes reach an end of travel at any speed, report that.
                 raise (outside or refusal) from None
             return paced
         return evenly if paced is None or evenly.duration < paced.duration else paced
 
     def _slowed(self, motion: Motion, refusal: LimitError, least: float) -> Motion:
-        """Return *motion* planned with less of the device's speed for its axes, down to *least*."""
+        """Return *motion* planned with a lower share of the device's speed, at least *least*."""
         own, speed, worst = motion.limits, 1.0, refusal
         fitted: Motion | None = None
         refused, fits = 1.0, 0.0
@@ -183,7 +183,7 @@ class Fitting:
             try:
                 slower = replace(self, limits=own.slowed(speed), motion_id=motion.id)
                 slow = slower.planned(motion.request)
-                # Certified against the limits themselves: only the planning aimed below them.
+                # Certified against the full limits: only the planning used lower ones.
                 faster = self.fitted(replace(slow, limits=own))
             except PlanError as error:
                 refused = speed
@@ -202,8 +202,8 @@ class Fitting:
     def _paced(self, motion: Motion) -> Motion | None:
         """Return *motion* at the pace that suits the axes, if that fits.
 
-        Where the times are the user's and the axes cannot follow, or an axis meets the end of its
-        travel, this raises what is wrong.
+        Raises the refusal if the user set the times and the axes cannot follow, or if an axis
+        reaches the end of its travel.
         """
         period = motion.period
         refusal: PlanError | None = None
@@ -223,12 +223,12 @@ class Fitting:
                 )
             except PlanError as error:
                 if refusal is None and is_timed:
-                    # The pace says by how much too little time there is.
+                    # The pace tells how much time is missing.
                     fixed = (motion.start_time, motion.end_time)
                     self._pace(motion, fixed, fixed, _SHARES[-1])
                 refusal = refusal or error
                 if isinstance(error, LimitError) and error.kind is LimitKind.RANGE:
-                    refusal = error  # which no pace changes
+                    refusal = error  # no pace changes that
                     break
         is_range = isinstance(refusal, LimitError) and refusal.kind is LimitKind.RANGE
         if refusal is not None and (is_timed or is_range):
@@ -236,11 +236,11 @@ class Fitting:
         return None
 
     def _path_times(self, motion: Motion, share: float) -> Floats:
-        """Return how far along *motion* to be in every cycle; slower where no times are given."""
+        """Return the path times of *motion* by cycle; it slows down only without user times."""
         period, end = motion.period, motion.duration
         if motion.request.times is None:
             return self._pace(motion, (0.0, end), (math.inf, -math.inf), share)
-        # What the times of the user leave is a lead-in; from the first keyframe on they hold.
+        # Times of the user leave the lead-in free; from the first keyframe on they hold.
         begin = motion.start_time
         lead = np.zeros(1)
         if begin > 0.0:
@@ -261,7 +261,7 @@ class Fitting:
         *,
         is_lead: bool = False,
     ) -> Floats:
-        """Return the pace that the axes need for the times of *span*, as path times."""
+        """Return the path times of the pace that the axes need for *span*."""
         mechanism, period, (begin, end) = self.mechanism, motion.period, span
         cycles = math.ceil((end - begin) / period - 1e-9)
         is_gimbal = isinstance(mechanism, Gimbal)
@@ -290,7 +290,7 @@ class Fitting:
     def _by_way(self, request: MotionRequest, refusal: PlanError | None = None) -> Motion | None:
         """Return the motion in which the axes turn together to a single keyframe, if there is one.
 
-        The *refusal* says why the axes cannot follow the shortest turn, where that was tried.
+        *refusal* is the reason why the axes cannot follow the shortest turn, if that was tried.
         """
         is_homing = bool(request.device_options.get("home"))
         if not isinstance(self.mechanism, Gimbal) or not (is_homing or refusal is not None):
@@ -341,7 +341,7 @@ class Fitting:
         return self._reshaped(motion, self._routed(motion, grid))
 
     def _routed(self, motion: Motion, path_times: Floats) -> JointPath:
-        """Return the path of the axes along *motion*, which is at *path_times* cycle by cycle."""
+        """Return the path of the axes along *motion* at *path_times*, cycle by cycle."""
         samples = motion.sample(path_times)
         return route(
             self.mechanism,
@@ -360,6 +360,6 @@ class Fitting:
 
 
 def _tool(limits: Limits) -> ToolLimits:
-    """Return the angular rates that keep *limits* about whatever axis."""
+    """Return the angular rates that keep *limits* about any axis."""
     numbers = limits.numbers()
     return ToolLimits(min(numbers[:4]), min(numbers[4:8]), min(numbers[8:12]))

@@ -1,4 +1,4 @@
-"""What a motion is planned from: request, start and limits, and the pieces made of them."""
+"""The input of a plan: request, start and limits, and the pieces made from them."""
 
 from __future__ import annotations
 
@@ -33,23 +33,23 @@ from orientd.planner.timing import KeyframePath, Knots, aimed_at, chord_knots, c
 from orientd.rotation import Floats
 from orientd.tolerances import GUARD_TOLERANCE
 
-_HOPELESS = 1e3  # times as long as a motion may take, with each keyframe
+_HOPELESS = 1e3  # growth of the allowed duration with each keyframe
 _END_SLACK = 1e-9  # of a period
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanJob:
-    """What a motion is planned from, and the pieces that it is put together of.
+    """The input of a plan, and the pieces of its motion.
 
     Attributes:
-        request: what was asked for.
-        own: what the motion is held against.
+        request: the requested motion.
+        own: the limits of the motion.
         ends: velocities at the first and last keyframe.
-        halt: how a position comes to rest that no keyframe asks for.
-        is_even: whether the way from rest to the first keyframe keeps the reserve of an even pace,
-            as it does where keyframes have times: these ask for stops that take less time.
-        notes: what the certificate says of the request.
-        offset: the index of the first keyframe in the request that this is a part of.
+        halt: how a position without keyframes comes to rest.
+        is_even: whether the lead-in from rest keeps the reserve of an even pace.  It does if
+            keyframes have times, since these require shorter stops.
+        notes: notes of the certificate on the request.
+        offset: index of the first keyframe in the whole request, if this is a part of it.
     """
 
     request: MotionRequest
@@ -66,7 +66,7 @@ class PlanJob:
 
     @classmethod
     def of(cls, request: MotionRequest, start: State, own: Limits, period: float) -> PlanJob:
-        """Check what can be checked before a curve is made."""
+        """Check the request as far as possible without a curve."""
         limits = own.slowed(request.pace) if isinstance(request.pace, float | int) else own
         limits = limits.at_period(period)
         family = check_method(request)
@@ -82,8 +82,8 @@ class PlanJob:
                 alpha_start = start.alpha_body
         refusal.check_end_velocities(omega_start, omega_end, limits)
         if not request.approach:
-            # Every curve begins at its first keyframe, with the velocity that was asked for: none
-            # need be made to see that the device is elsewhere.
+            # Every curve begins at its first keyframe with the requested velocity.  So a wrong
+            # start shows without making one.
             omega = start.omega_body
             if family.meets_end_velocities:
                 omega = np.zeros(3) if omega_start is None else omega_start
@@ -96,31 +96,31 @@ class PlanJob:
         return cls(request, start, limits, own, period, ends, halt, is_even, notes=notes)
 
     def evenly(self) -> PlanJob:
-        """Return the same job, to be done at an even pace."""
+        """Return the same job at an even pace."""
         return self if self.is_even else replace(self, is_even=True, _leads={})
 
     @property
     def is_taken_over(self) -> bool:
-        """Whether a position goes on from a motion."""
+        """Whether a position continues a motion."""
         return self.start.is_position_moving and not self.request.approach
 
     @property
     def has_one_shape(self) -> bool:
-        """Whether another duration is the same curve at another rate."""
+        """Whether a different duration gives the same curve at another rate."""
         return not (self.is_taken_over or any(self.ends.moves))
 
     @property
     def is_led_by_connector(self) -> bool:
-        """Whether the lead-in goes from a motion, or to one."""
+        """Whether the lead-in starts from a motion, or ends in one."""
         is_moving = self.request.is_single or self.ends.moves[0] or not self.start.is_at_rest
         return self.request.approach and is_moving
 
     def knots(self, *, is_quick: bool) -> tuple[Knots, float]:
-        """Return times for keyframes that come without, and about how long the motion takes, s.
+        """Return times for keyframes without times, and the approximate duration of the motion, s.
 
         Args:
-            is_quick: whether to choose times for the quickest way, by the own limits so that the
-                path is the same at any share of its pace.
+            is_quick: whether to choose the fastest times.  The request's own limits apply, so the
+                path is the same at any share of the pace.
         """
         if not is_quick:
             refusal.check_continuity(self.request)
@@ -138,7 +138,7 @@ class PlanJob:
         """Return the path through the keyframes that takes *duration* seconds.
 
         Raises:
-            PlanError: the method cannot join these keyframes.
+            PlanError: the method has no curve through these keyframes.
         """
         request, kept = self.request, knots.kept
         times = knots.times * (duration / knots.times[-1])
@@ -158,7 +158,7 @@ class PlanJob:
         asked, start, kept = self.request.positions, self.start, knots.kept
         given = asked
         if asked is not None and len(kept) < len(asked):
-            # Those of the kept keyframes, taken from their repetitions if need be.
+            # Times of the kept keyframes, or of their repetitions.
             given = asked[kept]
             owners = np.searchsorted(kept, np.arange(len(asked)), side="right") - 1
             for index in np.flatnonzero(np.isfinite(asked[:, 0])):
@@ -177,7 +177,7 @@ class PlanJob:
         """Return the lead-in to a state at the first keyframe.
 
         Raises:
-            PlanError: none was found.
+            PlanError: the planner found none.
         """
         rates = first.q.tobytes() + first.omega_body.tobytes() + first.alpha_body.tobytes()
         lead = self._leads.get((connection, rates))
@@ -196,16 +196,16 @@ class PlanJob:
     def connected(
         self, start: State, end: State, connection: Connection = USUAL, *, is_direct: bool = True
     ) -> LeadIn:
-        """Return the way from one state to another.
+        """Return the lead-in from one state to another.
 
         Args:
-            start: where it begins.
-            end: where it ends.
+            start: initial state.
+            end: final state.
             connection: how to connect a motion.
-            is_direct: whether a connector is preferred to a run-up where it begins at rest.
+            is_direct: whether to prefer a connector to a run-up from rest.
 
         Raises:
-            PlanError: none was found.
+            PlanError: the planner found none.
         """
         find = partial(
             lead_in,
@@ -225,7 +225,7 @@ class PlanJob:
             return find(is_direct=not is_direct)
 
     def leads_out(self, last: State, end: float) -> list[Trajectory]:
-        """Return what leads to rest from a state at a path time; nothing if it is at rest.
+        """Return the lead-out from a state at a path time; empty if it is at rest.
 
         Raises:
             LeadOutError: no lead-out keeps the limits.
@@ -239,14 +239,14 @@ class PlanJob:
         return [lead.shifted(end)]
 
     def with_leads(self, path: KeyframePath | State, lead: LeadIn | None) -> KeyframePath:
-        """Return the path from hold to hold around a keyframe path.
+        """Return the whole path around a keyframe path, from rest to rest.
 
-        In front goes the lead-in; behind goes a lead-out if the keyframe path does not end at rest.
+        The lead-in comes first.  A lead-out follows if the keyframe path does not end at rest.
 
         Args:
-            path: from the first keyframe to the last; or the state at the only one.
-            lead: from where the device is to the first keyframe; ``None`` where the keyframe path
-                is to begin right there.
+            path: from the first keyframe to the last; or the state at a single one.
+            lead: from the state of the device to the first keyframe; ``None`` if the keyframe path
+                begins at the device's state.
 
         Raises:
             StartError: there is no lead-in, and the keyframe path begins elsewhere.
@@ -272,14 +272,14 @@ class PlanJob:
         return KeyframePath(Trajectory.joined(parts), positions, path.times + begin, path.notes)
 
     def _joint(self, path: KeyframePath) -> Trajectory | None:
-        """Return what leads onto a path that begins here; ``None`` if nothing need."""
+        """Return the lead-in to a path that begins here; ``None`` if it needs none."""
         start, (first, _) = self.start, end_states(path.trajectory)
         bend = first.alpha_body - start.alpha_body
         if start.is_at_rest or is_still(np.zeros(3), bend, self.limits):
             rates = first.q, first.omega_body, first.alpha_body
             refusal.check_start(start, State(*rates, *path.positions.state(0.0)), self.limits)
             return None
-        # The keyframe path knows nothing of the acceleration the device has.
+        # The keyframe path does not have the acceleration of the device.
         return join_in(path, start, limits=self.limits, period=self.period)
 
     def motion(
@@ -289,17 +289,17 @@ class PlanJob:
         *notes: str,
         connections: Sequence[Connection] = CONNECTIONS,
     ) -> Motion:
-        """Return the motion behind the first lead-in with which it keeps its limits, certified.
+        """Return the motion with the first lead-in that keeps its limits, with its certificate.
 
         Args:
-            path: from the first keyframe to the last; or the state at the only one.
-            name: of the motion.
-            notes: what else the certificate says.
-            connections: to try, one after the other, with a motion.
+            path: from the first keyframe to the last; or the state at a single one.
+            name: identifier of the motion.
+            notes: further notes of the certificate.
+            connections: to try in order with a running motion.
 
         Raises:
             StartError: there is no lead-in, and the path begins elsewhere.
-            LimitError: the motion breaks a limit, in its lead-in with every one of them.
+            LimitError: the motion breaks a limit with every lead-in.
             PlanError: no lead keeps the limits.
         """
         first = path if isinstance(path, State) else path.first
@@ -319,7 +319,7 @@ class PlanJob:
         raise refused or PlanError("no lead-in was tried")
 
     def certified(self, whole: KeyframePath, name: str) -> Motion:
-        """Return the motion along a path from hold to hold, held against its limits.
+        """Return the motion along a path from rest to rest, checked against its limits.
 
         Raises:
             LimitError: it breaks one.
@@ -337,10 +337,10 @@ def certified(
     *,
     motion_id: str,
 ) -> Motion:
-    """Return the motion along a path, held against its limits on the records that will be sent.
+    """Return the motion along a path, checked against its limits on the records to be sent.
 
     Args:
-        whole: from hold to hold, or from the state it takes over.
+        whole: from rest to rest, or from the state of the motion that it takes over.
 
     Raises:
         LimitError: it breaks one.
@@ -348,8 +348,8 @@ def certified(
     path = Path.joined([whole.trajectory], whole.positions, start.q)
     count = math.ceil(path.duration / period - _END_SLACK) + 1
     begin, end = whole.times[[0, -1]].tolist()
-    # Between the records any motion may go up to the limits, a timing of the user's on them, too;
-    # the guard's tolerance is all that is left to brake with there.
+    # Between the records any motion may use the full limits, and one with times of the user on them
+    # too.  Braking there can only use the guard's tolerance.
     peaks = measure(
         path,
         count,

@@ -1,6 +1,6 @@
-"""From a request to the curve of its method, and what is wrong with one that asks for more.
+"""From a request to the curve of its method, and errors for unsupported requests.
 
-What keyframes, times and conditions at the ends are to a family says :mod:`orientd.curves.roles`.
+:mod:`orientd.curves.roles` defines the meaning of keyframes, times and end conditions of a family.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from orientd.model import DEFAULT_METHOD, MotionRequest
 from orientd.rotation import Floats, angle
 from orientd.spelling import did_you_mean
 
-_SAME = 1e-9  # rad; keyframes nearer than this leave the axis of a turn open
+_SAME = 1e-9  # rad; between closer keyframes the axis of a turn is undefined
 
 
 @dataclass(frozen=True)
 class Ends:
-    """Velocity and acceleration at both ends of a curve, body frame; ``None`` where not given.
+    """Velocity and acceleration at both ends of a curve, body frame; ``None`` if not given.
 
     Attributes:
         omega_start: rad/s.
         omega_end: rad/s.
-        alpha_start: rad/s^2; only where the curve continues a motion.
+        alpha_start: rad/s^2; only if the curve continues a motion.
         leaves_freely: whether an end at rest may have an acceleration; see :class:`.CurveTask`.
     """
 
@@ -49,7 +49,7 @@ class Ends:
 
     @cached_property
     def moves(self) -> tuple[bool, bool]:
-        """Whether the first keyframe is passed in motion, and the last one."""
+        """Whether the first and the last keyframe are passed in motion."""
         starts = (self.omega_start, self.alpha_start)
         return (
             any(one is not None and bool(np.any(one)) for one in starts),
@@ -58,18 +58,18 @@ class Ends:
 
 
 def check_method(request: MotionRequest) -> type[Curve]:
-    """Return the family of the request's method, if it can do what is asked.
+    """Return the family of the request's method, if it supports the request.
 
     Raises:
-        RequestError: there is no such method, it takes another number of keyframes, it cannot make
-            turns or prescribe velocities that are asked for, or an option is not one of its own.
+        RequestError: the method does not exist, takes another number of keyframes, cannot make
+            turns or prescribe velocities, or does not have an option.
     """
     name = request.method
     family = METHODS.get(name)
     if family is None:
         raise RequestError("method", f"unknown method {name!r}{did_you_mean(name, METHODS)}")
     if len(request.keys) == 1:
-        # There is no curve of the method's; the way to the keyframe is the planner's.
+        # A single keyframe needs no curve of the method, only the planner's lead-in.
         return family
     if is_pair(family) and len(request.keys) != 2:
         raise RequestError(
@@ -116,18 +116,18 @@ def _check_turns(request: MotionRequest, family: type[Curve]) -> None:
 def build(
     request: MotionRequest, keys: Floats, times: Floats, turns: NDArray[np.int64], ends: Ends
 ) -> Curve:
-    """Return the curve of a request; an end without a velocity is that of a device that holds.
+    """Return the curve of a request; an end without a velocity is at rest.
 
     Args:
-        request: for the method and its options.
+        request: has the method and its options.
         keys: the keyframes, shape ``(n, 4)``.
         times: their times from 0 on, s, shape ``(n,)``.
         turns: whole turns before each keyframe, shape ``(n,)``.
         ends: velocities at both ends.
 
     Raises:
-        RequestError: an option or the keyframes are not what the method takes.
-        PlanError: the method cannot join these keyframes.
+        RequestError: the method does not accept an option or the keyframes.
+        PlanError: the method has no curve through these keyframes.
     """
     task = CurveTask(
         keys,
@@ -144,11 +144,11 @@ def build(
 
 
 def curve_of(request: MotionRequest, task: CurveTask) -> Curve:
-    """Return the curve of a request's method that does a task of it.
+    """Return the curve of a request's method for a task.
 
     Raises:
-        RequestError: an option or the keyframes are not what the method takes.
-        PlanError: the method cannot join these keyframes.
+        RequestError: the method does not accept an option or the keyframes.
+        PlanError: the method has no curve through these keyframes.
     """
     try:
         return make_curve(METHODS[request.method], task, request.options)

@@ -1,4 +1,4 @@
-"""The motion: a planned path with its certificate, which nothing can change any more."""
+"""The motion: a planned path with its certificate, immutable."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 _SAME = 1e-9
-"""Seconds by which instants may differ that are the same."""
+"""Tolerance of equal times, s."""
 
 _COMPARED = (
     *("request", "limits", "period", "start_time", "end_time", "keyframe_times", "record_count"),
@@ -36,26 +36,26 @@ _COMPARED = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion(Drawable):
-    """A motion that keeps its limits, from hold to hold.
+    """A motion that keeps its limits, from rest to rest.
 
-    Motions are equal that were made for the same request and have the same records and certificate,
-    whatever their names.
+    Two motions are equal if they have the same request, records and certificate, whatever their
+    identifiers.
 
     Attributes:
-        id: names it.
-        request: what it was made for.
-        limits: what it keeps.
-        period: path time from one record to the next, which is the device's cycle, s.
+        id: its identifier.
+        request: the request that it fulfils.
+        limits: the limits that it keeps.
+        period: path time between two records, which is the device's cycle, s.
         path: orientation and position by path time, which begins at 0.
         start_time: path time of the first keyframe, s; a whole number of periods.
         end_time: path time of the last keyframe, s.
         keyframe_times: path times of all keyframes, s, shape ``(n,)``.
         record_count: number of records; the last one is at rest.
-        certificate: what it was checked for.
-        first_joints: axis angles it begins at, rad; empty unless it was made for a device's axes.
-        last_joints: axis angles it ends at, rad.
-        before: the three setpoints before path time 0, as in :class:`State`; ``None`` where the
-            device held, or where they are not known.
+        certificate: the checks that it passed.
+        first_joints: initial axis angles, rad; empty unless planned for a device's axes.
+        last_joints: final axis angles, rad.
+        before: the three setpoints before path time 0, as in :class:`State`; ``None`` if the
+            device held, or if they are unknown.
         corner: as in :class:`MotionFacts`.
     """
 
@@ -106,7 +106,7 @@ class Motion(Drawable):
         """Write the motion with its certificate to a file that :func:`orientd.load_motion` reads.
 
         Raises:
-            OrientdError: the file cannot be written, or its name is that of another format.
+            OrientdError: the file cannot be written, or its name has the suffix of another format.
         """
         request = self.request
         header = {
@@ -137,17 +137,17 @@ class Motion(Drawable):
 
     @property
     def duration(self) -> float:
-        """Path time from hold to hold, s."""
+        """Path time from start to finish, s."""
         return self.path.duration
 
     @property
     def start_state(self) -> State:
-        """The state it begins in, at path time 0."""
+        """The initial state, at path time 0."""
         return replace(self.path.state(0.0), before=self.before)
 
     @property
     def facts(self) -> MotionFacts:
-        """What there is to know of it besides its records."""
+        """The properties of the motion apart from its records."""
         request, certificate = self.request, self.certificate
         passed = self.keyframe_times[self.keyframe_times < self.end_time - _SAME]
         return MotionFacts(
@@ -193,7 +193,7 @@ class Motion(Drawable):
         """Return the state at a record; see :meth:`.RecordedMotion.state_at`.
 
         Raises:
-            ValueError: there is no such record.
+            ValueError: the record does not exist.
         """
         if not 0 <= record < self.record_count:
             raise ValueError(f"record must be within 0 to {self.record_count - 1}, got {record}")
@@ -224,13 +224,13 @@ class Motion(Drawable):
 
         Args:
             first: index of the first one; record *k* is at path time ``k * period``.
-            count: how many.
+            count: number of records.
 
         Returns:
             A new C-contiguous array of shape ``(count, STATE_FLOATS + 2 axes)``.
 
         Raises:
-            ValueError: there are no such records.
+            ValueError: the records do not exist.
         """
         end = first + count
         if first < 0 or count < 0 or end > self.record_count:
@@ -250,7 +250,7 @@ class Motion(Drawable):
         return rows
 
     def records(self, first: int, count: int) -> Floats:
-        """Return records as the path ring has them; see :meth:`rows`.
+        """Return records in the layout of the path ring; see :meth:`rows`.
 
         Returns:
             A new C-contiguous array of shape ``(count, PATH_FLOATS)``.

@@ -1,8 +1,8 @@
-"""Plan from Python, with nothing of the daemon: orientations in, a certified motion out.
+"""Plan from Python without a daemon: orientations in, a certified motion out.
 
-Many requests are planned at once on every core of this machine, or on a cluster.  Joblib hands the
-work out, to processes of its own (``loky``), to Ray or to Dask; what comes back is the same
-whichever does it, in the order of what was asked.
+Many requests can be planned at once on every core of this machine, or on a cluster.  Joblib
+distributes the work to its own processes (``loky``), to Ray or to Dask.  The results are the same
+for all of them, in the order of the requests.
 """
 
 from __future__ import annotations
@@ -39,19 +39,19 @@ Backend = Literal["loky", "ray", "dask"]
 BACKENDS: tuple[str, ...] = get_args(Backend)
 
 _TOGETHER = 64
-"""Requests handed to a worker at a time."""
+"""Requests per batch of a worker."""
 
 _IDLE = 30.0
-"""Seconds after which a worker ends that is handed nothing."""
+"""Seconds after which an idle worker ends."""
 
 _LOOK = 1.0
-"""Seconds between looks at whether the one who asks is there: who was killed reads no results."""
+"""Seconds between checks whether the parent process still runs."""
 
 _PATIENCE = 5.0
-"""Seconds in which a cluster must take a connection."""
+"""Timeout of a connection to a cluster, s."""
 
 _ROUNDS = 8
-"""Parts that each worker of Ray is handed before what has been done is returned."""
+"""Parts that each Ray worker receives before results are returned."""
 
 _NEEDED = {
     "loky": ("joblib", "orientd-motion[batch]"),
@@ -74,23 +74,23 @@ def plan_offline(
     """Return the motion through keyframes, certified as for a device.
 
     Args:
-        keys: a ``Rotation`` of SciPy, or a list of such and of named quaternions; or a whole
-            request, beside which there are none of *times* to *turns* and of *fields*.
-        times: when each is passed, s; ``None`` passes them as quickly as the limits permit.
+        keys: SciPy ``Rotation``, list of ``Rotation`` or ``Quaternion``, or a
+            :class:`.MotionRequest`. With a request give only *limits*, *period* and *start*.
+        times: time of each keyframe, s; ``None`` passes them as fast as the limits permit.
         positions: of the tool, m, shape ``(n, 3)``.
         turns: whole turns in each interval, shape ``(n - 1,)``.
-        limits: of the device; a mapping lowers or raises those of :data:`.DEFAULT_LIMITS`, which
-            ``None`` stands for.
+        limits: of the device; a mapping replaces some of :data:`.DEFAULT_LIMITS`, and ``None`` uses
+            these.
         period: of the device, s.
-        start: where it is; by default at rest at the first keyframe.
+        start: state of the device; by default at rest at the first keyframe.
         fields: further arguments of :class:`.MotionRequest`: ``method``, ``start_velocity``,
             ``end_velocity``, ``velocity_frame``, ``approach``, ``duration``, ``pace``,
             ``options``, ``frame``, ``frames``.
 
     Raises:
-        RequestError: something is not well formed, or not possible with the method.
+        RequestError: a value is malformed, or the method cannot do it.
         PlanError: the motion cannot be planned, or would break a limit.
-        TypeError: a field stands beside a whole request.
+        TypeError: a field is given together with a request.
     """
     if isinstance(keys, MotionRequest):
         columns = {"times": times, "positions": positions, "turns": turns}
@@ -119,7 +119,7 @@ def _keyframes(
     positions: ArrayLike | None,
     turns: ArrayLike | None,
 ) -> list[Any]:
-    """Return the fields of keyframes."""
+    """Return the arguments of keyframes."""
     keys = _keys(orientations)
     count = len(keys)
     columns = [
@@ -138,7 +138,7 @@ def _column(
 ) -> list[Any]:
     if given is None:
         return [usual] * count
-    # As objects entries stay of the type they are: whole turns do not become floats.
+    # Object arrays keep the type of each entry: whole turns do not become floats.
     listed = np.asarray(given, dtype=object).tolist()
     if not isinstance(listed, list) or len(listed) != count:
         got = len(listed) if isinstance(listed, list) else repr(listed)
@@ -147,7 +147,7 @@ def _column(
 
 
 def _keys(orientations: object) -> list[list[float]]:
-    problem = "expected a scipy Rotation or a list of such and of Quaternion(w=, x=, y=, z=)"
+    problem = "expected a scipy Rotation, or a list of Rotation or Quaternion(w=, x=, y=, z=)"
     if is_rotation(orientations):
         stacked: list[list[float]] = np.atleast_2d(unnamed(orientations)).tolist()
         return stacked
@@ -157,7 +157,7 @@ def _keys(orientations: object) -> list[list[float]]:
     for index, row in enumerate(rows):
         if not (isinstance(row, Quaternion) or is_rotation(row)):
             raise RequestError(
-                f"keyframes[{index}]", f"{problem}; a bare sequence does not say its order"
+                f"keyframes[{index}]", f"{problem}; the order of a bare sequence is ambiguous"
             )
     listed: list[list[float]] = [unnamed(row).tolist() for row in rows]
     return listed
@@ -172,15 +172,15 @@ def plan_many(
     jobs: int = -1,
     address: str | None = None,
 ) -> Iterator[Motion | OrientdError]:
-    """Yield the motion of each request, in order; an error in the place of one that is refused.
+    """Yield the motion of each request in order, or the error of a refused one.
 
     Args:
-        requests: each begins at rest at its first keyframe; taken as they are needed.
+        requests: each begins at rest at its first keyframe; consumed as needed.
         limits: of the device.
         period: of the device, s.
-        backend: what the work is handed to; see :func:`in_parallel`.
-        jobs: how many at a time; -1 for one on each core.
-        address: of a Ray or Dask cluster; by default one is begun on this machine.
+        backend: distributes the work; see :func:`in_parallel`.
+        jobs: number of parallel workers; -1 for one on each core.
+        address: of a Ray or Dask cluster; by default one starts on this machine.
 
     Raises:
         OrientdError: the backend is not installed.
@@ -212,17 +212,17 @@ def in_parallel(
     jobs: int = -1,
     address: str | None = None,
 ) -> Iterator[Result]:
-    """Yield what *work* makes of each part, in order.
+    """Yield the result of *work* for each part, in order.
 
     Args:
-        work: a function of a module, so that other processes find it.
-        parts: taken as they are needed.
+        work: a module-level function, so that other processes find it.
+        parts: consumed as needed.
         backend: ``loky`` for processes on this machine, ``ray`` or ``dask`` for a cluster.
-        jobs: how many at a time; -1 for one on each core.
-        address: of the cluster; by default one is begun on this machine.
+        jobs: number of parallel workers; -1 for one on each core.
+        address: of the cluster; by default one starts on this machine.
 
     Raises:
-        OrientdError: the backend is unknown or not installed, or cannot be reached.
+        OrientdError: the backend is unknown, not installed, or unreachable.
     """
     need_backend(backend)
     import joblib
@@ -235,14 +235,15 @@ def in_parallel(
     more: dict[str, Any] = of_loky if backend == "loky" else {}
     with _cluster(backend, address), joblib.parallel_config(backend, n_jobs=jobs, **more):
         tasks = (joblib.delayed(work)(part) for part in parts)
-        # One part at a time: they are large already, and what is asked next depends on the pace.
+        # One part at a time: they are large, and the next request depends on the pace of the
+        # caller.
         if backend != "ray":
             parallel = joblib.Parallel(
                 return_as="generator", batch_size=1, pre_dispatch="2 * n_jobs"
             )
             yield from parallel(tasks)
             return
-        # Ray's end of joblib returns lists only.
+        # Joblib's Ray backend returns lists only.
         with joblib.Parallel(batch_size=1) as parallel:
             together = _ROUNDS * joblib.effective_n_jobs(jobs)
             while some := list(itertools.islice(tasks, together)):
@@ -250,9 +251,9 @@ def in_parallel(
 
 
 def _settle(work: object, asker: int) -> None:
-    """Be a worker that leaves no trace: not in the time of its parts, nor behind the *asker*.
+    """Prepare a worker that keeps no memory between parts and does not outlive the *asker*.
 
-    What is loaded for *work* by now is left out of the garbage collection after each part.
+    Garbage collection after each part skips the objects loaded so far for *work*.
     """
     del work
     gc.collect()
@@ -261,15 +262,16 @@ def _settle(work: object, asker: int) -> None:
 
 
 def _end_with(parent: int) -> None:
-    """End this process, whatever it waits for, once its parent has."""
-    # What the kernel offers for that (PR_SET_PDEATHSIG) goes by the thread that began the worker.
+    """End this process, whatever it waits for, once its parent has ended."""
+    # The kernel's PR_SET_PDEATHSIG depends on the thread that started the worker, so it does not
+    # help.
     while os.getppid() == parent:
         time.sleep(_LOOK)
     os._exit(1)
 
 
 def need_backend(backend: str) -> None:
-    """Raise :class:`.OrientdError` where a backend is unknown or not installed."""
+    """Raise :class:`.OrientdError` if a backend is unknown or not installed."""
     if backend not in BACKENDS:
         raise OrientdError(f"expected a backend of {', '.join(BACKENDS)}, got {backend!r}")
     for module, package in dict.fromkeys((_NEEDED["loky"], _NEEDED[backend])):
@@ -279,7 +281,7 @@ def need_backend(backend: str) -> None:
 
 @contextlib.contextmanager
 def _cluster(backend: str, address: str | None) -> Iterator[None]:
-    """Be connected to a cluster, where the backend is one."""
+    """Connect to a cluster, if the backend is one."""
     if backend == "loky":
         if address is not None:
             raise OrientdError(f"a cluster's address needs the backend ray or dask, got {address}")
@@ -289,7 +291,7 @@ def _cluster(backend: str, address: str | None) -> Iterator[None]:
     try:
         host, _, port = (address or "").rpartition("://")[2].rpartition(":")
         if port.isdecimal():
-            # Ray itself would wait for minutes for one that is not there.
+            # Ray itself would wait for minutes for a missing cluster.
             socket.create_connection((host, int(port)), timeout=_PATIENCE).close()
         if backend == "ray":
             import ray

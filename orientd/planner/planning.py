@@ -1,8 +1,7 @@
-"""From a request to a motion: which ways of planning it are tried, in which order.
+"""From a request to a motion: the attempts of the planner and their order.
 
-This is the only place where a refusal leads to another attempt: what was tried is in the
-certificate's notes or in the refusal.  The lead-ins that are tried, one after the other, are
-:data:`.CONNECTIONS`.
+Only this module tries something else after a refusal.  The certificate's notes, or the final
+refusal, name what was tried.  :data:`.CONNECTIONS` lists the lead-ins that are tried in order.
 """
 
 from __future__ import annotations
@@ -44,10 +43,10 @@ from orientd.rotation import Floats, angle
 EVEN = "at an even pace: stopping wherever the acceleration jumps is no quicker"
 
 _FAR_LONGER = 4.0
-"""Times as long as stops take: the usual duration of a curve that is hardly the quicker way."""
+"""Multiple of the stop time: the usual duration of a curve that is hardly faster than stops."""
 
 _FAR_SLOWER = 4.0
-"""Times as long as stops take: a note says so of a motion that is slower."""
+"""Multiple of the stop time above which a note says that the motion is slow."""
 
 SLOW = (
     f"slower than its limits allow, so that a stop on the path takes {LONGEST_STOP:g} s: with such "
@@ -55,17 +54,17 @@ SLOW = (
 )
 
 _QUANTITIES = {unit: name for name, unit in UNITS.items()}
-_MUCH = 0.9  # of a limit, and of the longest stop
+_MUCH = 0.9  # tolerance of a limit, and of the longest stop
 _WHOLE = 1.0 + 1e-6  # of a limit
-_MOST_OVER = 1.1  # times a limit that a timing is slowed down for
-_SLOWER = 0.999  # times the speed, of the first timing or from one to the next
-_FREE = 0.99  # of the limits, up to which an end leaves room to be slower
-_MOST_TIMINGS = 12  # until the records keep the limits, and until a stop is short enough
-_LONG = 1.5  # times the longest stop: a curve that will have to keep more of a reserve
-_USUAL = 0.8  # of what a stop from the velocity's limit asks for
-_COSTLY = 1.02  # times as long as before: too much for a quicker stop
-_NO_LONGER = 0.98  # of a stop's time, above which twice the reserve has not helped
-_LEAST_MORE, _GREATEST_MORE = 1.2, 16.0  # times the reserve, for the next timing
+_MOST_OVER = 1.1  # largest excess of a limit for which to slow a timing down
+_SLOWER = 0.999  # change of the speed, of the first timing or from one to the next
+_FREE = 0.99  # share of the limits up to which the motion at an end can be slower
+_MOST_TIMINGS = 12  # timings until the records keep the limits, and until stops are short
+_LONG = 1.5  # times the longest stop: the curve will need a larger reserve
+_USUAL = 0.8  # share of the reserve for a stop from the velocity limit
+_COSTLY = 1.02  # largest growth of the duration for a faster stop
+_NO_LONGER = 0.98  # ratio of stop times above which twice the reserve has not helped
+_LEAST_MORE, _GREATEST_MORE = 1.2, 16.0  # factor of the reserve for the next timing
 
 
 def plan(
@@ -76,31 +75,32 @@ def plan(
     period: float,
     motion_id: str | None = None,
 ) -> Motion:
-    """Return the motion that a request asks for, or refuse it.
+    """Return the requested motion, or refuse it.
 
-    Keyframes with times are passed at those times, or not at all; keyframes without are passed
-    as quickly as the limits permit at every point of the curve, or with ``pace="even"`` at the
-    curve's own pace, slowed down by one factor.  Where no quickest timing is found the pace is
-    even, too, which a note of the certificate says.  Beside an end that moves a motion of the
-    default method may stop at a keyframe if that is quicker, with a connector there.  The motion
-    begins in the state the device is commanded to be in and ends at rest: in front of the keyframes
-    goes a lead-in where the request says ``approach``, behind them a lead-out where they end with a
-    velocity or an acceleration.  A single keyframe is where to go, by the shortest way found.
+    Keyframes with times are passed at exactly those times.  Keyframes without times are passed as
+    fast as the limits permit at every point of the curve.  With ``pace="even"``, or if no such
+    timing exists, the curve keeps its own pace, slowed down by one factor; a note of the
+    certificate says so.  If an end of the motion moves, the default method may stop at a keyframe
+    if that is faster, with a connector there.
 
-    A start that moves is the state of another motion at one of its records, which this one takes
-    over with continuous acceleration; the certificate covers the differences across the seam.
+    The motion begins in the commanded state of the device and ends at rest.  With ``approach`` it
+    begins with a lead-in.  If the keyframes end with a velocity or an acceleration, a lead-out
+    follows.  A single keyframe is the goal of the shortest motion found.
+
+    A moving start is the state of another motion at one of its records.  The new motion takes over
+    with continuous acceleration, and its certificate covers the differences across the seam.
 
     Args:
-        request: what to do.
-        start: where the device is commanded to be.
+        request: the requested motion.
+        start: the commanded state of the device.
         limits: the device's.
         period: the device's cycle, s.
-        motion_id: names the motion; by default a new random name.
+        motion_id: identifier of the motion; by default a new random one.
 
     Raises:
-        RequestError: the request is not one that its method or the device allows.
+        RequestError: its method or the device does not allow the request.
         LimitError: the motion would break a limit.
-        StartError: it does not begin where the device is commanded to be.
+        StartError: it does not begin in the commanded state of the device.
         PlanError: it cannot be planned for another reason.
         ValueError: *period* is out of :data:`.PERIODS`.
     """
@@ -120,10 +120,10 @@ def plan(
 
 @dataclass(slots=True)
 class _Tried:
-    """What has been tried so far.
+    """The attempts so far.
 
     Attributes:
-        best: the quickest motion.
+        best: the fastest motion.
         refused: refusals by the names of the attempts.
     """
 
@@ -133,15 +133,15 @@ class _Tried:
     def attempt(
         self, name: str, plan_it: Callable[[], Motion | None], *, is_optional: bool = False
     ) -> None:
-        """Try one way of planning, and keep its motion if that is the quickest.
+        """Make one attempt, and keep its motion if it is the fastest.
 
         Args:
-            name: in reports of what was tried.
-            plan_it: returns the motion; ``None`` if it is not quicker than what was found before.
-            is_optional: whether its refusal says nothing about the request.
+            name: name of the attempt in reports.
+            plan_it: returns the motion; ``None`` if it is not faster than the best so far.
+            is_optional: whether its refusal is not relevant to the request.
 
         Raises:
-            StartError: no other way could begin where the device is.
+            StartError: no other attempt could begin at the device's state.
         """
         try:
             motion = plan_it()
@@ -157,17 +157,17 @@ class _Tried:
 
     @property
     def took(self) -> float:
-        """How long the quickest motion takes, s."""
+        """Duration of the fastest motion, s."""
         return math.inf if self.best is None else self.best.duration
 
     @property
     def took_keyframes(self) -> float:
-        """How long it takes from the first keyframe to the last, s."""
+        """Its duration from the first keyframe to the last, s."""
         return math.inf if self.best is None else self.best.end_time - self.best.start_time
 
 
 def _quickest(job: PlanJob, name: str) -> Motion:
-    """Return the quickest motion of the attempts at a job.
+    """Return the fastest motion of the attempts at a job.
 
     Raises:
         PlanError: all of them were refused.
@@ -190,7 +190,7 @@ def _quickest(job: PlanJob, name: str) -> Motion:
 
 
 def _to_single(job: PlanJob, name: str, tried: _Tried) -> None:
-    """Try to go to a single keyframe."""
+    """Try motions to a single keyframe."""
     request, start, position = job.request, job.start, job.halt.last
     omega = np.zeros(3) if job.ends.omega_end is None else job.ends.omega_end
     if request.positions is not None:
@@ -207,7 +207,7 @@ def _to_single(job: PlanJob, name: str, tried: _Tried) -> None:
     tried.attempt("a connector", partial(job.motion, target, name))
     if tried.best is None or not resting.arrives(start, target.q, job.limits):
         return
-    # What brakes with all of the limits and is to stop a little later with less of them overshoots.
+    # A motion that brakes at the full limits overshoots if it must stop later with reduced ones.
     enough = resting.WORTH * tried.took
     for one in WITHOUT_RESERVE:
         other = _Tried()
@@ -228,7 +228,7 @@ def _turn(job: PlanJob, target: State, name: str) -> Motion:
         turn = approach(here, target.q, limits, is_even=job.is_even, is_part=False, **shares)
         if turn is None:
             raise ValueError("a turn needs another orientation")
-        # It need not take a whole number of periods: nothing comes after it.
+        # The turn need not take a whole number of periods: nothing follows it.
         path = KeyframePath(turn, held, np.array([turn.duration]))
         return path if total is None else path.lasting(total)
 
@@ -243,11 +243,11 @@ def _evenly(job: PlanJob, name: str, tried: _Tried) -> None:
 
 
 def _along_curve(job: PlanJob, name: str, tried: _Tried) -> None:
-    """Try the curve, the quickest way first."""
+    """Try the curve, at its fastest timing first."""
     even, total = job.evenly(), job.request.total
     curve = cache(partial(_curve, job))
     if total is not None:
-        # In a time that was asked for the pace is even wherever the curve would have to rest.
+        # With a requested duration the pace is even wherever the curve would have to rest.
         def without_rests() -> Motion | None:
             return _at_even_pace(even, name) if job.has_one_shape and curve()[2] else None
 
@@ -276,9 +276,9 @@ def _along_curve(job: PlanJob, name: str, tried: _Tried) -> None:
 
 
 def _curve(job: PlanJob) -> tuple[KeyframePath, Floats | None, bool]:
-    """Return the curve whose pace is to be found, its first profile, and whether to rest on it.
+    """Return the curve to be timed, its first profile, and whether to rest on it.
 
-    That is at its corners, and at ends that move if it is to take a certain duration.
+    It rests at its corners, and at moving ends if it has a given duration.
     """
     knots, guess = job.knots(is_quick=True)
     path = job.path(knots, guess)
@@ -296,7 +296,7 @@ def _rests_noted(job: PlanJob, path: KeyframePath, rests: int) -> str:
 
 
 def _with_stops(job: PlanJob, name: str, tried: _Tried) -> None:
-    """Try to stop at every keyframe; note where that would take far less time."""
+    """Try to stop at every keyframe; note if that would take far less time."""
     request, took = job.request, tried.took_keyframes
     if request.total is not None or request.positions is not None or request.turns.any():
         return
@@ -325,7 +325,7 @@ def _with_stops(job: PlanJob, name: str, tried: _Tried) -> None:
 
 
 def _with_moving_ends(job: PlanJob, name: str, tried: _Tried) -> None:
-    """Try one curve, and rests beside the ends that move."""
+    """Try one curve, and rests next to the moving ends."""
     total = job.request.total
     if total is not None:
         tried.attempt("an even pace", partial(_at_even_pace, job.evenly(), name), is_optional=True)
@@ -343,7 +343,7 @@ def _with_moving_ends(job: PlanJob, name: str, tried: _Tried) -> None:
     except PlanError as error:
         tried.refused[connecting] = error
         return
-    # A curve between the rests may be quicker than the turns that are counted.
+    # A curve between the rests may be faster than the turns that the estimate counts.
     if tried.took <= resting.WORTH * (least + sum(connectors.durations)):
         return
     if total is not None and connectors.has_no_rest:
@@ -366,11 +366,11 @@ def _with_moving_ends(job: PlanJob, name: str, tried: _Tried) -> None:
 
 
 def _unhurried(job: PlanJob, total: float, name: str, tried: _Tried) -> None:
-    """Try to go between two keyframes that both move, in a duration.
+    """Try to connect two moving keyframes in a given duration.
 
     Raises:
-        PlanError: the quickest takes longer, or there is none, as there may be between two
-            durations that are possible.
+        PlanError: the fastest connection takes longer, or the duration lies between two feasible
+            ones.
     """
 
     def slower(path: KeyframePath) -> Motion:
@@ -404,7 +404,7 @@ def _as_timed(job: PlanJob, name: str) -> Motion:
 def _at_even_pace(job: PlanJob, name: str, *notes: str, longest: float = LONGEST) -> Motion:
     """Return the motion at the curve's own pace, slowed down by one factor, in less than *longest*.
 
-    That is from the first keyframe to the last, s.
+    *longest* is the time from the first keyframe to the last, s.
     """
     knots, guess = job.knots(is_quick=False)
     total, curve = job.request.total, partial(job.path, knots)
@@ -427,7 +427,7 @@ def _at_even_pace(job: PlanJob, name: str, *notes: str, longest: float = LONGEST
 
 
 def _usual_curve(job: PlanJob, knots: Knots, guess: float, longest: float) -> KeyframePath:
-    """Return the curve of the usual duration, at most *longest*, s, where others swing out."""
+    """Return the curve of the usual duration, at most *longest*, s, if longer ones swing out."""
     path = evenly_made(partial(job.path, knots), guess, job.limits, job.period, longest=longest)
     if path is None:
         raise refusal.of_any_duration(job.start, job.limits)
@@ -435,9 +435,9 @@ def _usual_curve(job: PlanJob, knots: Knots, guess: float, longest: float) -> Ke
 
 
 def _along_usual_curve(job: PlanJob, name: str, *, longest: float = LONGEST) -> Motion:
-    """Return the quickest motion along a curve with a velocity at an end, which fixes its duration.
+    """Return the fastest motion along a curve with a velocity at an end, which fixes its duration.
 
-    That is at most *longest*, s.
+    The duration is at most *longest*, s.
     """
     knots, guess = job.knots(is_quick=False)
     refusal.check_smooth(job.request, job.path(knots, guess).trajectory.continuity)
@@ -448,7 +448,7 @@ def _along_usual_curve(job: PlanJob, name: str, *, longest: float = LONGEST) -> 
 def _timed(
     job: PlanJob, path: KeyframePath, known: Floats | None, name: str, *, has_rests: bool = True
 ) -> Motion:
-    """Return the motion along one keyframe path as quickly as the limits permit.
+    """Return the fastest motion along one keyframe path.
 
     Args:
         known: the first profile, if there is one.
@@ -467,10 +467,10 @@ def _timed(
     share, seconds = SHARE, job.limits.velocity / job.limits.acceleration
     longest = _longest_stop(job.limits, job.limits.velocity)
     if path.duration > _LONG * longest and math.isfinite(seconds):
-        # About what it will have to use in the end.
+        # An estimate of the final share.
         share = min(1.0 - _USUAL * (1.0 - share_to_stop(seconds, longest)), SHARE)
     certify, has_lead_in = partial(job.motion, name=name), job.request.approach
-    # What a timing exceeds a little cannot be slowed down as a whole where an end moves.
+    # If an end moves, the motion cannot slow down as a whole to correct a small excess.
     is_lower = not has_rests and _ends_within(path, job.limits, _FREE)
     limits = job.limits.slowed(_SLOWER) if is_lower else job.limits
     return timed(make, certify, limits, share=share, has_lead_in=has_lead_in)
@@ -502,18 +502,18 @@ def timed(
     is_even: bool = False,
     has_lead_in: bool = False,
 ) -> Motion:
-    """Return the motion along a path that is timed until its records keep the limits.
+    """Return the motion along a path, timed until its records keep the limits.
 
-    What is seen on the records and between them is a little more than what the timing knows, where
-    the jerk has a step, and a stop may take too long: then it uses less of the limits.
+    The records and the path between them slightly exceed the timing's own values where the jerk has
+    a step, and a stop may take too long.  The next timing then uses less of the limits.
 
     Args:
-        make: times the path by limits and a share of acceleration and jerk to use.
-        certify: makes the whole motion and holds it against its limits.
-        share: of acceleration and jerk to begin with.
-        is_even: whether the pace is even, which has a reserve to stop with, and is found from few
-            of the records: what they exceed is not a little then.
-        has_lead_in: whether what comes before the first keyframe is not a part of the path.
+        make: times the path for given limits and a share of acceleration and jerk.
+        certify: makes the whole motion and checks its limits.
+        share: initial share of acceleration and jerk.
+        is_even: whether the pace is even.  An even pace has a reserve to stop with, and comes from
+            a few records only, so its excess is not small.
+        has_lead_in: whether the lead-in is not a part of the path.
 
     Raises:
         LimitError: it breaks a limit with any of these timings.
@@ -540,7 +540,7 @@ def timed(
             limits, refused = _lowered(limits, error.unit, over, path), error
             continue
         except refusal.LeadOutError as error:
-            # The pace may be even up to the limits, and leave no way to come to rest behind it.
+            # An even pace may use the full limits, without a reserve for a lead-out.
             if not is_even:
                 raise
             limits, refused = limits.slowed(_SLOWER), error
@@ -558,7 +558,7 @@ def timed(
         )
         if is_even or stop_time <= longest or motion.duration <= longest:
             return motion
-        # How fast a stop can be goes with the square root of the reserve, or less.
+        # The speed of a stop grows at most with the square root of the reserve.
         power = 0.5
         if before is not None:
             is_costly = last <= LONGEST_STOP and motion.duration > _COSTLY * before.duration
@@ -578,8 +578,8 @@ def timed(
 
 
 def _lowered(limits: Limits, unit: str, over: float, path: KeyframePath) -> Limits:
-    """Return the limits to time a path by whose records exceed one of them by a factor."""
-    # It falls as the limit does about one axis, by about half as much along a curve.
+    """Return the limits for the next timing of a path whose records exceed a limit by a factor."""
+    # About one axis the excess falls with the limit, along a curve about half as much.
     return limits.times(**{_QUANTITIES[unit]: 1.0 / (over**2 if _is_curve(path) else over)})
 
 
@@ -588,9 +588,9 @@ def _is_curve(path: KeyframePath) -> bool:
 
 
 def _told_of_stops(motion: Motion) -> Motion:
-    """Return the motion, with a note if it is slower than its limits so that it can be stopped.
+    """Return the motion, with a note if it is slower than its limits for the sake of stops.
 
-    That is where a stop with all of the acceleration takes long already.
+    This concerns devices whose stops take long even with the full acceleration.
     """
     found = motion.certificate
     is_slower = max(found.peak_velocity.ratio, found.peak_acceleration.ratio) < _MUCH
@@ -600,6 +600,6 @@ def _told_of_stops(motion: Motion) -> Motion:
 
 
 def _longest_stop(limits: Limits, speed: float) -> float:
-    """Return how long a stop on a motion of some velocity may take, s."""
+    """Return the allowed duration of a stop on a motion of a given velocity, s."""
     rise = min(limits.acceleration / limits.jerk, math.sqrt(speed / limits.jerk))
     return longest_stop(max(speed / limits.acceleration, rise) + rise)

@@ -1,7 +1,7 @@
 """A motion as its records tell it: all that is needed to leave it and to continue it.
 
-Whoever planned a motion can work out every record of it; everybody else has the records.  Between
-two records the path is that of the servo (:mod:`orientd.servo.path.segment`).
+Only the planner of a motion can compute its records; all others use the records.  Between two
+records the path is that of the servo (:mod:`orientd.servo.path.segment`).
 """
 
 from __future__ import annotations
@@ -20,18 +20,20 @@ from orientd.stream import JOINTS, PATH_FLOATS
 
 _POSE_FLOATS = PATH_FLOATS - 2 * JOINTS
 STATE_FLOATS = _POSE_FLOATS + 3
-"""What the path ring has of the pose, q (4), omega_body (3), alpha_body (3), position (3) and
-velocity (3), and the acceleration of the position (3)."""
+"""Numbers of a state: the pose columns of the path ring, and the acceleration of the position.
+
+The columns are q (4), omega_body (3), alpha_body (3), position (3) and velocity (3).
+"""
 
 _ON_RECORD = 1e-6
-"""Share of a period within which an instant is that of a record."""
+"""Tolerance for a time at a record, as a share of a period."""
 
 
 class RecordedMotion:
-    """A motion, and those of its records that are at hand.
+    """A motion with the records that are at hand.
 
     Attributes:
-        facts: what there is to know of it.
+        facts: its properties.
     """
 
     def __init__(self, facts: MotionFacts, rows: Floats, first: int = -HISTORY) -> None:
@@ -54,7 +56,7 @@ class RecordedMotion:
 
     @property
     def last_record(self) -> int:
-        """The record at which it ends."""
+        """The last record."""
         return self.facts.record_count - 1
 
     def rows(self, first: int, count: int) -> Floats:
@@ -65,7 +67,7 @@ class RecordedMotion:
             count: how many.
 
         Raises:
-            ValueError: there are no such records, or they are not at hand.
+            ValueError: the records do not exist, or are not at hand.
         """
         begin, end = self.at_hand
         if count < 0 or first < begin or first + count > end:
@@ -89,12 +91,12 @@ class RecordedMotion:
         """Return the state at a record, with the setpoints before it, for a motion to take over.
 
         Raises:
-            ValueError: there is no such record, or it is not at hand.
+            ValueError: the record does not exist, or is not at hand.
         """
         return _state_of(self.rows(record - HISTORY, HISTORY + 1))
 
     def joints_at(self, record: int) -> Joints:
-        """Return the axis angles planned at a record, rad; none where it knows of none."""
+        """Return the planned axis angles at a record, rad; empty if the motion has none."""
         return tuple(joints_of(self.rows(record, 1))[0].tolist())
 
     def joint_rates_at(self, record: int) -> Joints:
@@ -102,7 +104,7 @@ class RecordedMotion:
         return tuple(rates_of(self.rows(record, 1))[0].tolist())
 
     def joints_before(self, record: int) -> tuple[Joints, ...]:
-        """Return the axis angles of the three records before one, the oldest first."""
+        """Return the axis angles of the three records before one, oldest first."""
         joints = joints_of(self.rows(record - HISTORY, HISTORY))
         return tuple(map(tuple, joints.tolist())) if joints.shape[1] else ()
 
@@ -173,7 +175,7 @@ def rates_of(rows: Floats) -> Floats:
 
 
 def ring_records(rows: Floats) -> Floats:
-    """Return the records of the path ring that rows are; NaN for the axes that there are not."""
+    """Return rows in the layout of the path ring; NaN for missing axes."""
     axes = joints_of(rows).shape[1]
     records: Floats = np.full((len(rows), PATH_FLOATS), np.nan)
     records[:, :_POSE_FLOATS] = rows[:, :_POSE_FLOATS]
@@ -184,13 +186,14 @@ def ring_records(rows: Floats) -> Floats:
 
 
 def joint_rates(joints: Floats, earlier: Floats, period: float) -> Floats:
-    """Return the velocities of axes at records, by central differences of the fourth order.
+    """Return the axis velocities at records, by central differences of the fourth order.
 
     Args:
-        joints: angles at the records of a whole motion, rad, shape ``(n, axes)``; held after it.
-        earlier: those of two or more records before, the oldest first; the axes begin at rest if
-            all of them are the same.
-        period: from each record to the next, s.
+        joints: angles at the records of a whole motion, rad, shape ``(n, axes)``; constant after
+            it.
+        earlier: angles of two or more records before, oldest first; the axes begin at rest if all
+            of them are equal.
+        period: time between two records, s.
 
     Returns:
         rad/s, shape ``(n, axes)``; zero at the last record.
@@ -205,12 +208,12 @@ def joint_rates(joints: Floats, earlier: Floats, period: float) -> Floats:
 
 
 def states_at(rows: Floats, where: Floats, period: float) -> Floats:
-    """Return the states at places among consecutive records, those beyond them at the nearest one.
+    """Return the states at places among consecutive records, or at the nearest one beyond them.
 
     Args:
-        rows: the records, as :func:`states_between` takes them.
-        where: whole numbers are records, those between them are between two.
-        period: from each record to the next, s.
+        rows: the records, as in :func:`states_between`.
+        where: whole numbers are records, other numbers lie between two.
+        period: time between two records, s.
     """
     where = np.clip(where, 0.0, len(rows) - 1.0)
     nearest = np.rint(where)
@@ -226,14 +229,15 @@ def states_at(rows: Floats, where: Floats, period: float) -> Floats:
 
 
 def states_between(here: Floats, there: Floats, period: Floats | float, shares: Floats) -> Floats:
-    """Return the states that the servo takes between some records and those after them.
+    """Return the states of the servo's path between records and the next ones.
 
     Args:
-        here: records: orientation and angular velocity, and angular acceleration, position and
-            velocity, and acceleration as far as they are known, shape ``(n, 7)``, ``(n, 10)``,
-            ``(n, 16)`` or ``(n, 19)``.  Without the angular acceleration, steps of it are not seen.
-        there: those after them.
-        period: from each to the next, s, one for all or shape ``(n,)``.
+        here: records: orientation and angular velocity, optionally followed by angular
+            acceleration, position and velocity, and acceleration, shape ``(n, 7)``, ``(n, 10)``,
+            ``(n, 16)`` or ``(n, 19)``.  Without the angular acceleration, its steps are not
+            detected.
+        there: the records after them.
+        period: time between the two, s, one for all or shape ``(n,)``.
         shares: in [0, 1], shape ``(n,)``.
     """
     found = np.empty(here.shape)

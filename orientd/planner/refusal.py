@@ -1,4 +1,4 @@
-"""Refusals: what is wrong with a motion, by how much, where, and what would help."""
+"""Refusals: what is wrong with a motion, by how much, where, and how to correct it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from orientd.planner.state import State
 from orientd.rotation import Floats, angle
 from orientd.tolerances import GUARD_TOLERANCE
 
-SHORTEST_INTERVAL = 1e-12  # s; derivatives over shorter ones end in overflow sooner or later
+SHORTEST_INTERVAL = 1e-12  # s; derivatives over shorter ones may overflow
 SAME_ORIENTATION = 1e-6  # rad
 SAME_POSITION = 1e-6  # m
 SAME_VELOCITY = 1e-6  # rad/s
@@ -32,19 +32,19 @@ _QUANTITIES = {
 
 
 _ABOUT = ("", *(f" about {axis}" for axis in AXES))
-"""What is limited of each: the norm and the components."""
+"""The limited quantities: the norm and the components."""
 
 
 class LeadOutError(PlanError):
-    """Nothing leads to rest from where the last keyframe is passed."""
+    """No lead-out leads from the last keyframe to rest."""
 
 
 class TotalError(PlanError):
-    """The keyframes take longer than the duration that was asked for."""
+    """The keyframes take longer than the requested duration."""
 
 
 def check_total(total: float, least: float) -> None:
-    """Raise :class:`TotalError` for a duration shorter than the quickest, s; or for one of days."""
+    """Raise :class:`TotalError` for a duration shorter than the fastest, s; or for one of days."""
     check_duration(total)
     if total < least * (1.0 - _ROUNDING):
         raise TotalError(
@@ -59,7 +59,7 @@ def check_duration(duration: float) -> None:
 
 
 def check_intervals(times: Floats) -> None:
-    """Raise :class:`.PlanError` for an interval shorter than any clock could tell."""
+    """Raise :class:`.PlanError` for an interval too short for any clock."""
     steps = np.diff(times)
     index = int(np.argmin(steps))
     if not steps[index] >= SHORTEST_INTERVAL:
@@ -72,7 +72,7 @@ def check_intervals(times: Floats) -> None:
 def check_end_velocities(
     omega_start: Floats | None, omega_end: Floats | None, limits: Limits
 ) -> None:
-    """Raise :class:`.LimitError` for a velocity at an end that is above the limit by itself."""
+    """Raise :class:`.LimitError` for a velocity at an end that exceeds the limit by itself."""
     for name, omega in (("start_velocity", omega_start), ("end_velocity", omega_end)):
         if omega is not None:
             check_velocity(name, omega, limits)
@@ -84,13 +84,13 @@ def check_velocity(field: str, omega: Floats, limits: Limits) -> None:
 
 
 def check_present_rates(start: State, limits: Limits, period: float) -> None:
-    """Raise :class:`.LimitError` if the present motion is beyond by more than a cycle can mend.
+    """Raise :class:`.LimitError` if the present motion is too far beyond a limit for one cycle.
 
-    A motion is held to one set of limits from its first record on, and so are the stops on its
-    path: nothing of it could brake above them.
+    A motion has one set of limits from its first record on, and so have the stops on its path.  No
+    part of it could brake above them.
     """
     advice = (
-        "the device moves like that already: stop it first, which it does within its own limits, "
+        "the device already moves that fast: stop it first, which keeps the device's own limits, "
         "or ask for no lower limit than that"
     )
     _check_rate("velocity", start.omega_body, limits, limits.acceleration * period, advice)
@@ -98,9 +98,9 @@ def check_present_rates(start: State, limits: Limits, period: float) -> None:
 
 
 def _check_rate(name: str, vector: Floats, limits: Limits, change: float, advice: str) -> None:
-    """Refuse a rate whose norm or a component is above its limit by more than *change*."""
+    """Refuse a rate whose norm or a component exceeds its limit by more than *change*."""
     components = vector.tolist()
-    # Unlike the root of the sum of squares, hypot overflows for no rate that can be written.
+    # Unlike the root of the sum of squares, hypot does not overflow.
     sizes = math.hypot(*components), *map(abs, components)
     allowed = getattr(limits, name), *limits.axes(name)
     for axis, size, most in zip(_ABOUT, sizes, allowed, strict=True):
@@ -111,7 +111,7 @@ def _check_rate(name: str, vector: Floats, limits: Limits, change: float, advice
 
 
 def check_continuity(request: MotionRequest) -> None:
-    """Raise :class:`.PlanError` for a curve whose velocity jumps: only standing still would do."""
+    """Raise :class:`.PlanError` for a curve whose velocity jumps at any pace."""
     if _has_jumps(request):
         raise PlanError(f"no duration keeps the limits: {_JUMPS}")
 
@@ -126,12 +126,12 @@ def check_smooth(request: MotionRequest, continuity: int) -> None:
 
 
 def check_start(start: State, first: State, limits: Limits) -> None:
-    """Raise :class:`.StartError` if a motion does not begin where the device is commanded to be.
+    """Raise :class:`.StartError` if a motion does not begin in the commanded state of the device.
 
     Args:
-        start: where the device is commanded to be.
+        start: the commanded state of the device.
         first: the state at the first keyframe.
-        limits: for what counts as the same acceleration.
+        limits: scale of the tolerance of the acceleration.
     """
     turn = float(angle(start.q, first.q))
     move, velocity, acceleration = (
@@ -149,17 +149,17 @@ def check_start(start: State, first: State, limits: Limits) -> None:
         different.append(f"angular acceleration by {acceleration:.6g} rad/s^2")
     if different:
         raise StartError(
-            "the first keyframe differs from the state the device is commanded to be in: "
-            f"{', '.join(different)}; `approach: true` would lead in"
+            "the first keyframe differs from the commanded state of the device: "
+            f"{', '.join(different)}; set `approach: true` to plan a lead-in"
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Place:
-    """Where the parts of a motion are in its path time.
+    """The path times of the parts of a motion.
 
     Attributes:
-        request: what it was made for.
+        request: the request of the motion.
         begin: path time of the first keyframe, s.
         end: path time of the last keyframe, s.
         times: path times of all keyframes, s.
@@ -171,7 +171,7 @@ class Place:
     times: Floats
 
     def name(self, time: float) -> str:
-        """Return what the user would call a path time."""
+        """Return a path time in the user's terms."""
         if time < self.begin:
             return "in the lead-in"
         if time > self.end:
@@ -185,9 +185,9 @@ class Place:
 
 
 def of_attempts(refused: Mapping[str, PlanError]) -> PlanError:
-    """Return the refusal of a motion that was planned in several ways, by their names, in order."""
+    """Return the refusal of a motion after several attempts, by their names, in order."""
     errors = list(refused.values())
-    # That one attempt takes longer than was asked for says less than why the others were refused.
+    # The other refusals tell more than that one attempt takes longer than requested.
     error = next((one for one in reversed(errors) if not isinstance(one, TotalError)), errors[-1])
     others = [name for name, one in refused.items() if one is not error]
     if others:
@@ -196,32 +196,32 @@ def of_attempts(refused: Mapping[str, PlanError]) -> PlanError:
 
 
 def of_any_duration(start: State, limits: Limits) -> PlanError:
-    """Return the refusal of a motion that breaks a limit however long it takes."""
+    """Return the refusal of a motion that breaks a limit at any duration."""
     problem = (
         f"no duration keeps the limits of {limits.velocity:g} rad/s, {limits.acceleration:g} "
         f"rad/s^2 and {limits.jerk:g} rad/s^3"
     )
     if not start.is_at_rest:
         problem += (
-            f" on a way that begins with {np.linalg.norm(start.omega_body):.4g} rad/s and "
-            f"{np.linalg.norm(start.alpha_body):.4g} rad/s^2; `approach: true` would lead in"
+            f" on a path that begins with {np.linalg.norm(start.omega_body):.4g} rad/s and "
+            f"{np.linalg.norm(start.alpha_body):.4g} rad/s^2; set `approach: true` for a lead-in"
         )
     return PlanError(problem)
 
 
 def of_duration(total: float, possible: list[float]) -> PlanError:
-    """Return the refusal of a duration, s, that lies between others that are possible."""
+    """Return the refusal of a duration, s, that lies between feasible ones."""
     problem = f"no motion of {total:g} s was found that keeps the velocities at both ends"
     longer = min((one for one in possible if one > total), default=None)
     return PlanError(f"{problem}; ask for {longer:.6g} s or more" if longer else problem)
 
 
 def of_slow_stop(stop_time: float, longest: float, share: float) -> PlanError:
-    """Return the refusal of a motion of minimum duration that could hardly be stopped.
+    """Return the refusal of a fastest motion with too long a stop.
 
     Args:
-        stop_time: that a stop on its path takes, s.
-        longest: that it may take, s.
+        stop_time: duration of a stop on its path, s.
+        longest: allowed duration of a stop, s.
         share: of acceleration and jerk that the motion uses.
     """
     return PlanError(
@@ -232,13 +232,13 @@ def of_slow_stop(stop_time: float, longest: float, share: float) -> PlanError:
 
 
 def check_limits(peaks: Peaks, place: Place) -> None:
-    """Raise :class:`.LimitError` for a motion that breaks a limit, named by the one broken most."""
+    """Raise :class:`.LimitError` for a motion that breaks a limit; it names the one broken most."""
     broken: list[tuple[float, str, str, Peak]] = []
     for name in UNITS:
         of_axes: tuple[Peak, ...] = getattr(peaks, f"axis_{name}") if name in ANGULAR else ()
         for axis, peak in zip(_ABOUT, (getattr(peaks, name), *of_axes), strict=False):
-            # Written so that a NaN counts as broken.  Off the records the guard's tolerance is
-            # what keeps a motion on its path.
+            # Written so that a NaN counts as broken.  Between the records, the guard's tolerance
+            # keeps a motion on its path.
             if not (peak.planned_ratio <= 1.0 + _ROUNDING and peak.ratio <= GUARD_TOLERANCE):
                 ratio = peak.ratio if math.isfinite(peak.ratio) else math.inf
                 broken.append((ratio, name, axis, peak))
@@ -256,9 +256,9 @@ def check_limits(peaks: Peaks, place: Place) -> None:
 
 
 def check_stop(peaks: Peaks, place: Place) -> None:
-    """Raise :class:`.LimitError` for a motion that could hardly be stopped on its path.
+    """Raise :class:`.LimitError` for a motion with too long a stop on its path.
 
-    Timings of the planner's own keep their reserve, and then the device is as slow as it is.
+    Timings of the planner keep their reserve, so only a slow device can then take long.
     """
     slowest = SLOWEST_STOP if place.request.times is not None else math.inf
     stop_time = 1.0 / peaks.brake_rate if peaks.brake_rate > 0.0 else math.inf
@@ -269,8 +269,7 @@ def check_stop(peaks: Peaks, place: Place) -> None:
             SLOWEST_STOP,
             peaks.brake_time,
             "s",
-            f"{place.name(peaks.brake_time)}, where too little is left below the limits to slow "
-            "down with",
+            f"{place.name(peaks.brake_time)}, where too little reserve is left to slow down with",
             kind=LimitKind.TIME,
         )
 

@@ -1,8 +1,8 @@
-"""What a request means once it is known where the device is: frames, rates, rolls, whole turns.
+"""Resolve a request for a known start: frames, rates, rolls and whole turns.
 
-All of it is done on the arrays of the request.  :func:`resolved` leaves nothing open: keyframes are
-orientations and positions of the flange in the world, with a roll, and with others on the way where
-a single one has whole turns.
+All steps work on the arrays of the request.  The result of :func:`resolved` is complete: keyframes
+are orientations and positions of the flange in the world, with a roll.  A single keyframe with
+whole turns gets intermediate keyframes.
 """
 
 from __future__ import annotations
@@ -39,30 +39,30 @@ _DEVICE = Frame()
 _OPPOSITE = 1e-12
 """Square of the sine of the angle below which two directions have no common normal."""
 _NO_AXIS = 1e-6
-"""A turn this small has no axis to add whole turns about, rad."""
+"""Largest turn, rad, that is too small to define an axis for whole turns."""
 _WINDING_STEP, _RATE_STEP = math.pi / 3, 2.0
-"""From one keyframe to the next on the way of whole turns, and of a turn at a rate, rad."""
+"""Distance of intermediate keyframes of whole turns, and of a turn at a rate, rad."""
 _PEAK_ACCELERATION, _PEAK_JERK = 1.875, 5.78
-"""Of the quintic from rest to a velocity, in velocities a duration, and a squared one."""
+"""Peaks of the quintic from rest to a velocity, for a unit velocity and duration."""
 _SAME_RATE = 1e-6
-"""How far from a rate a device turns at it already, rad/s, and rad/s^2 of its acceleration."""
+"""Tolerances for a device that already turns at a rate, rad/s and rad/s^2."""
 _SHARE = 0.5
-"""Of the limits, to be used while the rate is taken up: the lead-in may be quicker, not shorter."""
+"""Usable share of the limits while the rate builds up: the lead-in may be faster, not shorter."""
 _MOST_NOTES = 3
-"""Half turns that have a note each; the others are counted."""
+"""Half turns that get a note each; further ones are counted."""
 
 
 def resolved(request: MotionRequest, start: State, limits: Limits) -> MotionRequest:
-    """Return *request* with nothing left open.
+    """Return *request* completely resolved.
 
     Args:
         request: with the frames that it names.
-        start: where the device is commanded to be.
-        limits: to keep.
+        start: the commanded state of the device.
+        limits: limits to keep.
 
     Raises:
-        RequestError: there is no such frame, or a turn at a rate has keyframes, velocities of its
-            own or no duration.
+        RequestError: a frame does not exist, or a turn at a rate has keyframes, its own velocities,
+            or no duration.
         StartError: whole turns to a single keyframe begin in motion, or have no axis.
     """
     request = at_rate(in_device_coordinates(request, start), start, limits)
@@ -72,12 +72,12 @@ def resolved(request: MotionRequest, start: State, limits: Limits) -> MotionRequ
 
 
 def report_frame(request: MotionRequest) -> Frame | None:
-    """Return the frame that reports of a motion are in: its own, or the only one of its keyframes.
+    """Return the frame for reports of a motion: its own, or the only one of its keyframes.
 
-    ``None`` are the coordinates of the device.
+    ``None`` stands for the coordinates of the device.
 
     Raises:
-        RequestError: there is no such frame.
+        RequestError: the frame does not exist.
     """
     name = request.frame
     if not name:
@@ -87,27 +87,27 @@ def report_frame(request: MotionRequest) -> Frame | None:
 
 
 def in_device_coordinates(request: MotionRequest, start: State | None) -> MotionRequest:
-    """Return the same request as the device takes it: the flange in the world.
+    """Return the same request in the device's coordinates: the flange in the world.
 
-    Where a keyframe only says where to point, its roll is chosen here, since what points is an axis
-    of its frame's tool.
+    This also chooses the roll of keyframes with a pointing direction only, because the pointing
+    axis is an axis of the frame's tool.
 
     Args:
         request: with the frames that it names.
-        start: where the device is commanded to be; ``None`` where that is not known.
+        start: the commanded state of the device; ``None`` if it is unknown.
 
     Raises:
-        RequestError: there is no such frame; or a keyframe is relative, and *start* is not known.
+        RequestError: a frame does not exist; or a keyframe is relative, and *start* is unknown.
     """
     is_framed = request.frame or any(one.frame or one.relative for one in request.keyframes)
     return _placed(request, start) if request.frames or is_framed else request
 
 
 def _placed(request: MotionRequest, start: State | None) -> MotionRequest:
-    """Return *request* in coordinates of the device, with a roll where it is free.
+    """Return *request* in coordinates of the device, with a roll for each free one.
 
-    That is the one of the least turn from the keyframe before: the roll is carried along, and
-    nothing turns about the axis that points.
+    The roll is the one of the least turn from the previous keyframe: nothing turns about the
+    pointing axis.
     """
     given = request.keyframes
     frames = [
@@ -119,7 +119,7 @@ def _placed(request: MotionRequest, start: State | None) -> MotionRequest:
     relative = np.flatnonzero([one.relative for one in given])
     if len(relative):
         if start is None:
-            problem = "where the device is, is not known here"
+            problem = "the current orientation is unknown without a daemon"
             raise RequestError(f"keyframes[{relative[0]}].relative", problem)
         q_world_base[relative] = multiply(start.q, q_flange_tool[relative])
         base[relative] = start.position + rotate(start.q, tool[relative])
@@ -156,17 +156,17 @@ def _placed(request: MotionRequest, start: State | None) -> MotionRequest:
 def at_rate(request: MotionRequest, start: State, limits: Limits) -> MotionRequest:
     """Return *request* with the keyframes of a turn at its rate, if it has one.
 
-    The first is where the rate is reached, so far ahead that the device need not swing back; a
-    device that turns at it already goes on from where it is.
+    The device reaches the rate at the first keyframe, which is so far ahead that the device need
+    not swing back.  A device that already turns at the rate continues from its orientation.
 
     Raises:
-        RequestError: it has keyframes or velocities of its own, or no duration.
+        RequestError: it has keyframes or its own velocities, or no duration.
         PlanError: the rate is above the limit, or the turn takes days.
     """
     if request.rate is None:
         return request
     if not request.is_single:
-        raise RequestError("rate", "turns from wherever the device is; give no keyframes")
+        raise RequestError("rate", "starts from the device's orientation; give no keyframes")
     if request.end_velocity is not None:
         raise RequestError("end_velocity", "a turn at a rate ends at rest; give none")
     if request.total is None:
@@ -202,10 +202,10 @@ def at_rate(request: MotionRequest, start: State, limits: Limits) -> MotionReque
 
 
 def pointed(q: Floats, axis: Floats, direction: Floats) -> Floats:
-    """Return the orientation that the least turn leads to from *q*, with *axis* in a direction."""
+    """Return *q* followed by the least turn that points *axis* in a direction."""
     points = rotate(q, axis)
     if float(np.sum((points + direction) ** 2)) < _OPPOSITE:
-        # Half a turn, about whatever axis.
+        # A half turn, about any axis.
         across = np.cross(points, np.eye(3)[int(np.argmin(np.abs(points)))])
         least = np.concatenate([[0.0], across / np.linalg.norm(across)])
     else:
@@ -217,7 +217,7 @@ def pointed(q: Floats, axis: Floats, direction: Floats) -> Floats:
 
 
 def half_turn_notes(request: MotionRequest, start: State) -> list[str]:
-    """Return notes on half turns for the certificate: the way taken, and how to take the other."""
+    """Return notes on half turns: the chosen direction, and how to get the other one."""
     keys, places = request.keys, []
     if len(keys) > 1:
         is_half = are_half_turns(keys) & (request.turns[1:] == 0)
@@ -227,7 +227,7 @@ def half_turn_notes(request: MotionRequest, start: State) -> list[str]:
         places.insert(0, 0)
     notes = []
     for index in places[:_MOST_NOTES]:
-        # The way to the first of several keyframes is the planner's, which makes no turns.
+        # The lead-in to the first of several keyframes makes no extra turns.
         can = request.is_single or (index > 0 and can_turn(METHODS[request.method]))
         way = "`turns: -1` there" if can else "a keyframe on the way"
         axis = _axis_in_words(keys[index - 1] if index else start.q, keys[index])
@@ -242,7 +242,7 @@ def half_turn_notes(request: MotionRequest, start: State) -> list[str]:
 
 
 def _wound(request: MotionRequest, start: State) -> MotionRequest:
-    """Return *request* with keyframes on the way, where its only one has whole turns."""
+    """Return *request* with intermediate keyframes, if its only one has whole turns."""
     if not (request.is_single and request.turns[0]):
         return request
     if not start.is_at_rest:
@@ -250,7 +250,7 @@ def _wound(request: MotionRequest, start: State) -> MotionRequest:
     shortest = 2.0 * log_half(between(*align([start.q, request.keys[0]])))
     size = float(np.linalg.norm(shortest))
     if size < _NO_AXIS:
-        raise StartError("the device is there already: nothing says about which axis to turn")
+        raise StartError("it is there already, so the axis of the turn is undefined")
     whole = shortest * (1.0 + 2.0 * math.pi * int(request.turns[0]) / size)
     count = math.ceil(float(np.linalg.norm(whole)) / _WINDING_STEP)
     passed = multiply(start.q, exp(whole * np.linspace(0.0, 1.0, count + 1)[:-1, None]))
@@ -266,7 +266,7 @@ def _keyframes(keys: Floats, times: Floats | None = None) -> list[Keyframe]:
 
 
 def _named(frames: Mapping[str, Frame], name: str, field: str) -> Frame:
-    """Return a frame by its name; empty is the device's own."""
+    """Return a frame by its name; the empty name is the device's own frame."""
     if not name:
         return _DEVICE
     if name not in frames:

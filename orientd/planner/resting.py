@@ -1,8 +1,8 @@
-"""Motions that rest inside: turns from keyframe to keyframe, and connectors at ends that move.
+"""Motions that rest inside: turns from keyframe to keyframe, and connectors at moving ends.
 
-A **connector** leads from the velocity at the first keyframe to rest at the second, and another one
-from rest at the next-to-last keyframe to the velocity at the last.  The part between them goes from
-rest to rest.  Two keyframes whose velocities are both given are joined by a single connector.
+A **connector** leads from the velocity at the first keyframe to rest at the second.  Another one
+leads from rest at the next-to-last keyframe to the velocity at the last.  The part between them
+goes from rest to rest.  If two keyframes both have velocities, a single connector joins them.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ CONNECTS = "a connector joins both keyframes, in place of the curve between them
 WAITS = "rests on its way, since it was given that much time"
 
 WORTH = 0.95
-"""Of a duration: going without the reserve is worth that much."""
+"""Share of a duration that is worth going without the reserve."""
 
 _AHEAD = 0.7
-"""Cosine between the velocity and the way to a keyframe that is ahead of a device."""
+"""Cosine between the velocity and the direction to a keyframe that is ahead of a device."""
 
 _NEAR = 1.25
-"""Times as far as it takes to stop with all of the limits: what is nearer may be overshot."""
+"""Targets closer than this many stopping distances may be overshot."""
 
 _WHOLE = 1e-9  # of a period, and of a duration
-_SLOWEST = 0.1  # pace at which to look for a connector that takes longer
+_SLOWEST = 0.1  # lowest pace in the search for a longer connector
 _BISECTIONS = 12
-_ABOUT = 0.99  # of a duration that was asked for
+_ABOUT = 0.99  # share of a requested duration
 
 
 def arrives(start: State, key: Floats, limits: Limits) -> bool:
-    """Return whether a keyframe is ahead of a device, and hardly further than a stop."""
+    """Return whether a keyframe is ahead of a device, and hardly farther than a stop."""
     speed = float(np.linalg.norm(start.omega_body))
     if not speed:
         return False
@@ -65,22 +65,22 @@ def arrives(start: State, key: Floats, limits: Limits) -> bool:
 
 
 def can_rest(job: PlanJob) -> bool:
-    """Return whether the request allows a motion that rests at keyframes."""
+    """Return whether the request allows rests at keyframes."""
     request = job.request
     is_plain = request.method == DEFAULT_METHOD and not request.turns.any()
     return is_plain and request.positions is None and not job.is_taken_over
 
 
 def least_with_stops(keys: Floats, limits: Limits) -> float:
-    """Return what turns from key to key take at the least, from rest to rest, s.
+    """Return the least duration of turns from keyframe to keyframe, from rest to rest, s.
 
-    That is without limits of the jerk and of components.
+    It ignores limits of the jerk and of components.
     """
     turns = angle(keys[:-1], keys[1:])
     turns = turns[turns > 0.0]
     velocity, acceleration = limits.velocity, limits.acceleration
     peaks = np.minimum(np.sqrt(turns * acceleration), velocity)
-    # Where neither is limited their quotient is not a number.
+    # Without either limit their quotient is NaN.
     rises = np.fmin(np.sqrt(turns / acceleration), velocity / acceleration)
     return float(np.sum(turns / peaks + rises))
 
@@ -89,7 +89,7 @@ def with_stops(job: PlanJob, limits: Limits, share: float = SHARE) -> KeyframePa
     """Return the turns from keyframe to keyframe, from rest to rest.
 
     Raises:
-        PlanError: one of them takes longer than is planned.
+        PlanError: one of them takes longer than the longest allowed motion.
     """
     pairs = pairwise(job.request.keys)
     turns = [approach(*pair, limits, share=share, jerk_share=share) for pair in pairs]
@@ -103,10 +103,11 @@ class Connectors:
     """The connectors at the ends of a motion, each from path time 0 on.
 
     Attributes:
-        head: from the first keyframe to rest at the next one, or to the last one where none is left
-            to rest at; empty where the motion begins at rest.
-        tail: from rest to the last keyframe; empty where there is none.
-        rests: the first and the last keyframe to rest at; the last is below the first if none is.
+        head: from the first keyframe to rest at the next one, or to the last one if no keyframe is
+            left to rest at.  Empty if the motion begins at rest.
+        tail: from rest to the last keyframe; may be empty.
+        rests: the first and the last keyframe to rest at; the last is below the first if there is
+            none.
     """
 
     head: tuple[Trajectory, ...]
@@ -120,12 +121,12 @@ class Connectors:
         """Return the connectors that are found.
 
         Args:
-            job: what to plan.
+            job: the input of the plan.
             connection: how to connect.
-            rests: the first and the last keyframe to rest at, if not beside the ends that move.
+            rests: the first and the last keyframe to rest at; by default those next to moving ends.
 
         Raises:
-            PlanError: there is one that was not found.
+            PlanError: a connector was not found.
         """
         keys, (begin, end) = job.request.keys, _end_states(job)
         first, last = rests = rests or resting_keyframes(job)
@@ -139,17 +140,17 @@ class Connectors:
 
     @property
     def has_no_rest(self) -> bool:
-        """Whether there is no keyframe left to rest at."""
+        """Whether no keyframe is left to rest at."""
         return self.rests[0] > self.rests[1]
 
     @property
     def durations(self) -> tuple[float, float]:
-        """How long both take, s."""
+        """Duration of both, s."""
         head, tail = (part[-1].domain[1] if part else 0.0 for part in (self.head, self.tail))
         return head, tail
 
     def note(self, job: PlanJob) -> str:
-        """Return what to say of a motion with these connectors."""
+        """Return the notes on a motion with these connectors."""
         last = len(job.request.keys) - 1
         inner = sorted({one for one in self.rests if 0 < one < last})
         if self.has_no_rest or not inner:
@@ -159,13 +160,13 @@ class Connectors:
 
 
 def resting_keyframes(job: PlanJob) -> tuple[int, int]:
-    """Return the first and the last keyframe to rest at; the last is below the first if none is."""
+    """Return the first and last keyframe to rest at; the last is below the first if none is."""
     begins, ends = job.ends.moves
     return int(begins), len(job.request.keys) - 1 - int(ends)
 
 
 def job_between(job: PlanJob) -> PlanJob | None:
-    """Return the job of the part from rest to rest; ``None`` if nothing turns in it."""
+    """Return the job of the part from rest to rest; ``None`` if it has no turn."""
     first, last = resting_keyframes(job)
     keys = job.request.keys[first : last + 1]
     if len(keys) < 2 or not bool((angle(keys[:-1], keys[1:]) > SAME).any()):
@@ -180,7 +181,7 @@ def job_between(job: PlanJob) -> PlanJob | None:
 
 
 def with_a_rest(job: PlanJob) -> list[Connectors]:
-    """Return the connectors of two keyframes that both move by way of a rest at one of them.
+    """Return the connectors of two moving keyframes with a rest at one of them.
 
     Raises:
         PlanError: one was not found.
@@ -190,9 +191,9 @@ def with_a_rest(job: PlanJob) -> list[Connectors]:
 
 
 def times_with_rests(job: PlanJob) -> tuple[float, float]:
-    """Return what a motion that stops at every keyframe takes, at the least and about, s.
+    """Return the least and the approximate duration of a motion with a stop at every keyframe, s.
 
-    The least is that of the turns from rest to rest alone.
+    The least one counts only the turns from rest to rest.
     """
     keys, limits = job.request.keys, job.limits
     first, last = resting_keyframes(job)
@@ -211,7 +212,7 @@ def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> K
         between: the motion of :func:`job_between`, if there is one.
 
     Raises:
-        TotalError: it takes longer than the duration that the request asks for.
+        TotalError: it takes longer than the requested duration.
     """
     (first, last), (head, tail) = connectors.rests, (connectors.head, connectors.tail)
     before, after = connectors.durations
@@ -239,13 +240,13 @@ def connected(job: PlanJob, connectors: Connectors, between: Motion | None) -> K
 
 
 def unhurried(job: PlanJob, total: float) -> list[KeyframePath]:
-    """Return connectors of two keyframes that both move, which take no more than *total* seconds.
+    """Return connectors of two moving keyframes, which take at most *total* seconds.
 
-    A slower pace makes them longer: the first one takes nearly that long if there is such a pace,
-    which bisection finds, and the last one is the quickest.
+    A slower pace makes them longer.  Bisection finds the pace at which the first one takes nearly
+    the available time; the last one is the fastest.
 
     Raises:
-        TotalError: the quickest takes longer.
+        TotalError: the fastest takes longer.
         PlanError: none was found.
     """
     begin, end = _end_states(job)
@@ -283,7 +284,7 @@ def _laid(
     times: Floats,
     notes: tuple[str, ...] = (),
 ) -> KeyframePath:
-    """Return the path of parts, each from time 0 on, laid end to end."""
+    """Return the path of parts laid end to end, each given from time 0 on."""
     laid: list[Trajectory] = []
     since = 0.0
     for part in parts:

@@ -1,9 +1,9 @@
-"""A motion in one file, with its certificate: numbers in an ``.npz`` archive, nothing that runs.
+"""A motion in one file, with its certificate: numbers in an ``.npz`` archive, no code.
 
-The archive holds ``header``, a JSON text that begins with the format and its version, ``rows``,
-the state, axis angles and their velocities of every record, and the other arrays of a motion.  A
-motion from a file has the records that were saved, to the last bit; what it was planned with is not
-in it, so that between two records it is a cubic.
+The archive holds ``header``, a JSON text that begins with the format and its version.  ``rows`` has
+the state, axis angles and their velocities of every record.  The other arrays of a motion follow. A
+motion from a file has the saved records, to the last bit.  The file has no curve, so between two
+records the motion is a cubic.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ _DAMAGES = (
     *(zipfile.BadZipFile, struct.error, EOFError, RuntimeError, SyntaxError, TokenError),
     *(ValueError, LookupError, TypeError, AttributeError, ArithmeticError, MemoryError),
 )
-"""What archive and arrays make of damaged bytes."""
+"""Exceptions of the archive and array readers for damaged bytes."""
 
 
 def load_motion(path: str | Path) -> Motion:
-    """Return the motion in a file, which is equal to the one that was saved.
+    """Return the motion in a file, which is equal to the saved one.
 
     Raises:
-        OrientdError: the file cannot be read, is none of a motion, or of a later version.
+        OrientdError: the file cannot be read, is no motion, or is of a later version.
     """
     try:
         check_regular(Path(path))

@@ -1,4 +1,4 @@
-"""Write a motion to one file; see :mod:`orientd.planner.saved` for what is in it."""
+"""Write a motion to one file; :mod:`orientd.planner.saved` describes its content."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ FORMAT = "orientd motion"
 VERSION = 1
 
 OTHER_FORMATS = {".csv", ".json", ".mcap", ".parquet", ".txt", ".yaml", ".yml"}
-"""Endings that say what a saved motion is not."""
+"""Suffixes of other formats than a saved motion."""
 
 
 def write_archive(path: str | Path, header: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:
-    """Write what a motion consists of to a file.
+    """Write the parts of a motion to a file.
 
     Args:
-        path: the file, by custom ``.npz``.
-        header: plain values, and dataclasses as dictionaries; the format goes before them.
-        arrays: by the name that each has in the archive.
+        path: the file, usually ``.npz``.
+        header: plain values, and dataclasses as dictionaries; the format is added in front.
+        arrays: by their names in the archive.
 
     Raises:
-        OrientdError: the file cannot be written, or its name is that of another format.
+        OrientdError: the file cannot be written, or its name has the suffix of another format.
     """
     path = Path(path)
     if path.suffix in OTHER_FORMATS:
@@ -41,7 +41,7 @@ def write_archive(path: str | Path, header: Mapping[str, Any], arrays: Mapping[s
 
 
 def _plain(content: object) -> object:
-    """Return what JSON holds in place of an array or a number of NumPy's."""
+    """Return the JSON form of a NumPy array or number."""
     if isinstance(content, np.ndarray | np.generic):
         return content.tolist()
     raise TypeError(f"a {type(content).__name__} among the options cannot be saved")

@@ -1,4 +1,4 @@
-"""Where a device is commanded to be when a motion begins, and how it is moving there."""
+"""The commanded state of a device at the start of a motion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _ZERO: list[float] = [0.0, 0.0, 0.0]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """Where a device is commanded to be, and how it is moving there.
+    """The commanded state of a device.
 
     Attributes:
         q: orientation ``(w, x, y, z)``, tool to world.
@@ -24,7 +24,7 @@ class State:
         velocity: of the position, m/s.
         acceleration: of the position, m/s^2.
         before: orientations ``(3, 4)`` and positions ``(3, 3)`` of the three setpoints before this
-            one, the oldest first; ``None`` where they are not known.
+            one, oldest first; ``None`` if unknown.
     """
 
     q: Floats
@@ -37,19 +37,19 @@ class State:
 
     @classmethod
     def at_rest(cls, q: ArrayLike, position: ArrayLike = (0.0, 0.0, 0.0)) -> State:
-        """Return the state of holding at *q* and *position*."""
+        """Return the state at rest at *q* and *position*."""
         zero = np.zeros(3)
         return cls(check_unit(q), zero, zero, np.asarray(position, dtype=np.float64))
 
     @property
     def is_at_rest(self) -> bool:
-        """Whether neither velocity nor acceleration is there."""
+        """Whether velocity and acceleration are zero."""
         is_turning = self.omega_body.tolist() != _ZERO or self.alpha_body.tolist() != _ZERO
         return not (is_turning or self.is_position_moving)
 
     @property
     def is_known(self) -> bool:
-        """Whether the setpoints before it are known: they are where it is at rest."""
+        """Whether the setpoints before it are known: a state at rest implies them."""
         return self.before is not None or self.is_at_rest
 
     @property

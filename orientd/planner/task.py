@@ -20,17 +20,17 @@ OpenEnds = Literal["rest", "natural"]
 def task_of(request: MotionRequest, times: Times = "file", ends: OpenEnds = "rest") -> CurveTask:
     """Return the task of a request, without limits, leads or a device.
 
-    With the defaults the curve of a task is the one that is planned.  Where the request has no
-    times, that holds up to the pace, and for motions that are at rest at both ends: with a velocity
-    there the shape follows from the pace, which the limits of a device decide.
+    With the defaults, the curve of a task is the planned one.  Without times in the request, that
+    holds for its shape but not for its pace, and only for motions at rest at both ends.  With a
+    velocity at an end the shape follows from the pace, which depends on the limits of a device.
 
     Args:
         request: keyframes, velocities and turns.
-        times: ``"file"`` takes the keyframes' own times; where they have none, each step is given
-            as many seconds as half its angle has radians, or longer where its position has further
-            to go, and keyframes that repeat the one before are left out.  ``"uniform"`` puts all
-            of them a second apart; ``"chord"`` goes by the angles alone.
-        ends: what an end is whose velocity is not given: at rest, as of a device that holds (see
+        times: ``"file"`` uses the keyframes' own times.  If they have none, each step takes half
+            its angle in rad as seconds, or longer if its position moves further, and repeated
+            keyframes are left out.  ``"uniform"`` puts all of them a second apart; ``"chord"`` uses
+            the angles alone.
+        ends: the condition of an end without a velocity: at rest, as of a device that holds (see
             :attr:`.CurveTask.holds`), or natural (without acceleration).
 
     Raises:
@@ -68,12 +68,12 @@ def task_of(request: MotionRequest, times: Times = "file", ends: OpenEnds = "res
 
 
 def distinct(request: MotionRequest) -> Indices:
-    """Return the indices of the keyframes that do not repeat the one before."""
+    """Return the indices of the keyframes that differ from the one before."""
     return _knots(request).kept
 
 
 def _knots(request: MotionRequest) -> Knots:
-    """Return the keyframes' times; moves are weighed against turns as no device is known."""
+    """Return the keyframes' times; without a device, moves have a default weight against turns."""
     limits = DEFAULT_LIMITS
     if request.limits is not None:
         limits = replace(
@@ -103,10 +103,10 @@ def replay_request(
     """Return the motion along a fitted spline, with a soft start and end.
 
     Args:
-        fit: of what was recorded.
-        slower: how many times as long it is to take; ``None`` leaves that to the planner, which
-            makes it as short as the limits permit.
-        pace: ``"even"`` keeps the proportions of what was recorded; without *slower* only.
+        fit: fit of a recording.
+        slower: factor of the duration; ``None`` leaves it to the planner, which makes the motion as
+            short as the limits permit.
+        pace: ``"even"`` keeps the relative timing of the recording; only without *slower*.
     """
     times = [None] * len(fit.control)
     if slower is not None:
@@ -123,17 +123,17 @@ def replay_request(
 def plan_as_recorded(
     fit: Fit, plan: Callable[[MotionRequest], Plan]
 ) -> tuple[Plan, MotionRequest, float]:
-    """Plan a fitted spline as fast as it was recorded, or as much slower as the limits ask for.
+    """Plan a fitted spline at the speed of the recording, or as much slower as the limits require.
 
     Args:
-        fit: of what was recorded.
+        fit: fit of a recording.
         plan: plans a request.
 
     Returns:
-        The plan, what it was made for, and how many times as long it takes as what was recorded.
+        The plan, its request, and its duration relative to the recording.
 
     Raises:
-        PlanError: it cannot be planned, at whatever speed.
+        PlanError: it cannot be planned at any speed.
     """
     quickest = plan(replay_request(fit, pace="even"))
     recorded = float(np.ptp(fit.times))

@@ -291,7 +291,7 @@ def test_errors_arrive_as_what_they_are(robot):
 
 def test_a_second_motion_must_begin_where_the_first_one_is_by_then(robot):
     handle = long_motion(robot)
-    with pytest.raises(StartError, match="`approach: true` would lead in"):
+    with pytest.raises(StartError, match="set `approach: true` to plan a lead-in"):
         robot.move([{"rotation_vector": [0, 1.0, 0]}, {"rotation_vector": [0, 0, 0.1]}])
     assert not handle.is_done
 

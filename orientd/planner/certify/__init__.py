@@ -1,4 +1,4 @@
-"""Hold records against limits as a device differentiates them, and say so in a certificate."""
+"""Check records against limits as a device differentiates them, and issue a certificate."""
 
 from __future__ import annotations
 

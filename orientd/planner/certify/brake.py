@@ -1,4 +1,4 @@
-r"""How fast a motion may be slowed down on its own path without breaking a limit.
+r"""How fast a motion can slow down on its own path without breaking a limit.
 
 The servo advances path time at a rate :math:`\sigma \in [0, 1]`.  With the path's own rates
 :math:`\omega, \alpha` and jerk :math:`j` at :math:`\sigma = 1`, the device sees
@@ -7,36 +7,36 @@ The servo advances path time at a rate :math:`\sigma \in [0, 1]`.  With the path
     \alpha_t = \alpha \sigma^2 + \omega \dot\sigma, \qquad
     j_t = j \sigma^3 + 3 \alpha \sigma \dot\sigma + \omega \ddot\sigma .
 
-For a brake rate *x* the servo keeps :math:`|\dot\sigma| \le 2x` and :math:`|\ddot\sigma| \le 4x^2`:
-a stop from full speed takes :math:`1/x` with a triangular :math:`\dot\sigma`.  Since the rate must
-be able to end at 0 and at 1 without passing them, :math:`|\dot\sigma| \le x\,g(\sigma)` with
-:math:`g = \min(2, \sqrt{8(1-\sigma)}, \sqrt{8\sigma})`, whatever the sequence of stops, resumptions
-and changes of speed.  A point of the path is safe if for every :math:`\sigma`
+For a brake rate *x* the servo keeps :math:`|\dot\sigma| \le 2x` and :math:`|\ddot\sigma| \le 4x^2`.
+A stop from full speed takes :math:`1/x` with a triangular :math:`\dot\sigma`.  The rate must be
+able to end at 0 and at 1 without overshoot, after any sequence of stops, resumptions and changes of
+speed.  Therefore :math:`|\dot\sigma| \le x\,g(\sigma)` with :math:`g = \min(2, \sqrt{8(1-\sigma)},
+\sqrt{8\sigma})`.  A point of the path is safe if for every :math:`\sigma`
 
 .. math::
     |\alpha\sigma^2 \pm \omega x g| \le A, \qquad
     |j|\sigma^2 + 3|\alpha|\sigma x g + 4|\omega|x^2 \le J .
 
-(:math:`\sigma^2` for the jerk, where :math:`\sigma^3` would do on a smooth path: a step of the
-acceleration, as a C1 curve has at its knots, falls only with the square of the rate.)  Both are
-quadratic in *x*.  Near :math:`\sigma = 1` the first one leaves :math:`x \approx \sqrt r A/\omega`
-where the acceleration keeps a reserve *r* below *A*: no reserve, no brake.
+On a smooth path, the jerk would fall with :math:`\sigma^3`.  But an acceleration step, as C1 curves
+have at their knots, falls only with :math:`\sigma^2`.  Both inequalities are quadratic in *x*.
+Near :math:`\sigma = 1` the first one leaves :math:`x \approx \sqrt r A/\omega` if the acceleration
+keeps a reserve *r* below *A*.  Without a reserve the motion cannot brake.
 
-The device's differences at full speed average the acceleration over a period; the slower it goes,
-the less they do.  So the acceleration at the records counts too, up to 95 % of the limit: a path
-that a device's axes have shaped may change it from record to record.
+At full speed the device's differences average the acceleration over a period, at a lower speed over
+less.  So the acceleration at the records counts too, up to 95 % of the limit: a path that a
+device's axes have shaped may change it from record to record.
 
-Where the joints of the device are planned, each of them obeys the first inequality with its own
+If the joints of the device are planned, each of them obeys the first inequality with its own
 velocity, acceleration and limit (:mod:`orientd.planner.certify.joints`).
 
-Why this uniform rate, where the servo usually stops two to ten times as quickly
-(:mod:`orientd.servo.path.quick_stop`)?  Because it needs no foresight: it is certified for every
-point, for resumptions and changes of speed as for stops, and for a path of which only a little is
-in the ring.  The quick law takes in each cycle the least rate that keeps the limits there, which
-can lead to a place from which none does; it is used only after it has been rehearsed to rest, cycle
-by cycle, over the records at hand.  Considered and left out: a brake rate for each record (one
-number would still have to serve a whole stop), and planning the stop beforehand in the daemon (a
-stop has to work without one).
+The servo usually stops two to ten times as fast (:mod:`orientd.servo.path.quick_stop`).  The
+uniform rate is needed because it requires no prediction.  It is certified for every point, for
+resumptions and changes of speed as well as stops, and for a path of which the ring holds only a
+little.  The quick law takes the least feasible rate in each cycle, which can lead to a point
+without a feasible rate.  The servo therefore uses it only after it has simulated the stop to rest
+over the records that it has.  Two alternatives were rejected.  With a brake rate per record, one
+number would still have to serve a whole stop.  And a stop must work without the daemon, so the
+daemon cannot plan it beforehand.
 """
 
 from __future__ import annotations
@@ -47,16 +47,16 @@ from orientd.kernels import least_rate
 from orientd.rotation import Floats
 
 FASTEST_BRAKE_RATE = 20.0
-"""1/s; a stop never takes less than 50 ms, however slow the motion is."""
+"""Largest brake rate, 1/s; a stop never takes less than 50 ms, however slow the motion is."""
 
 SLOWEST_STOP = 4.0
-"""Seconds that a stop on the path may take where the timing is the user's."""
+"""Longest stop on the path, s, if the user sets the timing."""
 
-_MARGIN = 0.99  # the nodes lie between the worst rates; this covers what they miss
+_MARGIN = 0.99  # covers the worst rates, which lie between the nodes
 
 
 def _nodes() -> Floats:
-    # For a reserve r the worst rate lies at 1 - r/2, so the nodes crowd towards 1.
+    # For a reserve r the worst rate is 1 - r/2, so the nodes are densest near 1.
     return np.concatenate([1.0 - np.geomspace(1e-5, 0.04, 15), np.linspace(0.93, 0.0, 25)])
 
 
@@ -64,18 +64,18 @@ _SIGMA = _nodes()
 _G = np.minimum(2.0, np.sqrt(8.0 * np.minimum(1.0 - _SIGMA, _SIGMA)))
 _SIGMA_G = 3.0 * float(np.max(_SIGMA * _G)) * 1.01
 
-# The largest y with (1 - r) sigma^2 + y g <= 1 for all sigma, by the root of r, from below.
+# The largest y with (1 - r) sigma^2 + y g <= 1 for all sigma, by the root of r, rounded down.
 _RESERVE_ROOT = np.linspace(0.0, 1.0, 201)
 _WORST = _MARGIN * np.min(
     (1.0 - (1.0 - _RESERVE_ROOT[:, None] ** 2) * _SIGMA**2) / _G.clip(1e-12), axis=1
 )
 
 LAW = np.stack([_SIGMA, _G]), _WORST, np.array([_SIGMA_G, FASTEST_BRAKE_RATE, _MARGIN])
-"""What the kernels take of this module."""
+"""Constants of this module for the kernels."""
 
 
 def share_to_stop(seconds: float, stop_time: float) -> float:
-    """Return the share of the acceleration with which a stop on the path takes a time.
+    """Return the share of the acceleration with which a stop on the path takes a given time.
 
     Args:
         seconds: velocity over acceleration.
@@ -85,10 +85,10 @@ def share_to_stop(seconds: float, stop_time: float) -> float:
 
 
 def speed_to_stop(shares: Floats, stop_time: float) -> Floats:
-    """Return the velocities from which a stop on the path takes a time, over the acceleration, s.
+    """Return the velocities from which a stop on the path takes a given time, over acceleration, s.
 
     Args:
-        shares: of the acceleration that the path uses, which has its direction.
+        shares: of the acceleration that the path uses in its own direction.
         stop_time: s.
     """
     roots = np.sqrt(np.maximum(1.0 - shares, 0.0))
@@ -113,15 +113,15 @@ def brake_rate(
 ) -> tuple[float, int]:
     """Return the largest safe brake rate for points of a path.
 
-    The angular part, the linear one, which has no limit of the jerk, and each component in the body
-    frame obey the inequalities above with limits of their own.
+    The angular part, the linear part and each component in the body frame obey the inequalities of
+    this module with their own limits.  The linear part has no jerk limit.
 
     Args:
         velocity: of the path, rad/s or m/s, shape ``(n, k)``.
         acceleration: rad/s^2 or m/s^2, shape ``(n, k)``.
         jerk: its size, rad/s^3 or m/s^3, shape ``(n,)``.
-        most: limit of the acceleration; infinite where there is none.
-        most_jerk: limit of the jerk; infinite where there is none.
+        most: limit of the acceleration; infinite for none.
+        most_jerk: limit of the jerk; infinite for none.
 
     Returns:
         The rate in 1/s, in ``[0, FASTEST_BRAKE_RATE]``, and the index of the point that sets it.

@@ -1,4 +1,4 @@
-"""The certificate of a motion: what it was checked for before anything of it is sent."""
+"""The certificate of a motion: the checks that it passed before the servo sends any of it."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from orientd.mechanism import Figure
 
 @dataclass(frozen=True, slots=True)
 class Peak:
-    """A bound of a quantity.
+    """An upper bound of a quantity.
 
     Attributes:
-        value: a bound of it, in SI units: proven for every phase of the setpoints against the
-            records and every rate in [0, 1], as :mod:`orientd.planner.certify.measuring` says.
-        time: path time of the record where it is about as large, s.
-        limit: what was allowed.
-        on_records: the largest of a motion that runs as planned, where that is less: off its
-            records, after a pause, a stop or another speed, it may be somewhat more.
+        value: the bound, in SI units.  It is proven for every phase of the setpoints relative to
+            the records and every rate in [0, 1]; see :mod:`orientd.planner.certify.measuring`.
+        time: path time of the record where the quantity is about as large, s.
+        limit: the allowed value.
+        on_records: the largest value while the motion runs as planned, if that is smaller.  After a
+            pause, a stop or a change of speed, setpoints lie between the records.
     """
 
     value: float
@@ -32,37 +32,38 @@ class Peak:
 
     @property
     def planned_ratio(self) -> float:
-        """The same of what runs as planned."""
+        """*on_records* as a share of the limit."""
         return self.ratio if self.on_records is None else self.on_records / self.limit
 
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """What a motion was checked for; what has none is not streamed.
+    """The checks that a motion passed; a motion without a certificate is never sent.
 
     Attributes:
-        rate_hz: the device's cycles a second, at which all this holds.
-        duration: from hold to hold, s.
-        lead_in: the part of it before the first keyframe, s.
-        lead_out: the part of it after the last keyframe, s.
+        rate_hz: the device's cycles per second, for which all values hold.
+        duration: from start to finish, at rest, s.
+        lead_in: the part before the first keyframe, s.
+        lead_out: the part after the last keyframe, s.
         peak_velocity: angular, rad/s.
         peak_acceleration: angular, rad/s^2.
         peak_jerk: angular, rad/s^3.
         peak_linear_velocity: m/s.
         peak_linear_acceleration: m/s^2.
-        start_velocity_error: between the velocity asked for at the first keyframe and the
-            motion's, rad/s; zero where none was asked for.
-        end_velocity_error: the same at the last keyframe, rad/s.
+        start_velocity_error: between the requested velocity at the first keyframe and the
+            motion's, rad/s; zero if none was requested.
+        end_velocity_error: between the requested velocity at the last keyframe and the motion's,
+            rad/s.
         keyframe_error: largest angle between a keyframe and the motion at its time, rad; not small
-            where they are control points.
-        brake_rate: how fast the servo may change speed on the path, 1/s.
-        stop_time: how long a stop on the path from full speed takes at the most: until the device
-            rests, or until the motion ends by itself, s.
-        usual_stop_time: how long it usually takes from the place where it takes longest, about, s:
-            the servo brakes as hard as the limits permit wherever it finds a way to.
-        figures: what is certified beyond that: of the body's axes where they have limits of
-            their own, and what the device's driver adds, of its own axes for example.
-        notes: what there is to say of the motion and of how it was asked for, a line each.
+            for control points.
+        brake_rate: how fast the servo may change the speed on the path, 1/s.
+        stop_time: longest stop on the path from full speed, s: until the device rests, or until the
+            motion ends by itself.
+        usual_stop_time: typical duration of the longest stop, about, s.  The servo brakes as hard
+            as the limits permit if it can.
+        figures: further certified numbers, about body axes with their own limits and about the
+            axes of the device.
+        notes: remarks on the motion and on its request, one line each.
         has_control_points: whether the keyframes are control points, which the method does not
             pass.
     """

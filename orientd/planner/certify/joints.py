@@ -1,25 +1,26 @@
-r"""How fast a path that is known at its records may be slowed down, for joints and for the tool.
+r"""How fast a path that is known at its records can slow down, for joints and for the tool.
 
-Between two records every joint is the cubic of Hermite that the servo draws
-(:mod:`orientd.servo.path.segment`), and so is the rotation vector of the tool.  The device takes
-differences of setpoints.  At the rates :math:`\sigma_1, \sigma_2` of two cycles, whose mean is
-:math:`\sigma`, the second one is
+Between two records the servo interpolates every joint, and the rotation vector of the tool, with a
+cubic Hermite (:mod:`orientd.servo.path.segment`).  The device takes differences of setpoints.  Let
+:math:`\sigma_1, \sigma_2` be the rates of two cycles and :math:`\sigma` their mean.  The second
+difference is
 
 .. math::
     \Delta^2\theta = (\sigma_2 - \sigma_1)\, \bar v + \sigma^2 \bar a
 
 with means :math:`\bar v, \bar a` of the cubics' velocity and acceleration, over a cycle and over
 two.  So it is the inequality of :mod:`orientd.planner.certify.brake` in one dimension.  The mean
-:math:`\bar a` at a rate is the second difference of setpoints with that rate, whatever their phase
-against the records.
+:math:`\bar a` at a rate is the second difference of setpoints with that rate, for any phase
+relative to the records.
 
-These are taken at every eighth of a period, for every eighth of a rate from 1 down to a half.  In
-between a difference is larger by an eighth of its own second difference by place, and by what the
-cubics' acceleration allows by rate.  Below half of the full rate that acceleration itself bounds
-the mean: a spike of it, as cubics have beside a step, counts a quarter there.
+The differences are computed at every eighth of a period, for every eighth of a rate from 1 down to
+a half.  Between these places a difference is larger by at most an eighth of its own second
+difference. Between these rates the cubics' acceleration bounds the difference.  Below half of the
+full rate that acceleration itself bounds the mean: a spike of it, as cubics have next to a step,
+counts a quarter there.
 
-The tool's differences count up to 95 % of the limit, as in ``brake.c``: at full speed the path is
-certified, and a share of the limit is left to brake with.
+The tool's differences count up to 95 % of the limit, as in ``brake.c``: the path is certified at
+full speed, and a share of the limit is reserved for braking.
 """
 
 from __future__ import annotations
@@ -39,17 +40,17 @@ from orientd.rotation import Floats, conjugate, log, multiply
 from orientd.tolerances import GUARD_TOLERANCE
 
 PARTS = 8
-"""Places in a period, and rates below the full one, at which differences are taken."""
+"""Places in a period, and rates below the full one, at which differences are computed."""
 
 _BETWEEN = 2.0 / (8.0 * PARTS**2)
-"""Of the cubics' acceleration: how much larger a difference is between two rates than at them."""
+"""Share of the cubics' acceleration that a difference between two rates can add."""
 
 _SHARES = 8.0 * np.geomspace(1e-5, 0.125, 24)
-"""Of the way from the full rate to the next one, at which a change of it is looked at."""
+"""Point between the full rate and the next one at which a rate change is checked."""
 _CHANGES = np.sqrt(_SHARES)
-"""How fast the rate may change there, by the brake rate."""
+"""Fastest change of the rate at that point, by the brake rate."""
 _MARGIN = 0.99
-"""For what lies between these."""
+"""Margin for rates between these."""
 
 _LOCAL = 0.95
 """Share of the tool's limit up to which its acceleration counts, as in ``brake.c``."""
@@ -62,11 +63,11 @@ _UNITS = {
 
 
 class Brake(NamedTuple):
-    """How fast a path may be slowed down.
+    """How fast a path can slow down.
 
     Attributes:
         rate: largest safe brake rate, 1/s.
-        record: that sets it.
+        record: the record that sets it.
     """
 
     rate: float
@@ -80,19 +81,19 @@ def joint_brake(
     period: float,
     axes: Sequence[AxisLimits],
 ) -> Brake:
-    """Return how fast a path may be slowed down for the joints' sake.
+    """Return how fast a path can slow down within the limits of the joints.
 
     Args:
         joints: at the records of the path, rad, shape ``(n, joints)``; the device stays at the
             last.
-        rates: their velocities there, rad/s, of the same shape.
-        earlier: joints at the three records before it, the oldest first, rad, shape ``(3,
+        rates: joint velocities at the records, rad/s, same shape.
+        earlier: joints at the three records before the path, oldest first, rad, shape ``(3,
             joints)``.
-        period: from one record to the next, s.
+        period: time between two records, s.
         axes: limits of every joint.
 
     Raises:
-        LimitError: a joint breaks a limit at some phase of the setpoints against the records.
+        LimitError: a joint breaks a limit at some phase of the setpoints relative to the records.
     """
     way = np.concatenate([earlier[-2:], joints, joints[-1:]])
     held = np.zeros((1, len(axes)))
@@ -108,12 +109,12 @@ def joint_brake(
 
 
 def tool_brake(q: Floats, period: float, limits: Sequence[float]) -> Brake:
-    """Return how fast a path may be slowed down for the sake of the tool's acceleration.
+    """Return how fast a path can slow down within the limits of the tool's acceleration.
 
     Args:
         q: orientations at every eighth of a period, from the first record to the last, where the
             device stays, shape ``(8 n - 7, 4)``.
-        period: from one record to the next, s.
+        period: time between two records, s.
         limits: of the norm of the angular acceleration and of its three components, rad/s^2.
     """
     most = np.array(limits)
@@ -121,7 +122,7 @@ def tool_brake(q: Floats, period: float, limits: Sequence[float]) -> Brake:
 
 
 def _past(earlier: Floats, following: Floats) -> Floats:
-    """Return the way in a period at the last two records of what was before, by differences."""
+    """Return the motion per period at the last two records before the path, by differences."""
     a, b, c = earlier
     d, e = following
     found = np.stack([(6.0 * c - 2.0 * a - 3.0 * b - d) / 6.0, (8.0 * (d - b) - (e - a)) / 12.0])
@@ -133,25 +134,25 @@ class _Ride(ABC):
     """Quantities over the records, at every eighth of a period; all in rad and periods.
 
     Attributes:
-        count: periods.
+        count: number of periods.
     """
 
     count: int
 
     @abstractmethod
     def bends(self) -> Floats:
-        """Return the largest accelerations around each period, a column for each quantity."""
+        """Return the largest accelerations around each period, one column per quantity."""
 
     @abstractmethod
     def differences(self, order: int, reach: int) -> Floats:
-        """Return the largest differences of *order* around each period, of setpoints so far apart.
+        """Return the largest differences of *order* around each period, for a setpoint distance.
 
         Args:
             order: 1 to 3.
             reach: from one setpoint to the next, eighths of a period.
 
         Returns:
-            A row for each period, a column for each quantity.
+            One row per period, one column per quantity.
         """
 
     def brake(self, most: Floats, period: float, counted: Floats | float = math.inf) -> Brake:
@@ -159,8 +160,8 @@ class _Ride(ABC):
 
         Args:
             most: limits of the accelerations, rad/s^2.
-            period: from one record to the next, s.
-            counted: up to which the path's own accelerations count, rad/s^2.
+            period: time between two records, s.
+            counted: cap on the path's own accelerations, rad/s^2.
         """
         unit = period * period
         speed = np.maximum(self.speeds(period), 1e-12)
@@ -171,13 +172,13 @@ class _Ride(ABC):
         bend = self.bends() / unit
         spike = np.minimum(0.25 * bend, counted)
         allowed = (most - spike) / 2.0
-        # Just below the full rate, where a change has to be slow to end there.
+        # Just below the full rate, where a rate change must be slow enough to end.
         full, less = at_rates[:2]
         between = 4.0 * _BETWEEN * bend
         for share, change in zip(_SHARES.tolist(), _CHANGES.tolist(), strict=True):
             size = full + share * (less - full) + share * (1.0 - share) * between
             np.minimum(allowed, (most - size) * (_MARGIN / change), out=allowed)
-        # From rate to rate below that, and from half of the full one all the way down.
+        # From rate to rate below that, and from half of the full rate down to zero.
         for place, (one, other) in enumerate(pairwise(at_rates[1:]), 1):
             change = min(2.0, math.sqrt(8.0 * (place + 1) / PARTS))
             size = np.maximum(one, other) + _BETWEEN * bend
@@ -191,9 +192,9 @@ class _Ride(ABC):
         return _widest(self.differences(1, 1) * PARTS, 2) / period
 
     def _around(self, sizes: Floats, lead: int) -> Floats:
-        """Return the largest of *sizes* in each period, the first of which are *lead* eighths in.
+        """Return the largest of *sizes* in each period; the first *lead* eighths are before it.
 
-        Each size counts where its last setpoint is, as the device takes it.
+        Each size counts at its last setpoint, as for the device.
         """
         sizes = np.concatenate([np.zeros((lead, sizes.shape[1])), sizes])
         rows = sizes[: (self.count + 2) * PARTS].reshape(-1, PARTS, sizes.shape[1])
@@ -202,7 +203,7 @@ class _Ride(ABC):
 
 
 class _JointRide(_Ride):
-    """The joints, with two records before and one after those of the path."""
+    """The joints, with two records before the path and one after it."""
 
     def __init__(self, way: Floats, slope: Floats) -> None:
         step, leave, arrive = np.diff(way, axis=0), slope[:-1], slope[1:]
@@ -210,7 +211,7 @@ class _JointRide(_Ride):
         u = (np.arange(PARTS) / PARTS)[:, None]
         law = leave[:, None] + u * (second[:, None] + u * third[:, None])
         fine = (way[:-1, None] + u * law).reshape(-1, way.shape[1])
-        # Held after the last record for as long as a difference reaches.
+        # Hold the last record for as long as a difference reaches.
         self._fine = np.concatenate([fine, np.repeat(way[-1:], 3 * PARTS + 1, axis=0)])
         ends = np.maximum(np.abs(2.0 * second), np.abs(2.0 * second + 6.0 * third))
         self._bends = _widest(np.concatenate([ends, np.zeros((2, way.shape[1]))]), 1)
@@ -230,9 +231,9 @@ class _JointRide(_Ride):
         return self._around(found, order * reach)
 
     def check(self, axes: Sequence[AxisLimits], period: float) -> None:
-        """Raise :class:`.LimitError` if a difference at the full rate is beyond a limit.
+        """Raise :class:`.LimitError` if a difference at the full rate exceeds a limit.
 
-        What ends before the first record is the past, which nothing can change.
+        Differences that end before the first record are in the past and are ignored.
         """
         for order, kind in enumerate(_UNITS, 1):
             limits = np.array([getattr(axis, kind.value) for axis in axes])
@@ -249,7 +250,7 @@ class _JointRide(_Ride):
                 )  # fmt: skip
 
     def jerk_brake(self, place: int, axis: AxisLimits, period: float) -> Brake:
-        """Return the largest safe brake rate for the jerk of one axis, which has a limit."""
+        """Return the largest safe brake rate for the jerk of one axis with a jerk limit."""
         speed = self.speeds(period)[:, place : place + 1]
         bend, twist = (
             _widest(self.differences(order, PARTS), 1)[:, place] / period**order for order in (2, 3)
@@ -279,7 +280,7 @@ class _ToolRide(_Ride):
 
 
 def _widest(sizes: Floats, reach: int) -> Floats:
-    """Return the largest of each row and its neighbours up to *reach* away, column by column."""
+    """Return the largest of each row and its neighbours within *reach*, column by column."""
     found = sizes.copy()
     for away in range(1, reach + 1):
         np.maximum(found[away:], sizes[:-away], out=found[away:])

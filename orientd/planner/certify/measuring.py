@@ -1,29 +1,29 @@
-r"""Bounds of what a device sees of setpoints: their backward differences.
+r"""Bounds of backward differences, which are all that a device knows of setpoints.
 
-A device knows setpoints, not derivatives.  It takes the rotation vector from one setpoint to the
-next over a period for the velocity, the change of that for the acceleration and the change of that
-for the jerk, so this is what is held against the limits: on the very records that are sent while a
-motion runs as planned, and on the path between them (:mod:`orientd.servo.path.segment`), which is
-sent after a pause, a stop or at another speed.
+A device receives setpoints, not derivatives.  It takes the rotation vector between two setpoints
+over a period as the velocity.  Differences of that are the acceleration and the jerk.  The
+certificate therefore checks these differences.  They count on the records, which the servo sends
+while a motion runs as planned.  They also count on the path between them
+(:mod:`orientd.servo.path.segment`), which it sends after a pause, a stop or at another speed.
 
 A certificate's bounds of velocity, acceleration and jerk, of the norm and of the components, are
-*proven* for setpoints a constant share of a period apart on the path: for every phase against the
-records and every rate in [0, 1].  They are at most :math:`3 \cdot 10^{-4}` above a value that is
-reached; that of a component far below the norm may be looser, where it takes too long to refine.
-First differences are averages of the velocity, second ones of the acceleration and third ones of
-the jerk, but for what rotations fail to commute by, which is bounded (``kernels/c/segments.c``,
-``enclosure.c``); at the rate 1 they are polynomials of the phase but for a bounded rest, and lie in
-the hull of their Bernstein coefficients.  Bounds are of exact arithmetic: rounding adds some 1e-15
-rad.
+*proven* for setpoints a constant share of a period apart: for every phase relative to the records
+and every rate in [0, 1].  They are at most :math:`3 \cdot 10^{-4}` above a value that occurs.  The
+bound of a component far below the norm may be looser if refining it takes too long.  First, second
+and third differences are averages of velocity, acceleration and jerk, plus a bounded term because
+rotations do not commute (``kernels/c/segments.c``, ``enclosure.c``).  At the rate 1 they are
+polynomials of the phase plus a bounded remainder, and lie in the hull of their Bernstein
+coefficients.  The bounds hold in exact arithmetic; rounding adds some 1e-15 rad.
 
-What is *sampled*, at the records and three phases between them, at most 0.36 of a period apart:
+These are *sampled* only, at the records and three phases between them, at most 0.36 of a period
+apart:
 
-- periods in which the path turns by more than 0.5 rad, of which the certificate has a note;
-- what the brake rate follows from;
-- everything where no certificate is asked for.
+- periods in which the path turns by more than 0.5 rad, which the certificate notes;
+- the values that set the brake rate;
+- all values of a plan without a certificate.
 
-Positions, and differences that reach back to records of which only the orientation is known, are
-looked at on the records alone.
+Positions, and differences that reach back to records with an orientation only, are checked on the
+records alone.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ from orientd.planner.path import Path
 from orientd.rotation import Floats
 
 OFF_GRID = {0: (2.0, 2.0), 1: (1.0, 1.5), 2: (1.0, 1.0)}
-"""By how much acceleration and jerk can be larger between the records of a curve, by continuity.
+"""Factor by which acceleration and jerk can be larger between the records, by continuity.
 
-A stop on the path leaves the grid of records.  A step of the acceleration then falls elsewhere
-between two setpoints, and its share in the third difference, the quadratic B-spline at that place,
-varies from 1/2 to 3/4; that of a step of the velocity in second and third varies from 1/2 to 1.
+A stop on the path leaves the grid of records.  An acceleration step then falls elsewhere between
+two setpoints.  Its share in the third difference, the quadratic B-spline at that place, varies from
+1/2 to 3/4.  The share of a velocity step in second and third differences varies from 1/2 to 1.
 """
 
 STATE = 13
@@ -71,13 +71,13 @@ class Peaks:
         linear_acceleration: of the position, m/s^2.
         brake_rate: largest safe brake rate, 1/s.
         brake_time: path time of the record that sets it, s.
-        usual_stop_time: of a stop from where it takes longest, if it brakes as hard as the limits
-            permit on a straight path: a double integrator with bounded jerk, s.
-        axis_velocity: components of the angular velocity in the body frame, rad/s; empty where
-            none is limited by itself, as the next two.
+        usual_stop_time: duration of the longest stop, s, if it brakes as hard as the limits permit
+            on a straight path: a double integrator with bounded jerk.
+        axis_velocity: components of the angular velocity in the body frame, rad/s.  This and the
+            next two are empty if no single component is limited.
         axis_acceleration: of the angular acceleration, rad/s^2.
         axis_jerk: of the angular jerk, rad/s^3.
-        unproven: places without a proof, where peaks are sampled.
+        unproven: number of places without a proof, with sampled peaks.
     """
 
     velocity: Peak
@@ -109,17 +109,17 @@ class Peaks:
 
     @property
     def drawn(self) -> list[float]:
-        """The same three shares of what the servo draws between the records."""
+        """The largest shares of the three limits between the records."""
         return [max(peak.ratio for peak in peaks) for peaks in self.turns]
 
 
-# A plan asks for the same few again and again.
+# A plan needs the same few again and again.
 @lru_cache(maxsize=64)
 def limit_table(limits: Limits) -> Floats:
     """Return limits of velocity, acceleration and jerk: of the norm and of the components.
 
     Returns:
-        Read only, shape ``(3, 4)``, in rad and s.
+        Read-only, shape ``(3, 4)``, in rad and s.
     """
     table: Floats = np.array([(getattr(limits, name), *limits.axes(name)) for name in ANGULAR])
     table.setflags(write=False)
@@ -139,18 +139,18 @@ def measure(
     """Return bounds of the backward differences over the records 0 to *count* - 1.
 
     Args:
-        path: gives the records at multiples of the period; or records, shape ``(n, 13)``:
-            orientations, angular velocities and accelerations, which may be NaN where they are not
-            known, and positions.
+        path: a path that gives the records at multiples of the period; or records, shape ``(n,
+            13)``: orientations, angular velocities and accelerations, NaN if unknown, and
+            positions.
         count: number of records.
         period: time between them, s.
-        limits: what the peaks are held against.
-        before: the three setpoints before the first, ``(3, 4)`` and ``(3, 3)``; ``None`` looks at
+        limits: the limits of the peaks.
+        before: the three setpoints before the first, ``(3, 4)`` and ``(3, 3)``; ``None`` uses
             differences inside the records only.
-        rests: whether the path is at rest at its beginning, and the device stays where the last
-            record is; ``None`` takes it from the path.
-        tolerance: factor to the limits up to which the path may be braked, for a certificate; with
-            0 there is none, and differences are sampled.
+        rests: whether the path begins at rest and the device stays at the last record; ``None``
+            takes it from the path.
+        tolerance: factor of the limits up to which the path may brake, for a certificate.  With 0
+            there is no certificate, and differences are sampled.
     """
     rows, orientations, moves, place = _NO_ROWS, _NO_PATH, _STILL, np.zeros(3)
     if isinstance(path, Path):
@@ -173,7 +173,7 @@ def measure(
 
 
 def _states(q: Floats, positions: Floats) -> Floats:
-    """Return setpoints before a path, with rates where they are known: where the device held."""
+    """Return setpoints before a path, with rates if the device held there."""
     states: Floats = np.zeros((len(q), STATE))
     states[:, :4], states[:, 10:] = q, positions
     if not (q == q[:1]).all():
@@ -182,7 +182,7 @@ def _states(q: Floats, positions: Floats) -> Floats:
 
 
 def _named(found: list[float], period: float, limits: Limits) -> Peaks:
-    """Return what the kernel found by name and in SI units."""
+    """Return the kernel's results by name and in SI units."""
     units = period, period**2, period**3
 
     def turns(order: int) -> list[Peak]:

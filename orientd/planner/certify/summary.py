@@ -1,4 +1,4 @@
-"""What a checked path amounts to: its certificate, and what the device had before it."""
+"""Make the certificate of a checked path, and the setpoints before it."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ def summed_up(
     """Return the certificate of a path that keeps its limits.
 
     Args:
-        request: what the path was made for.
-        path: from hold to hold.
+        request: the request of the path.
+        path: from start to finish, at rest.
         ends: path times of the first keyframe and of the last, s.
         keyframe_times: path times of all keyframes, s.
-        peaks: what was measured of the path.
+        peaks: bounds of the path.
         period: of the device, s.
     """
     begin, end = ends
-    # No stop lasts longer than what is left of the motion.
+    # No stop lasts longer than the rest of the motion.
     stop_time = min(1.0 / peaks.brake_rate, path.duration) if peaks.brake_rate else math.inf
     at = path.sample(np.concatenate([[begin, end], keyframe_times]))
     asked = request.omega_start, request.omega_end
@@ -87,9 +87,9 @@ def _axis_figures(peaks: Peaks) -> Iterator[Figure]:
 
 
 def before(start: State, period: float) -> tuple[Floats, Floats]:
-    """Return the setpoints the device had before path time 0, the oldest first.
+    """Return the setpoints of the device before path time 0, oldest first.
 
-    Where they are not known, the acceleration is taken to have been what it is.
+    If they are unknown, the acceleration is assumed constant.
     """
     if start.before is not None:
         return start.before

@@ -1,10 +1,10 @@
-"""Quintic joins of two states of motion, and connectors made of them inside the limits.
+"""Connectors between two states of motion: quintic pieces and ramps inside the limits.
 
-What a join is stands in ``orientd/kernels/c/connectors.h``.  A connector that is found is a quintic
-join with, where that is quicker or needed, a ramp before it and one behind: a ramp changes the
-acceleration alone, at the limit of the jerk.  From that it is shortened to what the limits permit,
-which ``orientd/kernels/c/shorten.h`` explains, and is many short joins then.  If the acceleration
-at its beginning has to fall at once, ramps come before it.
+``orientd/kernels/c/connectors.h`` defines the quintic pieces (joins).  The search finds one piece
+with a ramp before and after it, if that is faster or needed.  A ramp only changes the acceleration,
+at the jerk limit.  The result is then shortened as far as the limits permit and consists of many
+short pieces; see ``orientd/kernels/c/shorten.h``.  If the initial acceleration has to fall at once,
+ramps come first.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from orientd.rotation import Floats, angle
 
 FACTORS = 5
 CONNECTOR_RESERVE = 0.96
-"""Share of acceleration and jerk that a connector uses, so that a motion can be stopped in it."""
+"""Share of acceleration and jerk that a connector uses; the rest is for stopping in it."""
 
-_MOST_PIECES = 16_384  # of a trajectory of joins
+_MOST_PIECES = 16_384  # Most intervals of a trajectory of joins.
 _MOST_JOINS = 36
 # Sums of Bernstein polynomials of degree 5, each from one on to the last.
 _BASIS = np.tri(FACTORS, FACTORS + 1, k=0)[::-1, ::-1].copy()
-_TURN_SLACK = 1.001  # times the turn that a connector may make, for rounding
-_TRIES, _FEWEST = 60, 2  # durations of a join onto a curve, and the fewest cycles of one
+_TURN_SLACK = 1.001  # tolerance of the largest turn of a connector, for rounding
+_TRIES, _FEWEST = 60, 2  # number of durations to try for a join onto a curve, and its fewest cycles
 
 
 def joins(q: Floats, w: Floats, breaks: Floats) -> Trajectory:
-    """Return joins end to end; where they meet, velocity and acceleration are to be the same.
+    """Return joins end to end; velocity and acceleration must agree where two of them meet.
 
     Args:
-        q: orientations that they begin at, shape ``(n, 4)``.
+        q: their initial orientations, shape ``(n, 4)``.
         w: their half-angle increments, shape ``(n, 5, 3)``.
-        breaks: when they begin, and when the last one ends, s, shape ``(n + 1,)``.
+        breaks: their start times, and the end of the last one, s, shape ``(n + 1,)``.
 
     Raises:
         PlanError: they turn too far for a table of moderate size.
@@ -73,15 +73,15 @@ def try_joins(
     """Return the increments of several joins, the shorter way round, and which keep the limits.
 
     Args:
-        first: orientations, velocities and accelerations that they begin with, shapes ``(n, 4)``,
-            ``(n, 3)`` and ``(n, 3)``.
-        last: those that they end with.
+        first: their initial orientations, velocities and accelerations, shapes ``(n, 4)``, ``(n,
+            3)`` and ``(n, 3)``.
+        last: their final ones.
         durations: s, shape ``(n,)``.
-        around: velocity and acceleration may be as high as in this state, whatever the limits.
+        around: a state whose velocity and acceleration are allowed even beyond the limits.
         limits: of norm and components.
 
     Returns:
-        Increments, shape ``(n, 5, 3)``, and the places of those that keep the limits, in order.
+        Increments, shape ``(n, 5, 3)``, and the indices of those that keep the limits, in order.
     """
     w: Floats = np.empty((len(durations), FACTORS, 3))
     kept = np.empty(len(durations), dtype=np.int64)
@@ -93,19 +93,19 @@ def try_joins(
 
 
 def join_in(path: KeyframePath, start: State, *, limits: Limits, period: float) -> Trajectory:
-    """Return the shortest trajectory from path time 0 by which a device gets onto a keyframe path.
+    """Return the shortest trajectory from path time 0 onto a keyframe path.
 
-    A curve that cannot be told the acceleration it should begin with is left to a join from the
-    state the device is in, and is on the path, in step with it, a little later.
+    For curves that cannot begin with a given acceleration.  A join starts from the state of the
+    device and reaches the path, in step with it, shortly after.
 
     Args:
-        path: begins where the device is, with its velocity.
-        start: where the device is commanded to be.
-        limits: to keep; the path may go up to them itself.
-        period: it takes a whole number of periods, s.
+        path: begins at the orientation and velocity of the device.
+        start: the commanded state of the device.
+        limits: limits of the join; the path may use them fully itself.
+        period: the join takes a whole number of periods, s.
 
     Raises:
-        PlanError: none within the first interval keeps the limits.
+        PlanError: no join within the first interval keeps the limits.
     """
     most = int(path.times[1] / period)
     cycles = np.unique(np.geomspace(_FEWEST, max(most, _FEWEST), _TRIES).astype(int))
@@ -118,8 +118,8 @@ def join_in(path: KeyframePath, start: State, *, limits: Limits, period: float) 
         if len(kept):
             return join(start.q, w[kept[0]], float(durations[kept[0]]))
     raise PlanError(
-        "no way found from the acceleration the device has onto the curve; c2_cumulative begins "
-        "with it, `approach: true` would lead in"
+        "found no connector from the device's acceleration onto the curve; use c2_cumulative, "
+        "which can begin with it, or set `approach: true` to plan a lead-in"
     )
 
 
@@ -135,22 +135,21 @@ def connector(
     as_found: bool = False,
     falls_first: bool = False,
 ) -> Trajectory | None:
-    """Return a trajectory from path time 0 that leads from one state to another, if one is found.
+    """Return a trajectory from path time 0 between two states, if the search finds one.
 
-    The velocity, and the acceleration, may be as high as they are at the ends, and otherwise keep
-    *limits* with their reserve.  It makes no whole turn that is not needed: it turns at most by the
-    angle between both orientations and by what it takes to come to rest from either end.
+    The velocity and the acceleration may be as high as at the ends, and otherwise keep *limits*
+    with their reserve.  The trajectory makes no unnecessary whole turn: it turns at most by the
+    angle between both orientations plus the turn of a stop from either end.
 
     Args:
-        start: where it begins.
-        end: where it ends.
-        limits: to keep.
-        period: it takes a whole number of periods, s.
-        own: limits that the velocity keeps while its acceleration falls, with which it may have to
-            begin; by default *limits*.
-        least: it takes at least this long, s.
-        ease: factor of the jerk with its reserve, where it is needed to stay below the velocity.
-        as_found: whether to leave it as it is found rather than as short as the limits permit.
+        start: initial state.
+        end: final state.
+        limits: limits to keep.
+        period: the trajectory takes a whole number of periods, s.
+        own: limits of the velocity while the initial acceleration falls; by default *limits*.
+        least: least duration, s.
+        ease: factor of the jerk with its reserve, if it is needed to stay below the velocity limit.
+        as_found: whether to skip shortening.
         falls_first: whether the acceleration falls first in any case.
     """
     q, w = np.empty((_MOST_JOINS, 4)), np.empty((_MOST_JOINS, FACTORS, 3))
@@ -177,10 +176,10 @@ def connector(
 
 
 def turn_to_stop(state: State, limits: Limits) -> float:
-    """Return about how far a device turns until it is at rest, rad.
+    """Return the approximate turn of a device until it is at rest, rad.
 
-    It is half a double S (Biagiotti and Melchiorri 2008, section 3.4), behind the fall of an
-    acceleration.
+    It is half a double S (Biagiotti and Melchiorri 2008, section 3.4), after the acceleration has
+    fallen.
     """
     speed = float(np.linalg.norm(state.omega_body))
     if not speed:

@@ -1,10 +1,10 @@
-r"""Lead-ins, from wherever a device is to the first keyframe, and lead-outs, from the last to rest.
+r"""Lead-ins from the state of a device to the first keyframe, and lead-outs from the last to rest.
 
-From rest a lead-in is an **approach**, a turn about one axis from rest to rest, and a **run-up**
-where the keyframe is passed with a velocity: the mirror image in time of a lead-out from
-:math:`(q, -\omega, \alpha)`.  From a motion it is a connector; where none is found, a stop and then
-the way from rest, so that there is always an answer.  A **lead-out** begins in the state
-:math:`(q, \omega, \alpha)` of a motion's end and comes to rest: ``orientd/kernels/c/leave.c`` has
+From rest a lead-in is an **approach**, a turn about one axis from rest to rest.  If the first
+keyframe has a velocity, a **run-up** follows: the mirror image in time of a lead-out from
+:math:`(q, -\omega, \alpha)`.  From a motion, a lead-in is a connector.  If none is found, it is a
+stop and then a lead-in from rest, so a lead-in always exists.  A **lead-out** begins in the final
+state :math:`(q, \omega, \alpha)` of a motion and comes to rest; ``orientd/kernels/c/leave.c`` has
 its formulas.  Each takes the shortest whole number of periods that keeps the limits.
 """
 
@@ -37,17 +37,17 @@ from orientd.rotation import Floats, angle, nearer_sign
 
 SAME_PLACE = 1e-12  # rad and m
 _SLACK = 1e-9  # of a period
-_EASED = 0.993  # of the jerk, beyond which a stop would take far longer
+_EASED = 0.993  # share of the jerk, beyond which a stop would take far longer
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LeadIn:
-    """What comes before the first keyframe.
+    """The part of a motion before the first keyframe.
 
     Attributes:
-        parts: end to end, from path time 0 on.
-        cycles: how many periods they take.
-        positions: what the position does meanwhile.
+        parts: trajectories end to end, from path time 0 on.
+        cycles: their duration in periods.
+        positions: the position during that time.
     """
 
     parts: tuple[Trajectory, ...]
@@ -57,16 +57,16 @@ class LeadIn:
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """One way of connecting a motion with another, of those that are tried one after the other.
+    """One kind of connection with a running motion; the planner tries several in order.
 
     Attributes:
-        name: in reports of what was tried.
-        share: of the limits to use.
+        name: name in reports.
+        share: usable share of the limits.
         has_reserve: whether acceleration and jerk keep the reserve of a connector.
-        ease: share of the jerk that is used where its reserve would make the velocity too high.
-        falls_first: whether the acceleration falls before anything else.
-        as_found: whether the connector stays as it is found, longer than the limits permit.
-        rests: whether it is a stop, and then the way from rest.
+        ease: usable share of the jerk if its reserve would make the velocity too high.
+        falls_first: whether the acceleration falls first.
+        as_found: whether to keep the connector as found, longer than the limits require.
+        rests: whether it is a stop followed by a lead-in from rest.
     """
 
     name: str
@@ -78,7 +78,7 @@ class Connection:
     rests: bool = False
 
     def limits(self, limits: Limits) -> Limits:
-        """Return the limits to give to :func:`.connector`, which keeps its reserve below them."""
+        """Return the limits for :func:`.connector`, which keeps its reserve below them."""
         if self.has_reserve:
             return limits.scaled(self.share)
         return limits.with_reserve(self.share / CONNECTOR_RESERVE)
@@ -90,10 +90,10 @@ WITHOUT_RESERVE: tuple[Connection, ...] = (
     Connection("a connector with hardly any reserve", 0.998, has_reserve=False),
     Connection("a connector with little reserve", 0.994, has_reserve=False),
 )
-"""What is tried where the reserve would make a device overshoot, too."""
+"""Also tried if the reserve would make a device overshoot."""
 CONNECTIONS: tuple[Connection, ...] = (
     USUAL,
-    # What is drawn between two setpoints goes beyond the jerk's reserve.
+    # Between two setpoints the path exceeds the jerk's reserve.
     Connection("a connector with more of the jerk's reserve", ease=0.985),
     # The acceleration begins just below a limit.
     Connection("a connector after the acceleration has fallen", falls_first=True),
@@ -103,7 +103,7 @@ CONNECTIONS: tuple[Connection, ...] = (
     Connection("a longer connector", 0.9994, has_reserve=False, as_found=True),
     Connection("a stop, and the way from rest", 0.97, rests=True),
 )
-"""A peak between the points that were looked at asks for the next one."""
+"""A peak between the sampled points that triggers the next attempt."""
 
 
 def lead_in(
@@ -117,16 +117,16 @@ def lead_in(
     connection: Connection = USUAL,
     is_even: bool = False,
 ) -> LeadIn:
-    """Return the way from a state to the first keyframe.
+    """Return the lead-in from a state to the first keyframe.
 
     Args:
-        first: at the first keyframe; its position is at rest.
-        own: to stop within where *limits*, those of a slower pace, do not allow it.
-        is_direct: whether to look for a connector from rest, too.
-        is_even: whether a way from rest is to be even rather than the quickest.
+        first: state at the first keyframe; its position is at rest.
+        own: limits for a stop, if *limits* are those of a slower pace and do not allow it.
+        is_direct: whether to look for a connector from rest too.
+        is_even: whether a lead-in from rest has an even pace instead of the fastest one.
 
     Raises:
-        PlanError: the first keyframe cannot be passed as fast as *first* says.
+        PlanError: the first keyframe cannot be passed with the velocity of *first*.
     """
     if start.is_at_rest and not is_direct:
         return from_rest(start, first, limits=limits, period=period, is_even=is_even)
@@ -168,8 +168,8 @@ def from_rest(
     """Return approach and run-up from rest, as far as they are needed.
 
     Args:
-        first: at the first keyframe.
-        least: periods that it takes at least.
+        first: state at the first keyframe.
+        least: least number of periods.
         is_even: as in :func:`lead_in`.
 
     Raises:
@@ -197,7 +197,7 @@ def from_rest(
     cycles += run_up_cycles
     if run_up is not None:
         parts.append(run_up.reversed().shifted(arrival))
-    # The position arrives with the approach and waits while the orientation takes its run-up.
+    # The position arrives with the approach and waits during the run-up of the orientation.
     positions = PositionPath.held(first.position).after_move_from(start.position, 0.0, arrival)
     return LeadIn(tuple(parts), cycles, positions)
 
@@ -211,7 +211,7 @@ def _by_way_of_rest(
     own: Limits,
     period: float,
 ) -> LeadIn:
-    """Return a stop, wherever that is, and the way from rest."""
+    """Return a stop at any orientation, and the lead-in from rest there."""
     try:
         stop = lead_out(start, limits=limits, period=period, may_ramp=True)
     except PlanError:
@@ -229,11 +229,10 @@ def lead_out(start: State, *, limits: Limits, period: float, may_ramp: bool = Fa
 
     Args:
         start: the state.
-        may_ramp: whether the acceleration may change first, at the limit of the jerk, if the device
-            is at rest sooner then.
+        may_ramp: whether the acceleration may first change at the jerk limit, if that is faster.
 
     Raises:
-        PlanError: no duration that is planned keeps the limits.
+        PlanError: no allowed duration keeps the limits.
     """
     q, w, breaks = np.empty((2, 4)), np.empty((2, FACTORS, 3)), np.empty(3)
     table = limit_table(limits.with_reserve())
@@ -245,7 +244,7 @@ def lead_out(start: State, *, limits: Limits, period: float, may_ramp: bool = Fa
         f"between rest and {np.linalg.norm(start.omega_body):.4g} rad/s with "
         f"{np.linalg.norm(start.alpha_body):.4g} rad/s^2 none keeps the limits of "
         f"{limits.velocity:g} rad/s, {limits.acceleration:g} rad/s^2 and {limits.jerk:g} rad/s^3; "
-        "ask for a lower velocity there, or give it more time"
+        "use a lower velocity there, or allow more time"
     )
 
 
@@ -253,11 +252,11 @@ def approach_cycles(turn: Trajectory | None, move: float, *, limits: Limits, per
     """Return the fewest periods for a turn and a move from rest to rest; 0 if neither is needed.
 
     Args:
-        turn: the one of :func:`approach`.
+        turn: the turn of :func:`approach`.
         move: of the position, m.
 
     Raises:
-        PlanError: it takes longer than is planned.
+        PlanError: it takes longer than the longest allowed motion.
     """
     most = limits.with_reserve().linear_acceleration
     duration = max(
@@ -279,18 +278,18 @@ def approach(
     jerk_share: float = CAREFUL_JERK_SHARE,
     is_part: bool = True,
 ) -> Trajectory | None:
-    """Return the quickest turn from rest at *q0* to rest at *q1*, the short way round.
+    """Return the fastest turn from rest at *q0* to rest at *q1*, the short way round.
 
-    It begins at path time 0; there is none where both are the same.
+    It begins at path time 0; ``None`` if both are the same.
 
     Args:
-        is_even: whether it is to be a quintic, as long as its peaks need, instead.
-        share: of the acceleration to use.
-        jerk_share: of the jerk.
-        is_part: whether it is one of a longer motion.
+        is_even: whether to return a quintic instead, as long as its peaks need.
+        share: usable share of the acceleration.
+        jerk_share: usable share of the jerk.
+        is_part: whether it is part of a longer motion.
 
     Raises:
-        PlanError: it takes longer than is planned.
+        PlanError: it takes longer than the longest allowed motion.
     """
     turn = float(angle(q0, q1))
     if turn <= SAME_PLACE:
@@ -319,8 +318,8 @@ def approach(
 def _axis_between(q0: list[float], q1: list[float]) -> tuple[Floats, bool]:
     """Return the axis of the shorter turn between two orientations, in the body frame.
 
-    Also whether it is the shorter one: a half turn goes the way of :func:`.nearer_sign`, which may
-    be longer by rounding.  In plain numbers, which takes a tenth of what the same takes on arrays.
+    Also whether it is the shorter one: :func:`.nearer_sign` decides about half turns, and rounding
+    can make its choice the longer one.  Plain floats take a tenth of the time of arrays here.
     """
     (w0, x0, y0, z0), (w1, x1, y1, z1) = q0, q1
     w = w0 * w1 + x0 * x1 + y0 * y1 + z0 * z1

@@ -1,7 +1,7 @@
-r"""How a moving position comes to rest: at a point, or wherever it stops.
+r"""How a moving position comes to rest: at a given point, or at any point.
 
-The pieces are quintics with position, velocity and acceleration given at both ends.  A stop goes to
-:math:`p + vT/2 + aT^2/12`, where its velocity is the cubic of ``orientd/kernels/c/leave.c``.
+The pieces are quintics with position, velocity and acceleration given at both ends.  A stop ends at
+:math:`p + vT/2 + aT^2/12`, and its velocity is the cubic of ``orientd/kernels/c/leave.c``.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ Booleans = NDArray[np.bool_]
 _GRID = 200
 _INDEX = np.arange(DEGREE + 1.0)
 _U = np.linspace(0.0, 1.0, 33)[:, None]
-# By the share of the duration: what the way, the velocity and the acceleration at the beginning
-# add to velocity and acceleration of a quintic that ends at rest.
+# Contributions of distance, initial velocity and initial acceleration to velocity and acceleration
+# of a quintic that ends at rest, by the share of the duration.
 _RATES = (
     30.0 * _U**2 * (1.0 - _U) ** 2,
     1.0 - 18.0 * _U**2 + 32.0 * _U**3 - 15.0 * _U**4,
@@ -41,16 +41,16 @@ _ZERO = np.zeros(3)
 def position_lead(
     start: State, target: Floats | None, *, limits: Limits, period: float, least: float = 0.0
 ) -> PositionPath:
-    """Return the path of a position from the state it is in to rest, beginning at time 0.
+    """Return the path of a position from its current state to rest, beginning at time 0.
 
-    The velocity may be as high as it is at the beginning, and otherwise keeps *limits*, as does the
-    acceleration, with its reserve.
+    The velocity may be as high as at the beginning, and otherwise keeps *limits*.  The acceleration
+    keeps them with its reserve.
 
     Args:
-        start: where it is and how it moves.
-        target: where to come to rest, m; ``None`` leaves that open.
+        start: position, velocity and acceleration.
+        target: final position, m; ``None`` leaves it open.
         period: the path takes a whole number of periods, s.
-        least: preferred duration, s; taken if the limits are kept with it.
+        least: preferred duration, s; used if it keeps the limits.
 
     Raises:
         PlanError: the target is days away.
@@ -64,8 +64,8 @@ def position_lead(
     pieces: list[tuple[Floats, float]] = []
     duration = _shortest(here, target, bounds, period)
     if duration is None:
-        # The acceleration goes first, and turns round where the velocity would go beyond its limit;
-        # nothing limits how quickly.
+        # The acceleration falls first, and changes its sign if the velocity would exceed its limit;
+        # its rate of change is not limited.
         p, v, a = here
         turns = float(np.linalg.norm(v + a * period / 2.0)) > bounds[0]
         last = -a if turns else _ZERO
@@ -75,7 +75,7 @@ def position_lead(
         here, bounds = after, _bounds(after, limits)
         duration = _shortest(here, target, bounds, period)
     if duration is None:
-        raise PlanError("no way was found from the velocity that the position has to rest")
+        raise PlanError("found no path to rest from the velocity of the position")
     pieces.append((_piece(here, target, duration), duration))
     return _path(pieces, start.position, target)
 
@@ -103,7 +103,7 @@ def _bounds(here: Motion3, limits: Limits) -> tuple[float, float]:
 def _keeps(
     here: Motion3, target: Floats | None, durations: Floats, bounds: tuple[float, float]
 ) -> Booleans:
-    """Return whether pieces of some durations keep the bounds, at points spread evenly."""
+    """Return whether pieces of given durations keep the bounds, at evenly spaced points."""
     p, v, a = here
     t = durations[:, None, None]
     way = v * t / 2.0 + a * t**2 / 12.0 if target is None else target - p
@@ -117,7 +117,7 @@ def _keeps(
 def _shortest(
     here: Motion3, target: Floats | None, bounds: tuple[float, float], period: float
 ) -> float | None:
-    """Return the shortest duration of a single piece, in whole periods, of those on a grid."""
+    """Return the shortest duration of a single piece on a grid, in whole periods."""
     p, v, _ = here
     speed = float(np.linalg.norm(v))
     distance = 0.0 if target is None else float(np.linalg.norm(target - p))

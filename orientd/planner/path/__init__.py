@@ -1,4 +1,4 @@
-"""The geometry of a motion: a trajectory of orientations, and the position that goes along."""
+"""The geometry of a motion: a trajectory of orientations, and the position along it."""
 
 from __future__ import annotations
 

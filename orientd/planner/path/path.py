@@ -1,4 +1,4 @@
-"""A path: orientation and position as functions of path time, held before and after."""
+"""A path: orientation and position as functions of path time, constant before and after."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from orientd.rotation import Floats, conjugate, rotate
 Booleans = NDArray[np.bool_]
 
 _AT_REST = 1e-9
-"""Seconds before its end that a path counts as ended: its last record is at rest, to rounding."""
+"""Time before its end from which a path counts as ended, s; the last record is at rest."""
 
 
 class PathSamples(NamedTuple):
@@ -41,13 +41,13 @@ class PathSamples(NamedTuple):
     velocity: Floats
 
     def seen_in(self, frame: Frame) -> PathSamples:
-        """Return how the tool of a frame moves, seen from its base, where these are the flange's.
+        """Return the motion of a frame's tool relative to its base, if this is that of the flange.
 
         Args:
             frame: its base in the world, and its tool on the flange.
         """
         q, position = frame.pose(self.q, self.position)
-        # What turns about the flange moves the tool on its lever.
+        # A rotation about the flange moves the tool by its lever arm.
         lever = rotate(self.q, np.cross(self.omega_body, frame.tool.position))
         return self._replace(
             q=q,
@@ -60,11 +60,11 @@ class PathSamples(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Path:
-    """Orientation and position as functions of path time, held before and after.
+    """Orientation and position as functions of path time, constant before and after.
 
     Attributes:
         trajectory: the orientations, from path time 0 on.
-        positions: what the position does.
+        positions: the position.
     """
 
     trajectory: Trajectory
@@ -74,12 +74,12 @@ class Path:
     def joined(
         cls, parts: Sequence[Trajectory], positions: PositionPath, before: Floats | None = None
     ) -> Path:
-        """Return the path of trajectories that follow each other.
+        """Return the path of consecutive trajectories.
 
         Args:
             parts: end to end, from path time 0 on.
-            positions: what the position does.
-            before: the orientation the device comes from, whose sign goes on.
+            positions: the position.
+            before: the previous orientation of the device; the path continues its sign.
         """
         if not parts:
             raise ValueError("parts must not be empty")
@@ -90,7 +90,7 @@ class Path:
 
     @property
     def duration(self) -> float:
-        """Path time from the first instant to the last, s."""
+        """Path time from start to end, s."""
         return self.trajectory.domain[1]
 
     @property
@@ -106,36 +106,36 @@ class Path:
         return q
 
     def joints_before(self, record: int) -> tuple[tuple[float, ...], ...]:  # noqa: ARG002
-        """Return nothing: a path that was not made for a device's axes knows none."""
+        """Return no joints: only a path planned for a device's axes has them."""
         return ()
 
     def sample(self, times: Floats) -> PathSamples:
-        """Return the path at *times*, in any order; beyond its ends it is held.
+        """Return the path at *times*, in any order; it is constant beyond its ends.
 
         Raises:
-            ValueError: an instant is not a number.
+            ValueError: a time is NaN.
         """
         rows = self._rows(times)
         position, velocity, _ = self.positions.sample(times)
         if not self.positions.is_held:
-            # A position may begin in motion where the orientation begins at rest.
+            # A position may begin in motion while the orientation begins at rest.
             _, is_after = self._is_held(times)
             velocity[(times < 0.0) | is_after] = 0.0
             position[is_after] = self.positions.last
         return PathSamples(rows[:4].T, rows[4:7].T, rows[7:].T, position, velocity)
 
     def orientations(self, times: Floats) -> Floats:
-        """Return the orientations at *times*, held beyond the ends, shape ``(n, 4)``."""
+        """Return the orientations at *times*, constant beyond the ends, shape ``(n, 4)``."""
         return self.trajectory.orientations(times)
 
     def _is_held(self, times: Floats) -> tuple[Booleans, Booleans]:
-        """Return whether the path is held before it, and after it, at *times*."""
+        """Return whether *times* lie before the path or after it."""
         is_before = times <= 0.0 if self.begins_at_rest else times < 0.0
         return is_before, times >= self.duration - _AT_REST
 
     @property
     def begins_at_rest(self) -> bool:
-        """Whether nothing turns at path time 0."""
+        """Whether the angular velocity and acceleration are zero at path time 0."""
         _, omega, alpha = self.trajectory.ends()
         speed, size = math.hypot(*omega[0].tolist()), math.hypot(*alpha[0].tolist())
         return speed <= STILL and size <= STEADY
@@ -157,7 +157,7 @@ class Path:
 
 
 def end_states(trajectory: Trajectory) -> tuple[State, State]:
-    """Return the states at both ends of a trajectory; their positions are left at the origin."""
+    """Return the states at both ends of a trajectory, with positions at the origin."""
     q, omega, alpha = trajectory.ends()
     zero = np.zeros(3)
     return State(q[0], omega[0], alpha[0], zero), State(q[1], omega[1], alpha[1], zero)

@@ -1,9 +1,9 @@
-r"""The position that goes along with an orientation: a quintic spline, from rest to rest.
+r"""The position of a motion: a quintic spline from rest to rest.
 
-Through the keyframes that have a position runs the quintic spline with continuous derivatives up
-to the fourth that starts and ends at rest without acceleration; before and after it the position is
-held.  A move between two points is the single piece of it,
-:math:`p_0 + (p_1 - p_0)(10u^3 - 15u^4 + 6u^5)`.
+The spline passes through the keyframes that have a position.  Its derivatives are continuous up to
+the fourth, and it starts and ends at rest without acceleration.  Before and after it the position
+is constant.  A move between two points is a single piece, :math:`p_0 + (p_1 - p_0)(10u^3 - 15u^4 +
+6u^5)`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Motion3 = tuple[Floats, Floats, Floats]
 """Position, velocity and acceleration."""
 
 Clock = Callable[[Floats], tuple[Floats, Floats, Floats]]
-"""Gives a path time and its first two derivatives by another time: a ``TimeMap``, for example."""
+"""Maps a time to a path time and its first two derivatives, for example a ``TimeMap``."""
 
 _STILL = np.zeros(3)
 
@@ -40,7 +40,7 @@ class PositionPath:
     """A piecewise quintic in time, constant outside its breaks.
 
     Attributes:
-        breaks: increasing instants, s, shape ``(m + 1,)``.
+        breaks: increasing times, s, shape ``(m + 1,)``.
         coefficients: of the powers of the time since a piece's own break, shape ``(m, 6, 3)``.
         first: the position before the breaks.
         last: the position after them.
@@ -59,7 +59,7 @@ class PositionPath:
 
     @property
     def is_held(self) -> bool:
-        """Whether nothing moves."""
+        """Whether the position is constant."""
         return len(self.coefficients) == 0
 
     def sample(self, times: Floats) -> Motion3:
@@ -81,7 +81,7 @@ class PositionPath:
             velocity = velocity * elapsed + position
             position = position * elapsed + c[:, power]
         is_before, is_after = times < begin, times >= end
-        # Held means held: to the last digit, and without velocity.
+        # While it is held, the position is constant to the last digit, and the velocity is zero.
         position[is_before], position[is_after] = self.first, self.last
         velocity[is_before | is_after] = acceleration[is_before | is_after] = 0.0
         return position, velocity, acceleration
@@ -92,9 +92,9 @@ class PositionPath:
         return position[0], velocity[0], acceleration[0]
 
     def retimed(self, clock: Clock, times: Floats) -> PositionPath:
-        """Return the same positions on another clock, quintic between *times* on that clock, s.
+        """Return the same positions with another timing, quintic between *times* of it, s.
 
-        It may go on from a motion, and ends at rest.
+        It may continue a motion, and ends at rest.
         """
         if self.is_held:
             return self
@@ -108,7 +108,7 @@ class PositionPath:
         return PositionPath(times, pieces, position[0], position[-1])
 
     def slowed(self, factor: float) -> PositionPath:
-        """Return the same path *factor* times as slow."""
+        """Return the same path, slower by *factor*."""
         powers = factor ** -np.arange(DEGREE + 1.0)
         coefficients = self.coefficients * powers[:, None]
         return replace(self, breaks=self.breaks * factor, coefficients=coefficients)
@@ -118,7 +118,7 @@ class PositionPath:
         return self if self.is_held else replace(self, breaks=self.breaks + delay)
 
     def after(self, lead: PositionPath) -> PositionPath:
-        """Return this path with *lead* put before it, which ends where this one begins."""
+        """Return *lead*, which ends where this path begins, followed by this path."""
         if lead.is_held:
             return self
         if self.is_held:
@@ -134,7 +134,7 @@ class PositionPath:
         )
 
     def since(self, time: float) -> PositionPath:
-        """Return what comes after *time*, where it was."""
+        """Return the part after *time*, at the same times."""
         if self.is_held or time <= self.breaks[0]:
             return self
         if time >= self.breaks[-1]:
@@ -148,12 +148,12 @@ class PositionPath:
         return PositionPath(np.append(time, self.breaks[piece + 1 :]), c, c[0, 0], self.last)
 
     def after_move_from(self, position: Floats, begin: float, end: float) -> PositionPath:
-        """Return this path with a move from *position* to its first point put before it.
+        """Return a move from *position* to the first point of this path, followed by this path.
 
         Args:
-            position: where it starts.
-            begin: when the move begins, s.
-            end: when it ends, not later than this path's first break.
+            position: the initial position.
+            begin: start of the move, s.
+            end: end of the move, not later than this path's first break.
         """
         if np.array_equal(position, self.first):
             return self
@@ -172,10 +172,10 @@ def quintics(intervals: Floats, points: Floats, velocities: Floats, pushes: Floa
     """Return the quintics between positions with velocities and accelerations.
 
     Args:
-        intervals: how long each takes, s, shape ``(n - 1,)``.
+        intervals: their durations, s, shape ``(n - 1,)``.
         points: shape ``(n, 3)``, as the others.
-        velocities: there.
-        pushes: accelerations there.
+        velocities: at the points.
+        pushes: accelerations at the points.
 
     Returns:
         Coefficients of the powers of the time since each begins, shape ``(n - 1, 6, 3)``.
@@ -201,10 +201,9 @@ def position_path(
 
     Args:
         times: increasing, s, shape ``(n,)``.
-        positions: shape ``(n, 3)``, not a number where there is none; ``None`` for none at all.
-        held: the position that is kept where nothing asks for another.
-        first: velocity and acceleration at the first position, behind where that is; ``None`` for
-            rest.
+        positions: shape ``(n, 3)``, NaN for keyframes without one; ``None`` if no keyframe has one.
+        held: the position of a motion without positions.
+        first: velocity and acceleration at the first position, after it; ``None`` for rest.
     """
     if positions is None:
         return PositionPath.held(held)
@@ -223,9 +222,9 @@ def position_path(
 
 
 def _join(intervals: Floats, points: Floats, velocities: Floats, pushes: Floats) -> None:
-    """Fill in velocities and accelerations with which third and fourth derivatives are continuous.
+    """Fill in velocities and accelerations that make third and fourth derivatives continuous.
 
-    Two equations for each inner point, in the derivatives at it and at its neighbours.
+    Each inner point gives two equations in the derivatives at it and at its neighbours.
     """
     size = 2 * (len(points) - 2)
     h, g = intervals[:-1], intervals[1:]
@@ -240,7 +239,7 @@ def _join(intervals: Floats, points: Floats, velocities: Floats, pushes: Floats)
     right[:, 0] = 60.0 * (way[1:] - way[:-1])
     right[:, 1] = -360.0 * (way[1:] / g[:, None] + way[:-1] / h[:, None])
     right[0] -= rows[:, 0, :1] * velocities[0] + rows[:, 1, :1] * pushes[0]
-    # Without units, which rows must not be compared with.
+    # Remove the units, so that pivoting compares rows fairly.
     units = np.minimum(h, g) ** np.array([[2.0], [3.0]])
     rows *= units[:, None]
     right *= units.T[:, :, None]

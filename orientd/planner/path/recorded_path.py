@@ -1,7 +1,7 @@
-r"""A path that is known at its records only: a driver has shaped it for its axes, or a file has it.
+r"""A path known at its records only: shaped for the axes of a device, or read from a file.
 
-At a record it is what the row says, to the last bit.  Between two records it is the path that the
-servo takes (:mod:`orientd.servo.path.segment`).
+At a record it equals the row, to the last bit.  Between two records it is the path that the servo
+takes (:mod:`orientd.servo.path.segment`).
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from orientd.planner.state import State
 from orientd.rotation import Floats, align, angle, conjugate, exp, log, multiply
 
 SAME_ANGLE = 1e-9
-"""How far two paths may be apart to be the same one, rad."""
+"""Largest distance of two equal paths, rad."""
 
 _EVEN = 1e-6
-"""By how much of a period steps along the original may differ from one at its own pace."""
+"""Largest deviation of steps along the original from its own pace, as a share of a period."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedPath:
-    """States on a uniform grid of path time, held before and after.
+    """States on a uniform grid of path time, constant before and after.
 
     Attributes:
         period: s.
-        duration: path time from hold to hold, s; up to a period less than to the last row.
-        table: of each record state, axis angles and their velocities, shape ``(n, STATE_FLOATS +
+        duration: path time from start to end, s; up to a period less than to the last row.
+        table: state, axis angles and their velocities of each record, shape ``(n, STATE_FLOATS +
             2 axes)``.
         earlier: axis angles of the three records before the first, rad, shape ``(3, axes)``.
-        is_reshaped: whether it leaves the path that it was made from, or its times, anywhere.
+        is_reshaped: whether it deviates from the original path or its times anywhere.
     """
 
     period: float
@@ -56,28 +56,28 @@ class RecordedPath:
     ) -> RecordedPath:
         """Return the path through *q*, with the position of *original* at the times *path_times*.
 
-        Angular velocity and acceleration come from central differences of fourth order of the
-        logarithms of neighbours: where :math:`r = 0` they are the derivatives of *r*.  Where it is
-        the original's path, in the original's time, it keeps the derivatives of that, which know
-        what happens between the records.
+        Angular velocity and acceleration are central differences of fourth order of the logarithms
+        of neighbours: at :math:`r = 0` they are the derivatives of *r*.  Where it equals the
+        original path at the original's times, it keeps the derivatives of that, which include the
+        motion between the records.
 
         Args:
             q: orientations, shape ``(n, 4)``.
-            path_times: how far along the original each is, s, shape ``(n,)``.
-            original: what the motion was planned as.
+            path_times: time of each on the original, s, shape ``(n,)``.
+            original: the path as planned.
             period: s.
-            joints: axis angles that make the orientations, rad, unwrapped, shape ``(n, axes)``.
-            earlier: those of the three records before; without it the axes were at rest.
-            begun: velocities of the axes at the first record, rad/s, if it takes over from a path
-                that has them.
+            joints: axis angles for the orientations, rad, unwrapped, shape ``(n, axes)``.
+            earlier: axis angles of the three records before; without them the axes were at rest.
+            begun: axis velocities at the first record, rad/s, if it takes over from a path that has
+                them.
         """
         q = align(q)
         given = original.sample(path_times)
-        # Before it, what the original goes on from; at rest after, where its motion ends.
+        # The original continues a motion before it, and is at rest after its end.
         back = -period * np.array([[2.0], [1.0]])
         turn = back * given.omega_body[0] + 0.5 * back**2 * given.alpha_body[0]
         padded = np.concatenate([multiply(q[0], exp(turn)), q, q[-1:], q[-1:]])
-        # The way back is the way there with the other sign, so each is calculated once.
+        # Backwards the logarithm has the opposite sign, so each is computed once.
         one, two = (log(multiply(conjugate(padded[:-k]), padded[k:])) for k in (1, 2))
         count = len(q)
         near = (-two[:count], -one[1 : count + 1], one[2 : count + 2], two[2 : count + 2])
@@ -86,10 +86,10 @@ class RecordedPath:
         ahead = {"prepend": path_times[0] - period, "append": path_times[-1] + period}
         is_paced = np.abs(np.diff(path_times, **ahead) / period - 1.0) > _EVEN
         is_other = (angle(q, given.q) > SAME_ANGLE) | is_paced[:-1] | is_paced[1:]
-        # A difference reaches two records far.
+        # A difference reaches two records.
         is_same = np.convolve(is_other, np.ones(5))[2:-2] < 0.5
         omega[is_same], alpha[is_same] = given.omega_body[is_same], given.alpha_body[is_same]
-        # It takes over from what the device does, and held means held: no velocity where it stands.
+        # It continues the device's motion, and has no velocity where it stands still.
         omega[0], alpha[0] = given.omega_body[0], given.alpha_body[0]
         omega[-1], alpha[-1] = 0.0, 0.0
         if earlier is None:
@@ -121,7 +121,7 @@ class RecordedPath:
         return rates_of(self.table)
 
     def joints_at(self, record: int) -> tuple[float, ...]:
-        """Return the axis angles at a record, rad, held beyond the first and the last."""
+        """Return the axis angles at a record, rad, constant before the first and after the last."""
         return tuple(self.joints[min(max(record, 0), len(self.table) - 1)].tolist())
 
     def joint_rates_at(self, record: int) -> tuple[float, ...]:
@@ -129,21 +129,21 @@ class RecordedPath:
         return tuple(self.joint_rates[record].tolist())
 
     def joints_before(self, record: int) -> tuple[tuple[float, ...], ...]:
-        """Return the axis angles of the three records before one, the oldest first."""
+        """Return the axis angles of the three records before one, oldest first."""
         joints = np.concatenate([self.earlier, self.joints])
         return tuple(map(tuple, joints[record : record + HISTORY].tolist()))
 
     def between_records(self, parts: int) -> Floats:
-        """Return the orientations at every share of a period, one of *parts*, shape ``(m, 4)``."""
+        """Return the orientations at *parts* places per period, shape ``(m, 4)``."""
         places = np.arange((len(self.table) - 1) * parts + 1) / parts
         found: Floats = states_at(self.table[:, :10], places, self.period)[:, :4]
         return found
 
     def sample(self, times: Floats) -> PathSamples:
-        """Return the path at *times*, in any order; beyond its ends it is held.
+        """Return the path at *times*, in any order; it is constant beyond its ends.
 
         Raises:
-            ValueError: an instant is not a number.
+            ValueError: a time is NaN.
         """
         return PathSamples(*np.split(self._states(times), [4, 7, 10, 13, 16], axis=1)[:5])
 

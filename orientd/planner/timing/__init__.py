@@ -1,4 +1,4 @@
-"""How quickly to run along a path: times for keyframes, the fastest profile inside the limits."""
+"""Timing of a path: times for keyframes, and the fastest profile inside the limits."""
 
 from __future__ import annotations
 

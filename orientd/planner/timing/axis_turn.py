@@ -1,7 +1,7 @@
-"""The quickest turn about one axis from rest to rest: its jerk is constant in seven phases.
+"""The fastest turn about one axis from rest to rest: its jerk is constant in seven phases.
 
-Nothing limits such a turn but velocity, acceleration and jerk along its axis, so the shortest time
-is known in closed form (the double S; Biagiotti and Melchiorri 2008, section 3.4).
+Only velocity, acceleration and jerk along its axis limit such a turn, so the shortest time has a
+closed form (the double S; Biagiotti and Melchiorri 2008, section 3.4).
 """
 
 from __future__ import annotations
@@ -17,28 +17,32 @@ from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats, angle, exp, multiply
 
 SHARE = 0.999
-"""Of acceleration and jerk that the quickest timing uses; the rest lets it be stopped at all."""
+"""Share of acceleration and jerk that the fastest timing uses; the rest is for stops."""
 
 CAREFUL_JERK_SHARE = 0.994
-"""Of the jerk, where it changes its sign in between two records so that what is drawn there is
-beyond it, by up to 0.53 %."""
+"""Share of the jerk if it changes its sign between two records.
+
+The interpolation between them then exceeds it by up to 0.53 %.
+"""
 
 VELOCITY_SHARE = 0.9998
-"""Of velocity, for what goes on from there."""
+"""Share of the velocity, for a motion that continues."""
 
 LEAST_SHARE = 0.2
-"""Of them, below which a timing would not be the quickest."""
+"""Shares below which a timing would no longer be the fastest."""
 
 USUAL_STOP, LONGEST_STOP = 6.0, 24.0
-"""Seconds that a stop on a longer motion may take, and how many where the device itself is slow to
-stop: as much of a path is read ahead."""
+"""Longest stop on a long motion, s, and its maximum on a device that is slow to stop.
+
+The servo reads this much of a path ahead.
+"""
 
 _SLOWER_STOP = 7.2
-"""Times as long as with all of the limits a stop may take beyond the usual one."""
+"""Factor by which a stop beyond the usual one may exceed a stop with the full limits."""
 
-_ONE_WAY = 1e-9  # of the velocity, by which it may differ from the one along the axis
-_ON_AXIS = 5e-10  # rad, within which a turn about one axis is the path
-_EASED = 2.0 / 3.0  # of the longest stop, from which on a motion gets some of its reserve
+_ONE_WAY = 1e-9  # share of the velocity by which it may differ from the one along the axis
+_ON_AXIS = 5e-10  # rad; tolerance of a path that is a turn about one axis
+_EASED = 2.0 / 3.0  # share of the longest stop from which a motion gets some reserve
 _MUCH = 0.95  # of the acceleration
 _SHARES_TO_STOP = 1.0 - np.linspace(0.0, 0.97, 25) ** 2  # of the acceleration, to choose from
 _LOOKS = 8  # between two knots
@@ -46,10 +50,10 @@ _BISECTIONS = 60
 
 
 def double_s(distance: float, velocity: float, acceleration: float, jerk: float) -> Floats:
-    """Return durations of the seven phases of the quickest way from rest to rest, s.
+    """Return durations of the seven phases of the fastest motion from rest to rest, s.
 
     Args:
-        distance: how far to go.
+        distance: to cover.
         velocity: largest; may be infinite.
         acceleration: largest, finite.
         jerk: largest; may be infinite.
@@ -61,9 +65,9 @@ def double_s(distance: float, velocity: float, acceleration: float, jerk: float)
 def _durations(
     distance: float, velocity: float, acceleration: float, jerk: float
 ) -> tuple[float, float, float]:
-    """Return how long the acceleration rises, holds, and the velocity holds, s."""
+    """Return the durations of rising and of constant acceleration, and of constant velocity, s."""
     rise = 0.0 if jerk == math.inf else acceleration / jerk
-    # As if there were no limit of the velocity.
+    # First ignore the velocity limit.
     if rise and distance < 2.0 * acceleration * rise * rise:
         rise = math.cbrt(0.5 * distance / jerk)
         hold = 0.0
@@ -91,13 +95,13 @@ def phases_of_turn(
     jerk_share: float = SHARE,
     is_part: bool = False,
 ) -> Floats:
-    """Return the phases of the quickest turn from rest to rest about an axis that can be stopped.
+    """Return the phases of the fastest turn from rest to rest that has a reserve for stops.
 
     Args:
-        turn: how far, rad, positive.
-        share: of the acceleration to use.
-        jerk_share: of the jerk.
-        is_part: whether it is one of a longer motion.
+        turn: its angle, rad, positive.
+        share: usable share of the acceleration.
+        jerk_share: usable share of the jerk.
+        is_part: whether it is part of a longer motion.
     """
     velocity, acceleration, jerk = limits.along(axis.tolist())
     most = VELOCITY_SHARE * velocity, share * acceleration, jerk_share * jerk
@@ -107,7 +111,7 @@ def phases_of_turn(
     weight = 1.0 if is_part else (total / stop - _EASED) / (1.0 - _EASED)
     if weight <= 0.0:
         return phases
-    # What is over sooner than a stop needs no reserve; from there to a longer one it grows.
+    # A motion shorter than a stop needs no reserve; the reserve then grows with the duration.
     can_be_stopped = _most_to_stop(turn, phases, (acceleration, jerk), most, stop)
     weight = min(weight, 1.0)
     return double_s(
@@ -120,10 +124,10 @@ def phases_of_turn(
 
 
 def longest_stop(seconds: float) -> float:
-    """Return how long a stop on a long motion may take, s.
+    """Return the longest allowed stop on a long motion, s.
 
     Args:
-        seconds: that a stop takes with all of the limits.
+        seconds: duration of a stop with the full limits.
     """
     return min(max(USUAL_STOP, _SLOWER_STOP * seconds), LONGEST_STOP)
 
@@ -135,7 +139,7 @@ def _most_to_stop(
     most: tuple[float, float, float],
     stop: float,
 ) -> tuple[float, float, float]:
-    """Return what of *most* the quickest turn uses that can be stopped in a time, s.
+    """Return the shares of *most* that the fastest turn with a stop within a time, s, uses.
 
     *phases* are those of the turn without a reserve, and *limits* of acceleration and jerk.
     """
@@ -183,7 +187,7 @@ def turned_at_once(
     if np.any(omega @ axis < (1.0 - _ONE_WAY) * speeds - _ONE_WAY * speeds.max()):
         return None
     so_far = np.concatenate([[0.0], np.cumsum(angle(q[:-1], q[1:]))])
-    # When it has turned as far as the curve has at each keyframe.
+    # The time at which it has turned as far as the curve at each keyframe.
     keys = trajectory.orientations(keyframe_path.times)
     before = np.clip(np.searchsorted(spots, keyframe_path.times, side="right") - 1, 0, None)
     goal = so_far[before] + angle(q[before], keys)

@@ -1,4 +1,4 @@
-"""The even timing of a keyframe path: its own, slowed down by one factor until limits are kept."""
+"""The even timing of a keyframe path: its own pace, slowed down by one factor."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.tolerances import GUARD_TOLERANCE
 
 PRECISION = 1e-3
-"""Of the shortest duration."""
+"""Tolerance of the shortest duration."""
 
 _CYCLES_A_STEP = 4
-_LARGEST_STEP = 0.75 * OFF_GRID[1][1]  # of what a step over a period is taken for
-_LONGEST_SEARCH = 256  # times as long as the first guess, where longer ones are other curves
+_LARGEST_STEP = 0.75 * OFF_GRID[1][1]  # share of the step bound over a period
+_LONGEST_SEARCH = 256  # multiple of the first guess, if the duration changes the curve
 _MOST_ATTEMPTS = 40
-_LONGEST_STRIDE = 2.0  # from one duration to the next where the shape changes with it
-_FAR = 2.0  # a factor beyond which it is doubted that it falls with the duration
+_LONGEST_STRIDE = 2.0  # ratio of durations if the duration changes the curve
+_FAR = 2.0  # factor above which it may not fall with the duration
 _DOWNWARD = 1.4
 _MOST_PREDICTIONS = 8  # attempts that trust the prediction; then bisection
 _GROWTH = 1.05
@@ -31,12 +31,12 @@ _LEAST, _GREATEST = 1e-9, 1e4  # factors that a prediction is made from
 
 
 class Pace(NamedTuple):
-    """What the records of a keyframe path say of its pace.
+    """The pace of a keyframe path, judged by its records.
 
     Attributes:
         cycles: the fewest that keep the limits, to 0.1 %; 0 if none were found.
-        factor: by which the path should take longer than the cycles that were looked at last.
-        coarse: the same of its own duration, from the derivatives at a few instants alone.
+        factor: by which the path should take longer than the last examined cycles.
+        coarse: factor for its own duration, from the derivatives at a few times alone.
     """
 
     cycles: int
@@ -55,17 +55,16 @@ def pace_of(
     has_one_shape: bool = True,
     everywhere: bool = False,
 ) -> Pace:
-    """Return how many cycles a keyframe path takes at its own pace.
+    """Return the number of cycles of a keyframe path at its own pace.
 
-    Only records near the largest rates are looked at; the certificate looks at everything.
+    This examines only records near the largest rates; the certificate examines everything.
 
     Args:
-        first: cycles to begin with; 0 begins with what the derivatives say.
-        least: cycles not to go below.
-        most: cycles not to go beyond; fewer than *least* look at no record at all.
-        has_one_shape: whether another duration is the same curve at another rate.
-        everywhere: whether to look at every record.
-
+        first: initial number of cycles; 0 begins with an estimate from the derivatives.
+        least: least number of cycles.
+        most: largest number of cycles; if below *least*, no record is examined.
+        has_one_shape: whether a different duration gives the same curve at another rate.
+        everywhere: whether to examine every record.
     """
     trajectory, is_smooth = path.trajectory, path.trajectory.continuity >= 2
     found = time_even(
@@ -100,16 +99,16 @@ def evenly_paced(
     """Return a path in the shortest time at its own pace that keeps the limits, in whole periods.
 
     Args:
-        intervals: between the keyframes that it passes.
-        longest: that it may take, s.
+        intervals: between its keyframes.
+        longest: longest duration, s.
 
     Returns:
-        ``None`` where no duration keeps the limits.
+        ``None`` if no duration keeps the limits.
     """
     reserved = limits.with_reserve()
     guess = path.duration * pace_of(path, reserved, period).coarse
     refusal.check_duration(guess)
-    # Two steps of the acceleration within a difference of the setpoints would add up.
+    # Two acceleration steps within one difference of the setpoints would add up.
     least = 1 if path.trajectory.continuity >= 2 else _CYCLES_A_STEP * intervals
     first, most = math.ceil(guess / period), int(longest / period)
     if guess > longest or most < least:
@@ -126,22 +125,22 @@ def evenly_made(
     *,
     longest: float = LONGEST,
 ) -> KeyframePath | None:
-    """Return the shortest path at its own pace that keeps the limits, of those of any duration.
+    """Return the shortest path at its own pace that keeps the limits, over all durations.
 
-    A curve that begins or ends in motion swings out further the longer it takes: then its rates
-    have a least at some duration, beyond which nothing is looked for, and no step is a long one.
+    A curve with a moving end swings out further the longer it takes.  Its rates therefore have a
+    minimum at some duration.  The search does not go beyond that, and takes no long steps.
 
     Args:
-        make: makes the path that takes a duration, s.
+        make: makes the path of a duration, s.
         guess: a first duration, s.
-        longest: that it may take, s.
+        longest: longest duration, s.
 
     Returns:
-        ``None`` where no duration was found.
+        ``None`` if no duration was found.
     """
     reserved, known = limits.with_reserve(), math.ceil(guess / period)
     coarse = guess * pace_of(make(guess), reserved, period, has_one_shape=False).coarse
-    # There is a curve of the first guess; a longer one may swing out further.
+    # The first guess has a curve; a longer one may swing out further.
     first = math.ceil(coarse / period) if coarse <= 2 * known * period else known
     kept: dict[int, KeyframePath] = {}
 
@@ -162,13 +161,13 @@ def shortest(attempt: Callable[[int], float], first: int, *, most: int) -> int |
     """Return the fewest cycles that keep the limits, to 0.1 %, of curves that change with them.
 
     Args:
-        attempt: plans with a number of cycles and returns by which factor it should be longer; at
-            most 1 keeps the limits.
-        first: where to begin.
-        most: cycles not to go beyond.
+        attempt: plans with a number of cycles and returns the factor by which it should be longer;
+            at most 1 keeps the limits.
+        first: initial number of cycles.
+        most: largest number of cycles.
 
     Returns:
-        The number of cycles, for which *attempt* has returned at most 1; ``None`` if nothing was
+        The number of cycles, for which *attempt* has returned at most 1; ``None`` if none was
         found.
     """
     low, high, cycles = 0, most + 1, min(first, most)
@@ -179,7 +178,7 @@ def shortest(attempt: Callable[[int], float], first: int, *, most: int) -> int |
         if factor <= 1.0:
             high = cycles
         elif high > most and (_is_rising(tried) or (not count and factor > _FAR < cycles)):
-            # It swings out, perhaps: fewer would tell.
+            # It may swing out; fewer cycles would show.
             least = min(tried)
             if tried[least] > min(tried.values()) or least == 1:
                 return None
@@ -191,7 +190,7 @@ def shortest(attempt: Callable[[int], float], first: int, *, most: int) -> int |
             break
         guess = math.exp(_secant([(math.log(n), math.log(f)) for n, f in tried.items()][-2:]))
         if high > most:
-            # Nothing has worked yet: no ever smaller steps, and no long ones.
+            # Nothing has worked yet: neither shrink the steps further nor make long ones.
             guess = min(max(guess, cycles * _GROWTH ** max(count - 3, 0)), _LONGEST_STRIDE * cycles)
         elif count >= _MOST_PREDICTIONS or not low < guess < high:
             guess = math.sqrt(max(low, 1) * high)
@@ -200,16 +199,16 @@ def shortest(attempt: Callable[[int], float], first: int, *, most: int) -> int |
 
 
 def _is_rising(tried: dict[int, float]) -> bool:
-    """Return whether more cycles have turned out to be worse."""
+    """Return whether more cycles have proved worse."""
     *_, before, here = sorted([(0, math.inf), *tried.items()])
     return here[0] > 1.01 * before[0] and here[1] > 1.001 * before[1]
 
 
 def _secant(tried: list[tuple[float, float]]) -> float:
-    """Return the logarithm of the duration where the factor should be just below 1.
+    """Return the logarithm of the duration at which the factor should be just below 1.
 
-    Where the ends are at rest the factor is inversely proportional to the duration; otherwise it
-    falls more slowly, as the last two attempts show.
+    If the ends are at rest, the factor is inversely proportional to the duration.  Otherwise it
+    falls more slowly; the last two attempts give the slope.
     """
     *before, here = tried
     slope = -1.0

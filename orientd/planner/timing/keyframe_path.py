@@ -1,4 +1,4 @@
-"""A path through keyframes: what is timed, and with its leads what becomes a motion."""
+"""A path through keyframes; with its leads it becomes a motion."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _NO_MOVES = np.empty(0), np.empty((0, 18))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KeyframePath:
-    """Orientation and position from path time 0 on, and when each keyframe is passed.
+    """Orientation and position from path time 0 on, and the times of the keyframes.
 
     Attributes:
         trajectory: the orientations.
-        positions: what the position does.
+        positions: the position.
         times: of all keyframes of the request, s.
-        notes: what the certificate says of it.
+        notes: notes for the certificate.
     """
 
     trajectory: Trajectory
@@ -36,18 +36,18 @@ class KeyframePath:
 
     @property
     def duration(self) -> float:
-        """From its beginning to its end, s."""
+        """Duration, s."""
         return self.trajectory.duration
 
     @property
     def first(self) -> State:
-        """The state it begins in."""
+        """The initial state."""
         begin, _ = end_states(self.trajectory)
         return replace(begin, position=self.positions.first)
 
     @property
     def is_from_rest_to_rest(self) -> bool:
-        """Whether neither end turns."""
+        """Whether the angular velocity is zero at both ends."""
         _, omega, _ = self.trajectory.ends()
         return all(math.hypot(*one) <= STILL for one in omega.tolist())
 
@@ -59,13 +59,13 @@ class KeyframePath:
         return self.positions.breaks, self.positions.coefficients.reshape(-1, 18)
 
     def held_ends(self, limits: Limits) -> tuple[bool, bool]:
-        """Return whether the device may hold right before it, and right after it."""
+        """Return whether the device may hold just before it, and just after it."""
         _, omega, alpha = self.trajectory.ends()
         first, last = (is_still(*rates, limits) for rates in zip(omega, alpha, strict=True))
         return first, last
 
     def slowed(self, duration: float) -> Self:
-        """Return the same path taking *duration* seconds."""
+        """Return the same path with a duration of *duration* seconds."""
         factor, positions = duration / self.duration, self.positions
         return replace(
             self,
@@ -75,7 +75,7 @@ class KeyframePath:
         )
 
     def lasting(self, total: float) -> Self:
-        """Return the same path taking *total* seconds, which are no fewer.
+        """Return the same path, slowed down to *total* seconds.
 
         Raises:
             TotalError: it takes longer.

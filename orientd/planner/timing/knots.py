@@ -1,12 +1,12 @@
-r"""Times for keyframes that come without: by chord length, or of the quickest way that is found.
+r"""Times for keyframes without times: by chord length, or for the fastest motion found.
 
-The intervals are proportional to the angles between keyframes (Nielson 1993, eq. 23),
-:math:`t_i = t_{i-1} + \arccos\langle q_{i-1}, q_i\rangle`, with the angle taken by an arc tangent,
-which keeps its digits, and whole turns added.  Where a position has further to go than the
-orientation, measured in time at the limits, the position sets the interval.
+The intervals are proportional to the angles between keyframes (Nielson 1993, eq. 23), :math:`t_i =
+t_{i-1} + \arccos\langle q_{i-1}, q_i\rangle`.  The angle comes from an arc tangent, which is
+precise, plus whole turns.  If a position takes longer than the orientation, both at their limits,
+the position sets the interval.
 
-The pace along the curve is found afterwards, so these times decide nothing but where the curve
-passes between the keyframes.
+The pace along the curve is found afterwards.  So these times only decide where the curve passes
+between the keyframes.
 """
 
 from __future__ import annotations
@@ -26,20 +26,23 @@ from orientd.planner.certify import limit_table
 from orientd.rotation import Floats, align, angle, between
 
 SAME = 1e-9
-"""Rad and m; keyframes nearer than this are one."""
+"""Rad and m; closer keyframes count as one."""
 
 BESIDE = 1.5e-4
-"""Rad; keyframes nearer than this, 0.009 degrees, are one where their neighbours are far: less than
-a joint repeats, and a tenth of a servo's step, and to pass both would take a turn on the spot."""
+"""Rad; keyframes closer than this, 0.009 degrees, count as one if their neighbours are far.
+
+This is less than the repeatability of a joint, and a tenth of a servo's step.  Passing both would
+take a turn on the spot.
+"""
 
 MOST_KEYFRAMES = 100
-"""For which other times are tried; with more of them a plan would take too long."""
+"""Keyframes up to which other times are tried; with more of them a plan would take too long."""
 
-_FAR_LESS = 1e-3  # of the longer interval beside a short one
-_MOST_DESCENDED = 12  # keyframes for which the slope of the duration is looked at
+_FAR_LESS = 1e-3  # share of the longer interval next to a short one
+_MOST_DESCENDED = 12  # keyframes up to which the slope of the duration is computed
 _DESCENTS = 2
 _PIECES, _FEWEST = 10, 100  # elements of an interval and of all, as time_quickest begins with
-_SAME_AXIS = 1e-6  # of the length, across the first axis; more than for one turn at once
+_SAME_AXIS = 1e-6  # share of the length, across the first axis; more than for a single turn
 
 Indices = np.ndarray[Any, np.dtype[np.intp]]
 Booleans = np.ndarray[Any, np.dtype[np.bool_]]
@@ -52,9 +55,9 @@ class Knots:
     Attributes:
         times: from 0 on, one for every keyframe of the request.
         kept: indices of the keyframes that the curve passes; the others repeat one of them.
-        length: of the way, rad.
-        profile: a first profile on the curve with these times, if they were chosen for the quickest
-            way: its coefficients and utilisation, shape ``(4, n + 2)``.
+        length: of the path, rad.
+        profile: a first profile on the curve with these times, if they were optimised: its
+            coefficients and utilisation, shape ``(4, n + 2)``.
     """
 
     times: Floats
@@ -63,20 +66,20 @@ class Knots:
     profile: Floats | None = None
 
     def merged(self, request: MotionRequest, first: int = 0) -> tuple[str, ...]:
-        """Return what there is to say of keyframes that are beside another and not passed.
+        """Return notes on keyframes that are close to another and count as one with it.
 
         Args:
             request: the keyframes.
-            first: the index of the first of them in what was asked for.
+            first: index of the first of them in the whole request.
         """
         if len(self.kept) == len(self.times):
             return ()
         left_out = np.setdiff1d(np.arange(len(self.times)), self.kept)
-        # Keyframes that are passed as one have one time.
+        # Keyframes that count as one have one time.
         owners = self.kept[np.searchsorted(self.times[self.kept], self.times[left_out])]
         apart = angle(request.keys[left_out], request.keys[owners])
         return tuple(
-            f"keyframes[{first + one}] is {far:.2g} rad beside keyframes[{first + owner}]: "
+            f"keyframes[{first + one}] is {far:.2g} rad from keyframes[{first + owner}]: "
             "passed as one"
             for one, owner, far in zip(
                 *map(np.ndarray.tolist, (left_out, owners, apart)), strict=True
@@ -85,7 +88,7 @@ class Knots:
         )
 
     def first_guess(self, limits: Limits) -> float:
-        """Return about how long the motion takes, s: a place to begin a search."""
+        """Return the approximate duration of the motion, s, to begin a search with."""
         count = len(self.kept) - 1
         step = self.length / count
         return max(
@@ -96,7 +99,7 @@ class Knots:
 
 
 def chord_knots(request: MotionRequest, limits: Limits, *, is_uniform: bool) -> Knots:
-    """Return times for the keyframes of a request that gives none.
+    """Return times for the keyframes of a request without times.
 
     Args:
         limits: weigh turns against moves.
@@ -104,7 +107,7 @@ def chord_knots(request: MotionRequest, limits: Limits, *, is_uniform: bool) -> 
 
     Raises:
         RequestError: the keyframes are all the same.
-        PlanError: the way is too long for the limits of velocity, whatever the curve.
+        PlanError: the path is too long for the limits of velocity, whatever the curve.
     """
     lengths = turn_lengths(request)
     if not is_uniform:
@@ -125,7 +128,7 @@ def chord_knots(request: MotionRequest, limits: Limits, *, is_uniform: bool) -> 
     if is_repeated.any():
         lengths[is_repeated] = 0.0
         kept = np.flatnonzero(np.concatenate([[True], ~is_repeated]))
-        # The motion ends at the last one, whichever it is beside.
+        # The motion ends at the last keyframe, even if that is close to another.
         is_other = float(angle(request.keys[kept[-1]], request.keys[-1])) > SAME
         if is_other and len(kept) > 1 and not request.turns[kept[-1] :].any():
             kept[-1] = count - 1
@@ -136,18 +139,17 @@ def chord_knots(request: MotionRequest, limits: Limits, *, is_uniform: bool) -> 
 def chosen_knots(
     request: MotionRequest, knots: Knots, duration: float, limits: Limits
 ) -> Knots | None:
-    """Return the times of the quickest way that is found, on a curve of some duration.
+    """Return the times of the fastest motion found, on a curve of a given duration.
 
-    That curve leaves rest with an acceleration, since the pace along it is yet to be found.
+    That curve leaves rest with an acceleration, since its pace is not known yet.
 
     Args:
         knots: by chord length.
         duration: of the curve to be made, s.
 
     Returns:
-        ``None`` where other times are not tried: where the method is another one, a position moves,
-        whole turns are made, all is one turn, there are too many keyframes, or nothing limits the
-        jerk.
+        ``None`` if other times are not tried: for another method, a moving position, whole turns, a
+        single turn, too many keyframes, or no limit of the jerk.
     """
     is_default = request.method == DEFAULT_METHOD and not request.options
     is_plain = is_default and request.positions is None and not request.turns.any()
@@ -169,14 +171,14 @@ def chosen_knots(
 
 
 def _is_about_one_axis(keys: Floats) -> bool:
-    """Return whether all steps turn one way about one axis: such a turn is known in closed form."""
+    """Return whether all steps turn one way about one axis; such a turn has a closed form."""
     steps = between(keys[:-1], keys[1:])[:, 1:]
     lengths = np.sqrt(np.einsum("ij,ij->i", steps, steps))
     return bool(np.all(steps @ steps[0] >= (1.0 - _SAME_AXIS) * lengths * lengths[0]))
 
 
 def _is_beside(lengths: Floats) -> Booleans:
-    """Return which intervals are so short, beside their neighbours, that nobody can mean them."""
+    """Return which intervals are unreasonably short compared with their neighbours."""
     padded = np.concatenate([[0.0], lengths, [0.0]])
     longer = np.maximum(padded[:-2], padded[2:])
     is_beside: Booleans = (lengths <= BESIDE) & (lengths <= _FAR_LESS * longer)
@@ -184,7 +186,7 @@ def _is_beside(lengths: Floats) -> Booleans:
 
 
 def turn_lengths(request: MotionRequest) -> Floats:
-    """Return by how much each interval turns, whole turns included, rad, shape ``(n - 1,)``."""
+    """Return the angle of each interval, whole turns included, rad, shape ``(n - 1,)``."""
     lengths = angle(request.keys[:-1], request.keys[1:])
     if request.turns.any():
         lengths += 2.0 * np.pi * np.abs(request.turns[1:])
@@ -192,9 +194,9 @@ def turn_lengths(request: MotionRequest) -> Floats:
 
 
 def move_lengths(request: MotionRequest, limits: Limits) -> Floats | None:
-    """Return how far the position has to go in each interval, m; ``None`` where that is no matter.
+    """Return the distance of the position in each interval, m; ``None`` if it does not matter.
 
-    Moves are spread over intervals whose ends have no position.
+    A distance is spread over intervals whose ends have no position.
     """
     positions = request.positions
     if positions is None or not math.isfinite(limits.linear_velocity):
@@ -217,8 +219,8 @@ def _check_way(lengths: Floats, velocity: float) -> None:
 
 
 def radians_per_metre(limits: Limits) -> float:
-    """Return how far it turns in the time of a metre, both at their limits, rad/m."""
+    """Return the turn in the time of a metre, both at their limits, rad/m."""
     if not math.isfinite(limits.velocity):
         return 1.0
-    # Finite, as it is multiplied by no way at all, too.
+    # Finite, since it may be multiplied by a distance of zero.
     return min(limits.velocity / limits.linear_velocity, sys.float_info.max)

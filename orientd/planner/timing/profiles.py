@@ -1,13 +1,15 @@
-"""The quickest timing of a keyframe path: along itself as fast as its limits permit.
+"""The fastest timing of a keyframe path: along itself as fast as its limits permit.
 
-The limits are Bobrow's, of velocity, acceleration and jerk of a motion along a given path (Bobrow,
-Dubowsky and Gibson 1985; Pham and Pham 2018 for what is usual today), here as norms and components
-of vectors of the rotation group, where omega and alpha are as linear in the derivatives of the
-parameter as on any other path.  The squared path velocity is found on a mesh that is narrow where
-it changes quickly; ``orientd/kernels/c/timing.h`` and ``profile.h`` say how.
+The problem is Bobrow's: velocity, acceleration and jerk limits of a motion along a given path
+(Bobrow, Dubowsky and Gibson 1985; Pham and Pham 2018 for current methods).  The limits hold for
+norms and components of vectors of the rotation group.  Angular velocity and acceleration are as
+linear in the derivatives of the parameter as on any other path.
 
-A curve whose velocity or acceleration has a step at a knot is passed there at rest; so is the end
-of one that has a velocity there which nobody asked for.
+The squared path velocity is found on a mesh that is fine where it changes fast; see
+``orientd/kernels/c/timing.h`` and ``profile.h``.
+
+A curve whose velocity or acceleration has a step at a knot rests there.  It also rests at an end
+with a velocity that the request did not ask for.
 """
 
 from __future__ import annotations
@@ -28,10 +30,10 @@ from orientd.planner.timing.keyframe_path import KeyframePath
 from orientd.rotation import Floats
 from orientd.tolerances import GUARD_TOLERANCE
 
-_STEP = 1e-6  # of the largest velocity and acceleration, between both sides of a knot
-_PACE_POWER = 1.3  # about: ends that move keep their own pace
-_MOST_PACES = 16  # to try until one takes a given duration
-_NEARLY = 0.994  # of a duration that was asked for: the rest slows the path down inside
+_STEP = 1e-6  # share of the peak velocity and acceleration that is a step at a knot
+_PACE_POWER = 1.3  # approximate: moving ends keep their own pace
+_MOST_PACES = 16  # attempts until one takes a given duration
+_NEARLY = 0.994  # share of a requested duration: the rest slows the path down inside
 _SAME = 1e-9  # of a duration
 _ROOTS = np.array([1.0, 1 / 2, 1 / 3])  # of shares of velocity, acceleration and jerk, for a pace
 
@@ -41,7 +43,7 @@ _PART = 7  # numbers of a part
 
 
 def aimed_at(limits: Limits, share: float = SHARE) -> Limits:
-    """Return the limits that the quickest timing uses, with *share* of acceleration and jerk."""
+    """Return the limits of the fastest timing, with *share* of acceleration and jerk."""
     return limits.with_reserve(share).times(velocity=VELOCITY_SHARE, linear_velocity=VELOCITY_SHARE)
 
 
@@ -50,10 +52,10 @@ class Profile:
     """The squared path velocity on a mesh of *n* elements, a quadratic spline.
 
     Attributes:
-        rows: as ``orientd/kernels/c/timing.h`` has them, shape ``(11, n + 2)``, read only.
+        rows: in the layout of ``orientd/kernels/c/timing.h``, shape ``(11, n + 2)``, read only.
         leaves: lengths over which the path leaves rest, shape ``(2,)``.
         moves: whether the path moves at its start and at its end.
-        span: path times where the part begins and ends that it is of, s.
+        span: path times of the start and the end of its part, s.
     """
 
     rows: Floats
@@ -63,27 +65,27 @@ class Profile:
 
     @property
     def duration(self) -> float:
-        """How long the part takes, s."""
+        """Duration of the part, s."""
         return float(self.rows[_TIMES, -2])
 
     @property
     def slower(self) -> float:
-        """How much slower to be where some utilisation is above 1, as a factor; else 1."""
+        """Factor by which to slow down if a utilisation is above 1; otherwise 1."""
         shares = self.rows[_SHARES:_AIMS, :-2].max(1)
         return max(1.0, float(np.max(shares**_ROOTS)))
 
     def clock(self) -> TimeMap:
-        """Return the path time since the part begins by time."""
+        """Return the path time since the start of the part as a function of time."""
         places, values, slopes, times = self.rows[_PLACES:, :-1]
         return TimeMap(times, places, values, slopes, self.leaves)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuickPath(KeyframePath):
-    """A path in the shortest time that keeps some share of the limits.
+    """A path in the shortest time that keeps a share of the limits.
 
     Attributes:
-        profile: that it is timed by; ``None`` for one turn, and where it rests on its way.
+        profile: its timing; ``None`` for a single turn, and for a path with rests.
     """
 
     profile: Profile | None = None
@@ -100,20 +102,20 @@ def profiles(
     slower: float = 1.0,
     total: float = 0.0,
 ) -> list[Profile]:
-    """Return the quickest profiles of the parts of a path.
+    """Return the fastest profiles of the parts of a path.
 
     Args:
         rests: knots between which there are parts, both ends included, s, shape ``(p + 1,)``: each
             of them is from rest to rest.  ``None`` leaves the path in one part, with its ends as
             they are.
         known: coefficients and utilisation on the first mesh, shape ``(4, n + 2)``, or the rows of
-            a profile to be improved on its own mesh; ``None`` searches from a guess on.
-        slower: by how much slower to be where no end that moves is near; the coefficients of the
-            known profile are not used then.
-        total: how long to take, s, if that is a little longer; 0 for the shortest time.
+            a profile to be improved on its own mesh; ``None`` starts from a guess.
+        slower: factor by which to slow down away from moving ends; the coefficients of the known
+            profile are then not used.
+        total: duration, s, if it is a little longer than the shortest; 0 for the shortest time.
 
     Raises:
-        PlanError: there is none of some part.
+        PlanError: a part has no profile.
     """
     trajectory, aims = path.trajectory, aimed_at(limits, share)
     found = time_quickest(
@@ -133,7 +135,7 @@ def profiles(
         slower,
     )
     if isinstance(found, bool):
-        why = "it would have to stand still on the way" if found else "the limits leave no way"
+        why = "it would have to stand still on the way" if found else "the limits allow no timing"
         raise PlanError(f"no quickest timing was found: {why}")
     parts = np.frombuffer(found[1]).reshape(-1, _PART)
     ends = np.cumsum(parts[:-1, 0].astype(np.intp) + 2)
@@ -167,10 +169,10 @@ def quickest(
     known: Floats | None = None,
     has_rests: bool = False,
 ) -> QuickPath:
-    """Return the same path in the shortest time that is found within the limits.
+    """Return the same path in the shortest time found within the limits.
 
-    An end at rest stays at rest and gets no acceleration where there is a limit of the jerk; at an
-    end that moves, velocity and acceleration stay what they are.
+    An end at rest stays at rest, and gets no acceleration if the jerk is limited.  A moving end
+    keeps its velocity and acceleration.
 
     Args:
         path: with continuous acceleration, or at rest at its corners.
@@ -184,7 +186,7 @@ def quickest(
     if len(inner) or (has_rests and not path.is_from_rest_to_rest):
         rests = np.concatenate([[0.0], inner, [path.duration]])
     elif known is None:
-        # Where a profile is known already it is not one turn about one axis.
+        # A path with a known profile is not a turn about one axis.
         turn = turned_at_once(path, limits, share)
         if turn is not None:
             return QuickPath(turn.trajectory, turn.positions, turn.times, path.notes)
@@ -206,11 +208,11 @@ def lasting(
     """Return a path in a longer time than the shortest, with the same velocities at its ends.
 
     Args:
-        total: how long it is to take, s.
+        total: its duration, s.
 
     Raises:
         TotalError: the shortest time is longer.
-        PlanError: no such timing was found.
+        PlanError: no timing was found.
     """
     known, pace = quick.profile if isinstance(quick, QuickPath) else None, 1.0
     if known is None or not any(known.moves):
@@ -227,7 +229,7 @@ def lasting(
 
 
 def retimed(path: KeyframePath, profile: Profile) -> QuickPath:
-    """Return the part of a path that a profile is of, timed by it, from time 0 on."""
+    """Return the part of a path that belongs to a profile, timed by it, from time 0 on."""
     clock, trajectory = profile.clock(), path.trajectory
     begin, end = profile.span
     if (begin, end) != trajectory.domain:
@@ -245,17 +247,17 @@ def retimed(path: KeyframePath, profile: Profile) -> QuickPath:
 
 
 def _on_records(quick: QuickPath, period: float) -> QuickPath:
-    """Return a path at the speed of its profile, or what its records need."""
+    """Return a path at the speed of its profile, or at the speed that its records need."""
     profile = quick.profile
     if profile is None or profile.moves[1]:
-        # What goes on from an end that moves begins at a record.
+        # A part that continues from a moving end begins at a record.
         return quick.slowed(period * round(quick.duration / period))
-    # Where nothing moves at the ends the same pace, a little slower, mends a little too much.
+    # If both ends rest, uniform slowing corrects a small excess.
     return quick if any(profile.moves) else quick.slowed(quick.duration * profile.slower)
 
 
 def _joined(parts: Sequence[QuickPath]) -> QuickPath:
-    """Return parts that follow each other as one path."""
+    """Return consecutive parts as one path."""
     if len(parts) == 1:
         return parts[0]
     begins = np.concatenate([[0.0], np.cumsum([part.duration for part in parts])]).tolist()

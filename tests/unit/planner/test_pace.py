@@ -71,7 +71,7 @@ def test_a_keyframe_beside_another_one_costs_no_more_than_one_farther_off(place)
 def test_keyframes_that_are_passed_as_one_are_noted():
     motion = made([*KEYS, beside(KEYS[-1], 1e-4)])
     assert motion.certificate.notes == (
-        "keyframes[4] is 0.0001 rad beside keyframes[5]: passed as one",
+        "keyframes[4] is 0.0001 rad from keyframes[5]: passed as one",
     )
     assert motion.certificate.keyframe_error == pytest.approx(1e-4, rel=1e-6)
     assert math.isclose(motion.keyframe_times[4], motion.keyframe_times[5])

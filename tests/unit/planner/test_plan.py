@@ -56,8 +56,8 @@ def test_another_orientation_is_refused_with_how_far_it_is(times):
     with pytest.raises(StartError) as caught:
         made(at(*WAY, times=times), State.at_rest(exp(0.1 * X)))
     assert str(caught.value) == (
-        "the first keyframe differs from the state the device is commanded to be in: orientation "
-        "by 0.1 rad (5.73 deg); `approach: true` would lead in"
+        "the first keyframe differs from the commanded state of the device: orientation "
+        "by 0.1 rad (5.73 deg); set `approach: true` to plan a lead-in"
     )
 
 
