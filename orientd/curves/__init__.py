@@ -1,8 +1,8 @@
-"""Every family of curves on the rotation group, behind one contract.
+"""All families of curves on the rotation group, with one contract.
 
-``METHODS`` maps the name of a family to its class, which takes the family's parameters as
-keyword arguments; what it makes is a :class:`Curve`.  Importing this imports neither SciPy nor
-any family: each is imported when it is first asked for.
+``METHODS`` maps the name of a family to its class.  The class takes the family's parameters as
+keyword arguments and makes a :class:`Curve`.  Importing this package imports neither SciPy nor any
+family: each family is imported on first use.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ _LONGEST_PIECE = 1.9  # rad
 
 
 class AxisTurn:
-    """A turn with the durations of its seven phases given; they make its jerk and its velocity.
+    """A turn with given durations of its seven phases, which determine its jerk and its velocity.
 
     Attributes:
         duration: of the turn, s.
@@ -26,20 +26,20 @@ class AxisTurn:
         """Make the turn.
 
         Args:
-            q: orientation it begins at, shape ``(4,)``.
+            q: initial orientation, shape ``(4,)``.
             axis: in the body frame, a unit vector.
-            turn: how far, rad.
-            phases: durations, s, shape ``(7,)``: jerk, none, jerk back, cruise, and the mirror
-                image.  Where the first is 0 the acceleration steps.
+            turn: angle, rad.
+            phases: durations, s, shape ``(7,)``: jerk, constant acceleration, opposite jerk,
+                constant velocity, and the mirror image.  If the first is 0 the acceleration steps.
         """
         rise, hold, _, cruise, *_ = phases.tolist()
-        # By how much it turns with an acceleration of 1 in the second phase.
+        # The turn with an acceleration of 1 in the second phase.
         pull = turn / ((rise + hold) * (2.0 * rise + hold + cruise))
         knots, powers = [0.0], []
         angle = rate = 0.0
         for length, sign, begun in zip(phases.tolist(), _SIGNS, _PULLS, strict=True):
             if length > 0.0:
-                # The angle by powers of the time since the phase began.
+                # The angle by powers of the time since the start of the phase.
                 jerk, bend = (sign * pull / rise if rise else 0.0), begun * pull
                 powers.append((angle, rate, 0.5 * bend, jerk / 6.0))
                 angle += length * (rate + length * (0.5 * bend + length * jerk / 6.0))
@@ -72,7 +72,7 @@ class AxisTurn:
         self.trajectory = Trajectory(np.array(breaks), table, self._knots, 2 if rise else 1)
 
     def turned(self, times: Floats) -> Floats:
-        """Return how far it has turned at *times*, rad."""
+        """Return the angle at *times*, rad."""
         at = np.clip(np.searchsorted(self._knots, times, side="right") - 1, 0, len(self._knots) - 2)
         u = times - self._knots[at]
         a, b, c, d = self._powers[at].T

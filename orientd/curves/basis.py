@@ -1,9 +1,9 @@
 r"""B-spline bases on their knot spans, summed to the cumulative bases of Kim, Kim and Shin (1995).
 
-Every basis function is held, span by span, by its Bernstein coefficients: the recurrence of Cox
-and de Boor only ever adds positive terms there, so the values are good to the last digits for any
-order and any ratio of knot intervals.  Derivatives come from their own formulas, not from
-differences of the values, which would cancel on spans much shorter than their neighbours.
+Every basis function is represented on each span by its Bernstein coefficients.  There the
+recurrence of Cox and de Boor only adds positive terms, so the values are precise for any order and
+any ratio of knot intervals.  Derivatives have their own formulas.  Differences of the values would
+cancel on spans much shorter than their neighbours.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from orientd.kernels import fill_basis
 from orientd.rotation import Floats
 
 Indices = NDArray[np.intp]
-"""Whole numbers that count places in an array."""
+"""Integer indices into an array."""
 
 
 @dataclass(frozen=True)
@@ -25,15 +25,16 @@ class CumulativeBasis:
     r"""The cumulative basis functions that vary on each knot span, with two derivatives.
 
     On span *s* they are the *m* functions :math:`\tilde B_{i,k}` with *i* from ``first[s]`` to
-    ``first[s] + m - 1`` (*i* counts from 1, as in the paper); earlier ones are 1 and later ones
-    0 there.
+    ``first[s] + m - 1`` (*i* counts from 1, as in the paper).  Earlier functions are 1 there and
+    later ones 0.
 
     Attributes:
-        breaks: where the spans begin and end, in seconds, shape ``(S + 1,)``.
+        breaks: start and end of the spans, in seconds, shape ``(S + 1,)``.
         first: index of the first function that varies, shape ``(S,)``.
         values: Bernstein coefficients of the functions, shape ``(S, m, m + 1)``.
         rates: Bernstein coefficients of their derivatives, in 1/s, shape ``(S, m, m)``.
-        curvatures: those of their second derivatives, in 1/s^2, shape ``(S, m, max(m - 1, 1))``.
+        curvatures: Bernstein coefficients of their second derivatives, in 1/s^2, shape ``(S, m,
+            max(m - 1, 1))``.
     """
 
     breaks: Floats
@@ -70,10 +71,12 @@ def cumulative_basis(knots: Floats, order: int) -> CumulativeBasis:
     .. math:: \tilde B_{i,k} = \sum_{j \ge i} B_{j,k}, \qquad
               \tilde B_{i,k}' = \frac{k - 1}{t_{i+k-1} - t_i} B_{i,k-1}
 
-    Kim, Kim and Shin (1995), sec. 5.3, after de Boor (1978).  Three readings of the text: the
-    intervals of :math:`B_{i,1}` are half-open (open ones sum to 0 at a knot), the last one
-    closed; the sum runs to *i + k - 2* on the support, not to *i + k*; and the "further
-    reduction" of the derivative to :math:`B_{i,k-1}` holds for knots one apart only.
+    Kim, Kim and Shin (1995), sec. 5.3, after de Boor (1978).  Three corrections of the text:
+
+    - The intervals of :math:`B_{i,1}` are half-open, the last one closed.  Open ones sum to 0 at a
+      knot.
+    - The sum runs to *i + k - 2* on the support, not to *i + k*.
+    - The "further reduction" of the derivative to :math:`B_{i,k-1}` holds only for knots one apart.
 
     Args:
         knots: non-decreasing, at least ``2 * order`` of them.

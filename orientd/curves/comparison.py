@@ -1,6 +1,6 @@
-"""Every family on the same keyframes: the curves, or why there is none, and their figures.
+"""Compare all families on the same keyframes: curves, figures, and reasons if a family cannot.
 
-:func:`measure` says what a curve does: errors, jumps, peaks, effort, length.
+:func:`measure` computes the figures of a curve: errors, jumps, peaks, effort, length.
 """
 
 from __future__ import annotations
@@ -19,22 +19,24 @@ from orientd.errors import PlanError
 from orientd.rotation import Floats, angle
 
 SAMPLES = 1000
-"""Instants at once, by which sampling is timed."""
+"""Times per call when sampling is timed."""
 
 RUNS, PATIENCE = 3, 1.0
-"""The shortest of so many counts; seconds after which no further run is made but the second: the
-first may load and compile."""
+"""Number of timed runs, of which the shortest counts; seconds after which no new run starts.
+
+The second run is always made, because the first may load and compile.
+"""
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 
 PARTS = 16
-"""Into which every piece of a curve is cut: the length has corners where a curve turns back."""
+"""Parts of every piece of a curve; the length needs them, because curves may reverse."""
 
 MET = 1e-9
-"""Rad, or rad/s; a keyframe or a velocity met within this is met."""
+"""Tolerance of a keyframe or a velocity, rad or rad/s."""
 
 JUMP = 1e-6
-"""Of the peak velocity; a smaller jump is rounding."""
+"""Share of the peak velocity below which a jump is rounding."""
 
 Timer = Callable[[], float]
 Watch = Callable[[Sequence[str]], Iterable[str]]
@@ -43,15 +45,15 @@ Made = TypeVar("Made")
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """What was measured of a curve; integrals leave out jumps of the velocity.
+    """Figures of a curve; integrals leave out jumps of the velocity.
 
     Attributes:
         keyframe_error: largest angle to a keyframe at its time, rad.
-        continuity: what the curve declares for its knots: 0, 1 or 2.
+        continuity: continuity of the curve at its knots: 0, 1 or 2.
         velocity_jump: largest jump of the angular velocity at a knot, rad/s.
         acceleration_jump: largest jump of the angular acceleration at a knot, rad/s^2.
-        end_velocity_error: largest difference to a velocity that is wanted at an end, rad/s;
-            ``None`` if none is.
+        end_velocity_error: largest difference to a requested end velocity, rad/s; ``None`` if none
+            is requested.
         peak_velocity: rad/s.
         peak_acceleration: rad/s^2, between the knots.
         effort: integral of the squared angular acceleration, rad^2/s^3.
@@ -82,22 +84,22 @@ class Figures:
 
     @property
     def meets_ends(self) -> bool:
-        """Whether every velocity that is wanted at an end is met; true where none is wanted."""
+        """Whether every requested end velocity is met; true if none is requested."""
         error = self.end_velocity_error
         return error is None or error <= MET * max(1.0, self.peak_velocity)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """A family on a task.
+    """The result of a family on a task.
 
     Attributes:
-        name: of the family.
-        curve: what it made, on the clock of the task; ``None`` where it does not apply.
-        figures: what was measured of it; ``None`` likewise.
-        why_not: why it does not apply; empty where it does.
+        name: name of the family.
+        curve: its curve, on the clock of the task; ``None`` if the family does not apply.
+        figures: figures of the curve; ``None`` if the family does not apply.
+        why_not: why it does not apply; empty if it does.
         build_time: s.
-        sample_time: s for one instant, among a thousand at once.
+        sample_time: s for one time among a thousand in one call.
     """
 
     name: str
@@ -117,15 +119,15 @@ def compare(
     timer: Timer = time.perf_counter,
     watch: Watch = iter,
 ) -> list[Candidate]:
-    """Return every family on *task*, in the order of *families*.
+    """Return the result of every family on *task*, in the order of *families*.
 
     Args:
         task: keyframes, times and end velocities.
         inertia: principal moments about the body's axes, kg m^2, shape ``(3,)``.
         options: by family, further keyword arguments.
-        families: which.
-        timer: tells seconds.
-        watch: passes the names on, each when the one before is done, to show how far it is.
+        families: names of the families.
+        timer: returns seconds.
+        watch: yields the names in order, each after the previous one is done, to show progress.
     """
     found = []
     for name in watch(list(families)):
@@ -143,7 +145,7 @@ def compare(
 
 
 def _timed(run: Callable[[], Made], timer: Timer) -> tuple[Made, float]:
-    """Return what *run* makes, and the shortest time it took."""
+    """Return the result of *run*, and the shortest time that it took."""
     took: list[float] = []
     while len(took) < 2 or (len(took) < RUNS and sum(took) <= PATIENCE):
         begin = timer()
@@ -166,7 +168,7 @@ COLUMNS: Mapping[str, Key] = {
     "build": lambda candidate, _: candidate.build_time,
     "sample": lambda candidate, _: candidate.sample_time,
 }
-"""By what a comparison can be sorted, smallest first."""
+"""Columns by which a comparison can be sorted, smallest first."""
 
 _WITHOUT_JUMPS = ("effort", "torque", "acceleration")
 
@@ -174,13 +176,13 @@ _WITHOUT_JUMPS = ("effort", "torque", "acceleration")
 def ranked(candidates: Sequence[Candidate], column: str = "effort") -> list[Candidate]:
     """Return *candidates* with the best of a column first.
 
-    Curves that do the whole task come first, then those that miss a velocity wanted at an end, then
-    those that only approach the keyframes (both have an easier life), last the families that do not
-    apply.  For acceleration, effort and torque a curve whose velocity jumps, which takes an
-    infinite acceleration, comes after those of its kind whose does not.
+    Curves that fulfil the whole task come first.  Next come those that miss a requested end
+    velocity, then those that only approach the keyframes, since both have an easier task.  Last are
+    the families that do not apply.  For acceleration, effort and torque, curves with velocity
+    jumps, which take an infinite acceleration, come last in their group.
 
     Raises:
-        ValueError: there is no such column.
+        ValueError: the column does not exist.
     """
     if column != "name" and column not in COLUMNS:
         raise ValueError(f"column must be one of name, {', '.join(COLUMNS)}, got {column!r}")
@@ -200,14 +202,14 @@ def ranked(candidates: Sequence[Candidate], column: str = "effort") -> list[Cand
 
 
 def measure(curve: Curve, task: CurveTask, *, inertia: Floats | None = None) -> Figures:
-    """Return the figures of a curve that does a task.
+    """Return the figures of a curve for a task.
 
-    Integrals are by Gauss's rule with ten nodes on each part of a piece of the curve's table.
-    Where a derivative jumps at a knot, both sides count.
+    Integrals use Gauss's rule with ten nodes on each part of a piece of the curve's table.  If a
+    derivative jumps at a knot, both sides count.
 
     Args:
         curve: on the clock of the task.
-        task: what it was asked to do.
+        task: the task of the curve.
         inertia: principal moments about the body's axes, kg m^2, shape ``(3,)``.
     """
     knots = curve.knots
@@ -241,7 +243,7 @@ def _largest(vectors: Floats) -> float:
 
 
 def _integrated(curve: Curve, inertia: Floats | None) -> tuple[Floats, Floats]:
-    """Return the instants of the rules, and length, effort and squared torque by them."""
+    """Return the times of the quadrature, and length, effort and squared torque."""
     breaks = curve.trajectory.breaks
     parts = np.repeat(np.diff(breaks) / PARTS, PARTS)[:, None]
     begins = (
@@ -258,7 +260,7 @@ def _integrated(curve: Curve, inertia: Floats | None) -> tuple[Floats, Floats]:
 
 
 def _peak(vectors: Callable[[Floats], Floats], times: Floats) -> float:
-    """Return the largest length of *vectors*, looked for more closely around the largest found."""
+    """Return the largest length of *vectors*, refined around the largest sample."""
     ordered = np.unique(times)
     lengths = np.linalg.norm(vectors(ordered), axis=-1)
     place = int(np.argmax(lengths))

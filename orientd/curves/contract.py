@@ -1,8 +1,8 @@
-"""What every curve on the rotation group promises, and the families by name.
+"""The contract of every curve on the rotation group, and the families by name.
 
-A family says how the parameters of its own make a curve (:meth:`Curve._solve`) and where the curve
-is at an instant (:meth:`Curve._orientations`).  What families share is here: names and checks of
-the parameters that many take, evaluation, equality.
+A family implements two methods.  :meth:`Curve._solve` makes a curve from its parameters, and
+:meth:`Curve._orientations` evaluates it.  Shared code is here: names and checks of common
+parameters, evaluation, equality.
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 ROUNDING = 8 * float(np.finfo(np.float64).eps)
-"""How far outside its domain, relative to the larger end, a curve still takes an instant."""
+"""Tolerance of the domain, relative to its larger end, for times that are out by rounding."""
 
 _AS_THEY_ARE = (float, int, str, bool, type(None))
 
 _FEW = 8
-"""Numbers that a parameter may have to be shown in full."""
+"""Largest array that an error shows in full."""
 
 FREE: EndState = (None, None)
 Ends = tuple[EndState, EndState]
 
 NEEDED = Parameter.empty
-"""Of a parameter without a default."""
+"""Marks a parameter without a default."""
 
 SHARED = {
     "keys": "unit quaternions ``(w, x, y, z)``, at least two.",
@@ -77,26 +77,26 @@ SHARED = {
     "frame": '``"body"`` or ``"world"``: what velocities and accelerations are given in.',
     "align": "whether each quaternion takes the sign nearer to its predecessor.",
 }
-"""Parameters that many families take, as their docstrings describe them."""
+"""Parameters that many families share, with the text for their docstrings."""
 
 
 class Curve(Family, Drawable):
-    """A curve of orientations over an interval of time.
+    """A curve of orientations over a time interval.
 
     A family takes the keyword arguments that it :attr:`takes`.  Every family also takes ``keys``,
-    ``times`` (``None`` goes by chord length), ``start_velocity`` and ``end_velocity`` (rad/s, in
-    ``velocity_frame``), and ``turns`` (whole turns in each interval);
-    :mod:`orientd.curves.roles` says what they are to it.  Orientations may be ``Rotation``, named
-    quaternions or arrays ``(w, x, y, z)``.
+    ``times`` (``None`` for chord length), ``start_velocity`` and ``end_velocity`` (rad/s, in
+    ``velocity_frame``), and ``turns`` (whole turns in each interval). :mod:`orientd.curves.roles`
+    defines their meaning for a family.  Orientations may be ``Rotation``,
+    :class:`~orientd.rotation.Quaternion` or arrays ``(w, x, y, z)``.
 
-    Curves are equal that are of one family and made of the same parameters.
+    Two curves are equal if they have the same family and parameters.
 
     Attributes:
-        continuity: how many derivatives of the orientation are continuous at the knots for the
-            parameters at hand: 0, 1 or 2.  A single segment has no knots inside and says 2.
-        made_of: the parameters by the family's own names; not to be changed.
+        continuity: number of continuous derivatives of the orientation at the knots for the given
+            parameters: 0, 1 or 2.  A single segment has no inner knots and reports 2.
+        made_of: the parameters by the family's own names; do not change them.
         shared: the parameters that families of one kind share, with their defaults.
-        own: those of the family alone.
+        own: parameters of this family only.
     """
 
     continuity: int
@@ -107,7 +107,7 @@ class Curve(Family, Drawable):
     _ends: Ends = (FREE, FREE)
 
     def __init_subclass__(cls) -> None:
-        """Declare the parameters of a family, and describe those that it shares with others."""
+        """Declare the parameters of a family, and complete its docstring with the shared ones."""
         super().__init_subclass__()
         kind = Parameter.KEYWORD_ONLY
         defaults = {**cls.shared, **cls.own}
@@ -133,13 +133,13 @@ class Curve(Family, Drawable):
         raise NotImplementedError
 
     def _solve(self, *args: Any, **given: Any) -> None:  # noqa: ANN401
-        """Find what :meth:`_orientations` needs, and say the knots: what a family has to do."""
+        """Compute the data of :meth:`_orientations` and set the knots; families implement this."""
         raise NotImplementedError
 
     def _orientations(self, times: Floats) -> Floats:
         """Return quaternions of either sign at *times* inside the domain, shape ``(n, 4)``.
 
-        Velocities and accelerations follow from it.
+        Velocities and accelerations are derived from them.
         """
         raise NotImplementedError
 
@@ -153,35 +153,35 @@ class Curve(Family, Drawable):
 
     @property
     def knots(self) -> Floats:
-        """The increasing instants, in seconds, at which the formula changes, and both ends."""
+        """The times at which the formula changes, and both ends, increasing, in seconds."""
         return self._knots
 
     @property
     def domain(self) -> tuple[float, float]:
-        """The first and the last instant, in seconds, at which the curve is defined."""
+        """The first and the last time of the curve, in seconds."""
         return self._start, self._end
 
     def evaluate(self, times: ArrayLike, *, out: Floats | None = None) -> Samples:
         """Return orientation, body angular velocity and body angular acceleration.
 
-        At a knot the values are those of the segment that begins there, at the end of the domain
-        those of the last segment.
+        At a knot the values belong to the segment that begins there, and at the end of the domain
+        to the last segment.
 
         Args:
-            times: instants in seconds inside :attr:`domain`, any shape, in any order; increasing
-                ones are quickest.
-            out: a C-contiguous float64 array of shape ``(10, n)``, *n* the number of instants, to
-                fill: four rows of orientation, three of angular velocity, three of angular
-                acceleration.  The arrays returned are views of it.  Without it they are new.
+            times: in seconds inside :attr:`domain`, any shape, in any order; increasing times are
+                fastest.
+            out: a C-contiguous float64 array of shape ``(10, n)`` to fill, *n* the number of times:
+                four rows of orientation, three of angular velocity, three of angular acceleration.
+                The returned arrays are views of it.  By default they are new.
 
         Returns:
-            Quaternions ``(..., 4)`` scalar first, whose sign is continuous along the curve;
+            Quaternions ``(..., 4)`` scalar first, with continuous sign along the curve;
             angular velocity ``2 vec(q* q')`` in rad/s in the body frame, ``(..., 3)``; its rate
             in rad/s^2 in the body frame, ``(..., 3)``; leading axes as in *times*.
 
         Raises:
-            ValueError: an instant is outside the domain (rounding apart) or not a number, or
-                *out* does not fit.
+            ValueError: a time is outside the domain (apart from rounding) or NaN, or *out* does not
+                fit.
         """
         instants = np.asarray(times, dtype=np.float64)
         flat = self._inside(instants.reshape(-1))
@@ -199,7 +199,7 @@ class Curve(Family, Drawable):
         return q.reshape(*shape, 4), omega_body.reshape(*shape, 3), alpha_body.reshape(*shape, 3)
 
     def __call__(self, times: ArrayLike) -> Rotation:
-        """Return the orientations at *times* (s, one or a row) as a ``Rotation`` of SciPy.
+        """Return the orientations at *times* (s, one or a row) as a SciPy ``Rotation``.
 
         Raises:
             ValueError: an instant is outside the domain or not a number.
@@ -222,17 +222,17 @@ class Curve(Family, Drawable):
         return f"<{type(self).__name__}: {', '.join(parts)}>"
 
     def ends(self) -> Samples:
-        """Return what :meth:`evaluate` does at both ends of the domain."""
+        """Return the result of :meth:`evaluate` at both ends of the domain."""
         return self.evaluate(np.array(self.domain))
 
     @cached_property
     def trajectory(self) -> Trajectory:
-        """The table that the curve is sampled from, fitted when it is first needed."""
+        """The table of the curve for sampling, fitted on first use."""
         fitted = Trajectory.fit(self._orientations, self._knots, continuity=self.continuity)
         return fitted.pinned(*self._ends)
 
     def _inside(self, times: Floats) -> Floats:
-        """Return *times* with rounding beyond the ends cut off, refusing more than that."""
+        """Return *times* clipped to the domain if they are out by rounding; refuse others."""
         is_outside = ~((times >= self._start - self._slack) & (times <= self._end + self._slack))
         if is_outside.any():
             worst = float(times[int(np.argmax(is_outside))])
@@ -243,7 +243,7 @@ class Curve(Family, Drawable):
         return clipped
 
     def _shares(self, times: Floats) -> tuple[np.ndarray[tuple[int], np.dtype[np.intp]], Floats]:
-        """Return the knot span of each instant, the last closed at its end, and where in it."""
+        """Return the knot span of each time, and the place in it; the last span is closed."""
         span: np.ndarray[tuple[int], np.dtype[np.intp]] = np.searchsorted(
             self._knots[1:-1], times, side="right"
         )
@@ -252,7 +252,7 @@ class Curve(Family, Drawable):
 
 
 class Between(Curve):
-    """A curve that joins two orientations; ``_solve`` gets both and the interval."""
+    """A curve between two orientations; ``_solve`` gets both and the interval."""
 
     interpolates = True
     shared: ClassVar[Mapping[str, Any]] = {"q0": NEEDED, "q1": NEEDED, "t0": 0.0, "t1": 1.0}
@@ -263,7 +263,7 @@ class Between(Curve):
 
 
 class Drawn(Curve):
-    """A curve that control quaternions draw; ``_solve`` gets them, checked and aligned."""
+    """A curve from control quaternions; ``_solve`` gets them checked and aligned."""
 
     shared: ClassVar[Mapping[str, Any]] = {"control": NEEDED, "align": True}
 
@@ -283,7 +283,7 @@ class DrawnOverKnots(Curve):
 
 
 class Through(Curve):
-    """A curve through keyframes; ``_solve`` gets them, checked and aligned, and their instants."""
+    """A curve through keyframes; ``_solve`` gets them checked and aligned, with their times."""
 
     interpolates = True
     fewest: ClassVar[int] = 2
@@ -302,7 +302,7 @@ class Through(Curve):
 
 
 class WithEndVelocities(Through):
-    """A curve through keyframes with conditions at its ends, which ``_solve`` gets last."""
+    """A curve through keyframes with end conditions, which ``_solve`` gets last."""
 
     meets_end_velocities = True
     conditions: ClassVar[Mapping[str, tuple[int, int]]] = VELOCITY_ENDS
@@ -329,13 +329,13 @@ class WithEndVelocities(Through):
 
 
 def prescribed(ends: Ends) -> Ends:
-    """Return what to pin at both ends: a free one has no acceleration."""
+    """Return the conditions at both ends: a free end has zero acceleration."""
     free = None, np.zeros(3)
     return free if ends[0][0] is None else ends[0], free if ends[1][0] is None else ends[1]
 
 
 class WithEndStates(WithEndVelocities):
-    """A curve through keyframes whose ends may have accelerations, too."""
+    """A curve through keyframes whose ends may also have accelerations."""
 
     conditions = STATE_ENDS
     shared: ClassVar[Mapping[str, Any]] = {
@@ -346,7 +346,7 @@ class WithEndStates(WithEndVelocities):
 
 
 def _described(text: str, takes: tuple[str, ...]) -> str:
-    """Return the docstring of a family with the parameters that it shares with others in it."""
+    """Return the docstring of a family with its shared parameters added."""
     text, _, errors = text.rstrip().partition("\n\n    Raises:\n")
     text, _, own = text.partition("\n\n    Args:\n")
     entries = [
@@ -360,7 +360,7 @@ def _described(text: str, takes: tuple[str, ...]) -> str:
 
 
 def _kept(value: object) -> object:
-    """Return a parameter that nobody else can change."""
+    """Return an immutable parameter."""
     if isinstance(value, list | tuple):
         value = np.array(value)
     elif isinstance(value, np.ndarray):
@@ -372,7 +372,7 @@ def _kept(value: object) -> object:
 
 
 def _in_short(value: object) -> str:
-    """Return a parameter in a few words."""
+    """Return a short text of a parameter."""
     if not isinstance(value, np.ndarray) or value.size <= _FEW:
         return repr(value.tolist() if isinstance(value, np.ndarray) else value)
     return f"array of shape {value.shape}"
@@ -405,11 +405,11 @@ _HOMES = {
     "min_acceleration": ("min_acceleration", "MinAcceleration"),
     "minimum_effort": ("minimum_effort", "MinimumEffort"),
 }
-"""The module of each family in this package, and its class there."""
+"""Module and class of each family in this package."""
 
 
 class Families(Mapping[str, type[Curve]]):
-    """The names of all families, each with its class, imported when it is first asked for."""
+    """The classes of all families by name, each imported on first use."""
 
     def __getitem__(self, name: str) -> type[Curve]:
         return _family(*_HOMES[name])
@@ -431,4 +431,4 @@ def _family(home: str, written_as: str) -> type[Curve]:
 
 
 METHODS: Mapping[str, type[Curve]] = Families()
-"""Every family by its name, imported when it is first asked for."""
+"""Every family by its name, imported on first use."""

@@ -1,13 +1,13 @@
-r"""Fit a spline to orientations that were measured: noisy, uneven, with gaps and outliers.
+r"""Fit a spline to measured orientations with noise, gaps, outliers and uneven times.
 
-The curve is the C2 cumulative cubic B-spline of Kim, Kim and Shin (1995), sec. 5.3, which only
-comes near the samples; it has knots where an error bound asks for them.  What is bounded is the
-angle between the curve and the *filtered* samples: residuals averaged over so many neighbours that
-noise no longer matters.  A single sample may be further away by its own noise.
+The curve is the C2 cumulative cubic B-spline of Kim, Kim and Shin (1995), sec. 5.3, which
+approximates the samples.  It has as many knots as an error bound requires.  The bound applies to
+the angle between the curve and the *filtered* samples: residuals averaged over enough neighbours to
+suppress the noise. A single sample may be further away by its own noise.
 
-The turning itself is nowhere known, and nothing is promised of it.  Of forty recordings with half a
-degree of noise, fitted within a bound of one degree, every curve was within one degree of it, but
-for half a second without samples and a tenth of a second on either side: there, 1.4 at the most.
+The true rotation is unknown, so there is no guarantee about it.  In a test, forty recordings with
+half a degree of noise were fitted within one degree.  Every curve was within one degree of the true
+rotation, except around half a second without samples: there the error was at most 1.4 degrees.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from orientd.errors import PlanError
 from orientd.rotation import Floats, align, angle, conjugate, exp, log, multiply, rotate, slerp
 
 FEWEST = 8
-"""Samples that a fit needs."""
+"""Fewest samples of a fit."""
 
 _NORMS = (0.5, 2.0)
 _WILD = 6.0
-"""Standard deviations of the noise, beyond which a sample is wild."""
+"""Standard deviations of the noise beyond which a sample is an outlier."""
 
 _LEAST_WILD = 2e-3
-"""rad; nearer than this to its neighbours no sample is wild, however little noise there is."""
+"""Rad; a sample closer than this to its neighbours is no outlier, however small the noise is."""
 
 _PASSES = 20
 _GAUSSIAN = 1.4826  # standard deviations in a median of absolute deviations
@@ -41,22 +41,22 @@ ORDER = 4
 DEFAULT_TOLERANCE = math.radians(1.0)
 
 _NOISE_SHARE = 0.3
-"""Of the bound, that filtered noise may take."""
+"""Share of the bound for filtered noise."""
 
 _MOST_AVERAGED = 15
-"""Neighbours in the filter, so that it leaves what moves."""
+"""Most neighbours in the filter, so that it does not smooth the motion."""
 
 _TARGET = 0.65
-"""Of the bound, up to which knots are left as few as they are: the rest is for noise."""
+"""Share of the bound up to which few knots are enough: the rest is for noise."""
 
 _LONGEST_STEP = 1.0
-"""Between two control quaternions, rad: well below where the logarithm has its cut."""
+"""Largest angle between two control quaternions, rad: well below the cut of the logarithm."""
 
 _FEWEST = 4
-"""Samples in a span that may be cut in two."""
+"""Fewest samples in a span that may be divided."""
 
 _SMOOTHING, _RIDGE = 1e-7, 1e-9
-"""Weight of squared second differences, and of what nothing else determines, of the largest sum."""
+"""Relative weights of squared second differences, and of undetermined directions."""
 _ITERATIONS = 12
 _ROUNDS = 24
 
@@ -67,9 +67,9 @@ class Measured:
 
     Attributes:
         times: increasing, s, shape ``(n,)``.
-        q: unit quaternions, the signs of neighbours alike, shape ``(n, 4)``.
+        q: unit quaternions with aligned signs, shape ``(n, 4)``.
         noise: standard deviation of the noise about each axis, rad.
-        left_out: samples that were missing, repeated or wild.
+        left_out: number of missing, repeated and outlying samples.
     """
 
     times: Floats
@@ -80,14 +80,14 @@ class Measured:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """A spline that was fitted.
+    """A fitted spline.
 
     Attributes:
         control: control quaternions, shape ``(m, 4)``.
         knots: fourfold at both ends, s, shape ``(m + 4,)``.
-        samples: what it was fitted to, in order, without those that were left out.
+        samples: the fitted samples, in order.
         errors: angles between the curve and the filtered samples, rad.
-        averaged: samples that the filter averages.
+        averaged: number of samples that the filter averages.
     """
 
     control: Floats
@@ -108,17 +108,17 @@ class Fit:
 
     @property
     def seconds(self) -> float:
-        """How long it takes, s."""
+        """Duration, s."""
         return float(self.knots[-1] - self.knots[0])
 
     @property
     def knot_count(self) -> int:
-        """How many different knots there are."""
+        """Number of different knots."""
         return len(np.unique(self.knots))
 
     @property
     def times(self) -> Floats:
-        """Instants that the control quaternions belong to: averages of their knots, s."""
+        """Times of the control quaternions: averages of their knots, s."""
         window = np.lib.stride_tricks.sliding_window_view(self.knots[1:-1], ORDER - 1)
         times: Floats = np.mean(window, axis=1)
         times[0], times[-1] = self.knots[0], self.knots[-1]
@@ -128,12 +128,12 @@ class Fit:
 def fit_orientations(
     times: ArrayLike, q: ArrayLike, *, tolerance: float = DEFAULT_TOLERANCE
 ) -> Fit:
-    """Return a spline that stays near measured orientations, with knots where these ask for them.
+    """Return a spline that stays near measured orientations, with knots where they are needed.
 
     Args:
         times: of the samples, s, shape ``(n,)``; in any order, with gaps.
-        q: orientations ``(w, x, y, z)`` of either sign, shape ``(n, 4)``; what is not finite or
-            nowhere near unit norm counts as missing, what is far from its neighbours too.
+        q: orientations ``(w, x, y, z)`` of either sign, shape ``(n, 4)``.  Samples that are not
+            finite, not nearly of unit norm, or far from their neighbours count as missing.
         tolerance: largest angle between curve and filtered samples, rad.
 
     Raises:
@@ -161,8 +161,8 @@ class _Fitter:
     """One call of :func:`fit_orientations`.
 
     Attributes:
-        samples: to stay near.
-        averaged: neighbours that residuals are averaged over.
+        samples: the samples to fit.
+        averaged: number of neighbours over which residuals are averaged.
         target: largest averaged residual, rad.
     """
 
@@ -174,7 +174,7 @@ class _Fitter:
         """Return a fit that meets the target as far as there are samples for its knots."""
         times = self.samples.times
         count = max(1, math.ceil(self._travel() / _LONGEST_STEP))
-        # Every span begins with as many samples as any other.
+        # At first, all spans have equally many samples.
         breaks = np.quantile(times, np.linspace(0.0, 1.0, count + 1))
         breaks = np.unique(breaks)
         fitted = self.fitted(breaks)
@@ -184,7 +184,7 @@ class _Fitter:
             worst = np.zeros(len(breaks) - 1)
             np.maximum.at(worst, span, fitted.errors)
             steps = angle(fitted.control[1:], fitted.control[:-1])
-            # A step of the control polygon is felt in the three spans around it.
+            # A step of the control polygon affects the three spans around it.
             longest = np.max(np.stack([steps[:-2], steps[1:-1], steps[2:]]), axis=0)
             held = np.bincount(span, minlength=len(worst))
             is_cut = ((worst > self.target) | (longest > 1.5 * _LONGEST_STEP)) & (held >= _FEWEST)
@@ -198,10 +198,10 @@ class _Fitter:
         return fitted
 
     def trimmed(self, fitted: Fit) -> Fit:
-        """Return the same curve without its very ends, where noise has its way with a fit.
+        """Return the same curve without its ends, where noise dominates a fit.
 
-        As many samples as the filter averages are left away on either side.  The curve over fewer
-        knots is fitted to this one, from which it differs by the curvature of the group alone.
+        The cut at each side has as many samples as the filter averages.  The curve over fewer knots
+        is fitted to this one, and differs from it only by the curvature of the group.
         """
         times, breaks = self.samples.times, _breaks(fitted)
         cut = self.averaged
@@ -210,7 +210,7 @@ class _Fitter:
         begin, end = times[cut], times[-1 - cut]
         inner = breaks[(breaks > begin) & (breaks < end)]
         shorter = np.concatenate([[begin], inner, [end]])
-        # Four instants in the shortest span, or its control quaternions would be left open.
+        # Four times in the shortest span, or its control quaternions would be undetermined.
         marks = (shorter[:-1, None] + np.diff(shorter)[:, None] * np.linspace(0, 1, 9)).ravel()
         instants = np.unique(np.concatenate([times[cut : len(times) - cut], marks]))
         q = fitted.curve.evaluate(instants)[0]
@@ -225,11 +225,11 @@ class _Fitter:
         return replace(copy, samples=kept, errors=errors, averaged=self.averaged)
 
     def fitted(self, breaks: Floats, before: Fit | None = None) -> Fit:
-        r"""Return the spline over *breaks* nearest to the samples, the squares of angles summed.
+        r"""Return the spline over *breaks* nearest to the samples, by least squares of angles.
 
         Turning every control quaternion *j* by a small :math:`\delta_j` in the world frame turns
-        the curve by :math:`\sum_j B_j(t)\, \delta_j`, but for the curvature of the group: the
-        steps to the solution are those of a linear fit, repeated.
+        the curve by :math:`\sum_j B_j(t)\, \delta_j`, apart from the curvature of the group.  So
+        the iteration repeats a linear fit.
         """
         times, q = self.samples.times, self.samples.q
         knots = np.concatenate([np.repeat(breaks[0], 3), breaks, np.repeat(breaks[-1], 3)])
@@ -264,7 +264,7 @@ class _Fitter:
         return replace(fit, control=control, errors=errors)
 
     def _guess(self, times: Floats, before: Fit | None) -> Floats:
-        """Return orientations at *times*: of a fit that there is already, or of samples."""
+        """Return orientations at *times*, from an existing fit or from samples."""
         if before is not None:
             return before.curve.evaluate(times)[0]
         known = self.samples.times
@@ -279,7 +279,7 @@ class _Fitter:
         return log(multiply(self.samples.q, conjugate(q)))
 
     def _travel(self) -> float:
-        """Return about how far the samples turn altogether, without their noise, rad."""
+        """Return the approximate total turn of the samples, without their noise, rad."""
         q = self.samples.q[:: max(1, self.averaged)]
         return float(np.sum(angle(q[1:], q[:-1])))
 
@@ -297,11 +297,11 @@ def averages(vectors: Floats, count: int) -> Floats:
     half = count // 2
     sums = np.concatenate([np.zeros((1, vectors.shape[1])), np.cumsum(vectors, axis=0)])
     place = np.arange(len(vectors))
-    # As many on one side as on the other, or a slope would pass for an offset.
+    # As many on one side as on the other, or a slope would look like an offset.
     reach = np.minimum(np.minimum(place, len(vectors) - 1 - place), half)
     first, last = place - reach, place + reach + 1
     means: Floats = (sums[last] - sums[first]) / (last - first)[:, None]
-    # The outermost have no neighbours on one side, and nothing to average their noise with.
+    # The outermost samples have neighbours on one side only, so their noise cannot be averaged.
     edge = min(half, (len(vectors) - 1) // 2)
     means[:edge], means[len(vectors) - edge :] = means[edge], means[len(vectors) - 1 - edge]
     return means
@@ -312,17 +312,17 @@ def _breaks(fit: Fit) -> Floats:
 
 
 def clean(times: ArrayLike, q: ArrayLike) -> Measured:
-    """Return samples in order, without those that are missing, repeated or wild.
+    """Return samples in order, without missing, repeated and outlying ones.
 
-    A sample is held against the cubic through two neighbours on either side; a wild one is further
-    from it than the noise of all explains.
+    Each sample is compared with the cubic through two neighbours on either side.  An outlier is
+    further from it than the noise of all samples explains.
 
     Args:
         times: s, shape ``(n,)``, in any order.
         q: orientations ``(w, x, y, z)`` of either sign, shape ``(n, 4)``.
 
     Raises:
-        ValueError: the shapes are not as said.
+        ValueError: the shapes are wrong.
         PlanError: fewer than :data:`FEWEST` samples are left.
     """
     instants, found = np.asarray(times, dtype=np.float64), np.asarray(q, dtype=np.float64)
@@ -331,7 +331,7 @@ def clean(times: ArrayLike, q: ArrayLike) -> Measured:
             f"times and q must have shapes (n,) and (n, 4), got {instants.shape} and {found.shape}"
         )
     given = len(instants)
-    with np.errstate(over="ignore"):  # what is out of all range is left out
+    with np.errstate(over="ignore"):  # samples out of range are left out
         norms = np.sqrt(np.sum(found * found, axis=-1))
     is_there = np.isfinite(instants) & (norms > _NORMS[0]) & (norms < _NORMS[1])
     instants, found = instants[is_there], found[is_there] / norms[is_there, None]
@@ -345,15 +345,15 @@ def clean(times: ArrayLike, q: ArrayLike) -> Measured:
         noise = _GAUSSIAN * float(np.median(np.abs(misses / spread[:, None])))
         size = np.sqrt(np.sum(misses**2, axis=-1))
         excess = size / np.maximum(_WILD * noise * spread, _LEAST_WILD)
-        # The neighbours of a wild sample miss their cubics too, but by less.
+        # The neighbours of an outlier miss their cubics too, but by less.
         around = np.lib.stride_tricks.sliding_window_view(np.pad(excess, 2), 5).max(axis=1)
         is_wild = (excess > 1.0) & (excess >= around)
         if not is_wild.any():
             break
         keep = np.ones(len(instants), dtype=bool)
         keep[2:-2] = ~is_wild
-        # The two outermost have no cubic of their own: whether it is they that are wild or the next
-        # one cannot be said, and if they stayed the next ones would go one after the other.
+        # The two outermost samples have no cubic of their own.  An outlier among them looks the
+        # same as one next to them, and keeping them would remove the next ones one by one.
         keep[:2] &= not is_wild[0]
         keep[-2:] &= not is_wild[-1]
         instants, found = instants[keep], found[keep]
@@ -361,10 +361,10 @@ def clean(times: ArrayLike, q: ArrayLike) -> Measured:
 
 
 def _misses(times: Floats, q: Floats) -> tuple[Floats, Floats]:
-    """Return by how much samples miss the cubic through their neighbours, two on either side.
+    """Return the deviation of samples from the cubic through two neighbours on either side.
 
     Returns:
-        Turns in rad, shape ``(n - 4, 3)``, and how much noise is amplified in each, ``(n - 4,)``.
+        Turns in rad, shape ``(n - 4, 3)``, and the noise amplification of each, ``(n - 4,)``.
     """
     count = len(times) - 4
     here = slice(2, 2 + count)

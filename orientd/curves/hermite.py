@@ -1,4 +1,4 @@
-"""Hermite curves of Kim, Kim and Shin (1995): states of motion at both ends, joined by products."""
+"""Hermite curves of Kim, Kim and Shin (1995): products that join states of motion at both ends."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LEAST = "least"
 
 
 class HermiteSegment(Product):
-    """One segment with states of motion given at both ends, in the body frame to ``_solve``."""
+    """One segment with given states of motion at its ends; ``_solve`` gets body components."""
 
     interpolates = True
     meets_end_velocities = True
@@ -59,8 +59,8 @@ class HermiteSegment(Product):
         if check_bool(align, "align"):
             start, end = align_signs(np.stack([start, end]))
         is_world = check_choice(frame, "frame", FRAMES) == "world"
-        # An acceleration changes frame as a velocity does: the velocity's cross product with itself
-        # is zero.
+        # An acceleration changes frame as a velocity does, because the velocity's cross product
+        # with itself is zero.
         for name in ("omega0", "omega1", "alpha0", "alpha1"):
             if name in own:
                 vector = check_vector(own[name], name)
@@ -85,11 +85,11 @@ class HermiteSegment(Product):
         Kim, Kim and Shin (1995), sec. 5.2.  An odd number ends at the negated quaternion, which is
         the same orientation.
 
-        The best number is that of least effort, the integral of the squared angular acceleration;
-        every one is tried that the outer increments could drive, up to
-        :math:`\sum \|w_i\| / \pi + 2` either way.  No formula will do: rounding the middle
-        increment to half of what the ends bring finds the best number in five cases of six at
-        5 rad/s over a second, and in one of ten at 50.
+        The best number has the least effort, the integral of the squared angular acceleration.  The
+        search tries every number that the outer increments could drive, up to :math:`\sum \|w_i\| /
+        \pi + 2` either way.  No simple formula is reliable.  Rounding the middle
+        increment to half of the outer ones finds the best number in five of six cases at 5 rad/s
+        over a second, but in one of ten at 50 rad/s.
         """
         order = len(vectors) + 1
         basis = cumulative_basis(np.repeat(interval, order), order)
@@ -121,7 +121,7 @@ class HermiteSegment(Product):
             outer = np.delete(vectors, middle, axis=0)
             most = math.ceil(float(np.sum(np.linalg.norm(outer, axis=-1))) / math.pi) + 2
             times, least = np.linspace(*interval, 5 + 2 * most), math.inf
-            # From few turns to many: of equals, the fewest.
+            # From few turns to many: among equals, the fewest.
             for count in sorted(range(-most, most + 1), key=abs):
                 tried = parts(count)
                 effort = squared_acceleration(product_trajectory(basis.breaks, tried).sample, times)
@@ -139,18 +139,18 @@ class KksHermite(HermiteSegment):
         w_2 = \log\bigl(\exp(w_1)^{-1} q_0^{-1} q_1 \exp(w_3)^{-1}\bigr)
 
     Kim, Kim and Shin (1995), sec. 5.2.  Their velocities are half the physical ones over a unit
-    interval, hence :math:`h/6`.  The appendix forgets to invert :math:`\exp(w_3)` and uses
+    interval, hence :math:`h/6`.  The appendix omits the inverse of :math:`\exp(w_3)` and uses
     :math:`w_3` before it is set; the body of the paper has it right.
 
-    The paper calls the global frame "simply notational".  That is so for velocities given in the
-    world frame, which *frame* converts.  Reversing the order of the product is another matter: it
-    gives a different curve with the same end conditions, which *product* ``"global"`` selects.
+    The paper calls the global frame "simply notational".  That holds for velocities in the world
+    frame, which *frame* converts.  Reversing the order of the product is different: it gives
+    another curve with the same end conditions, which *product* ``"global"`` selects.
 
     Picture: ``orientd plot kks_hermite``.
 
     Args:
-        revolutions: whole turns added about the axis of the middle factor; fast ends call for
-            some, or the curve has to wind back; ``"least"`` scans for the number of least effort.
+        revolutions: whole turns added about the axis of the middle factor.  Fast ends need some, or
+            the curve has to wind back.  ``"least"`` finds the number of least effort.
         product: ``"local"``, body increments multiplied from the right, or ``"global"``, world
             increments multiplied from the left.
         align: whether *q1* takes the sign nearer to *q0*.
@@ -187,8 +187,8 @@ class KksHermite(HermiteSegment):
 class KksQuinticHermite(HermiteSegment):
     r"""Join two complete states of motion: orientation, angular velocity and acceleration.
 
-    An extension of the cubic Hermite curve of Kim, Kim and Shin (1995), sec. 5.2, which they do
-    not give: the cumulative Bernstein basis of degree 5, with
+    An extension of the cubic Hermite curve of Kim, Kim and Shin (1995), sec. 5.2, which the paper
+    does not have: the cumulative Bernstein basis of degree 5, with
 
     .. math::
         q(t) &= q_0 \prod_{i=1}^5 \exp(w_i \tilde\beta_{i,5}(u)), \\
@@ -198,8 +198,8 @@ class KksQuinticHermite(HermiteSegment):
         w_3 &= \log\bigl(\exp(-w_2) \exp(-w_1) q_0^{-1} q_1 \exp(-w_5) \exp(-w_4)\bigr).
 
     At the start only :math:`\tilde\beta_1' = 5/h` and :math:`\tilde\beta_2'' = -\tilde\beta_1'' =
-    20/h^2` differ from zero, so velocity and acceleration there are :math:`2 (5/h) w_1` and
-    :math:`2 (20/h^2) (w_2 - w_1)`; at the end the same holds of the last two factors, with the
+    20/h^2` differ from zero.  So velocity and acceleration there are :math:`2 (5/h) w_1` and
+    :math:`2 (20/h^2) (w_2 - w_1)`.  The same holds at the end for the last two factors, with the
     turn of the last one between them.
 
     Picture: ``orientd plot kks_quintic_hermite``.
@@ -207,8 +207,8 @@ class KksQuinticHermite(HermiteSegment):
     Args:
         alpha0: angular acceleration at *t0*, rad/s^2, in *frame*.
         alpha1: angular acceleration at *t1*, rad/s^2, in *frame*.
-        revolutions: whole turns added about the axis of the middle factor; ``"least"`` scans for
-            the number of least effort.
+        revolutions: whole turns added about the axis of the middle factor; ``"least"`` finds the
+            number of least effort.
         align: whether *q1* takes the sign nearer to *q0*.
     """
 
@@ -253,10 +253,10 @@ class KksHermiteSpline(Product, Through):
               \exp\bigl(w_2 \tilde\beta_2(u)\bigr) \exp\bigl(w_3 \tilde\beta_3(u)\bigr),
               \quad u = (t - t_i) / h
 
-    Each segment is the curve of Kim, Kim and Shin (1995), sec. 5.2, with
-    :math:`w_1 = h v_i / 3`, :math:`w_3 = h v_{i+1} / 3`, where :math:`v_i` is half the angular
-    velocity at keyframe *i*, which the paper leaves open; *rule* names the estimate
-    (:func:`orientd.curves.hermite.half_velocities`).
+    Each segment is the curve of Kim, Kim and Shin (1995), sec. 5.2, with :math:`w_1 = h v_i / 3`,
+    :math:`w_3 = h v_{i+1} / 3`.  :math:`v_i` is half the angular velocity at keyframe *i*, which
+    the paper leaves open.  *rule* names its estimate, see
+    :func:`orientd.curves.hermite.half_velocities`.
 
     Picture: ``orientd plot kks_hermite_spline``.
 
@@ -305,13 +305,16 @@ class KksHermiteSpline(Product, Through):
 
 
 def half_velocities(keys: Floats, times: Floats, rule: str) -> Floats:
-    r"""Return half the body angular velocity to give each keyframe.
+    r"""Return half the body angular velocity at each keyframe.
 
-    With :math:`L_i = \log(q_i^{-1} q_{i+1})` and :math:`h_i = t_{i+1} - t_i`, ``"parabola"`` is the
-    slope of the parabola through three keyframes,
-    :math:`(h_{i-1} L_i / h_i + h_i L_{i-1} / h_{i-1}) / (h_{i-1} + h_i)`; ``"mean"`` is the mean of
-    the two rates; ``"chord"`` is :math:`\log(q_{i-1}^{-1} q_{i+1}) / (h_{i-1} + h_i)`.  At the ends
-    it is the rate of the end segment.
+    Let :math:`L_i = \log(q_i^{-1} q_{i+1})` and :math:`h_i = t_{i+1} - t_i`.
+
+    - ``"parabola"`` is the slope of the parabola through three keyframes,
+      :math:`(h_{i-1} L_i / h_i + h_i L_{i-1} / h_{i-1}) / (h_{i-1} + h_i)`.
+    - ``"mean"`` is the mean of the two rates.
+    - ``"chord"`` is :math:`\log(q_{i-1}^{-1} q_{i+1}) / (h_{i-1} + h_i)`.
+
+    At the ends all of them are the rate of the end segment.
 
     Returns:
         Half-angle rates in rad/s in the body frame at each keyframe, shape ``(n, 3)``.

@@ -1,8 +1,9 @@
-"""Nielson's families whose first inner control point decides the whole curve, and its search.
+"""Nielson's families with a free first inner control point, and the search for it.
 
-Nielson and Shieh's circle spline joins arcs of circles, the spherical quadratic joins triangles of
-slerps over three points.  In both every inner control point follows from the one before it.  If the
-caller gives no first one, a multistart finds the one that minimises a criterion of the papers.
+Nielson and Shieh's circle spline joins arcs of circles.  The spherical quadratic joins triangles of
+slerps over three points.  In both, each inner control point follows from the one before it, so the
+first one determines the whole curve.  If the caller gives no first one, a multistart search
+minimises a criterion of the papers.
 """
 
 from __future__ import annotations
@@ -36,27 +37,26 @@ from orientd.rotation import (
 )
 
 GRID = 600
-"""First tangents that the search for a circle spline looks at."""
+"""First tangents in the search for a circle spline."""
 
 SCREENED = 512
-"""Pairs of first points that the search for a spherical quadratic looks at."""
+"""Pairs of first points in the search for a spherical quadratic."""
 
 WORK = 65536
-"""Long chains are screened with fewer candidates: their number times length stays below this."""
+"""Bound of candidates times length: long chains are screened with fewer candidates."""
 
 KINKS = 64
-"""Of so many keyframes at most, the places at which the polygon's length has a kink are looked at.
-"""
+"""Most keyframes for which the search also examines corners of the polygon's length."""
 
 AROUND = 32
-"""Places along a kink from which a search for a minimum on it may start."""
+"""Places along such a corner from which the search for a minimum may start."""
 
 ROUNDS = 200
 """Corners that the search for the inside of a cone takes in one after the other, at most."""
 
 STARTS = 10
 LONGEST = 2000
-"""Long chains descend from fewer starts: their number times length stays below this."""
+"""Bound of starts times length: long chains descend from fewer starts."""
 
 
 class NielsonShieh(Through):
@@ -66,45 +66,46 @@ class NielsonShieh(Through):
               {(1-t)^2 + 2 w_i (1-t) t + t^2}, \quad
               w_i = \pm\sqrt{\frac{1 - q_i \cdot q_{i+1}}{2 (\|M_i\|^2 - 1)}}
 
-    Nielson (1993), eqs. 10 to 15, whose denominator prints :math:`w_i^2 (1-t) t`; the middle term
-    is :math:`2 w_i (1-t) t`, and the curve has unit norm with it only.  The inner control
-    point :math:`M_i` is where the tangents at both keyframes meet; keyframe *i* lies on the line
-    through :math:`M_{i-1}` and :math:`M_i` (the text says the next one).  With the unit tangent
-    :math:`T_i` at keyframe *i* and the chord :math:`d_i = \|q_{i+1} - q_i\|` everything follows
-    without an inner point at infinity: the tangent is mirrored across each chord,
-    :math:`T_{i+1} = 2 (T_i \cdot n_i) n_i - T_i`, and :math:`w_i = T_i \cdot q_{i+1} / d_i`,
-    :math:`w_i M_i = w_i q_i + \tfrac12 d_i T_i`.
+    Nielson (1993), eqs. 10 to 15.  The printed denominator has :math:`w_i^2 (1-t) t`; the curve has
+    unit norm only with the middle term :math:`2 w_i (1-t) t`.  The inner control point :math:`M_i`
+    is the intersection of the tangents at both keyframes.  Keyframe *i* lies on the line through
+    :math:`M_{i-1}` and :math:`M_i` (the text says the next one).
 
-    So the first tangent, or the first inner control point, decides the whole curve.  Equation 12
+    Let :math:`T_i` be the unit tangent at keyframe *i* and :math:`d_i = \|q_{i+1} - q_i\|` the
+    chord.  The following formulas need no inner point at infinity.  The tangent is mirrored across
+    each chord, :math:`T_{i+1} = 2 (T_i \cdot n_i) n_i - T_i`, and :math:`w_i = T_i \cdot q_{i+1} /
+    d_i`, :math:`w_i M_i = w_i q_i + \tfrac12 d_i T_i`.
+
+    So the first tangent, or the first inner control point, determines the whole curve.  Equation 12
     makes three points collinear, but does not put the keyframe between the inner control points.
-    If it is outside, the weight turns negative and the arc is the complementary one, the long way
-    around.
-    Whether a first tangent without negative weights exists is decided by the intersection of as
-    many half spaces of three dimensions as there are arcs: for random keyframes in 88 % of cases
-    with 5 of them, 34 % with 8, 12 % with 10, none with 20; for densely sampled smooth paths in
-    most.
+    If it is outside, the weight is negative and the arc is the complementary one, the long way
+    around.  A first tangent without negative weights exists if as many half spaces of three
+    dimensions as there are arcs intersect.  For random keyframes this holds in 88 % of cases with 5
+    of them, 34 % with 8, 12 % with 10, and none with 20.  For densely sampled smooth paths it holds
+    in most cases.
 
-    The arcs join with the same tangent but not the same speed: the C1 the paper claims needs its
-    :math:`t = s / (a_i + (1 - a_i) s)` (eq. 15) with
-    :math:`a_i a_{i+1} = (d_{i+1}/h_{i+1}) / (d_i/h_i)`, of which :math:`a_1` is free.  Their
-    logarithms add up with alternating signs, so over many intervals out of proportion to their
-    chords they drift apart and the speed within the arcs becomes uneven without bound.
+    The arcs join with the same tangent but not the same speed.  The C1 continuity that the paper
+    claims needs its :math:`t = s / (a_i + (1 - a_i) s)` (eq. 15) with :math:`a_i a_{i+1} =
+    (d_{i+1}/h_{i+1}) / (d_i/h_i)`, where :math:`a_1` is free.  The logarithms of *a* add up with
+    alternating signs.  If many intervals are out of proportion to their chords, these drift apart,
+    and the speed within the arcs becomes arbitrarily uneven.
 
     Picture: ``orientd plot nielson_shieh``.
 
     Args:
         keys: unit quaternions ``(w, x, y, z)``, at least two, neighbours different.
         M1: the first inner control point, a point of four-dimensional space, projected on its
-            plane :math:`(M, q_1) = (M, q_2) = 1`; without it the one that minimises *criterion*.
+            plane :math:`(M, q_1) = (M, q_2) = 1`; by default the one that minimises *criterion*.
         criterion: 13, the length of the polygon of inner control points, or 14, the squared
             distances of the arcs' middles from their inner control points.
         reparam: whether to apply eq. 15 and be C1.
-        a1: of eq. 15, positive; or ``"balanced"``, least sum of squared logarithms of all.
-        require_positive: whether the search for *M1* is among those without a negative weight
-            only.  A given *M1* is taken at its word.
+        a1: parameter of eq. 15, positive; or ``"balanced"`` for the least sum of squared
+        logarithms. require_positive: whether the search for *M1* excludes negative weights.  It
+        does not apply
+            to a given *M1*.
 
     Raises:
-        PlanError: *require_positive*, and every first inner control point makes some weight
+        PlanError: with *require_positive*, every first inner control point makes some weight
             negative.
     """
 
@@ -136,7 +137,7 @@ class NielsonShieh(Through):
         self._set_knots(instants, 2 if len(q) == 2 else int(is_smooth))
         chords = check_chords(q)
         basis = carried_bases(q, chords)
-        # A tangent is at right angles to its own keyframe, and the way to the next one is exact.
+        # A tangent is perpendicular to its own keyframe, and the way to the next one is exact.
         ways = np.diff(q, axis=0) / chords[:, None]
         if M1 is None:
             pulls = np.einsum("ncj,nc->nj", basis, ways)
@@ -187,26 +188,26 @@ class SphericalQuadratic(TriangleCurve, Through):
     .. math:: B[q_i, M_i, q_{i+1}](t), \qquad
               M_{i+1} = G[M_i, q_{i+1}](1 + h_{i+1}/h_i)
 
-    Nielson (1993), eqs. 18 to 21, for equal intervals: there the factor is 2.  So the first
-    inner control point decides the whole curve.  Without one it is searched for by
+    Nielson (1993), eqs. 18 to 21, for equal intervals, where the factor is 2.  The first inner
+    control point determines the whole curve.  By default a search finds it by
 
     * criterion 20, least length of the polygon :math:`q_1, M_1, M_2, \ldots, q_n`, or
     * criterion 21, least sum of squared distances of the segments' middles from their inner points,
 
-    with geodesic distances.  As printed, both minimise inner products, which drives the points
-    apart (the integral of squared acceleration comes out 15 and 46 times as large); (19) runs to
-    *n* and (20) sums to *n - 1*, each one too far.  Both criteria have several local minima; the
-    search takes the best it finds from a fixed set of starts, in time proportional to the number of
-    keyframes, some 4 ms each.
+    with geodesic distances.  As printed, both criteria minimise inner products, which drives the
+    points apart: the integral of squared acceleration is then 15 and 46 times as large.  Also, (19)
+    runs to *n* and (20) sums to *n - 1*, each one too far.  Both criteria have several local
+    minima.  The search takes the best one from a fixed set of starts.  Its time is proportional to
+    the number of keyframes, some 4 ms each.
 
-    The velocity is continuous at the keyframes.  Where an extrapolated arc is longer than pi it
+    The velocity is continuous at the keyframes.  If an extrapolated arc is longer than pi it
     wraps around the sphere and the velocity jumps; :attr:`continuity` is then 0.
 
     Picture: ``orientd plot spherical_quadratic``.
 
     Args:
-        M1: the first inner control point, a unit quaternion; the sign nearer to the first
-            keyframes is taken if *align*.
+        M1: the first inner control point, a unit quaternion; *align* chooses the sign nearer to the
+            first keyframes.
         criterion: 20 or 21, for the search.
     """
 
@@ -253,7 +254,7 @@ def check_criterion(criterion: object, allowed: tuple[int, int]) -> None:
 
 
 def check_chords(q: Floats) -> Floats:
-    """Return the distances between neighbouring keyframes, refusing a circle without a plane."""
+    """Return the distances between neighbouring keyframes; refuse a circle without a plane."""
     chords = _lengths(q[1:] - q[:-1])
     for is_bad, said in ((chords < 1e-14, "the same"), (chords > 2.0 - 1e-14, "opposite")):
         if np.any(is_bad):
@@ -275,7 +276,7 @@ def carried_bases(q: Floats, chords: Floats) -> Floats:
 
 
 def projected_tangent(point: Floats, q: Floats) -> Floats:
-    """Return the tangent at the first keyframe towards an inner control point made to fit.
+    """Return the tangent at the first keyframe towards an inner control point, adjusted to fit.
 
     The point is projected on the plane of points whose products with both keyframes are one.  A
     point given for the negated quaternions is negated.
@@ -308,9 +309,9 @@ def speed_ratios(speeds: Floats, a1: float | str) -> Floats:
 def frame_of(q: Floats) -> Floats:
     """Return an orthonormal frame of four dimensions that turns with the keyframes, as columns.
 
-    Its first vector is the first keyframe, the second points to the second one, the third is
-    found from those that follow, so that a search in this frame has the same result whatever the
-    frames the orientations are given in.  Its determinant is positive.
+    Its first vector is the first keyframe, the second points to the second one, and the third
+    depends on the following ones.  So a search in this frame has the same result in any coordinate
+    system. Its determinant is positive.
     """
     rows = np.zeros((0, 4))
     for candidate in (*q, *np.eye(4)):
@@ -337,18 +338,19 @@ def best_direction(
     * 13, the length of the polygon of inner control points,
       :math:`|\tau_1| + \sum |\tau_i + \tau_{i+1}| + |\tau_n|`.  Without a negative weight it has
       one minimum, as :math:`\tfrac12 \|x\|^2 + \sum d_i / (p_i \cdot x)` is strictly convex.
-      Otherwise it has kinks where :math:`\tau_i = -\tau_{i+1}`, a great circle for each *i*.
+      Otherwise it has corners at :math:`\tau_i = -\tau_{i+1}`, a great circle for each *i*.
     * 14, the squared distances of the arcs' middles from their inner control points,
       :math:`\sum \tau_i^2 (\tau_i - k_i)/(\tau_i + k_i)`, :math:`k_i = \tfrac12 d_i`.  It may have
       several minima.
 
-    A state of the search is the tangent, and the normal of the circle that it keeps to, or zero.
+    A state of the search is a tangent and the normal of the circle that it is confined to, or zero.
 
     Args:
         pulls: the vectors *p*, in the basis of the first tangent space, shape ``(n, 3)``.
         chords: distances *d* between neighbouring keyframes, shape ``(n,)``.
         criterion: 13 or 14.
-        is_restricted: whether all weights must be positive; if none makes them so, there is none.
+        is_restricted: whether all weights must be positive; the result is ``None`` if that is
+            impossible.
     """
     halves = 0.5 * chords
 
@@ -408,7 +410,7 @@ def best_direction(
 
 
 def _on_kinks(normals: Floats) -> Floats:
-    """Return states all around the great circles with these normals, and where two cross."""
+    """Return states all around the great circles with these normals, and at their intersections."""
     angles = 2.0 * np.pi * (np.arange(AROUND) + 0.5) / AROUND
     sides = _directions(np.pad(normals, ((0, 0), (0, 3))))
     around = np.swapaxes(sides @ np.stack([np.cos(angles), np.sin(angles)]), 1, 2)
@@ -423,7 +425,7 @@ def _on_kinks(normals: Floats) -> Floats:
 def _directions(state: Floats) -> Floats:
     """Return two directions in which each tangent may move, as columns, ``(s, 3, 2)``.
 
-    One that keeps to a circle has one only; the other is zero.
+    A tangent confined to a circle has only one; the other is zero.
     """
     x, normal = state[:, :3], state[:, 3:]
     is_free = ~normal.any(axis=1, keepdims=True)
@@ -433,14 +435,14 @@ def _directions(state: Floats) -> Floats:
 
 
 def _unit(vectors: Floats) -> Floats:
-    """Return vectors made unit, those of no length as they are."""
+    """Return normalised vectors; zero vectors are unchanged."""
     lengths = _lengths(vectors)[..., None]
     unit: Floats = vectors / np.where(lengths > 0.0, lengths, 1.0)
     return unit
 
 
 def _terms(lengths: Floats, halves: Floats, criterion: int) -> tuple[Floats, Floats, Floats]:
-    """Return what each tangent length adds to a criterion, with two derivatives."""
+    """Return the contribution of each tangent length to a criterion, with two derivatives."""
     if criterion == 13:
         joints = np.sign(lengths[..., :-1] + lengths[..., 1:])
         slopes = np.sign(lengths)
@@ -516,7 +518,7 @@ def best_first_point(q: Floats, ratios: Floats, criterion: int) -> Floats:
 def inner_points(first: Floats, q: Floats, ratios: Floats) -> Floats:
     """Return all inner control points, ``(s, n - 1, 4)``, for candidates of the first, ``(s, 4)``.
 
-    *ratios* are those of each interval to the one before, shape ``(n - 2,)``.
+    *ratios* are each interval over the previous one, shape ``(n - 2,)``.
     """
     points: Floats = np.empty((len(first), len(q) - 1, 4))
     points[:, 0] = m = first
@@ -555,7 +557,7 @@ def _lengths(vectors: Floats) -> Floats:
 def _kinks(q: Floats, ratios: Floats) -> Floats:
     """Return the candidates whose chain puts an inner point on a keyframe.
 
-    There the length of the polygon has a kink, in which a descent does not settle.
+    There the length of the polygon has a corner, where a descent does not converge.
     """
     found = []
     for place in range(1, min(len(q) - 1, KINKS)):

@@ -1,4 +1,4 @@
-"""Cumulative B-splines through keyframes: one solver of orders 3 to 6, and the default method."""
+"""Cumulative B-splines through keyframes: one solver for orders 3 to 6, and the default method."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ENDS = {"natural": (0, 0), "clamped": (1, 2)}
 
 
 Spline = tuple[Floats, Parts]
-"""Where the spans of a product begin and end, s, and what it is made of."""
+"""Start and end of the spans of a product, s, and its factors."""
 
 
 def interpolate(
@@ -39,34 +39,34 @@ def interpolate(
     turns: ArrayLike | None = None,
     near: Floats | None = None,
 ) -> Spline:
-    r"""Return the cumulative B-spline of an order *k* through keyframes, continuous to k - 2.
+    r"""Return the cumulative B-spline of order *k* through keyframes, continuous to k - 2.
 
-    Even orders have their knots at the keyframes, odd ones in the middles between them, both ends
-    repeated *k* times, so that both ends need *c* conditions, 1 for orders 3 and 4, 2 for 5 and 6.
-    A free end has no acceleration; with *c* = 2 no jerk either.  With :math:`\tilde B` taken at
-    the first instant, velocity and acceleration settle
+    Even orders have their knots at the keyframes, odd ones in the middle between them.  Both ends
+    are repeated *k* times, so each end needs *c* conditions: 1 for orders 3 and 4, 2 for 5 and 6.
+    A free end has no acceleration, and with *c* = 2 no jerk either.  With :math:`\tilde B` at the
+    first time, velocity and acceleration determine
 
     .. math:: 2 \tilde B_1' w_1 = \Omega, \qquad
               2 (\tilde B_1'' w_1 + \tilde B_2'' w_2) = \dot\Omega
 
-    and at the last instant the same seen from there.  An end of order 4 with both given has one
+    and the mirrored equations hold at the last time.  An end of order 4 with both given has one
     more knot, in the middle of its interval.
 
-    Between two neighbouring keyframes all but a few factors of the product are complete or not
-    begun, which leaves one equation in a few increments for each interval.  The kernel solves these
-    by Newton's method on the increments themselves, so that they may pass pi; ``search.c`` says how
-    it finds large steps.
+    Between two neighbouring keyframes only a few factors of the product vary.  This gives one
+    equation in a few increments for each interval.  The kernel solves these by Newton's method on
+    the increments themselves, so they may exceed pi.  ``search.c`` describes how it finds large
+    steps.
 
     Args:
-        keys: unit quaternions with the signs wanted, shape ``(n, 4)``.
-        times: increasing instants, s, shape ``(n,)``.
+        keys: unit quaternions with the intended signs, shape ``(n, 4)``.
+        times: increasing, s, shape ``(n,)``.
         order: 3 to 6.
-        ends: what is prescribed at the first keyframe and at the last.
+        ends: conditions at the first keyframe and at the last.
         turns: whole turns to add between each keyframe and the next.
-        near: increments near the solution wanted.
+        near: increments near the intended solution.
 
     Raises:
-        PlanError: no such spline was found.
+        PlanError: the search found no spline.
     """
     steps = _NO_STEPS
     if turns is not None:
@@ -93,9 +93,9 @@ def interpolate(
 
 
 def unwound(keys: Floats, times: Floats, order: int, ends: Ends, w: Floats) -> list[Spline]:
-    """Return other solutions: one inner increment of more than pi has lost whole turns.
+    """Return other solutions, in which one inner increment of more than pi has fewer whole turns.
 
-    Where the ends are fast, the way up from small steps may gather turns that lead nowhere.
+    With fast ends, the continuation from small steps may add useless turns.
     """
     found, outer = [], (order - 1) // 2
     for j in range(outer, len(w) - outer):
@@ -115,30 +115,31 @@ class C2Cumulative(Product, WithEndStates):
 
     .. math:: q(t) = q_0 \prod_j \exp\bigl(w_j \tilde B_{j,4}(t)\bigr)
 
-    The cumulative cubic B-spline of Kim, Kim and Shin (1995), sec. 5.3, over the keyframes' times
-    as simple knots and fourfold end knots.  Their paper approximates its control quaternions; here
-    the increments are solved for so that the curve meets every keyframe (compare their paper at
-    Computer Animation '95, which does so for unit-spaced keyframes).  With :math:`w_1` the first
-    increment and :math:`\tilde B` taken at the first instant:
+    The cumulative cubic B-spline of Kim, Kim and Shin (1995), sec. 5.3, with the keyframes' times
+    as simple knots and fourfold end knots.  The paper's curve approximates its control quaternions.
+    Here a solver finds increments with which the curve meets every keyframe.  The authors' paper at
+    Computer Animation '95 does so for unit-spaced keyframes.  Let :math:`w_1` be the first
+    increment and :math:`\tilde B` the basis at the first time:
 
     * ``"natural"``: no acceleration, :math:`\tilde B_1'' w_1 + \tilde B_2'' w_2 = 0`;
     * ``"clamped"``: the angular velocity given, :math:`2 \tilde B_1' w_1 = \Omega`;
-    * ``"state"``: angular velocity and acceleration both given.  The one unknown that takes comes
-      from one more knot in the middle of the end interval (an extension of the paper; with two
-      keyframes and both ends so, the knots divide the interval in three).
+    * ``"state"``: angular velocity and acceleration both given.  One more knot in the middle of the
+    end
+      interval adds the unknown for this (an extension of the paper).  With two keyframes and both
+      ends in this state, the knots divide the interval in three.
 
-    The conditions at the end are the same, seen from there.  Moving a keyframe changes the curve
-    everywhere, by an amount that decays quickly with distance.
+    The conditions at the end are the mirror image.  Moving a keyframe changes the curve everywhere,
+    by an amount that decays quickly with distance.
 
     Picture: ``orientd plot c2_cumulative``.
 
     Args:
         turns: whole turns to add between each keyframe and the next, about the axis of the turn
-            that joins them.
+            between them.
 
     Raises:
-        PlanError: no such curve could be found; it does not happen for steps below 178 degrees
-            with moderate end velocities.
+        PlanError: the search found no curve.  This does not happen for steps below 178 degrees with
+            moderate end velocities.
     """
 
     name = "c2_cumulative"
@@ -156,37 +157,36 @@ class KksInterpolating(Product, WithEndStates):
 
     .. math:: q(t) = q_0 \prod_i \exp\bigl(w_i \tilde B_{i,k}(t)\bigr)
 
-    Kim, Kim and Shin (1995), sec. 5.3, whose curve approximates its control quaternions; here the
-    increments *w* are solved for.  Order 4 is ``c2_cumulative``; order 6 also has continuous jerk
-    and its rate, which is what stiff drives and cameras ask for.  The knots are the keyframes'
-    times for even orders and the middles between them for odd ones, with ends repeated *k* times,
-    so that both ends need the same number of conditions, *c* = 1 for orders 3 and 4, 2 for 5
-    and 6:
+    Kim, Kim and Shin (1995), sec. 5.3, whose curve approximates its control quaternions; here a
+    solver finds the increments *w*.  Order 4 is ``c2_cumulative``.  Order 6 also has continuous
+    jerk and rate of the jerk, as stiff drives and cameras require.  The knots are the keyframes'
+    times for even orders and the middles between them for odd ones, with ends repeated *k* times.
+    So each end needs *c* conditions, 1 for orders 3 and 4, 2 for 5 and 6:
 
     * ``"natural"``: no acceleration; with *c* = 2 no jerk either;
     * ``"clamped"``: the angular velocity given; with *c* = 2 the angular acceleration too.
 
-    At a clamped end only the first function has a slope, the first two a curvature, so with all
-    values taken at the first instant :math:`2 \tilde B_1' w_1 = \Omega`,
-    :math:`2 (\tilde B_1'' w_1 + \tilde B_2'' w_2) = \dot\Omega`; without acceleration the
-    first increments are parallel, and the jerk is :math:`2 \sum_{i \le 3} \tilde B_i''' w_i`.
+    At a clamped end only the first function has a slope, and only the first two a curvature.  So
+    with all values at the first time :math:`2 \tilde B_1' w_1 = \Omega`, :math:`2 (\tilde B_1'' w_1
+    + \tilde B_2'' w_2) = \dot\Omega`.  Without acceleration the first increments are parallel, and
+    the jerk is :math:`2 \sum_{i \le 3} \tilde B_i''' w_i`.
 
-    Moving a keyframe changes the curve everywhere, by an amount that decays with distance; building
-    takes time in proportion to the number of keyframes.
+    Moving a keyframe changes the curve everywhere, by an amount that decays with distance.  The
+    build time is proportional to the number of keyframes.
 
     Picture: ``orientd plot kks_interpolating``.
 
     Args:
         order: degree plus one, 3 to 6.
         alpha_start: body angular acceleration there, rad/s^2, if clamped with orders 5 and 6;
-            zero without it.
+            zero by default.
         alpha_end: body angular acceleration at the last keyframe.
         turns: whole turns to add between each keyframe and the next, about the axis of the turn
-            that joins them; a fast end coasts through some.
+            between them; a fast end can use some to slow down.
 
     Raises:
-        PlanError: no such curve could be found, as may happen for ends of more than 20 rad/s over
-            intervals of 1 s unless *turns* takes up their speed.
+        PlanError: the search found no curve.  This may happen for ends of more than 20 rad/s over
+            intervals of 1 s, unless *turns* absorb their speed.
     """
 
     name = "kks_interpolating"
@@ -223,7 +223,7 @@ class KksInterpolating(Product, WithEndStates):
 
     @property
     def key_times(self) -> Floats:
-        """The instants of the keyframes, which for odd orders are not the knots, ``(n,)``."""
+        """The times of the keyframes, which for odd orders are not the knots, ``(n,)``."""
         times: Floats = self._key_times.copy()
         return times
 

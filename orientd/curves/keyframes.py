@@ -1,9 +1,9 @@
-"""Checks of the parameters that curve families share: keyframes, times, knots, ends, choices.
+"""Checks of parameters that curve families share: keyframes, times, knots, ends, choices.
 
-And whether two sets of parameters are the same.
+Also the comparison of two sets of parameters.
 
-Every check returns the parameter as an array or number of its own, or raises a
-:class:`ParameterError` that says the parameter, what was allowed and what came.
+Every check returns the parameter as a new array or number, or raises a :class:`ParameterError` with
+the parameter, the allowed values and the given one.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from orientd.rotation import Floats, align, between, log_half
 from orientd.tolerances import NORM_TOLERANCE, ROUNDING
 
 EndState = tuple[Floats | None, Floats | None]
-"""Body angular velocity, rad/s, and acceleration, rad/s^2, at an end; ``None`` where not given."""
+"""Body angular velocity, rad/s, and acceleration, rad/s^2, at an end; ``None`` if not given."""
 
 VELOCITY_ENDS = {"natural": (0, 0), "clamped": (1, 1)}
 STATE_ENDS = {**VELOCITY_ENDS, "state": (2, 2)}
-"""Conditions at an end: how many of its velocity and acceleration must be given, and may be."""
+"""End conditions: how many of velocity and acceleration must be given, and how many may be."""
 
 
 class ParameterError(ValueError):
-    """A parameter of a curve that is not what the family takes.
+    """A parameter that the family does not accept.
 
     Attributes:
         parameter: its name.
@@ -44,7 +44,7 @@ class ParameterError(ValueError):
 
 
 def check_numbers(value: object, name: str, expected: str) -> Floats:
-    """Return numbers as a new array; *expected* says in an error what they must be."""
+    """Return numbers as a new array; *expected* describes the allowed values for errors."""
     if isinstance(value, np.ndarray) and value.dtype == np.float64:
         return value.copy()
     try:
@@ -71,7 +71,7 @@ def _unit(array: Floats, name: str) -> Floats:
             f"{where} must have norm 1 within {NORM_TOLERANCE:g}, "
             f"got {array.reshape(-1, 4)[place].tolist()} of norm {norm.flat[place]:.9g}",
         )
-    # Dividing what is a unit quaternion already would only add its rounding to small steps.
+    # Dividing an exact unit quaternion would only add rounding to small steps.
     unit: Floats = np.where((error <= ROUNDING)[..., None], array, array / norm[..., None])
     return unit
 
@@ -112,7 +112,7 @@ def check_keys(value: object, name: str = "keys", *, minimum: int = 2) -> Floats
 def check_aligned(
     value: object, align_signs: object, name: str = "keys", *, minimum: int = 2
 ) -> Floats:
-    """Return checked keyframes, their signs aligned from the first one on if *align_signs*."""
+    """Return checked keyframes; *align_signs* aligns their signs from the first one on."""
     keys = check_keys(value, name, minimum=minimum)
     return align(keys) if check_bool(align_signs, "align") else keys
 
@@ -151,14 +151,14 @@ def check_integer(
 
 
 def check_bool(value: object, name: str) -> bool:
-    """Return a truth value."""
+    """Return a boolean."""
     if not isinstance(value, bool | np.bool_):
         raise ParameterError(name, f"{name} must be True or False, got {value!r}")
     return bool(value)
 
 
 def check_choice(value: object, name: str, allowed: Collection[str]) -> str:
-    """Return a word that must be one of those allowed."""
+    """Return a word that must be one of the allowed ones."""
     if not isinstance(value, str) or value not in allowed:
         words = ", ".join(repr(word) for word in allowed)
         raise ParameterError(name, f"{name} must be one of {words}, got {value!r}")
@@ -172,14 +172,14 @@ def check_end(
     alpha: ArrayLike | None = None,
     conditions: Mapping[str, tuple[int, int]] = VELOCITY_ENDS,
 ) -> EndState:
-    """Return the angular velocity and acceleration that are prescribed at an end, as checked.
+    """Return the checked angular velocity and acceleration at an end.
 
     Args:
         side: ``"start"`` or ``"end"``, as in the names of the parameters.
         condition: one of *conditions*.
         omega: velocity.
         alpha: acceleration.
-        conditions: those that the family knows, as in ``STATE_ENDS``.
+        conditions: the conditions of the family, as in ``STATE_ENDS``.
     """
     word = check_choice(condition, side, conditions)
     least, most = conditions[word]
@@ -208,7 +208,7 @@ def check_interval(t0: object, t1: object) -> tuple[float, float]:
 
 
 def _check_order(array: Floats, name: str, is_wrong: np.ndarray, said: str) -> None:
-    """Refuse numbers that do not go on as *said* from one to the next."""
+    """Refuse numbers whose sequence is not as *said*."""
     if is_wrong.any():
         i = int(np.argmax(is_wrong))
         raise ParameterError(
@@ -219,11 +219,11 @@ def _check_order(array: Floats, name: str, is_wrong: np.ndarray, said: str) -> N
 
 
 def resolve_times(times: object, keys: Floats, turns: ArrayLike | None = None) -> Floats:
-    """Return the instants of the keyframes, in seconds.
+    """Return the times of the keyframes, in seconds.
 
     ``"uniform"`` gives 0, 1, 2, ...; ``"chord"`` starts at 0 and gives each interval the length
     of its half-angle arc, ``|log(q_i^-1 q_{i+1})|`` (Nielson, 1993, eq. 23, whose arcs are of
-    half the physical angle), of the keyframes with the signs they have.
+    half the physical angle).  The signs of the keyframes count.
 
     Args:
         times: ``"uniform"``, ``"chord"`` or a strictly increasing number for each keyframe;
@@ -232,11 +232,11 @@ def resolve_times(times: object, keys: Floats, turns: ArrayLike | None = None) -
         turns: whole turns in each interval, each of which adds pi to its arc.
 
     Returns:
-        Strictly increasing instants, shape ``(n,)``.
+        Strictly increasing times, shape ``(n,)``.
 
     Raises:
-        ValueError: *times* is neither word nor such a list, or ``"chord"`` finds two
-            neighbours the same.
+        ValueError: *times* is neither a word nor a valid list, or ``"chord"`` finds two equal
+            neighbours.
     """
     count = len(keys)
     if times is None:
@@ -270,10 +270,10 @@ def resolve_times(times: object, keys: Floats, turns: ArrayLike | None = None) -
 def resolve_knots(knots: object, count: int, order: int) -> Floats:
     """Return a knot vector for *count* control points of a B-spline of an order, in seconds.
 
-    Without *knots* they are a second apart, and the domain begins at 0.
+    By default the knots are a second apart, and the domain begins at 0.
 
     Raises:
-        ValueError: it is not ``count + order`` finite numbers that do not decrease, the domain
+        ValueError: *knots* is not ``count + order`` finite numbers that do not decrease, the domain
             from ``knots[order - 1]`` to ``knots[count]`` is empty, or a knot inside it is
             repeated so often that the curve would jump.
     """
@@ -306,7 +306,7 @@ def resolve_knots(knots: object, count: int, order: int) -> Floats:
 
 
 def inner_multiplicity(vector: Floats, order: int) -> int:
-    """Return how often the most repeated knot strictly inside the domain occurs, 0 without any."""
+    """Return the highest multiplicity of a knot strictly inside the domain, 0 without any."""
     inner = vector[(vector > vector[order - 1]) & (vector < vector[-order])]
     return int(np.unique(inner, return_counts=True)[1].max(initial=0))
 
@@ -317,7 +317,7 @@ def increments(keys: Floats) -> Floats:
 
 
 def check_turns(turns: ArrayLike, intervals: int) -> np.ndarray[Any, np.dtype[Any]]:
-    """Return whole turns, one count for each interval."""
+    """Return whole turns, one number for each interval."""
     count = np.asarray(turns)
     if count.shape != (intervals,) or count.dtype.kind not in "iuf" or np.any(count % 1 != 0):
         raise ParameterError(
@@ -329,7 +329,7 @@ def check_turns(turns: ArrayLike, intervals: int) -> np.ndarray[Any, np.dtype[An
 
 
 def with_turns(steps: Floats, keys: Floats, turns: ArrayLike) -> tuple[Floats, Floats]:
-    """Return the steps with whole turns added and the keyframes with the signs that go with it."""
+    """Return the steps with whole turns added, and the keyframes with the matching signs."""
     count = check_turns(turns, len(steps))
     lengths = np.sqrt(np.sum(steps**2, axis=-1))
     is_open = (lengths == 0.0) & (count != 0)
@@ -346,7 +346,7 @@ def with_turns(steps: Floats, keys: Floats, turns: ArrayLike) -> tuple[Floats, F
 
 
 def is_same(one: object, other: object) -> bool:
-    """Return whether two values were made of the same: arrays and lists by their entries."""
+    """Return whether two parameters are equal; arrays and lists are compared by their entries."""
     if one is other:
         return True
     if isinstance(one, np.ndarray | list | tuple) or isinstance(other, np.ndarray | list | tuple):
@@ -363,5 +363,5 @@ def _has_same_entries(one: Any, other: Any) -> bool:  # noqa: ANN401
     try:
         return np.array_equal(np.asarray(one), np.asarray(other), equal_nan=True)
     except (TypeError, ValueError):
-        # Of several kinds, or of several lengths.
+        # Of different types or lengths.
         return len(one) == len(other) and all(map(is_same, one, other))

@@ -1,20 +1,21 @@
 r"""The curve of least squared angular acceleration through keyframes (Barr et al.).
 
-It is found by Newton's method on states along it (multiple shooting).
+Newton's method on states along the curve finds it (multiple shooting).
 
 Between keyframes such a curve satisfies :math:`\Omega''' = \Omega'' \times \Omega` in the body
-frame (Noakes, Heinzinger and Paden, 1989, "Cubic splines on curved spaces"): the second derivative
-of the velocity stands still in the world frame.  With *p* the turn since the start of a piece,
+frame (Noakes, Heinzinger and Paden, 1989, "Cubic splines on curved spaces").  That is, the second
+derivative of the velocity is constant in the world frame.  With *p* the turn since the start of a
+piece,
 
 .. math:: p' = \tfrac12 p\, \Omega, \quad \Omega' = \alpha, \quad \alpha' = J, \quad
           J' = J \times \Omega
 
-is solved by collocation at Gauss's nodes, whose equations Picard's iteration settles to rounding on
-a piece over which the curve turns by about a radian.
+is solved by collocation at Gauss's nodes.  On a piece over which the curve turns by about a radian,
+Picard's iteration solves its equations to rounding.
 
-The unknowns are orientation, angular velocity, acceleration and its rate *J* at nodes as close
-together as that.  Every piece must end in the state the next one starts from.  At a keyframe the
-orientation is given and *J* may jump instead.
+The unknowns are orientation, angular velocity, acceleration and its rate *J* at the ends of the
+pieces. Every piece must end in the initial state of the next one.  At a keyframe the orientation is
+given and *J* may jump instead.
 """
 
 from __future__ import annotations
@@ -47,18 +48,20 @@ from orientd.rotation import (
 )
 
 STRIDE = 1.2
-"""How much may happen over a piece: velocity, root of acceleration and cube root of its rate,
-each times the duration, in rad."""
+"""Bounds for a piece, each in rad.
+
+They apply to velocity, square root of acceleration and cube root of its rate, times the duration.
+"""
 
 REFINEMENTS = 4
 MOST_PIECES = 200
-"""For each keyframe; a guess that needs more, several turns in each interval, leads nowhere."""
+"""Most pieces per keyframe; a guess that needs more has useless turns in each interval."""
 
 ROUNDING = 1e-9
-"""A Newton step as small as this one is the last."""
+"""The search ends with a Newton step as small as this."""
 
 NUDGE = 1e-7
-"""By which a piece is changed for derivatives."""
+"""Change of a piece for numerical derivatives."""
 
 _STILL = np.array([1.0, 0.0, 0.0, 0.0])
 
@@ -71,22 +74,23 @@ class MinAcceleration(WithEndVelocities):
               \quad \Omega, \dot\Omega \text{ continuous at them}
 
     Barr, Currin, Gabriel and Hughes (1992); Nielson (1993), "The Minimum Tangential Acceleration
-    Method".  The :math:`c \times c'' \times c` printed there must be read as the part of *c''*
-    along the sphere, :math:`c'' - (c \cdot c'') c`, whose norm is :math:`\|\dot\Omega\|/2`.  They
-    discretise the curve and hand it to an optimiser; here the Euler equation of the problem
-    (Noakes, Heinzinger and Paden, 1989) is solved to rounding: collocation over pieces of about a
-    radian, and Newton's method on the states between all of them at once (multiple shooting), from
-    the spline of least effort with the same ends.
+    Method".  The printed :math:`c \times c'' \times c` must be read as the part of *c''* along the
+    sphere, :math:`c'' - (c \cdot c'') c`, whose norm is :math:`\|\dot\Omega\|/2`.
 
-    The result is the stationary curve near that spline: large steps have several.  A fast end may
-    coast through whole turns instead of winding back (at 20 rad/s over intervals of 1 s that lowers
-    the integral by a factor of two to three).  Time grows linearly, some 1 to 5 ms a keyframe.
+    The papers discretise the curve and use an optimiser.  Here the Euler equation of the problem
+    (Noakes, Heinzinger and Paden, 1989) is solved to rounding, by collocation over pieces of about
+    a radian. Newton's method solves for the states between all of them at once (multiple shooting).
+    It starts from the spline of least effort with the same ends.
+
+    The result is the stationary curve near that spline: large steps have several.  With a fast end
+    it may add whole turns instead of winding back, which at 20 rad/s over intervals of 1 s lowers
+    the integral by a factor of two to three.  Time grows linearly, some 1 to 5 ms a keyframe.
 
     Picture: ``orientd plot min_acceleration``.
 
     Args:
-        start: ``"natural"``, no acceleration at the first keyframe, which is best when the
-            velocity there is free, or ``"clamped"``, the velocity *omega_start* there.
+        start: ``"natural"``, no acceleration at the first keyframe, which is best for a free
+            velocity, or ``"clamped"``, the velocity *omega_start* there.
         end: the same for the last keyframe and *omega_end*.
 
     Raises:
@@ -115,7 +119,7 @@ class MinAcceleration(WithEndVelocities):
 
 
 class Rule(NamedTuple):
-    """Collocation at Gauss's nodes, and rounds of Picard's iteration that settle it."""
+    """Collocation at Gauss's nodes, solved by rounds of Picard's iteration."""
 
     nodes: Floats
     weights: Floats
@@ -124,14 +128,14 @@ class Rule(NamedTuple):
 
     @classmethod
     def of(cls, places: int, rounds: int) -> Rule:
-        """Return the rule with so many nodes."""
+        """Return the rule with a number of nodes."""
         nodes, weights = legendre.leggauss(places)
         integrated = legendre.legval(nodes, legendre.legint(np.eye(places), lbnd=-1.0))
         matrix = integrated.T @ np.linalg.inv(legendre.legvander(nodes, places - 1))
         return cls(nodes, weights, matrix, rounds)
 
     def run(self, parts: Floats, durations: Floats) -> tuple[Floats, Floats]:
-        """Return the solution from states at the start of each piece, shape ``(m, 9)``, on.
+        """Return the solution from the initial states of all pieces, shape ``(m, 9)``.
 
         Returns:
             Turn since the start, angular velocity, acceleration and its rate: at the nodes, shape
@@ -162,15 +166,15 @@ _TO_SERIES = np.linalg.inv(legendre.legvander(_FINE.nodes, len(_FINE.nodes) - 1)
 """From values at the nodes to the coefficients of their Legendre series."""
 
 _COARSE = Rule.of(7, 12)
-"""For derivatives: good enough to cost Newton's method no step."""
+"""For derivatives only; this precision costs Newton's method no extra step."""
 
 
 @dataclass(frozen=True)
 class Nodes:
-    """States along a curve, the keyframes among them.
+    """States along a curve, including the keyframes.
 
     Attributes:
-        times: instants, shape ``(m + 1,)``.
+        times: shape ``(m + 1,)``.
         is_key: which of them are keyframes.
         q: orientations, shape ``(m + 1, 4)``.
         parts: angular velocity, acceleration and its rate, ``(m + 1, 9)``; the rate is that of the
@@ -188,13 +192,13 @@ class Nodes:
         return Nodes(self.times, self.is_key, q, self.parts + step[:, 3:])
 
     def is_close(self) -> bool:
-        """Tell whether the nodes are so close together that the collocation is exact."""
+        """Return whether the nodes are close enough for an exact collocation."""
         return bool(np.max(_pace(self.parts[:-1]) * np.diff(self.times)) <= 1.5 * STRIDE)
 
     def changes(self) -> Floats:
-        """Return how the ends of the pieces change with the states they begin with, (m, 12, 9).
+        """Return the derivatives of the pieces' final states by their initial states, (m, 12, 9).
 
-        In rows stand the turn, as a body increment, velocity, acceleration and its rate, in columns
+        The rows are the turn, as a body increment, velocity, acceleration and its rate, the columns
         the last three.
         """
         h, parts = np.diff(self.times), self.parts[:-1]
@@ -225,13 +229,13 @@ class Nodes:
 def settled(
     path: Path, q: Floats, instants: Floats, first: Floats | None, last: Floats | None
 ) -> Nodes | None:
-    """Return the stationary curve near a guess, its nodes close, or nothing if none is found."""
+    """Return the stationary curve near a guess, and its nodes, or ``None`` if none is found."""
     for _ in range(REFINEMENTS):
         nodes = nodes_along(path, q, instants)
         if nodes is None:
             return None
         h = np.diff(nodes.times, append=2.0 * nodes.times[-1] - nodes.times[-2])[:, None]
-        # The largest part of a step, as a turn over the piece beside it.
+        # The largest part of a step, as a turn over the adjacent piece.
         scale = np.repeat(h ** np.arange(4), 3, axis=1)
         found = newton(
             _equations(first, last),
@@ -248,7 +252,7 @@ def settled(
 
 
 def nodes_along(path: Path, q: Floats, knots: Floats) -> Nodes | None:
-    """Return nodes on a guess, close where it is fast; nothing where that would be too many."""
+    """Return nodes on a guess, dense where it is fast; ``None`` if that takes too many."""
     h, count = np.diff(knots), 8
     times = knots[:-1, None] + h[:, None] * np.arange(count + 1) / count
     times[:, -1] = knots[1:]
@@ -267,7 +271,7 @@ def nodes_along(path: Path, q: Floats, knots: Floats) -> Nodes | None:
     is_key = np.append(number == 0, True)
     orientation, omega, alpha = path(nodes)
     orientation = np.array(orientation)
-    # An odd number of whole turns away from a keyframe, the other sign leads on to it.
+    # An odd number of whole turns away from a keyframe, the curve continues with the opposite sign.
     orientation[is_key] = q * np.sign(np.sum(q * orientation[is_key], axis=1, keepdims=True))
     rate = np.zeros_like(alpha)
     rate[:-1] = np.diff(alpha, axis=0) / np.diff(nodes)[:, None]
@@ -275,14 +279,14 @@ def nodes_along(path: Path, q: Floats, knots: Floats) -> Nodes | None:
 
 
 def _pace(parts: Floats) -> Floats:
-    """Return what, times a duration, ``STRIDE`` is compared with, in 1/s."""
+    """Return the quantity that, times a duration, is compared with ``STRIDE``, in 1/s."""
     sizes = np.sqrt(np.sum(parts.reshape(*parts.shape[:-1], 3, 3) ** 2, axis=-1))
     fastest: Floats = np.max(sizes ** (1.0 / np.arange(1.0, 4.0)), axis=-1)
     return fastest
 
 
 def _equations(first: Floats | None, last: Floats | None) -> Callable[[Nodes], Linearised]:
-    """Return what holds between the states at neighbouring nodes, scaled by the time between."""
+    """Return the continuity errors between neighbouring nodes, scaled by the time between."""
     at_start, at_end = 3 if first is not None else 6, 3 if last is not None else 6
 
     def equations(nodes: Nodes) -> Linearised:

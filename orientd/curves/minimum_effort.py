@@ -1,8 +1,8 @@
 r"""The cumulative B-spline of least effort through keyframes: closed form, near the optimum.
 
-The acceleration on a knot span depends on the increments of that span only, not on the orientation
-it starts from.  So with the increments :math:`w` as unknowns, the effort is a sum over spans of
-squares of few of them, and each keyframe is one equation, the telescoped product of
+The acceleration on a knot span depends only on the increments of that span, not on its initial
+orientation.  With the increments :math:`w` as unknowns, the effort is therefore a sum over spans of
+squares of few of them.  Each keyframe gives one equation, the telescoped product of
 :mod:`orientd.curves.interpolating`.  A Gauss-Newton step :math:`\delta`, the minimum of
 the linearised squares under the linearised equations :math:`A \delta = -c`, solves
 
@@ -10,18 +10,18 @@ the linearised squares under the linearised equations :math:`A \delta = -c`, sol
           \begin{pmatrix} \delta \\ \lambda \end{pmatrix} =
           - \begin{pmatrix} J^T r \\ c \end{pmatrix}
 
-a banded system once each multiplier stands among the increments that its equation binds.  It leaves
-out the curvature of residuals and equations, so near the solution the error shrinks by a factor
-that grows with the turn between keyframes: 0.03 a step at 45 degrees, 0.15 at 90, 0.5 at 170.
-Anderson's mixing (1965; Walker and Ni, 2011) of the last few steps takes half the way of that away
-for the cost of a tiny least-squares problem, and settles some cases that go on for ever without.
-Far from it a step counts as progress when it lowers the effort plus the errors of the equations,
-each with more weight than its multiplier has (the exact penalty of Han, 1977).
+This system is banded if each multiplier is placed among the increments of its equation.  It ignores
+the curvature of residuals and equations.  Near the solution, a step therefore shrinks the error by
+a factor that grows with the turn between keyframes: 0.03 at 45 degrees, 0.15 at 90, 0.5 at 170.
+Anderson's mixing (1965; Walker and Ni, 2011) of the last few steps halves the number of steps for a
+tiny least-squares problem.  Some cases converge only with it.  Far from the solution, a step is
+accepted if it lowers the effort plus the errors of the equations, each weighted more than its
+multiplier (the exact penalty of Han, 1977).
 
 The search begins at a cumulative spline in finer knots.  A cumulative spline is not one over finer
 knots, as it would be in Euclidean space, but close to one.  Its control quaternions are estimated
-from the curve and its acceleration.  If the estimate misses the keyframes by far, the spline of the
-finer knots through points of the curve is tried too.
+from the curve and its acceleration.  If the estimate misses the keyframes by far, the search also
+tries the spline of the finer knots through points of the curve.
 """
 
 from __future__ import annotations
@@ -55,41 +55,47 @@ from orientd.rotation import (
 )
 
 DIVISIONS = (2, 4)
-"""Into how many times as many spans an interval is divided while the effort is not below that of
-the spline to start from: one that turns by radians in a span is not near one over finer knots."""
+"""Factors of the number of spans, tried until the effort is below that of the initial spline.
+
+A spline that turns by radians in a span is not close to one over finer knots.
+"""
 
 FEWEST = 2
-"""Spans with which the search begins: with more it settles less often."""
+"""Initial number of spans: with more, the search converges less often."""
 
 WIDE = 2.2
-"""Rad between keyframes, beyond which torque changes so much that two more spans are taken."""
+"""Rad between keyframes beyond which the torque varies so much that two more spans are used."""
 
 LARGE = 2.0
-"""Rad between keyframes, beyond which torque has several minima: in 4 of a hundred sets of 150
-degrees, up to 50 % apart."""
+"""Rad between keyframes beyond which the torque has several minima.
+
+In 4 of a hundred sets of 150 degrees they were up to 50 % apart.
+"""
 
 FEW = 10
-"""Keyframes, for which looking twice takes no longer than once for twice as many."""
+"""Most keyframes for a second search, to bound its time."""
 
 WORSE = 1e-3
-"""Relative; the nodes see a curve that is not their spline with an error."""
+"""Relative tolerance of a curve that is not the problem's spline."""
 
 FAR = 0.1
-"""Rad of half angle by which an estimate misses a keyframe so that another start is tried too."""
+"""Rad of half angle; if an estimate misses a keyframe by more, another start is tried too."""
 
 ROUNDING = 1e-20
 
 ITERATIONS = 100
 
 DEPTH = 4
-"""So many earlier steps are mixed in."""
+"""Number of earlier steps in the mixing."""
 
 SETTLED = 1e-6
-"""A step of so much of the longest increment is the last: the effort is stationary to the square
-of that, and the equations hold to the square of the step."""
+"""Relative size of the last step: the effort is then stationary to its square.
+
+The equations hold to the square of the step too.
+"""
 
 SMALL = 1e-4
-"""Rad; steps below it are taken as they are, what they gain being near rounding."""
+"""Rad; smaller steps are taken unchecked, since their gain is near rounding."""
 
 SMALLEST_SHARE = 1e-4
 SLACK = 1e-10
@@ -98,33 +104,34 @@ _MORE = "add keyframes, lower the end velocities or make neighbouring intervals 
 
 
 class MinimumEffort(Product, WithEndStates):
-    r"""Pass through keyframes with little torque: of all splines on a grid the one of least effort.
+    r"""Pass through keyframes with little torque: the spline of least effort on a grid.
 
     .. math:: q(t) = q_0 \prod_j \exp\bigl(w_j \tilde B_{j,k}(t)\bigr), \qquad
               \min_w \int \|I \dot\Omega + \Omega \times I \Omega\|^2 dt
 
-    The problem that Kim, Kim and Shin (1995), sec. 7, leave open, and that Barr, Currin, Gabriel
-    and Hughes (1992) solve for points on a grid.  Each interval between keyframes is divided in
-    equal spans, so that the cumulative B-spline has more increments *w* than the keyframes settle,
-    and what is free minimises the integral: of squared torque for an inertia *I*, of squared
-    angular acceleration without one.  Derivatives are those of Sommer et al. (2020); a Gauss-Newton
-    step is one banded system, so that building takes time in proportion to the keyframes.
+    Kim, Kim and Shin (1995), sec. 7, leave this problem open.  Barr, Currin, Gabriel and Hughes
+    (1992) solve it for points on a grid.  Here each interval between keyframes is divided in equal
+    spans, so that the cumulative B-spline has more increments *w* than the keyframes determine.
+    The free ones minimise the integral: of squared torque for an inertia *I*, of squared angular
+    acceleration without one. Derivatives are those of Sommer et al. (2020).  A Gauss-Newton step is
+    one banded system, so the build time is proportional to the number of keyframes.
 
-    For acceleration a cubic is within 0.8 % (two spans) or 0.3 % (three) of the least integral
-    there is (``min_acceleration``) for steps up to 170 degrees, where ``c2_cumulative`` takes up to
-    10 % more; with steps of 10 degrees all three agree to 0.02 %.  Torque changes more within an
-    interval and wants order 6, and two more spans where keyframes are far apart: with steps of up
-    to 170 degrees two spans are then within 1 % and three within 0.5 %, where a cubic of two
-    spans takes 10 % more and ``c2_cumulative`` more still.
+    For acceleration, a cubic is within 0.8 % (two spans) or 0.3 % (three) of the least possible
+    integral (``min_acceleration``) for steps up to 170 degrees.  ``c2_cumulative`` takes up to 10 %
+    more. With steps of 10 degrees all three agree to 0.02 %.  Torque varies more within an
+    interval.  It needs order 6, and two more spans if keyframes are far apart.  With steps of up to
+    170 degrees, two spans are then within 1 % and three within 0.5 %.  A cubic of two spans takes
+    10 % more, and ``c2_cumulative`` even more.
 
-    It is a stationary curve near the cumulative spline; large steps may have better ones further
-    away.  For torque the search is made twice where up to ten keyframes are more than 2 rad apart,
-    from that spline and from the least acceleration, and the better one is taken.  A fast end
-    coasts through whole turns where that takes less.  A turn asked for could not be kept: two of
-    them are no minimum, but unwind.
+    The result is a stationary curve near the cumulative spline; large steps may have better ones
+    further away.  For torque, with up to ten keyframes more than 2 rad apart, a second search
+    starts from the least acceleration, and the better result counts.  With a fast end the curve
+    adds whole turns if that takes less effort.  The method accepts no requested turns, because they
+    are no minimum and would unwind.
 
-    * ``"natural"``: velocity free and no acceleration; with an inertia both are free, and the
-      torque there is small, as at the end of the best curve there is none;
+    * ``"natural"``: free velocity and no acceleration.  With an inertia both are free, and the
+    torque
+      there is small; the best possible curve ends without torque.
     * ``"clamped"``: the angular velocity given;
     * ``"state"``: angular velocity and acceleration given.
 
@@ -133,15 +140,15 @@ class MinimumEffort(Product, WithEndStates):
     Args:
         inertia: about the body's axes, kg m^2, symmetric and positive definite, shape ``(3, 3)``,
             or principal moments, shape ``(3,)``.
-        order: degree of the spline plus one, 4 to 6; without it 4 for acceleration, 6 for torque.
-        smoothness: how many derivatives are continuous at the keyframes, 2 to ``order - 2``, which
-            is what they are between them; more cost 1 to 3 % of effort.
-        spans: of the spline between two keyframes, 2 to 8; without it 2, or 3 for torque where
-            *order* is left open, too; more where these take more effort than ``c2_cumulative``, as
-            they may with several radians in a span.
+        order: degree of the spline plus one, 4 to 6; by default 4 for acceleration, 6 for torque.
+        smoothness: number of continuous derivatives at the keyframes, 2 to ``order - 2``, which is
+            their number between keyframes.  More cost 1 to 3 % of effort.
+        spans: of the spline between two keyframes, 2 to 8.  The default is 2, or 3 for torque with
+            the default *order*.  It grows if the effort would exceed that of ``c2_cumulative``, as
+            may happen with several radians in a span.
 
     Raises:
-        PlanError: the search does not settle.
+        PlanError: the search does not converge.
     """
 
     name = "minimum_effort"
@@ -177,7 +184,7 @@ class MinimumEffort(Product, WithEndStates):
         path, q = start_path(q, instants, first[0], last[0])
         has_acceleration = first[1] is not None or last[1] is not None
 
-        # The search begins with few spans, and with more from what it has found.
+        # The search begins with few spans, and adds more to its result.
         is_wide = matrix is not None and bool(np.any(angle(q[1:], q[:-1]) > WIDE))
         wanted = pieces + 2 * is_wide
         near, best = path, None
@@ -195,7 +202,7 @@ class MinimumEffort(Product, WithEndStates):
                 error = failed
                 continue
             near = problem.path(solved)
-            # The spline to start from knows nothing of accelerations at its ends.
+            # The initial spline has no conditions on accelerations at its ends.
             if has_acceleration or problem.is_better(solved, path):
                 best = problem, solved
                 if count >= wanted:
@@ -209,7 +216,7 @@ class MinimumEffort(Product, WithEndStates):
 
 @dataclass(frozen=True)
 class Linearised:
-    """Effort and equations at some increments, with their derivatives.
+    """Effort and equations at given increments, with their derivatives.
 
     Attributes:
         effort: half the integral of squared torque.
@@ -226,12 +233,12 @@ class Linearised:
     missed: Floats
 
     def merit(self, weights: Floats) -> float:
-        """Return the effort with the errors of the equations, each with its weight."""
+        """Return the effort plus the errors of the equations, each with its weight."""
         return self.effort + float(weights @ np.sqrt(np.sum(self.missed**2, axis=1)))
 
 
 class EffortProblem:
-    """The increments of least effort on a grid of so many spans between two keyframes.
+    """The increments of least effort on a grid of equal spans between keyframes.
 
     Attributes:
         knots: of the spline, s.
@@ -249,7 +256,7 @@ class EffortProblem:
         inertia: Floats | None,
         spans: int,
     ) -> None:
-        """Pose the problem for *keys* with the signs wanted and so many *spans* between two."""
+        """Set up the problem for *keys* with their final signs and *spans* per interval."""
         self.knots = effort_knots(instants, order, spans, order - 1 - smoothness)
         self.basis = basis = cumulative_basis(self.knots, order)
         self.inertia = inertia
@@ -291,7 +298,7 @@ class EffortProblem:
         return Linearised(effort, gradient, squares, bound, missed)
 
     def is_better(self, increments: Floats, path: Path) -> bool:
-        """Tell whether increments take no more effort than a curve, rounding apart."""
+        """Return whether increments take no more effort than a curve, apart from rounding."""
         _, omega, torque = path(self._times)
         if self.inertia is not None:
             torque = torque @ self.inertia + np.cross(omega, omega @ self.inertia)
@@ -300,13 +307,13 @@ class EffortProblem:
         return self.linearised(increments).effort <= (1.0 + WORSE) * theirs + rounding
 
     def solved(self, path: Path) -> Floats:
-        """Return increments of stationary effort near a curve, the best found if it is violent.
+        """Return increments of stationary effort near a curve, the best ones found.
 
-        Torque is looked for from the least acceleration, too, where keyframes are few and far
-        apart, or where nothing is found otherwise.
+        For torque, a second search starts from the least acceleration.  It runs if keyframes are
+        few and far apart, or if the first one fails.
 
         Raises:
-            PlanError: the search does not settle.
+            PlanError: the search does not converge.
         """
         guesses, inertia = [refined(path, self.knots, self._order)], self.inertia
         missed = self.linearised(guesses[0]).missed
@@ -339,7 +346,7 @@ class EffortProblem:
         """Return increments of stationary effort near a guess, shape ``(count, 3)``.
 
         Raises:
-            PlanError: the search does not settle.
+            PlanError: the search does not converge.
         """
         here = self.linearised(increments)
         weights = np.zeros(len(here.missed))
@@ -355,8 +362,8 @@ class EffortProblem:
             weights = np.maximum(weights, 2.0 * np.sqrt(np.sum(multipliers**2, axis=1)))
             is_settled = size <= SETTLED * _longest(increments + step)
             if not is_settled:
-                # On its way a mixed step may miss the keyframes by the square of its length, which
-                # the next step mends: it need not do better than the worst of those mixed.
+                # A mixed step may miss the keyframes by the square of its length, which the next
+                # step corrects.  So it need not be better than the worst of the mixed steps.
                 history = [*history[-DEPTH:], (increments, step, here)]
                 moved = _mixed(history)
                 there = self.linearised(increments + moved)
@@ -382,7 +389,7 @@ class EffortProblem:
         )
 
     def _lay_out(self) -> None:
-        """Set where the blocks of the system stand in its band."""
+        """Set the positions of the blocks of the system in its band."""
         index, tied = self._index, self._tied
         count = int(self._window.max()) + 1
         middles = 0.5 * (index.min(axis=1) + index.max(axis=1)) + 0.25
@@ -417,7 +424,7 @@ class EffortProblem:
         right[self._place[self._count :]] = -here.missed
         bound = [here.bound.ravel(), self._ties]
         entries = np.concatenate([here.squares.ravel(), *bound, *bound])
-        # The unknowns are scaled so that rounding treats all alike.
+        # The unknowns are scaled so that rounding treats them equally.
         is_diagonal = self._row == self._column
         scale = np.bincount(self._row[is_diagonal], entries[is_diagonal], minlength=size)
         is_free = scale > 0.0
@@ -431,7 +438,7 @@ class EffortProblem:
         return found[: self._count], found[self._count :]
 
     def controls(self, solved: Floats) -> Floats:
-        """Return the control quaternions; keyframes lead to those that a span starts from."""
+        """Return the control quaternions; those before a span follow from the keyframes."""
         basis, here = self.basis, self._starts
         first = basis.first - 1
         controls: Floats = np.zeros((len(solved) + 1, 4))
@@ -453,7 +460,7 @@ class EffortProblem:
 
 
 def check_inertia(inertia: ArrayLike) -> Floats:
-    """Return an inertia over its largest moment: the effort is least where it was."""
+    """Return an inertia over its largest moment, which does not change the minimum."""
     expected = "three moments or a symmetric positive definite 3x3 matrix"
     matrix = check_numbers(inertia, "inertia", expected)
     if matrix.shape == (3,):
@@ -467,7 +474,7 @@ def check_inertia(inertia: ArrayLike) -> Floats:
 
 
 def effort_knots(instants: Floats, order: int, spans: int, multiplicity: int) -> Floats:
-    """Return the knots: each interval in equal spans, those at the keyframes so often repeated.
+    """Return the knots: each interval in equal spans, with the given multiplicity at keyframes.
 
     >>> effort_knots(np.array([0.0, 1.0, 3.0]), 4, 2, 1).tolist()
     [0.0, 0.0, 0.0, 0.0, 0.5, 1.0, 2.0, 3.0, 3.0, 3.0, 3.0]
@@ -485,13 +492,13 @@ def _end_rows(
     """Return linear conditions on pairs of the outermost increments, one in each row.
 
     Returns:
-        Which increments, and what they are multiplied by, shape ``(e, 2)`` each; what that amounts
-        to, half-angle vectors, shape ``(e, 3)``.
+        Indices of the increments, and their factors, shape ``(e, 2)`` each; the right sides,
+        half-angle vectors, shape ``(e, 3)``.
     """
     final = int(basis.first[-1]) + basis.values.shape[1] - 2
     rows: list[tuple[tuple[int, int], ArrayLike, Floats]] = []
     for (omega, alpha), outer, inner in ((ends[0], 0, 1), (ends[1], final, final - 1)):
-        # Only the outermost function has a slope, only it and the next a curvature.
+        # Only the outermost function has a slope; only it and the next one have a curvature.
         side = slice(None) if outer == 0 else slice(None, None, -1)
         span, place = (0, 0) if outer == 0 else (-1, -1)
         slope = basis.rates[span, side, place][0]
@@ -504,7 +511,7 @@ def _end_rows(
         settled = omega / (2.0 * slope)
         rows.append(((outer, outer), (1.0, 0.0), settled))
         if alpha is not None:
-            # Seen from the end, the turn of the last factor stands before the others.
+            # Seen from the end, the rotation of the last factor precedes the others.
             half = 0.5 * alpha if outer == 0 else rotate(exp_half(settled), 0.5 * alpha)
             known = (half - curvatures[0] * settled) / curvatures[1]
             rows.append(((inner, inner), (1.0, 0.0), known))
@@ -517,11 +524,11 @@ def _end_rows(
 
 
 def keyframe_factors(basis: CumulativeBasis, places: Indices) -> tuple[Indices, Floats]:
-    """Return increments and shares of the factors that lead from each keyframe to the next.
+    """Return increments and shares of the factors between each keyframe and the next.
 
-    What is under way at the first keyframe is undone from the right, what has been passed at the
-    second completed, and what is under way there begun.
-    Shares are zero where an interval has fewer factors.
+    The partial factors at the first keyframe are undone from the right.  Those passed before the
+    second keyframe are completed, and those partial there are begun.  Shares are zero if an
+    interval has fewer factors.
     """
     functions = basis.values.shape[1]
     first = basis.first - 1
@@ -547,8 +554,8 @@ def keyframe_factors(basis: CumulativeBasis, places: Indices) -> tuple[Indices, 
 def refined(path: Path, knots: Floats, order: int) -> Floats:
     r"""Return the increments of a spline close to a curve, half-angle vectors.
 
-    The control point of a spline that belongs to knots :math:`t_1, \dots, t_{k-1}` with mean *m*
-    and variance *s* is, up to third derivatives, :math:`f(m) - \tfrac{s}{2 (k - 2)} f''(m)`.
+    The control point of a spline for knots :math:`t_1, \dots, t_{k-1}` with mean *m* and variance
+    *s* is, up to third derivatives, :math:`f(m) - \tfrac{s}{2 (k - 2)} f''(m)`.
     """
     own = np.lib.stride_tricks.sliding_window_view(knots[1:-1], order - 1)
     middle = np.clip(own.mean(axis=1), knots[0], knots[-1])
@@ -566,7 +573,7 @@ def refined(path: Path, knots: Floats, order: int) -> Floats:
 
 
 def _mixed(history: list[tuple[Floats, Floats, Linearised]]) -> Floats:
-    """Return the step from the last increments to where steps would vanish, were they linear."""
+    """Return the step to the point where linear steps would vanish."""
     increments = np.array([one.ravel() for one, *_ in history])
     steps = np.array([step.ravel() for _, step, _ in history])
     moved, changed = np.diff(increments, axis=0).T, np.diff(steps, axis=0).T

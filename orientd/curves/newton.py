@@ -1,9 +1,9 @@
-r"""Newton's method, once: damped, along a homotopy, and from many starts at once.
+r"""Newton's method: damped, along a homotopy, and from many starts in parallel.
 
-Families bring equations and this module solves them.  *Equations* take a state and return its error
-with a function that works out the Newton step there, so a family may solve dense, banded or in
-blocks, and trial states cost no linear algebra.  A state is whatever *move* can move by a step:
-numbers in a space, orientations turned by their own right increments, or a record of several.
+Families provide equations and this module solves them.  *Equations* map a state to its error and to
+a function that computes the Newton step there.  So a family may solve dense, banded or block
+systems, and trial states cost no linear algebra.  A state is anything that *move* can move by a
+step: a vector, orientations with their right increments, or a record of several.
 """
 
 from __future__ import annotations
@@ -23,27 +23,27 @@ Linearised = tuple[Floats, Callable[[], Floats]]
 """The error of a state, and a function that returns the Newton step from there."""
 
 SUFFICIENT = 1e-3
-"""Share of the decrease promised by the linearised error that a damped step must bring."""
+"""Share of the decrease promised by the linearised error that a damped step must achieve."""
 
 SMALLEST_SHARE = 1e-5
-"""A damped step shorter than this share of Newton's means that the search is stuck."""
+"""A damped step shorter than this share of Newton's step means that the search is stuck."""
 
 SHARES = np.append(0.25 ** np.arange(13.0), 0.0)
-"""Shares of a step that a descent tries all at once."""
+"""Shares of a step that a descent tries in parallel."""
 
 SETTLED = 1e-9
-"""A step of a descent of this length is the last."""
+"""A descent ends with a step of this length."""
 
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 def largest(step: Floats) -> float:
-    """Return the largest component of a step, without its sign."""
+    """Return the largest component of a step, as an absolute value."""
     return float(np.max(np.abs(step), initial=0.0))
 
 
 def add(state: Floats, step: Floats) -> Floats:
-    """Move a state in a space of numbers."""
+    """Move a state in a vector space."""
     moved: Floats = state + step
     return moved
 
@@ -58,15 +58,15 @@ def newton(
     iterations: int = 40,
     longest: float = 1.0,
 ) -> State | None:
-    """Return the root that Newton's method reaches from a guess, or nothing if it does not settle.
+    """Return the root near a guess by Newton's method, or ``None`` if it does not converge.
 
     Args:
         equations: the error of a state and the step to solve it.
-        guess: where to begin.
-        move: how a state takes a step; addition by default.
+        guess: initial state.
+        move: applies a step to a state; addition by default.
         size: the length of a step.
-        tolerance: a step of this size is the last.  The error that remains is its square.
-        iterations: at most.
+        tolerance: size of the last step.  The remaining error is its square.
+        iterations: most iterations.
         longest: steps are cut to this size, then halved until they lower the sum of squared errors.
     """
     error, solve = equations(guess)
@@ -86,7 +86,7 @@ def newton(
             if np.sum(error * error) <= (1.0 - SUFFICIENT * share) * before:
                 break
             share *= 0.5
-            # A step that is not a number ends the search, too.
+            # A NaN step ends the search too.
             if not share >= SMALLEST_SHARE:
                 return None
         guess = moved
@@ -100,17 +100,17 @@ def homotopy(
     *,
     smallest: float = 1e-3,
 ) -> tuple[Floats, float]:
-    """Follow a solution while a parameter goes from 0 to 1, halving its steps where one fails.
+    """Follow a solution while a parameter goes from 0 to 1, halving steps that fail.
 
     Args:
-        solve: returns the solution at a parameter near a guess, or nothing if there is none near.
+        solve: returns the solution at a parameter near a guess, or ``None``.
         start: the solution at 0.
-        rate: how fast it changes with the parameter there, for the first guess; the first step
-            goes all the way.  Later guesses lie on the line through the last two solutions.
+        rate: its derivative by the parameter there, for the first guess.  The first step goes to 1.
+            Later guesses extrapolate the last two solutions.
         smallest: step of the parameter below which it gives up.
 
     Returns:
-        The last solution, and the parameter it belongs to: 1 unless it gave up.
+        The last solution, and its parameter: 1 unless it gave up.
     """
     reached, stride = 0.0, 1.0
     while reached < 1.0 and stride >= smallest:
@@ -133,18 +133,18 @@ def multistart(
     count: int = 16,
     iterations: int = 40,
 ) -> tuple[Floats, float]:
-    """Return the lowest minimum that is reached from the best of many starts, and its value.
+    """Return the lowest minimum reached from the best of many starts, and its value.
 
-    The descents go on side by side: every function takes states with a leading axis ``s``.  Each
-    takes Newton steps with the curvature made positive, of the best of a few shares.
+    The descents run in parallel: every function takes states with a leading axis ``s``.  Each takes
+    Newton steps with a positive curvature, scaled by the best of a few shares.
 
     Args:
-        values: what to minimise, ``(s,)``; infinite where a state is not allowed.
+        values: the function to minimise, ``(s,)``; infinite for states that are not allowed.
         derivatives: gradient ``(s, d)`` and Hessian ``(s, d, d)`` with respect to steps of *move*.
-        starts: states to begin with, shape ``(n, k)``.
-        move: states and steps ``(s, d)`` to states.
-        count: descents, from the starts with the lowest values.
-        iterations: at most.
+        starts: initial states, shape ``(n, k)``.
+        move: maps states and steps ``(s, d)`` to states.
+        count: number of descents, from the starts with the lowest values.
+        iterations: most iterations.
     """
     worth = values(starts)
     order = np.argsort(worth, kind="stable")
@@ -163,7 +163,7 @@ def multistart(
             (SHARES[:, None] * step[:, None]).reshape(-1, step.shape[1]),
         )
         reached = values(tried).reshape(len(x), -1)
-        # The first share that is as good as any, so that a flat minimum is stepped into.
+        # The first of equally good shares, so that a search can move along a flat minimum.
         lowest = reached.min(axis=1, keepdims=True)
         chosen = np.argmax(reached <= lowest + 1e-14 * np.abs(lowest), axis=1)
         x = tried.reshape(len(x), len(SHARES), -1)[np.arange(len(x)), chosen]
@@ -184,10 +184,10 @@ def differences(
     """Return gradient and Hessian for a multistart, by differences of fourth and second order.
 
     Args:
-        values: as of :func:`multistart`.
-        move: as of :func:`multistart`.
+        values: as in :func:`multistart`.
+        move: as in :func:`multistart`.
         dimensions: of a step, *d*.
-        nudge: size of the steps between which differences are taken.
+        nudge: step size of the differences.
     """
     axes = np.eye(dimensions)
     row, column = np.triu_indices(dimensions, 1)
@@ -210,7 +210,7 @@ def differences(
 
 
 def cross(a: Floats, b: Floats) -> Floats:
-    """Return cross products, several times as fast as NumPy's for a few thousand vectors."""
+    """Return cross products, several times as fast as NumPy for a few thousand vectors."""
     product: Floats = a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
     return product
 
@@ -218,8 +218,8 @@ def cross(a: Floats, b: Floats) -> Floats:
 def solve_blocks(blocks: Floats, rows: Indices, columns: Indices, right: Floats) -> Floats:
     """Solve a square system whose matrix is a sum of small blocks near the diagonal.
 
-    Columns outside the matrix are dropped, so that the first and last keyframe need no blocks of
-    another shape.
+    Columns outside the matrix are dropped, so that the blocks of the first and last keyframe have
+    the same shape as others.
 
     Args:
         blocks: shape ``(n, p, q)``.
@@ -241,7 +241,7 @@ def solve_blocks(blocks: Floats, rows: Indices, columns: Indices, right: Floats)
 
 
 def solve_entries(row: Indices, column: Indices, entries: Floats, right: Floats) -> Floats:
-    """Solve a square system of entries near the diagonal, of which those at one place add up."""
+    """Solve a square system given by entries near the diagonal; entries at one place add up."""
     lower, upper = (int(np.max(one, initial=0)) for one in (row - column, column - row))
     places = (upper + row - column) * len(right) + column
     band = np.bincount(places, entries, minlength=(lower + upper + 1) * len(right))
@@ -252,9 +252,9 @@ def solve_banded(lower: int, upper: int, band: Floats, right: Floats) -> Floats:
     """Solve a banded system.
 
     Args:
-        lower: how many diagonals below the main one.
-        upper: how many above it.
-        band: the diagonals from the uppermost to the lowest, an entry in its column, shape
+        lower: number of diagonals below the main one.
+        upper: number of diagonals above it.
+        band: the diagonals from the uppermost to the lowest, each entry in its column, shape
             ``(lower + upper + 1, size)``.
         right: the right side, shape ``(size,)`` or ``(size, k)``.
 

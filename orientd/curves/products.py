@@ -1,4 +1,4 @@
-r"""Products of exponentials: one construction, which families give knots and increments.
+r"""Products of exponentials: one construction, defined by knots and increments.
 
 .. math:: q(t) = q_0 \prod_j \exp\bigl(w_j \tilde B_j(t)\bigr)
 
@@ -34,16 +34,19 @@ from orientd.rotation import Floats, between, conjugate, log_half, multiply, nea
 
 PATHS = ("short", "long", "as_is", "complement")
 _COINCIDENT = 1e-14
-_CUTS = (0.01, 1), (0.1, 2)  # rad of half angle up to which so many pieces of a span mostly do
+_CUTS = (0.01, 1), (0.1, 2)  # half angle in rad, and pieces of a span that it takes
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 Parts = tuple[Floats, Indices, Floats, Floats]
-"""What a product is made of: the quaternion before the product of each span, ``(S, 4)``; the number
-of its first increment, ``(S,)``; all increments, half-angle vectors, ``(n, 3)``; and the Bernstein
-coefficients of its functions, ``(S, m, m + 1)``."""
+"""The parts of a product.
+
+The quaternion before the product of each span, ``(S, 4)``; the index of its first increment,
+``(S,)``; all increments, half-angle vectors, ``(n, 3)``; and the Bernstein coefficients of its
+functions, ``(S, m, m + 1)``.
+"""
 
 Path = Callable[[Floats], Samples]
-"""Orientation, angular velocity and angular acceleration at instants."""
+"""Orientation, angular velocity and angular acceleration at given times."""
 
 
 class Product(Curve):
@@ -56,7 +59,7 @@ class Product(Curve):
         continuity: int,
         ends: Ends | None = None,
     ) -> None:
-        """Set up the curve over its spans, with what was asked for at both ends."""
+        """Set up the curve over its spans, with the conditions at both ends."""
         self._set_knots(breaks, continuity)
         self._parts = parts
         self._ends = self._ends if ends is None else ends
@@ -76,7 +79,7 @@ class Product(Curve):
 
     @property
     def parts(self) -> Parts:
-        """What it is a product of; not to be changed."""
+        """The parts of the product; do not change them."""
         return self._parts
 
     @property
@@ -88,7 +91,7 @@ class Product(Curve):
 
     @cached_property
     def trajectory(self) -> Trajectory:
-        """See :attr:`Curve.trajectory`: pieces as short as the largest increment calls for."""
+        """See :attr:`Curve.trajectory`: pieces as short as the largest increment requires."""
         return product_trajectory(self._knots, self._parts, self.continuity, self._ends)
 
 
@@ -98,7 +101,7 @@ def product_trajectory(
     continuity: int = 2,
     ends: Ends = (FREE, FREE),
 ) -> Trajectory:
-    """Return the trajectory of a product, which need be no curve of a family."""
+    """Return the trajectory of a product, which need not be a curve of a family."""
     largest = float(np.max(np.abs(parts[2])))
     cuts = next((count for most, count in _CUTS if largest < most), 4)
     return Trajectory.of_product(breaks, parts, ends=ends, continuity=continuity, cuts=cuts)
@@ -118,18 +121,18 @@ class Slerp(Product, Between):
     .. math:: q(t) = q_0 \exp\bigl(u (\theta + n \pi) a\bigr), \quad u = (t - t_0) / (t_1 - t_0)
 
     with :math:`\theta a = \log(q_0^{-1} q_1)` in half angles (Shoemake, 1985).  Every uniform turn
-    from one orientation to another about one axis is among these.  Nielson's (1993) spin of a
-    whole turn prints :math:`\sqrt{2t - 4t^2}`; corrected to :math:`\sqrt{4t - 4t^2}` it still
-    starts and ends with unbounded velocity, so it is made with ``spins=1`` and ``axis`` here.
+    from one orientation to another about one axis has this form.  Nielson's (1993) spin of a whole
+    turn prints :math:`\sqrt{2t - 4t^2}`.  Even if corrected to :math:`\sqrt{4t - 4t^2}`, it starts
+    and ends with unbounded velocity.  Use ``spins=1`` and ``axis`` instead.
 
     Picture: ``orientd plot slerp``.
 
     Args:
         path: ``"short"`` and ``"long"`` choose the sign of *q1*; ``"as_is"`` keeps it;
-            ``"complement"`` goes the other way round the great circle of ``"as_is"`` (course
-            notes on quaternion interpolation).
-        spins: whole turns added, negative ones the other way.
-        axis: body axis for orientations that coincide and so leave it open; otherwise not used.
+            ``"complement"`` takes the rest of the great circle of ``"as_is"`` (course notes on
+            quaternion interpolation).
+        spins: whole turns to add, negative ones in the opposite direction.
+        axis: body axis for equal orientations, which do not define one; otherwise unused.
     """
 
     name = "slerp"
@@ -177,9 +180,9 @@ class PiecewiseSlerp(Product, Through):
     .. math:: q(t) = q_i \exp\bigl(u \log(q_i^{-1} q_{i+1})\bigr), \quad
               u = (t - t_i) / (t_{i+1} - t_i)
 
-    Shoemake (1985); Kim, Kim and Shin (1995), sec. 4.1.  The ramp printed there rises on
-    ``[i-1, i]`` while the text wants the arc from ``q_i`` to ``q_{i+1}``: read
-    ``q_i exp(w_{i+1} alpha_{i+1})``.
+    Shoemake (1985); Kim, Kim and Shin (1995), sec. 4.1.  The ramp printed there rises on ``[i-1,
+    i]`` although the text has the arc from ``q_i`` to ``q_{i+1}``: read ``q_i exp(w_{i+1}
+    alpha_{i+1})``.
 
     Picture: ``orientd plot piecewise_slerp``.
 
@@ -209,7 +212,7 @@ class KksBezier(Product, Drawn):
 
     Kim, Kim and Shin (1995), eqs. (9) and (10).  The appendix prints the exponent ``n-i`` for
     ``n-j`` in the basis; the body of the paper has it right.  "Order n" there is degree n.  The
-    first and the last control quaternion are met.
+    curve passes through the first and the last control quaternion.
 
     Picture: ``orientd plot kks_bezier``.
     """
@@ -234,10 +237,10 @@ class KksBspline(Product, DrawnOverKnots):
               \quad t_l \le t < t_{l+1}
 
     Kim, Kim and Shin (1995), sec. 5.3.  Moving control quaternion *l* changes the curve on
-    :math:`[t_l, t_{l+k}]` only.  The text names the increments and control quaternions of the
-    span form one index too low in places; the formula itself is right.  The appendix defines the
-    curve outside the domain by a power of the first quaternion; that is not invariant under a
-    change of the world frame, and instants there are refused.
+    :math:`[t_l, t_{l+k}]` only.  In places, the text names the increments and control quaternions
+    of the span form one index too low; the formula itself is right.  The appendix defines the curve
+    outside the domain by a power of the first quaternion.  This depends on the world frame, so
+    times outside the domain are refused.
 
     Picture: ``orientd plot kks_bspline``.
     """
@@ -258,7 +261,7 @@ class KksBspline(Product, DrawnOverKnots):
 
 
 class KksUniform(Product, Drawn):
-    r"""Blend control quaternions at equal intervals, meeting the first and the last.
+    r"""Blend control quaternions at equal intervals, through the first and the last.
 
     .. math:: q(t) = q_{-1} \prod_{i=0}^{n+1}
               \exp\bigl(\log(q_{i-1}^{-1} q_i) \, \tilde B_{i,4}(t)\bigr)
@@ -266,13 +269,13 @@ class KksUniform(Product, Drawn):
     The cumulative cubic B-spline over the knots :math:`t_i = i - 2`, with phantom control
     quaternions :math:`q_{-1} = q_0 q_1^{-1} q_0` and :math:`q_{n+1} = q_n q_{n-1}^{-1} q_n`, on
     :math:`[0, n]` (Kim, Kim and Shin, 1995, appendix).  The appendix prints the second phantom as
-    :math:`q_n q_n^{-1} q_n`, with which the curve misses :math:`q_n`.  Control quaternions inside
-    are approached, not met.
+    :math:`q_n q_n^{-1} q_n`, with which the curve misses :math:`q_n`.  The curve approaches the
+    inner control quaternions without passing through them.
 
     Picture: ``orientd plot kks_uniform``.
 
     Args:
-        t1: last instant, s; ``None`` puts the control quaternions one second apart.
+        t1: end time, s; ``None`` puts the control quaternions one second apart.
     """
 
     name = "kks_uniform"

@@ -1,9 +1,9 @@
-"""One task, every family: what keyframes, times and conditions at the ends are to each of them.
+"""From a common task to each family: the meaning of keyframes, times and end conditions.
 
-A family says by the names of its parameters what it takes: ``keys`` with ``times``, the two ends
-``q0`` and ``q1`` of one segment, or ``control`` orientations that draw the curve without meeting
-it.  A new family of one of these kinds needs no line here.  Whatever makes a curve of keyframes
-(a constructor given the common names, a comparison, a picture, the planner) makes it by this.
+The parameter names of a family tell what it takes: ``keys`` with ``times``, the two ends ``q0`` and
+``q1`` of one segment, or ``control`` orientations that the curve approximates.  A new family of one
+of these kinds needs no change here.  All code that makes a curve of keyframes uses this module: a
+constructor with the common names, a comparison, a picture, the planner.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from orientd.curves.keyframes import (
 from orientd.rotation import Floats, align, conjugate, rotate
 
 EQUAL = 1e-9
-"""Of the duration, by which equal intervals may differ."""
+"""Tolerance of equal intervals, as a share of the duration."""
 
 MOST_CONTROLS = 24
-"""Of one segment: its cost grows with their square, and it stays ever further away from them."""
+"""Most control orientations of one segment, whose cost grows with their square."""
 
 COMMON = {
     "keys": ("control", "q0", "q1"),
@@ -43,10 +43,10 @@ COMMON = {
     "velocity_frame": ("frame",),
     "turns": ("revolutions", "spins"),
 }
-"""Parameters that every family takes under these names, and what some families call them."""
+"""Parameters that every family takes under these names, and the families' own names for them."""
 
 _END_OF = {"omega0": 0, "alpha0": 0, "omega1": -1, "alpha1": -1}
-"""Own names of vectors that are in the frame of the velocities, each with its keyframe."""
+"""Own names of vectors in the frame of the velocities, each with its keyframe."""
 
 _FROM_TASK = frozenset(
     {
@@ -67,8 +67,8 @@ class Family:
         source: author, year and equation.
         interpolates: whether the curve passes through every keyframe at its time.
         local: whether moving a keyframe changes the curve near that keyframe only.
-        meets_end_velocities: whether angular velocities can be prescribed at both ends.
-        meets_end_accelerations: whether accelerations can be prescribed with them.
+        meets_end_velocities: whether angular velocities can be set at both ends.
+        meets_end_accelerations: whether accelerations can be set too.
         takes: the family's own names of its parameters, in order.
     """
 
@@ -89,7 +89,7 @@ class UnevenError(ParameterError):
     """Keyframes at unequal intervals, for a family that needs equal ones.
 
     Attributes:
-        keyframe: index of the first at the end of an interval unlike the first one.
+        keyframe: index of the end of the first interval that differs.
     """
 
     def __init__(self, steps: Floats) -> None:
@@ -103,24 +103,23 @@ class UnevenError(ParameterError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CurveTask:
-    """What a curve is asked to do.
+    """The task of a curve.
 
     Attributes:
         keys: unit quaternions of the keyframes, shape ``(n, 4)``, *n* at least 2.
         times: increasing, s, shape ``(n,)``.
-        omega_start: body angular velocity wanted at the first keyframe, rad/s; ``None`` leaves it
-            to the family.
-        omega_end: the same at the last keyframe.
+        omega_start: body angular velocity at the first keyframe, rad/s; ``None`` leaves it to the
+            family.
+        omega_end: body angular velocity at the last keyframe, in the same way.
         turns: whole turns between neighbours, shape ``(n - 1,)``; ``None`` for none.
-        alpha_start: body angular acceleration that goes with *omega_start*, rad/s^2.
-        holds: whether a device holds before and after: an end whose velocity is not given is at
-            rest, and one without velocity has no acceleration either, where the family can
-            prescribe both.  One that cannot keeps its natural end: at rest, but with a step of the
-            acceleration, it would need a lead all the same.
-        leaves_freely: whether an end at rest may have an acceleration all the same, as where the
-            pace along the curve is found afterwards, from rest.
-        is_timed: whether keyframes have these times; else they are chord lengths, and control
-            orientations are spread evenly over the same duration.
+        alpha_start: body angular acceleration for *omega_start*, rad/s^2.
+        holds: whether a device holds before and after.  An end without a velocity is then at rest.
+            It has no acceleration either, if the family can set both.  Otherwise it keeps its
+            natural end: at rest, but with an acceleration step, so that it would still need a lead.
+        leaves_freely: whether an end at rest may still have an acceleration, because the pace along
+            the curve is found afterwards, from rest.
+        is_timed: whether the keyframes have these times.  Otherwise the times are chord lengths,
+            and control orientations are spread evenly over the same duration.
     """
 
     keys: Floats
@@ -135,7 +134,7 @@ class CurveTask:
 
     @property
     def wanted(self) -> tuple[Floats | None, Floats | None]:
-        """The velocities wanted at both ends, given or not; ``None`` where any will do."""
+        """The velocities at both ends, given or implied; ``None`` if they are free."""
         rest = np.zeros(3) if self.holds else None
         return (
             rest if self.omega_start is None else self.omega_start,
@@ -149,29 +148,29 @@ def options_of(family: type[Family]) -> tuple[str, ...]:
 
 
 def is_pair(family: type[Family]) -> bool:
-    """Return whether a family joins two keyframes, and no more."""
+    """Return whether a family joins exactly two keyframes."""
     return "q0" in family.takes
 
 
 def turns_name(family: type[Family]) -> str | None:
-    """Return the parameter by which a family makes whole turns; ``None`` if it cannot."""
+    """Return the parameter for whole turns of a family; ``None`` if it has none."""
     return next((name for name in _TURNS if name in family.takes), None)
 
 
 def parameters(
     family: type[Family], task: CurveTask, options: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Return the keyword arguments with which *family* does *task*, *options* among them.
+    """Return the keyword arguments for *family* to fulfil *task*, including *options*.
 
-    Velocities that are wanted are given to a family that can meet them and kept from any other.
-    Where none is wanted, an end is natural (without acceleration), and a single segment has the
-    velocities of the great arc; where a device holds, see :attr:`CurveTask.holds`.
+    Only a family that can meet velocities gets them.  Without a velocity, an end is natural
+    (without acceleration), and a single segment has the velocities of the great arc.  If a device
+    holds, see :attr:`CurveTask.holds`.
 
     Args:
         family: a class in ``METHODS``.
-        task: what to do.
-        options: further keyword arguments of the family, which go before those that follow from
-            the task; knots are made for an ``order`` among them, and put on the clock of the task.
+        task: the task of the curve.
+        options: further keyword arguments of the family, which override those of the task.  An
+            ``order`` among them sets the knots, and knots are scaled to the clock of the task.
 
     Raises:
         UnevenError: the family needs equal intervals.
@@ -195,33 +194,33 @@ def parameters(
 def make_curve(
     family: type[Made], task: CurveTask, options: Mapping[str, Any] | None = None
 ) -> Made:
-    """Return the curve of *family* that does *task*, on the clock of the task.
+    """Return the curve of *family* for *task*, on the clock of the task.
 
     Args:
         family: a class in ``METHODS``.
-        task: what to do.
-        options: more keyword arguments of the family, which go before those that follow from the
-            task.
+        task: the task of the curve.
+        options: further keyword arguments of the family, which override those of the task.
 
     Raises:
-        ValueError: the family does not apply, or cannot join these keyframes.
-        PlanError: no such curve could be found.
+        ValueError: the family does not apply, or has no curve through these keyframes.
+        PlanError: the search found no curve.
     """
     return family(**parameters(family, task, options))
 
 
 def own_names(family: type[Family], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return parameters by a family's own names, where some have the names common to all.
+    """Return parameters by a family's own names, if some have common names.
 
     Args:
         family: a class in ``METHODS``.
-        given: ``keys``, ``times`` (as of :func:`resolve_times`), ``start_velocity`` and
-            ``end_velocity`` in ``velocity_frame`` (``"body"`` or ``"world"``), ``turns`` (one count
-            for each interval, or one for a single interval), and whatever else the family takes.
+        given: ``keys``, ``times`` (as in :func:`resolve_times`), ``start_velocity`` and
+            ``end_velocity`` in ``velocity_frame`` (``"body"`` or ``"world"``), ``turns`` (one
+            number for each interval, or one for a single interval), and further parameters of the
+            family.
 
     Raises:
-        ValueError: the family cannot do what is asked, or a parameter is not as said.
-        TypeError: there is no keyframe in it, or something is said by two names.
+        ValueError: the family cannot do it, or a parameter has a wrong value.
+        TypeError: there is no keyframe, or a parameter is given by two names.
     """
     rest = dict(given)
     common = {name: rest.pop(name, None) for name in COMMON}
@@ -266,7 +265,7 @@ def own_names(family: type[Family], given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _keys_of(family: type[Family], keys: Any, rest: dict[str, Any]) -> Floats:  # noqa: ANN401
-    """Return the keyframes by whichever name they have, and take them from *rest*."""
+    """Return the keyframes under any of their names, and remove them from *rest*."""
     if keys is not None:
         return check_keys(keys)
     if "control" in rest:
@@ -293,8 +292,8 @@ def _through_keyframes(family: type[Family], task: CurveTask) -> dict[str, Any]:
         if not has_conditions:
             continue
         if alpha is None and task.holds and not np.any(omega) and not task.leaves_freely:
-            # From rest a motion begins without a step in torque.  With a velocity whatever comes
-            # before supplies the acceleration.
+            # From rest a motion begins without a step in torque.  With a velocity, the previous
+            # motion supplies the acceleration.
             alpha = np.zeros(3)
         made[end] = "clamped"
         if alpha is not None and family.meets_end_accelerations:
@@ -319,7 +318,7 @@ def _between_two(family: type[Family], task: CurveTask) -> dict[str, Any]:
 def _from_controls(
     family: type[Family], task: CurveTask, options: dict[str, Any]
 ) -> dict[str, Any]:
-    # Keyframes come with either sign.
+    # Keyframes may have either sign.
     made: dict[str, Any] = {"control": task.keys, "align": True}
     start, end = float(task.times[0]), float(task.times[-1])
     count = len(task.keys)
@@ -349,17 +348,17 @@ def _from_controls(
 
 
 def _on_the_clock(knots: Any, times: Floats, order: int) -> Floats:  # noqa: ANN401
-    """Return knots in any unit, with the curve they bound as long as *times*."""
+    """Return knots in any unit, scaled so that their curve is as long as *times*."""
     vector = resolve_knots(knots, len(times), order)
     begin, end = vector[order - 1], vector[-order]
     mapped: Floats = times[0] + (vector - begin) * ((times[-1] - times[0]) / (end - begin))
     mapped[order - 1], mapped[-order] = times[0], times[-1]
-    # Rounding must not put a knot that is repeated at an end on either side of it.
+    # Rounding must not move a repeated knot to either side of an end.
     return np.maximum.accumulate(np.where(vector >= end, np.maximum(mapped, times[-1]), mapped))
 
 
 def averaged_knots(times: Floats, order: int) -> Floats:
-    """Return clamped knots for control orientations that belong to *times*, each their average.
+    """Return clamped knots for control orientations at *times*, by averages of these.
 
     Piegl and Tiller (1997), eq. (9.8).
 

@@ -1,4 +1,4 @@
-"""The C2 cubic in the rotation vector, which SciPy's RotationSpline draws, with end velocities."""
+"""The C2 cubic in the rotation vector, as SciPy's RotationSpline, with end velocities."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from orientd.errors import PlanError
 from orientd.rotation import Floats, exp, multiply, right_jacobian, right_jacobian_inverse
 
 # Coefficients of (1 - cos x)/x^2 and of (x - sin x)/x^3 in powers of x^2, and of their derivatives
-# with respect to it.  For |x| up to a whole turn the terms left out are below rounding.
+# by x^2.  For |x| up to a whole turn the omitted terms are below rounding.
 _INDEX = np.arange(24.0)
 _FACTORIALS = np.cumprod(np.arange(1.0, 51.0))
 _COSINE = (-1.0) ** _INDEX / _FACTORIALS[1:49:2]
@@ -22,24 +22,24 @@ _COSINE_RATE, _SINE_RATE = ((_INDEX * terms)[1:] for terms in (_COSINE, _SINE))
 
 
 class RotationVectorSpline(WithEndVelocities):
-    r"""Interpolate keyframes, each segment a cubic rotation vector from its first keyframe on.
+    r"""Interpolate keyframes; each segment is a cubic rotation vector from its first keyframe.
 
     .. math:: q(t) = q_i \exp(r_i(t)), \quad r_i(t_i) = 0, \quad
               r_i(t_{i+1}) = R_i = \log(q_i^{-1} q_{i+1})
 
-    With :math:`\Omega_i` the body angular velocity at keyframe *i* and :math:`J` the right
-    Jacobian of the exponential at :math:`R_i`, the end slopes are :math:`\Omega_i` and
-    :math:`J_i^{-1} \Omega_{i+1}`; the acceleration is continuous at keyframe *i* when
+    Let :math:`\Omega_i` be the body angular velocity at keyframe *i* and :math:`J` the right
+    Jacobian of the exponential at :math:`R_i`.  The end slopes are :math:`\Omega_i` and
+    :math:`J_i^{-1} \Omega_{i+1}`.  The acceleration is continuous at keyframe *i* if
 
     .. math:: \frac{2}{h_{i-1}} J_{i-1} \Omega_{i-1}
               + 4\Bigl(\frac1{h_{i-1}} + \frac1{h_i}\Bigr) \Omega_i
               + \frac{2}{h_i} J_i^{-1} \Omega_{i+1} + \dot J_{i-1} J_{i-1}^{-1} \Omega_i
               = \frac{6 R_{i-1}}{h_{i-1}^2} + \frac{6 R_i}{h_i^2}
 
-    the construction of SciPy's ``RotationSpline`` (Mayorov, 2019).  SciPy prescribes at both ends
-    the mean rate of the end interval, and stops after ten fixed-point iterations without a word.
-    Here ends are free of acceleration or have a velocity given, and Newton's method, with
-    continuation in the size of the steps where it must, either converges or says so.
+    the construction of SciPy's ``RotationSpline`` (Mayorov, 2019).  SciPy uses the mean rate of the
+    end interval at both ends, and stops after ten fixed-point iterations without a warning.  Here
+    an end has zero acceleration or a given velocity.  Newton's method, with continuation in the
+    size of the steps if needed, converges or raises an error.
 
     Picture: ``orientd plot rotation_vector_spline``.
 
@@ -99,7 +99,7 @@ def key_velocities(steps: Floats, h: Floats, first: Floats | None, last: Floats 
         ends = (None if end is None else scale * end for end in (first, last))
         return _equations(scale * steps, h, *ends)
 
-    # The spline of Euclidean space, which is what small steps come to.
+    # The spline of Euclidean space, the limit for small steps.
     still = np.zeros((len(h) + 1, 3))
     start = scaled(1e-6)(still)[1]() / 1e-6
     fastest = max(float(np.max(np.abs(start))), np.finfo(np.float64).tiny)
@@ -126,7 +126,7 @@ def key_velocities(steps: Floats, h: Floats, first: Floats | None, last: Floats 
 def _equations(
     steps: Floats, h: Floats, first: Floats | None, last: Floats | None
 ) -> Callable[[Floats], Linearised]:
-    """Return the steps of the acceleration at the keyframes, in the velocities there."""
+    """Return the steps of the acceleration at the keyframes, as functions of the velocities."""
     back, rate = right_jacobian_inverse(steps), (1.0 / h)[:, None, None]
     linear = np.zeros((len(h) + 1, 3, 9))
     linear[1:, :, 0:3] = 2.0 * rate * right_jacobian(steps)
@@ -166,9 +166,9 @@ def _equations(
 def _bend(r: Floats, u: Floats, v: Floats) -> Floats:
     r"""Return a bilinear form that is :math:`\dot J v` for *r* moving at the rate *u* = *v*.
 
-    That is the body angular acceleration of ``exp(r)`` at a constant rate of *r*.
-    The right Jacobian is :math:`J v = v - b\, r \times v + c\, r \times (r \times v)`, of which
-    *b* and *c* are functions of :math:`|r|^2`; *r* is shorter than a whole turn.
+    That is the body angular acceleration of ``exp(r)`` at a constant rate of *r*. The right
+    Jacobian is :math:`J v = v - b\, r \times v + c\, r \times (r \times v)`, where *b* and *c* are
+    functions of :math:`|r|^2`; *r* is shorter than a whole turn.
     """
     square = np.sum(r * r, axis=-1, keepdims=True)
     c, b_rate, c_rate = (

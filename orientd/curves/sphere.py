@@ -1,8 +1,8 @@
 """Families on the sphere of unit quaternions: a solved B-spline, normalised cubics, circles.
 
-Nielson and Heiland's B-spline is a triangle of slerps whose control quaternions are solved for.
-The nu-spline and its special case, the normalised cubic, are splines of the four components, made
-unit.  Kim and Nam's curve blends circles through three keyframes.
+Nielson and Heiland's B-spline is a triangle of slerps with control quaternions from a solver.  The
+nu-spline and its special case, the normalised cubic, are normalised splines of the four components.
+Kim and Nam's curve blends circles through three keyframes.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from orientd.rotation import (
 )
 
 SAME = 1e-12
-"""Quaternions closer than this do not tell one circle from another."""
+"""Quaternions closer than this do not define a circle."""
 
 
 class NielsonHeiland(CubicSegments):
@@ -57,21 +57,21 @@ class NielsonHeiland(CubicSegments):
               - \alpha_{i+1}(\tfrac13) D_{i+1}}{\alpha_i(\tfrac23) + \alpha_{i+1}(\tfrac23)},
               \quad \alpha_i(t) = \frac{\sin t\theta_i}{\sin\theta_i}
 
-    and prints :math:`\sin(\theta_i/2)` in the denominator and the indices of alpha one too low:
-    so it converges to a curve that misses the keyframes by up to 100 degrees.  Corrected it still
-    needs each *D* made unit again from steps of 135 degrees on, and some of its fixed points do
-    not interpolate.  Here Newton's method solves :math:`\log(q_i^{-1} G[L_i, R_i](f_i)) = 0`
-    instead, with exact derivatives, and the residual is the test.  At large steps there may be no
-    solution: none of 50 sets of ten random keyframes was without at steps of 135 degrees, a fifth
-    at 160, a third at 170.
+    The paper prints :math:`\sin(\theta_i/2)` in the denominator and the indices of alpha one too
+    low. With these it converges to a curve that misses the keyframes by up to 100 degrees.  The
+    corrected iteration must normalise each *D* for steps of 135 degrees and more, and some of its
+    fixed points do not interpolate.  Here Newton's method solves :math:`\log(q_i^{-1} G[L_i,
+    R_i](f_i)) = 0` instead, with exact derivatives, and the residual is the test.  Large steps may
+    have no solution.  Of 50 sets of ten random keyframes, all had one at steps of 135 degrees, four
+    fifths at 160, and two thirds at 170.
 
-    The velocity is continuous, the acceleration almost (it jumps by 1.4 % at steps of 60
-    degrees); at the ends it is zero.
+    The velocity is continuous, the acceleration almost (it jumps by 1.4 % at steps of 60 degrees).
+    At the ends the acceleration is zero.
 
     Picture: ``orientd plot nielson_heiland``.
 
     Raises:
-        PlanError: no control quaternions are found with which the curve meets the keyframes.
+        PlanError: the search found no control quaternions whose curve passes through the keyframes.
     """
 
     name = "nielson_heiland"
@@ -82,7 +82,8 @@ class NielsonHeiland(CubicSegments):
         h = np.diff(instants)
         padded = np.concatenate([h[:1], h, h[-1:]])
         total = padded[:-2] + padded[1:-1] + padded[2:]
-        # Where R_i and L_{i+1} are on the arc from D_i to D_{i+1}, and q_i between L_i and R_i.
+        # Fractions of R_i and L_{i+1} on the arc from D_i to D_{i+1}, and of q_i between L_i and
+        # R_i.
         right, left = padded[:-2] / total, (padded[:-2] + padded[1:-1]) / total
         d = control_quaternions(q, right, left, h[:-1] / (h[:-1] + h[1:]))
         after, before = slerp(d[:-1], d[1:], right), slerp(d[:-1], d[1:], left)
@@ -136,7 +137,7 @@ def control_quaternions(q: Floats, r: Floats, left: Floats, f: Floats) -> Floats
 
 
 def slerp_jacobians(p: Floats, q: Floats, u: Floats) -> tuple[Floats, Floats]:
-    r"""Return the derivatives of a slerp with respect to right increments of both ends.
+    r"""Return the derivatives of a slerp by right increments of both ends.
 
     With :math:`w = \log(p^{-1} q)` as a rotation vector, increments *a* of *p* and *b* of *q* turn
     the slerp by :math:`\exp(-u w)\, a + u J_r(u w) (J_r^{-1}(w)\, b - J_l^{-1}(w)\, a)`.
@@ -149,7 +150,7 @@ def slerp_jacobians(p: Floats, q: Floats, u: Floats) -> tuple[Floats, Floats]:
 
 
 class ComponentSpline(Through):
-    """A cubic spline of the four components with tension at the keyframes, made unit."""
+    """A normalised cubic spline of the four components with tension at the keyframes."""
 
     def _set_spline(self, q: Floats, instants: Floats, tension: Floats) -> None:
         """Set up the spline; *tension* is not negative, in 1/s, shape ``(n,)``.
@@ -172,7 +173,7 @@ class ComponentSpline(Through):
         return normalize(self._components(*self._shares(times)))
 
     def _components(self, span: np.ndarray, u: Floats) -> Floats:
-        """Return the spline itself, before it is made unit."""
+        """Return the spline itself, before normalisation."""
         a, b, c, d = np.moveaxis(self._cubics[span], -2, 0)
         share = u[..., None]
         found: Floats = a + share * (b + share * (c + share * d))
@@ -182,7 +183,7 @@ class ComponentSpline(Through):
         """Refuse a spline that passes through zero."""
         spans, places = np.arange(len(self._cubics))[:, None], np.linspace(0.0, 1.0, 33)[None]
         length = np.linalg.norm(self._components(spans, places), axis=-1)
-        # No segment whose length stays above what it loses between two places is looked at closer.
+        # Examine only segments whose length can reach zero between two samples.
         lost = np.linalg.norm(self._cubics, axis=-1) @ np.array([0.0, 1.0, 2.0, 3.0]) / 64.0
         for span in np.flatnonzero(length.min(axis=1) <= lost):
             parts = (np.polynomial.Polynomial(row) for row in self._cubics[span].T)
@@ -199,19 +200,18 @@ class ComponentSpline(Through):
 
 
 class NuSpline(ComponentSpline):
-    r"""Interpolate quaternions by a cubic spline with tension, made unit.
+    r"""Interpolate quaternions by a cubic spline with tension, then normalise it.
 
     .. math:: \min \int \|c''\|^2 dt + \sum_i \nu_i \|c'(t_i)\|^2, \qquad q = c / \|c\|
 
-    Nielson (1986; 1993, sec. 2.2).  Tension slows the curve at its keyframe and pulls kinks out.
-    The acceleration jumps there by :math:`\nu_i` times the velocity, along it: the path has
-    continuous curvature (G2) while the motion is C1; without tension it is C2.
+    Nielson (1986; 1993, sec. 2.2).  Tension slows the curve at its keyframe and straightens tight
+    bends. The acceleration jumps there by :math:`\nu_i` times the velocity, along it.  So the path
+    has continuous curvature (G2) while the motion is C1.  Without tension it is C2.
 
     Picture: ``orientd plot nu_spline``.
 
     Args:
-        nu: tension, not negative, in 1/s: one number, or one for each keyframe, the ends
-            included.
+        nu: tension, not negative, in 1/s: one number, or one for each keyframe, including the ends.
 
     Raises:
         PlanError: the spline passes through zero, where it has no direction.
@@ -227,13 +227,13 @@ class NuSpline(ComponentSpline):
 
 
 class NormalizedCubic(ComponentSpline):
-    r"""Interpolate quaternions by the natural cubic spline in four dimensions, made unit.
+    r"""Interpolate quaternions by the natural cubic spline in four dimensions, then normalise it.
 
     .. math:: q(t) = c(t) / \|c(t)\|
 
-    Nielson (1993), sec. 2.2.  C2 unless *c* passes through zero; cusps and tight kinks appear
-    where it passes near, which takes steps of nearly half the sphere.  The course notes call the
-    spline of least :math:`\int \|c''\|^2` the complete one; without prescribed end slopes it is
+    Nielson (1993), sec. 2.2.  It is C2 unless *c* passes through zero.  If it passes near zero,
+    cusps and tight bends appear, which takes steps of nearly half the sphere.  The course notes
+    call the spline of least :math:`\int \|c''\|^2` the complete one; without given end slopes it is
     the natural one.
 
     Picture: ``orientd plot normalized_cubic``.
@@ -294,21 +294,20 @@ class CircularBlending(Through):
               w(s)\bigr), \quad s = (t - t_i)/h_i
 
     Kim and Nam (1995); course notes, "Circular Arc Blending".  The notes exchange alpha and beta
-    between text and steps, and their choice of *v* misses the third keyframe where it is nearer
-    than the second.  No cases are needed: in the plane of the circle, with the first axis
-    towards :math:`q_i` and :math:`q_{i+1}` above it, the way is counter-clockwise and the angles
+    between text and steps.  Their choice of *v* misses the third keyframe if it is nearer than the
+    second. No special cases are needed.  Take the plane of the circle with the first axis towards
+    :math:`q_i` and :math:`q_{i+1}` above it.  The arc then runs counter-clockwise, and the angles
     are twice those of the triangle of the keyframes (inscribed angles).
 
     With an angle linear in each interval and a linear weight, as in the notes, directions agree at
-    the keyframes but speeds do not (they jump by half of their size): G1, not the C1 one reads.
-    An angle *quadratic* over both intervals makes it C1; with the *smooth* weight
-    :math:`3s^2 - 2s^3` as well it is C2.  In the end intervals there is one circle, not blended.
+    the keyframes but speeds do not (they jump by half of their size): G1, not C1 as stated.
+    An angle *quadratic* over both intervals makes it C1.  With the *smooth* weight
+    :math:`3s^2 - 2s^3` as well it is C2.  The end intervals have one circle, without blending.
 
     Picture: ``orientd plot circular_blending``.
 
     Args:
-        keys: unit quaternions ``(w, x, y, z)``, at least three, of which any three consecutive
-            ones differ.
+        keys: unit quaternions ``(w, x, y, z)``, at least three; any three consecutive ones differ.
         param: angle along a circle: ``"linear"`` in each interval or ``"quadratic"`` over both.
         weight: blending weight: ``"linear"`` or ``"smooth"``.
     """
@@ -339,7 +338,7 @@ class CircularBlending(Through):
         return moving_slerp(leaving, arriving, weight, times)
 
     def _on_circle(self, which: np.ndarray, times: Floats) -> Floats:
-        """Return where some of the circles are at *times* in one of their two intervals."""
+        """Return the points of some circles at *times* in one of their two intervals."""
         begin, middle, end = (self._knots[which + one] for one in range(3))
         second, third = self._angles[:, which]
         rise, climb = second / (middle - begin), (third - second) / (end - middle)
@@ -354,7 +353,7 @@ class CircularBlending(Through):
 
 
 def circles(q: Floats) -> tuple[Floats, Floats]:
-    """Return the circles through each three consecutive keyframes, and their angles there.
+    """Return the circles through each three consecutive keyframes, and the keyframes' angles.
 
     Returns:
         Centres, first and second radius vectors, shape ``(3, n - 2, 4)``; the angles of the

@@ -1,4 +1,4 @@
-"""Where the searches for the best curves begin: at splines with the same keyframes and ends."""
+"""Initial curves for the searches for optimal curves: splines with the same keyframes and ends."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from orientd.errors import PlanError
 from orientd.rotation import Floats
 
 COASTED = 10.0
-"""From this angle on, in rad, that an end velocity goes through in its interval, whole turns are
-tried."""
+"""Angle in rad of an end velocity over its interval from which whole turns are tried."""
 
 
 def spline_path(
@@ -26,7 +25,7 @@ def spline_path(
     last: Floats | None,
     **options: Any,  # noqa: ANN401 - of any family
 ) -> Path | None:
-    """Return the path of a spline with the same keyframes, their signs, and ends, if there is one.
+    """Return the path of a spline with the same keyframes, signs and ends, if there is one.
 
     An end without a velocity is natural.
     """
@@ -34,7 +33,7 @@ def spline_path(
         options |= {side: "natural" if omega is None else "clamped", f"omega_{side}": omega}
     try:
         spline = family(keys=q, times=instants, align=False, **options)
-        spline.ends()  # of which a spline that spins too fast to be sampled has none
+        spline.ends()  # none if the spline spins too fast to be sampled
     except (PlanError, ValueError):
         return None
     return spline.evaluate
@@ -43,10 +42,10 @@ def spline_path(
 def start_path(
     q: Floats, instants: Floats, first: Floats | None, last: Floats | None
 ) -> tuple[Path, Floats]:
-    """Return a curve near which to search, and the keyframes with the signs they have on it.
+    """Return a curve near which to search, and the keyframes with their signs on it.
 
     Raises:
-        PlanError: there is none.
+        PlanError: the search found none.
     """
     ends = (q, instants, first, last)
     path = winding_path(*ends) or spline_path(RotationVectorSpline, *ends)
@@ -60,7 +59,7 @@ def start_path(
 
 
 def winding_reaches(instants: Floats, first: Floats | None, last: Floats | None) -> list[int]:
-    """Return how many whole turns either way are worth trying in the first and last interval."""
+    """Return how many whole turns in either direction to try in the first and last interval."""
     ends = zip((first, last), np.diff(instants)[[0, -1]].tolist(), strict=True)
     return [
         0 if end is None else min(2, int(float(np.linalg.norm(end)) * h / COASTED))
@@ -71,10 +70,10 @@ def winding_reaches(instants: Floats, first: Floats | None, last: Floats | None)
 def winding_path(
     q: Floats, instants: Floats, first: Floats | None, last: Floats | None
 ) -> Path | None:
-    """Return the cumulative spline with those whole turns in its end intervals that cost least.
+    """Return the cumulative spline whose end intervals have the best number of whole turns.
 
-    A fast end that is not given the turns it would coast through has to wind back: that may cost
-    many times the acceleration.  The two ends are scanned one after the other.
+    Without enough turns, a fast end has to wind back, which may take many times the acceleration.
+    The two ends are scanned one after the other.
     """
     turns = np.zeros(len(instants) - 1, dtype=np.intp)
     best = spline_path(C2Cumulative, q, instants, first, last)

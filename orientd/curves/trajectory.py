@@ -5,9 +5,9 @@ On piece *k*, over :math:`[t_k, t_{k+1}]` with *u* from -1 to 1 along it,
 .. math:: q(t) = q_k \exp(r_k(u)), \qquad r_k(u) = \sum_{j=0}^{9} c_{kj} u^j
 
 where :math:`r_k` is a rotation vector in rad.  The coefficients follow from the orientations at the
-ten Lobatto nodes of the piece, and from nothing else.  Body angular velocity, acceleration and jerk
-follow from the right Jacobian of the exponential (Sola et al., 2018, eq. 143), so no curve brings
-derivatives of its own.  ``orientd/kernels/c/trajectory.h`` has the formulas.
+ten Lobatto nodes of the piece alone.  Body angular velocity, acceleration and jerk follow from the
+right Jacobian of the exponential (Sola et al., 2018, eq. 143), so curves need no derivatives of
+their own. ``orientd/kernels/c/trajectory.h`` has the formulas.
 """
 
 from __future__ import annotations
@@ -28,36 +28,36 @@ Samples = tuple[Floats, Floats, Floats]
 """Orientation ``(n, 4)``, body angular velocity ``(n, 3)`` in rad/s, its rate ``(n, 3)``."""
 
 DEGREE = 9
-"""Of the rotation vector on a piece."""
+"""Degree of the rotation vector on a piece."""
 
 PIECE = 4 + 3 * (DEGREE + 1)
 """Numbers of a piece: its base quaternion, then the three components of each coefficient."""
 
 FINE = 1e-14
-"""Rad, how far a fit may be from the curve between the nodes: a few roundings."""
+"""Largest error of a fit between the nodes, rad: a few rounding errors."""
 
 _LARGEST = 1.0  # rad, |r| at the nodes of a piece; the series of the kernels hold up to 1.1
 _MOST_HALVINGS = 40
-_GAIN = 8.0  # by which halving a piece lessens its error at least
-_STALLED = (1, 1e-12), (3, 1e-8)  # halvings without that gain after which an error, rad, stays
-_MOST_PIECES, _MOST_HALVES = 100_000, 64  # in all, and of each interval between knots
+_GAIN = 8.0  # least factor by which halving a piece lowers its error
+_STALLED = (1, 1e-12), (3, 1e-8)  # halvings without that gain, and acceptable error, rad
+_MOST_PIECES, _MOST_HALVES = 100_000, 64  # most pieces in all, and of each interval between knots
 _FREE = (None, None), (None, None)
 _BLUR = 4.0 * float(np.finfo(np.float64).eps)
-_BLOCK = 4096  # pieces that are fitted at a time, so that memory stays bounded
+_BLOCK = 4096  # pieces fitted at a time, to bound memory
 
-# The nodes of a piece, and two instants between them at which the fit is looked at.
+# The nodes of a piece, and two places between them to check the fit.
 _U = np.sort(-np.cos(np.pi * np.array([*range(10), 1.5, 6.5]) / 9.0))
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Orientations over an interval of time, as pieces of degree nine; not to be changed.
+    """Orientations over a time interval, as pieces of degree nine; immutable.
 
     Attributes:
-        breaks: where the pieces begin and end, s, increasing, shape ``(n + 1,)``.
+        breaks: start and end of the pieces, s, increasing, shape ``(n + 1,)``.
         pieces: base quaternion ``(w, x, y, z)`` and coefficients of each, shape ``(n, 34)``.
-        knots: the instants at which a derivative may have a step, both ends included, s.
-        continuity: how many derivatives are continuous at the knots: 0, 1 or 2.
+        knots: the times at which a derivative may have a step, both ends included, s.
+        continuity: number of continuous derivatives at the knots: 0, 1 or 2.
     """
 
     breaks: Floats
@@ -78,17 +78,17 @@ class Trajectory:
         """Return the trajectory of a function of time.
 
         Args:
-            orientations: takes increasing instants, s, shape ``(n,)``, and returns unit quaternions
-                of either sign, shape ``(n, 4)``; smooth between neighbouring *knots*.
-            knots: where a derivative may have a step, both ends included, s, increasing.
-            continuity: how many derivatives are continuous at the knots.
-            tolerance: rad, how far the trajectory may be from the function.
-            pieces: into how many equal pieces to cut each interval at first; each is halved until
-                the fit is good, or until halving does not help, which leaves rounding only.
+            orientations: maps increasing times, s, shape ``(n,)``, to unit quaternions of either
+                sign, shape ``(n, 4)``; smooth between neighbouring *knots*.
+            knots: times at which a derivative may have a step, both ends included, s, increasing.
+            continuity: number of continuous derivatives at the knots.
+            tolerance: largest error of the trajectory, rad.
+            pieces: initial number of equal pieces of each interval.  Each is halved until the fit
+                is good, or until halving does not help because only rounding is left.
 
         Raises:
             ValueError: the function has a jump.
-            PlanError: it takes more pieces than are tried.
+            PlanError: it takes too many pieces.
         """
         ends = np.array(knots, dtype=np.float64)
         inner = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(pieces) / pieces
@@ -101,7 +101,7 @@ class Trajectory:
             size, error = quality.T
             stalled = np.where(error * _GAIN <= before, 0.0, stalled + 1.0)
             is_left = [(stalled >= halvings) & (error <= most) for halvings, most in _STALLED]
-            # An instant is rounded, and the orientation there is off by the turn in between.
+            # A time is rounded, and the orientation there is off by the turn in between.
             latest = np.maximum(np.abs(begins), np.abs(finals))
             blurred = _BLUR * size * latest / (finals - begins)
             is_good = (error <= np.maximum(tolerance, blurred)) | is_left[0] | is_left[1]
@@ -118,7 +118,7 @@ class Trajectory:
                     f"{len(begins)} pieces and more, more pieces than are tried"
                 )
             finals = np.stack([middle, final], axis=1).ravel()
-            # The error of a piece that is too large to be looked at says nothing of its halves.
+            # A piece with too large an error to be measured tells nothing about its halves.
             before = np.repeat(np.where(size > _LARGEST, np.inf, error)[is_poor], 2)
             stalled = np.repeat(stalled[is_poor], 2)
         else:
@@ -143,14 +143,14 @@ class Trajectory:
         """Return the trajectory of a product of exponentials; see :class:`.Product`.
 
         Args:
-            breaks: where its spans begin and end, s, shape ``(S + 1,)``.
-            parts: the quaternion before the product of each span, ``(S, 4)``; the number of its
+            breaks: start and end of its spans, s, shape ``(S + 1,)``.
+            parts: the quaternion before the product of each span, ``(S, 4)``; the index of its
                 first increment, ``(S,)``; all increments, half-angle vectors, ``(n, 3)``; and the
                 Bernstein coefficients of its functions, ``(S, m, d + 1)``.
-            ends: velocities and accelerations that are given at both ends.
-            continuity: how many derivatives are continuous at the breaks.
-            cuts: into how many equal pieces to cut each span at first.
-            most: pieces that it may take.
+            ends: velocities and accelerations given at both ends.
+            continuity: number of continuous derivatives at the breaks.
+            cuts: initial number of equal pieces of each span.
+            most: largest number of pieces.
 
         Raises:
             PlanError: it takes more.
@@ -174,11 +174,12 @@ class Trajectory:
 
     @classmethod
     def joined(cls, parts: Sequence[Trajectory], continuity: int = 2) -> Trajectory:
-        """Return trajectories laid end to end, each where it is in time.
+        """Return trajectories laid end to end, each at its own times.
 
         Args:
-            parts: each begins where, and when, the one before ends; the sign of the first goes on.
-            continuity: how many derivatives are continuous from one to the next.
+            parts: each begins at the end of the previous one, in orientation and time; the sign of
+                the first continues.
+            continuity: number of continuous derivatives between them.
         """
         if len(parts) == 1:
             return parts[0]
@@ -192,33 +193,33 @@ class Trajectory:
 
     @property
     def domain(self) -> tuple[float, float]:
-        """The first and the last instant, s."""
+        """The first and the last time, s."""
         return float(self.breaks[0]), float(self.breaks[-1])
 
     @property
     def duration(self) -> float:
-        """From the first instant to the last, s."""
+        """Duration, s."""
         return float(self.breaks[-1] - self.breaks[0])
 
     def sample(self, times: Floats, out: Floats | None = None) -> Samples:
         """Return orientation, body angular velocity and body angular acceleration.
 
         Args:
-            times: s, shape ``(n,)``, in any order, increasing ones are quickest; those beyond an
-                end are taken to be at it.
-            out: a C-contiguous array of shape ``(10, n)`` to fill; without it, a new one.
+            times: s, shape ``(n,)``, in any order; increasing ones are fastest.  Times beyond an
+                end are moved to it.
+            out: a C-contiguous array of shape ``(10, n)`` to fill; by default a new one.
 
         Returns:
             Views of *out*: quaternions ``(n, 4)``, rad/s ``(n, 3)`` and rad/s^2 ``(n, 3)``.
 
         Raises:
-            ValueError: an instant is not a number.
+            ValueError: a time is NaN.
         """
         rows = self.rows(times, np.empty((10, len(times))) if out is None else out)
         return rows[:4].T, rows[4:7].T, rows[7:10].T
 
     def orientations(self, times: Floats) -> Floats:
-        """Return quaternions at *times*, taken as :meth:`sample` does, shape ``(n, 4)``."""
+        """Return quaternions at *times* as for :meth:`sample`, shape ``(n, 4)``."""
         return self.rows(times, np.empty((4, len(times)))).T
 
     def jerk(self, times: Floats) -> Floats:
@@ -229,7 +230,7 @@ class Trajectory:
         """Fill and return *out*: 4, 10 or 13 rows of samples at *times*.
 
         Raises:
-            ValueError: an instant is not a number.
+            ValueError: a time is NaN.
         """
         instants = np.ascontiguousarray(times, dtype=np.float64)
         if sample_trajectory(instants, self.breaks, self.pieces, math.inf, out) >= 0:
@@ -241,7 +242,7 @@ class Trajectory:
         return self.sample(self.breaks[[0, -1]])
 
     def ends(self) -> Samples:
-        """Return what :meth:`sample` does at both ends."""
+        """Return the result of :meth:`sample` at both ends."""
         return self._at_ends
 
     def shifted(self, delay: float) -> Trajectory:
@@ -249,14 +250,14 @@ class Trajectory:
         return replace(self, breaks=self.breaks + delay, knots=self.knots + delay)
 
     def slowed(self, duration: float) -> Trajectory:
-        """Return the same orientations from the same instant on, in *duration* seconds."""
+        """Return the same orientations from the same start time on, in *duration* seconds."""
         start, factor = self.breaks[0], duration / self.duration
         breaks, knots = (start + factor * (one - start) for one in (self.breaks, self.knots))
         breaks[-1] = knots[-1] = start + duration
         return replace(self, breaks=breaks, knots=knots)
 
     def reversed(self) -> Trajectory:
-        """Return the same orientations backwards in the same interval."""
+        """Return the same orientations in reverse, over the same interval."""
         first, last = self.domain
         pieces = self.pieces[::-1].copy()
         pieces[:, 4:].reshape(-1, DEGREE + 1, 3)[:, 1::2] *= -1.0
@@ -264,10 +265,10 @@ class Trajectory:
         return replace(self, breaks=breaks, knots=knots, pieces=pieces)
 
     def restricted(self, begin: float, end: float) -> Trajectory:
-        """Return the part from *begin* to *end*, s, where it is in time.
+        """Return the part from *begin* to *end*, s, at the same times.
 
         Raises:
-            ValueError: these are not increasing instants of the domain.
+            ValueError: these are not increasing times of the domain.
         """
         first, last = self.domain
         if not first <= begin < end <= last:
@@ -286,7 +287,7 @@ class Trajectory:
         return replace(self, breaks=breaks, knots=knots, pieces=pieces)
 
     def turned_over(self) -> Trajectory:
-        """Return the same orientations by the other quaternions."""
+        """Return the same orientations with the negated quaternions."""
         pieces = self.pieces.copy()
         pieces[:, :4] *= -1.0
         return replace(self, pieces=pieces)
@@ -296,13 +297,14 @@ class Trajectory:
         start: tuple[Floats | None, Floats | None] = (None, None),
         end: tuple[Floats | None, Floats | None] = (None, None),
     ) -> Trajectory:
-        """Return the trajectory with the velocities and accelerations at its ends as given.
+        """Return the trajectory with exact velocities and accelerations at its ends.
 
-        What the fit is off by, some roundings, is put right in the first and the last piece.
+        This corrects the fit, which is off by some rounding errors, in the first and the last
+        piece.
 
         Args:
             start: body angular velocity, rad/s, and acceleration, rad/s^2, at the beginning;
-                ``None`` leaves what is there.
+                ``None`` leaves them unchanged.
             end: the same at the end.
         """
         pieces = self.pieces.copy()
@@ -340,7 +342,7 @@ def _signed(pieces: Floats) -> Floats:
 
 
 def _cut(piece: Floats, start: float, end: float, begin: float, final: float) -> Floats:
-    """Return the part of a piece over [*start*, *end*] that is over [*begin*, *final*]."""
+    """Return the part over [*begin*, *final*] of a piece over [*start*, *end*]."""
     # u = shift + scale v, where v goes from -1 to 1 along the part.
     scale = (final - begin) / (end - start)
     shift = (begin + final - start - end) / (end - start)
@@ -354,12 +356,12 @@ def _cut(piece: Floats, start: float, end: float, begin: float, final: float) ->
 
 
 def _correction(trajectory: Trajectory, index: int, order: int, wanted: Floats) -> Floats:
-    """Return what to add to an end piece's coefficients for a derivative to be as wanted.
+    """Return the correction of an end piece's coefficients that sets a derivative.
 
     Args:
-        trajectory: as it is now.
+        trajectory: the current trajectory.
         index: 0 for the first piece, -1 for the last.
-        order: 1 for the velocity, 2 for the acceleration, which goes after it.
+        order: 1 for the velocity, 2 for the acceleration, which is set after it.
         wanted: body components.
     """
     side = -1.0 if index == 0 else 1.0
@@ -374,7 +376,7 @@ def _correction(trajectory: Trajectory, index: int, order: int, wanted: Floats) 
 def _pin(side: float, order: int) -> Floats:
     """Return the powers of a polynomial that changes one derivative at an end.
 
-    Neither what is below that derivative there nor anything at the other end changes.
+    It changes neither lower derivatives there nor anything at the other end.
     """
     ahead, fading = np.poly1d([1.0, -side]), np.poly1d([0.5 * side, 0.5]) ** 4
     shape = (ahead**order / math.factorial(order) * fading).coeffs[::-1]

@@ -1,14 +1,14 @@
 r"""Families that are weights of one triangle of slerps: Bezier, B-spline, Catmull-Rom, squad.
 
-A point of the curve is at the top of a triangle whose base is the control quaternions of the
-segment.  Every entry is the slerp of the two below it (Barry and Goldman, 1988; Schlag, 1991):
+A point of the curve is the top of a triangle whose base is the control quaternions of the segment.
+Every entry is the slerp of the two below it (Barry and Goldman, 1988; Schlag, 1991):
 
 .. math:: P_j^r(t) = \mathrm{slerp}\Bigl(P_j^{r-1}(t),\; P_{j+1}^{r-1}(t),\;
           \frac{t - a_{r,j}}{b_{r,j} - a_{r,j}}\Bigr), \qquad P_j^0 = P_j
 
-The intervals ``[a, b]`` alone make it a Bezier curve (all are the segment), a B-spline (runs of
-knots that shorten upwards) or a Catmull-Rom spline (runs that lengthen, then shorten).  Outside
-``[a, b]`` the slerp extrapolates, as Catmull-Rom needs, and must not clamp.
+Only the intervals ``[a, b]`` differ.  For a Bezier curve all are the segment.  For a B-spline they
+are runs of knots that shorten upwards.  For a Catmull-Rom spline the runs lengthen, then shorten.
+Outside ``[a, b]`` the slerp extrapolates, as Catmull-Rom needs, and must not clamp.
 """
 
 from __future__ import annotations
@@ -34,22 +34,24 @@ from orientd.errors import PlanError
 from orientd.rotation import Floats, between, conjugate, exp_half, log_half, multiply, power, slerp
 
 ANTIPODAL = 1e-14
-"""Quaternions closer than this to the opposite of one another leave the arc between them open."""
+"""Quaternions closer than this to opposite ones do not define the arc between them."""
 
 Intervals = Sequence[tuple[Floats, Floats]]
-"""For each level of the triangle from the base up, the starts and ends of the intervals of its
-entries, shape ``(segments, entries)``."""
+"""Starts and ends of the intervals of the entries, shape ``(segments, entries)``, for each level.
+
+The levels count from the base of the triangle up.
+"""
 
 
 class TriangleCurve(Curve):
-    """A curve whose segments are slerp triangles, each over control quaternions of its own."""
+    """A curve whose segments are slerp triangles, each over its own control quaternions."""
 
     def _set_triangles(
         self, knots: Floats, points: Floats, continuity: int, intervals: Intervals | None = None
     ) -> None:
         """Set up the curve of control quaternions, shape ``(segments, order, 4)``.
 
-        Without *intervals* of the entries of the triangle they are those of a Bezier curve.
+        By default the *intervals* are those of a Bezier curve.
         """
         self._set_knots(knots, continuity)
         self._points = points
@@ -67,10 +69,10 @@ class TriangleCurve(Curve):
 
 
 def moving_slerp(p: Floats, q: Floats, shares: Floats, times: Floats) -> Floats:
-    """Return the slerps between points that move with time, which the first axis goes with.
+    """Return the slerps between moving points, whose first axis is that of the times.
 
     Raises:
-        PlanError: two of them are antipodal, so that the arc between them is not defined.
+        PlanError: two of them are antipodal, so that the arc between them is undefined.
     """
     step = between(p, q)
     is_open = (step[..., 0] < 0.0) & (np.max(np.abs(step[..., 1:]), axis=-1) < ANTIPODAL)
@@ -96,7 +98,7 @@ class CubicSegments(TriangleCurve, Through):
     ) -> None:
         """Set up the curve of keyframes, with control quaternions after and before each.
 
-        Without *continuity* it is that of inner points equally far from a keyframe.
+        By default the *continuity* is that of inner points equally far from a keyframe.
         """
         if continuity is None:
             h = np.diff(instants)
@@ -137,9 +139,9 @@ class ShoemakeBezier(CubicSegments):
               \mathrm{out}_i = \mathrm{slerp}(q_i, R_i, s), \quad
               \mathrm{in}_i = \mathrm{slerp}(q_i, R_i, -s)
 
-    Shoemake (1985).  The course notes print the reflection as ``2 (p.q) - q``; its first term
-    needs the factor *q*.  They list the inner points as ``q_0, a_0, b_0, q_1``, but the
-    construction puts ``b_n`` before ``q_n``; and leave those at both ends open, here on the arcs
+    Shoemake (1985).  The course notes print the reflection as ``2 (p.q) - q``; its first term needs
+    the factor *q*.  They list the inner points as ``q_0, a_0, b_0, q_1``, but the construction puts
+    ``b_n`` before ``q_n``.  They leave the outermost inner points open; here these lie on the arcs
     to the neighbours.  With *s* = 1, as printed there and by Nielson (1993), the speed at a
     keyframe is three times that of the neighbours; *s* = 1/3 is Shoemake's truncation and the
     default.
@@ -153,7 +155,7 @@ class ShoemakeBezier(CubicSegments):
             as ``"1/3"``.
 
     Raises:
-        PlanError: a keyframe's neighbours are so placed that they have no bisector.
+        PlanError: the neighbours of a keyframe have no bisector.
     """
 
     name = "shoemake_bezier"
@@ -191,7 +193,7 @@ def bisected_reflections(q: Floats) -> Floats:
 
 
 def check_share(value: object, name: str) -> float:
-    """Return a number in ``(0, 1]``, given as a number or as a fraction in words."""
+    """Return a number in ``(0, 1]``, given as a number or as text of a fraction."""
     number: object = value
     if isinstance(value, str):
         try:
@@ -212,10 +214,10 @@ class BezierCatmullRom(CubicSegments):
     .. math:: R_i = G[q_i,\; q_{i+1} q_{i-1}^{-1} q_i](1/6), \quad
               L_i = G[q_i,\; q_{i-1} q_{i+1}^{-1} q_i](1/6)
 
-    Nielson (1993), sec. 2.2, whose second line defines :math:`L_{i+1}`, though it is printed as
-    :math:`L_i`.  The ends have phantom neighbours :math:`q_0 q_1^{-1} q_0`.  Nielson reports that
-    this is Schlag's Catmull-Rom curve; it is so for rotations about one axis only, otherwise the
-    two differ (2.5 degrees at steps of 45, 31 at steps of 135).
+    Nielson (1993), sec. 2.2, whose second line defines :math:`L_{i+1}` but prints :math:`L_i`.  The
+    ends have phantom neighbours :math:`q_0 q_1^{-1} q_0`.  Nielson calls it Schlag's Catmull-Rom
+    curve.  This holds for rotations about one axis only.  Otherwise the two differ (2.5 degrees at
+    steps of 45, 31 at steps of 135).
 
     First derivatives agree at the keyframes for equal intervals only; otherwise directions do.
 
@@ -241,8 +243,8 @@ class BezierCatmullRom(CubicSegments):
             if is_reversed
             else multiply(after, multiply(before, q))
         )
-        # L_i is R_i reflected.  Computed so, both lie on one arc even if keyframes half a turn
-        # apart leave open which way round it goes.
+        # L_i is R_i reflected.  Computed in this way, both lie on one arc even if keyframes half a
+        # turn apart do not define its direction.
         right, left = slerp(q, ahead, 1.0 / 6.0), slerp(q, ahead, -1.0 / 6.0)
         self._set_cubics(q, right[:-1], left[1:], instants)
 
@@ -264,8 +266,8 @@ class SchlagCatmullRom(TriangleCurve, Through):
     Picture: ``orientd plot schlag_catmull_rom``.
 
     Args:
-        ends: ``"phantom"``: the keyframes next to the ends reflected in them,
-            :math:`q_0 q_1^{-1} q_0`, and the end intervals mirrored.
+        ends: ``"phantom"``: the keyframes next to the ends reflected in them, :math:`q_0 q_1^{-1}
+            q_0`, and the end intervals mirrored.
     """
 
     name = "schlag_catmull_rom"
@@ -293,8 +295,8 @@ class SchlagBSpline(TriangleCurve, DrawnOverKnots):
     Schlag (1991).  The printed non-uniform cubic triangle has five of its six fractions: the
     first one of the base, :math:`(t - t_{q-2})/(t_{q+1} - t_{q-2})`, is missing, and the last
     control point is :math:`P_0`; in the uniform triangle *t* counts from the segment's start.
-    Unlike in the plane the cubic is not C2: the acceleration jumps by 0.2 % of its size at steps
-    of 45 degrees and by 2 % at 170 (Kim, Kim and Shin, 1995, say so without figures).
+    Unlike in the plane the cubic is not C2: the acceleration jumps by 0.2 % of its size at steps of
+        45 degrees and by 2 % at 170.  Kim, Kim and Shin (1995) mention this without figures.
 
     Picture: ``orientd plot schlag_bspline``.
     """
@@ -328,19 +330,19 @@ class Squad(Through):
               a_i^- = q_i \exp\bigl((L_{i-1} - h_{i-1} v_i)/2\bigr), \quad
               L_i = \log(q_i^{-1} q_{i+1})
 
-    Shoemake (1987); the course notes give the blend and leave the inner points open.  These make
-    the half-angle velocity at keyframe *i* equal :math:`v_i` from both sides for any times.  For
-    equal ones and the rule ``"parabola"`` they are the usual
-    :math:`q_i \exp(-(\log q_i^{-1} q_{i+1} + \log q_i^{-1} q_{i-1})/4)`.  The acceleration jumps
-    at the keyframes.  With very unequal intervals (ten to one at steps of 80 degrees) an exponent
-    may pass pi; the velocity then jumps there too, and :attr:`continuity` is 0.
+    Shoemake (1987).  The course notes give the blend and leave the inner points open.  These inner
+    points make the half-angle velocity at keyframe *i* equal :math:`v_i` from both sides for any
+    times.  For equal times and the rule ``"parabola"`` they are the usual :math:`q_i \exp(-(\log
+    q_i^{-1} q_{i+1} + \log q_i^{-1} q_{i-1})/4)`.  The acceleration jumps at the keyframes.  With
+    very unequal intervals (ten to one at steps of 80 degrees) an exponent may pass pi; the velocity
+    then jumps there too, and :attr:`continuity` is 0.
 
     Picture: ``orientd plot squad``.
 
     Args:
-        rule: for the velocities at inner keyframes: of the ``"parabola"`` through three
-            keyframes, the ``"mean"`` of the two rates (as numpy-quaternion has it), or the
-            ``"chord"`` across the keyframe.  At the ends it is the rate of the end interval.
+        rule: for the velocities at inner keyframes: the slope of the ``"parabola"`` through three
+            keyframes, the ``"mean"`` of the two rates (as in numpy-quaternion), or the ``"chord"``
+            across the keyframe.  At the ends it is the rate of the end interval.
     """
 
     name = "squad"

@@ -1,8 +1,8 @@
-r"""A trajectory on an uneven clock: the same orientations, at a rate that changes along it.
+r"""A trajectory on another clock: the same orientations, at a rate that varies along it.
 
-The trajectory's own time *s* is a function of time in two steps.  The outer one, :math:`x(t)`, has
-a squared rate :math:`y = \dot x^2` that is a quadratic spline in *x*; the inner one,
-:math:`s(x)`, is fixed and lets a device leave rest.  Both are in ``orientd/kernels/c/clock.h``.
+The trajectory's own time *s* is a function of time in two steps.  The outer function, :math:`x(t)`,
+has a squared rate :math:`y = \dot x^2` that is a quadratic spline in *x*.  The inner one,
+:math:`s(x)`, is fixed and lets a device leave rest.  ``orientd/kernels/c/clock.h`` has both.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from orientd.errors import PlanError
 from orientd.kernels import retime_trajectory, time_map
 from orientd.rotation import Floats
 
-_MOST_GROWTH = 256  # times the pieces that a retimed trajectory has at least
+_MOST_GROWTH = 256  # multiple of the least number of pieces of a retimed trajectory
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimeMap:
-    """A parameter by time.
+    """A parameter as a function of time.
 
     Attributes:
-        times: when the nodes are passed, from 0 on, s, shape ``(n,)``.
-        places: of the nodes, increasing from 0, shape ``(n,)``.
+        times: times of the nodes, from 0 on, s, shape ``(n,)``.
+        places: parameters of the nodes, increasing from 0, shape ``(n,)``.
         values: squared rates there, shape ``(n,)``.
-        slopes: of the squared rates by *x*, shape ``(n,)``.
-        leaves: how far *x* goes while the parameter leaves rest, at both ends, shape ``(2,)``; 0
-            where it does not, negative where a path that moves there is to be at rest.
+        slopes: derivatives of the squared rates by *x*, shape ``(n,)``.
+        leaves: lengths of *x* over which the parameter leaves rest, at both ends, shape ``(2,)``. 0
+            means that it does not, negative that a path that moves there must be at rest.
     """
 
     times: Floats
@@ -45,16 +45,16 @@ class TimeMap:
         return out[0], out[1], out[2]
 
     def times_of(self, parameters: Floats) -> Floats:
-        """Return when the parameter has given values; at its ends for those beyond, ``(n,)``."""
+        """Return the times of given parameter values, clipped to its ends, ``(n,)``."""
         out: Floats = np.empty((1, len(parameters)))
         time_map(*self._nodes, np.ascontiguousarray(parameters), out)
         times: Floats = out[0]
         return times
 
     def retimed(self, trajectory: Trajectory) -> Trajectory:
-        """Return a trajectory run through as the parameter says, its time since it begins.
+        """Return a trajectory whose time, since its start, is the parameter.
 
-        Where the parameter leaves rest the orientations are at rest, too.
+        If the parameter leaves rest, so do the orientations.
 
         Raises:
             PlanError: it would take far more pieces than the trajectory and the parameter have.
