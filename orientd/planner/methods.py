@@ -108,8 +108,8 @@ def _check_turns(request: MotionRequest, family: type[Curve]) -> None:
         index = int(turned[int(np.argmax(steps <= _SAME))])
         raise RequestError(
             f"keyframes[{index}].turns",
-            f"keyframes[{index - 1}] is the same orientation, which leaves the axis to turn about "
-            "open; put another keyframe between them",
+            f"keyframes[{index - 1}] is the same orientation, so the axis of the turn is "
+            "undefined; put another keyframe between them",
         )
 
 

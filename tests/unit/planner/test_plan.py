@@ -63,7 +63,7 @@ def test_another_orientation_is_refused_with_how_far_it_is(times):
 
 def test_another_position_is_refused_with_how_far_it_is():
     keyframes = at(*WAY, positions=[(0.1 * k, 0, 0) for k in range(4)])
-    with pytest.raises(StartError, match=r"position by 0\.5 m; `approach"):
+    with pytest.raises(StartError, match=r"position by 0\.5 m; set `approach"):
         made(keyframes, State.at_rest(HERE, (0.0, 0.5, 0.0)))
 
 
@@ -151,7 +151,7 @@ def test_a_motion_takes_over_from_one_that_is_still_moving():
 
 def test_a_device_that_moves_otherwise_is_led_in_if_asked_for():
     moving = State(HERE, np.array([0, 0, 0.2]), ZERO, ZERO)
-    with pytest.raises(StartError, match=r"angular velocity by 0\.3 rad/s; `approach: true` would"):
+    with pytest.raises(StartError, match=r"angular velocity by 0\.3 rad/s; set `approach: true`"):
         made(at(*WAY), moving, start_velocity=(0, 0, 0.5))
     motion = made(at(*WAY), moving, start_velocity=(0, 0, 0.5), approach=True)
     assert motion.start_state.omega_body == pytest.approx([0, 0, 0.2])

@@ -283,7 +283,7 @@ def test_limits_below_the_present_motion_are_refused_with_what_to_do(narrow):
     start = first.state_at(record)
     assert np.abs(start.omega_body).min() > 0.01
     request = MotionRequest([Keyframe((1.0, 0.0, 0.0, 0.0))], limits=Limits.partial(**narrow))
-    with pytest.raises(LimitError, match="moves like that already: stop it first"):
+    with pytest.raises(LimitError, match="already moves that fast: stop it first"):
         plan(request, start=start, limits=ARM, period=PERIOD)
 
 

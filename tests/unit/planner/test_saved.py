@@ -193,7 +193,7 @@ def test_a_motion_gives_rotations():
 def test_keyframes_of_a_plan_say_their_order():
     named = Quaternion.from_array(KEYS.as_quat(), order="xyzw")
     assert orientd.plan(named, times=[0, 1, 2.2]) == MOTIONS["plain"]
-    with pytest.raises(RequestError, match="does not say its order"):
+    with pytest.raises(RequestError, match="order of a bare sequence is ambiguous"):
         orientd.plan([[1, 0, 0, 0], [0, 1, 0, 0]])
     with pytest.raises(RequestError, match="times: expected 3 of them, got 2"):
         orientd.plan(KEYS, times=[0, 1])
