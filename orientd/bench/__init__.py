@@ -1,4 +1,4 @@
-"""Measurements on this machine: the servo beside a bare C loop, the curves beside scipy."""
+"""Measurements on this machine: the servo against a bare C loop, the curves against SciPy."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Clients that keep a daemon busy: four watchers, and one that has motions planned without pause.
+"""Clients that keep a daemon busy: four watchers, and one that plans motions without pause.
 
-Run as ``python -m orientd.bench.clients SOCKET DEVICE`` until it is killed; with ``watch`` after
-that there are the watchers only.
+Run as ``python -m orientd.bench.clients SOCKET DEVICE`` until it is killed.  A third argument
+``watch`` starts the watchers only.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from orientd.protocol.control_pb2_grpc import ControlStub
 WATCHERS = 4
 KEYFRAMES = 200
 STEP = 0.1
-"""From each keyframe to the next, s."""
+"""Time between two keyframes, s."""
 
 
 def motion(count: int = KEYFRAMES) -> pb.MotionRequest:

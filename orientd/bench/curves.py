@@ -1,7 +1,7 @@
-"""How fast the default curve is there, sampled and built, beside scipy's RotationSpline.
+"""Speed of the default curve, sampled and built, against SciPy's RotationSpline.
 
-Times are thread CPU time, taken in turns in the same run and reduced to medians, so that both meet
-the same machine; only the ratios carry over to another one.
+Times are thread CPU times.  Both take turns in the same run, under the same conditions, and each
+result is a median.  Only the ratios carry over to another machine.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ FEW = 1000
 
 _ROUNDS = 11
 _SLICE = 0.02
-"""About how long each measurement lasts, in seconds."""
+"""Approximate duration of each measurement, in seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sampling:
-    """Orientation, velocity and acceleration, in ns for each instant.
+    """Orientation, velocity and acceleration, in ns per time.
 
     Attributes:
-        instants: how many there were in a call.
-        sorted_ns: by :meth:`Curve.evaluate`, at increasing instants.
-        unsorted_ns: at the same ones in a random order.
-        scipy_ns: by scipy's RotationSpline through the same keyframes, at increasing instants.
+        instants: number of times in a call.
+        sorted_ns: by :meth:`Curve.evaluate`, at increasing times.
+        unsorted_ns: at the same times in a random order.
+        scipy_ns: by SciPy's RotationSpline through the same keyframes, at increasing times.
     """
 
     instants: int
@@ -57,9 +57,9 @@ class Building:
 
     Attributes:
         step: turn from each keyframe to the next, in rad.
-        few: how many keyframes there were first.
-        few_s: how long they took, in seconds.
-        many_s: how long a hundred times as many took, in seconds.
+        few: the smaller number of keyframes.
+        few_s: duration for these, in seconds.
+        many_s: duration for a hundred times as many, in seconds.
     """
 
     step: float
@@ -69,17 +69,17 @@ class Building:
 
     @property
     def growth(self) -> float:
-        """How many times as long a hundred times as many keyframes take."""
+        """Ratio of the durations for a hundred times as many keyframes."""
         return self.many_s / self.few_s
 
 
 @dataclass(frozen=True, slots=True)
 class CurveSpeed:
-    """What :func:`measure_curves` found.
+    """Results of :func:`measure_curves`.
 
     Attributes:
-        keyframes: how many keyframes the sampled curve has.
-        samplings: for different numbers of instants in a call.
+        keyframes: number of keyframes of the sampled curve.
+        samplings: for different numbers of times in a call.
         buildings: for different steps between keyframes.
     """
 
@@ -93,11 +93,11 @@ def measure_curves(
     instants: tuple[int, ...] = (1, 500, 100_000),
     steps: tuple[float, ...],
 ) -> CurveSpeed:
-    """Measure the default curve: sampling for each number of instants, building for each step.
+    """Measure the default curve: sampling for each number of times, building for each step.
 
     Args:
-        instants: how many instants to sample in a call.
-        steps: turns between keyframes for the builds, in rad; without any nothing is built.
+        instants: numbers of times to sample in a call.
+        steps: turns between keyframes for the builds, in rad; empty to build nothing.
 
     Returns:
         The medians.
@@ -133,7 +133,7 @@ def _sampling(count: int) -> Sampling:
         from scipy.spatial.transform import RotationSpline
     except ImportError as error:
         raise OrientdError(
-            "the curves are measured beside SciPy, which is not installed: "
+            "the curves are measured against SciPy, which is not installed: "
             "pip install 'orientd-motion[scipy]', or give --no-curves"
         ) from error
 
@@ -143,7 +143,7 @@ def _sampling(count: int) -> Sampling:
     shuffled = np.random.default_rng(2).permutation(at)
     curve = C2Cumulative(keys=keys, times=times)
     peer = RotationSpline(times, to_scipy(keys))
-    # Many samples go to memory that is there already; nobody keeps any for a single one.
+    # Many samples are written to existing memory, a single one to new memory, as users do.
     out: Floats | None = np.empty((10, count)) if count > 1 else None
     calls: dict[str, Callable[[], object]] = {
         "scipy": lambda: (peer(at).as_quat(), peer(at, 1), peer(at, 2)),

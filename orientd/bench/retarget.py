@@ -1,7 +1,7 @@
-"""How long a retarget takes, from the call to the first setpoint that it changes.
+"""Latency of a retarget, from the call to the first setpoint that it changes.
 
-A real daemon with the loopback driver moves, and is given new aims on its way.  The client and the
-daemon read one monotonic clock, so that the way of a request can be taken apart:
+A real daemon with the loopback driver moves and is retargeted while it moves.  The client and the
+daemon read one monotonic clock, so the latency splits into these parts:
 
 ``rpc``
     until the daemon has the request;
@@ -10,8 +10,8 @@ daemon read one monotonic clock, so that the way of a request can be taken apart
 ``splicing``
     until the servo has taken it up;
 ``waiting``
-    until the first setpoint that is not the one it would have been: the point at which a motion is
-    left is chosen before its successor is planned, far enough ahead that planning is done by then.
+    until the first setpoint that differs.  The planner chooses the point of departure before it
+    plans, far enough ahead to finish by then.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from orientd.protocol.control_pb2_grpc import ControlStub
 PARTS = ("rpc", "planning", "splicing", "waiting", "total")
 
 _REST = (0.08, 0.16)
-"""The shortest and the longest time from one retarget to the next, s."""
+"""The shortest and the longest time between two retargets, s."""
 
 _WARM_UP = 30
 _STEP = 0.3
@@ -46,7 +46,7 @@ _STEP = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """How long one part of the way took.
+    """Latency of one part.
 
     Attributes:
         p50: median, s.
@@ -59,14 +59,14 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class RetargetLatency:
-    """Retargets to motions of so many keyframes.
+    """Retargets to motions with a number of keyframes.
 
     Attributes:
         keyframes: of each motion.
-        retargets: how many there were.
-        replanned: how many of them were planned more than once, because the device had passed the
+        retargets: number of retargets.
+        replanned: number of retargets planned more than once, because the device had passed the
             point of departure meanwhile.
-        parts: by the names in :data:`PARTS`; the last is the whole way.
+        parts: by the names in :data:`PARTS`; the last is the total.
     """
 
     keyframes: int
@@ -80,10 +80,10 @@ class _Retarget:
     number: int
     attempts: int
     marks_ns: tuple[int, ...]
-    """When it was sent, received, planned and taken up."""
+    """The times at which it was sent, received, planned and taken up."""
 
     def parts(self, first_ns: int) -> list[float]:
-        """Return the parts of the way in s, when the first setpoint changed at *first_ns*."""
+        """Return the parts of the latency in s, if the first setpoint changed at *first_ns*."""
         marks = (*self.marks_ns, first_ns)
         steps = [(b - a) * 1e-9 for a, b in itertools.pairwise(marks)]
         return [*steps, (first_ns - marks[0]) * 1e-9]
@@ -95,13 +95,13 @@ def measure_retargets(
     """Measure *count* retargets for each number of keyframes.
 
     Args:
-        keyframes: of the motions, each without times and with an approach.
-        count: retargets for each, after some that are not counted.
+        keyframes: numbers of keyframes; the motions have no times and an approach.
+        count: retargets for each, after a few uncounted ones.
         rate_hz: of the device.
         priority: of its servo; 0 for the ordinary scheduler.
 
     Raises:
-        OrientdError: the daemon does not come up or refuses a motion, or its device faults.
+        OrientdError: the daemon does not become ready or refuses a motion, or its device faults.
     """
     with (
         tempfile.TemporaryDirectory(prefix="orientd-bench-") as folder,
@@ -110,7 +110,7 @@ def measure_retargets(
         _first_setpoints(stub) as first,
     ):
         chance = random.Random(1)
-        # What plans is loaded, and compiled, with the first motions.
+        # The first motions load and compile the planner.
         _measure(stub, first, max(keyframes), _WARM_UP, chance)
         return [_measure(stub, first, some, count, chance) for some in keyframes]
 
@@ -160,7 +160,7 @@ def _retarget(
 
 
 def aims(count: int, chance: random.Random) -> pb.MotionRequest:
-    """Return *count* keyframes a third of a radian or less apart, the first of them anywhere."""
+    """Return *count* keyframes at most a third of a radian apart, the first of them anywhere."""
     vector = [chance.uniform(-1.0, 1.0) for _ in range(3)]
     keyframes = []
     for _ in range(count):
@@ -172,10 +172,10 @@ def aims(count: int, chance: random.Random) -> pb.MotionRequest:
 
 @contextlib.contextmanager
 def _first_setpoints(stub: ControlStub) -> Iterator[dict[int, int]]:
-    """Note when the first setpoint of each motion was due, for as long as the context lasts.
+    """Record the time of the first setpoint of each motion, while the context lasts.
 
-    The setpoint that two motions share, where one leaves the other, belongs to the one before:
-    what is noted is the first setpoint behind it.
+    Two consecutive motions share a setpoint, which counts for the first of them.  So the recorded
+    setpoint is the next one.
     """
     first: dict[int, int] = {}
     begun: dict[int, int] = {}

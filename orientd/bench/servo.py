@@ -1,9 +1,8 @@
-"""How punctual the servo is, against a bare C loop at the same priority in the same run.
+"""Punctuality of the servo, against a bare C loop at the same priority in the same run.
 
-Slots alternate, so that both meet the same machine.  A slot of the servo is a real daemon with the
-loopback driver and a motion that streams; under load it also plans without pause and streams its
-state to four watchers, and every core has a busy process.  The C loop meets the busy processes
-only.
+Slots alternate, so that both run under the same conditions.  In a slot of the servo, a real daemon
+with the loopback driver streams a motion.  Under load it also plans without pause and streams its
+state to four watchers, and every core has a busy process.  The C loop has the busy processes only.
 """
 
 from __future__ import annotations
@@ -34,10 +33,10 @@ _TIMEOUT = 30.0
 
 
 class Condition(NamedTuple):
-    """What one comparison of a full report is made under.
+    """The conditions of one comparison of a full report.
 
     Attributes:
-        rate_hz: cycles a second.
+        rate_hz: cycles per second.
         is_loaded: whether the daemon and every core are busy.
         priority: SCHED_FIFO priority, 0 for the ordinary scheduler.
         spin_us: how long the servo spins before a deadline; the C loop never does.
@@ -55,7 +54,7 @@ class Comparison:
 
     Attributes:
         servo: slots of the servo.
-        bare: slots of the C loop, each taken beside the one of the servo.
+        bare: slots of the C loop, each next to one of the servo.
     """
 
     servo: tuple[Slot, ...]
@@ -114,14 +113,14 @@ def _servo_slot(condition: Condition, seconds: float) -> Slot:
 def daemon(
     folder: Path, rate_hz: float, priority: int, spin_us: int = SPIN_US, *, more: str = ""
 ) -> Iterator[Path]:
-    """Run a daemon with one loopback device for as long as the context lasts.
+    """Run a daemon with one loopback device while the context lasts.
 
     Args:
         folder: for its files.
         rate_hz: of the device.
         priority: SCHED_FIFO priority of its servo, 0 for the ordinary scheduler.
         spin_us: how long the servo spins before a deadline.
-        more: tables of the configuration besides those.
+        more: further tables of the configuration.
     """
     socket = folder / "control.sock"
     config = folder / "config.toml"
@@ -168,13 +167,13 @@ def control(socket: Path) -> Iterator[Any]:
 
 
 def stream(socket: Path, seconds: float, priority: int, *, progress_hz: float = 1.0) -> Slot:
-    """Move for *seconds* and return what was measured of the motion.
+    """Move for *seconds* and return the statistics of the motion.
 
     Args:
-        socket: of the daemon, as :func:`daemon` has started it.
-        seconds: how long the motion takes.
-        priority: that the servo has asked for.
-        progress_hz: how often this client is told of progress.
+        socket: of the daemon that :func:`daemon` started.
+        seconds: duration of the motion.
+        priority: SCHED_FIFO priority of the servo.
+        progress_hz: rate of the progress reports to this client.
 
     Raises:
         OrientdError: the priority is not permitted, or the motion was refused or did not end well.
@@ -212,7 +211,7 @@ def stream(socket: Path, seconds: float, priority: int, *, progress_hz: float = 
 
 
 def conditions() -> list[Condition]:
-    """Return the conditions of every comparison of a full report: as installed, then without."""
+    """Return the conditions of every comparison of a full report."""
     return [
         Condition(rate, is_loaded, priority, spin_us)
         for rate in (500.0, 1000.0)
