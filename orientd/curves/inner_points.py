@@ -100,8 +100,8 @@ class NielsonShieh(Through):
             distances of the arcs' middles from their inner control points.
         reparam: whether to apply eq. 15 and be C1.
         a1: parameter of eq. 15, positive; or ``"balanced"`` for the least sum of squared
-        logarithms. require_positive: whether the search for *M1* excludes negative weights.  It
-        does not apply
+            logarithms.
+        require_positive: whether the search for *M1* excludes negative weights.  It does not apply
             to a given *M1*.
 
     Raises:
