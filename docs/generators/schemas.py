@@ -1,4 +1,4 @@
-"""The references of the motion file, the configuration, drivers' options and metrics."""
+"""The references of motion files, the configuration, drivers' options, recordings, metrics."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from orientd.config import DeviceSettings, Settings
 from orientd.config.presets import PRESETS
 from orientd.daemon.calls import Telemetry
 from orientd.model import UNITS, attribute_lines, motion_schema
+from orientd.recorder import COLUMNS, FLAGS
 
 _TABLES = {
     "daemon": "[daemon]",
@@ -42,6 +43,7 @@ def pages(source: Path) -> Iterator[tuple[str, str]]:
         _from(source, "configuration", "".join(_table(Settings, ""))),
     )
     yield "reference/limits.md", _from(source, "limits", "".join(_presets()))
+    yield "reference/recording.md", _from(source, "recording", "".join(_columns()))
     yield "reference/metrics.md", _from(source, "metrics", "".join(_metrics()))
     for point in entry_points(group="orientd.drivers"):
         name = point.value.partition(":")[0]
@@ -170,6 +172,18 @@ def _presets() -> Iterator[str]:
     for name, preset in PRESETS.items():
         shown = " | ".join(f"{preset.limits.rate(one):.4g}" for one in UNITS)
         yield f"| `{name}` | {shown} | {preset.source} |\n"
+
+
+def _columns() -> Iterator[str]:
+    yield "| field | type | unit | what it is | step |\n|---|---|---|---|---|\n"
+    for one in COLUMNS:
+        if one.path:
+            step = f"{one.step:.0e}" if one.step else ""
+            unit = one.unit.replace("^2", "²")
+            yield f"| `{one.path}` | `{one.type}` | {unit} | {one.doc} | {step} |\n"
+    for name, (_, doc) in FLAGS.items():
+        yield f"| `{name}` | `bool` | | {doc} | |\n"
+    yield "\n"
 
 
 def _metrics() -> Iterator[str]:

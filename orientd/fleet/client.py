@@ -306,16 +306,13 @@ class Fleet:
             found[name] = Stopped(name, (), timeout, problem="has not acknowledged the stop")
         return [found[name] for name in sorted(found)]
 
-    def record(
-        self, path: str | Path, daemons: Sequence[str] = (), *, has_scalars: bool = False
-    ) -> FleetRecording:
+    def record(self, path: str | Path, daemons: Sequence[str] = ()) -> FleetRecording:
         """Return a recording of every cycle, event and plan of the cell in one MCAP file.
 
         Args:
             path: of the file, which is overwritten.
             daemons: their names; by default every daemon that is there meanwhile.
-            has_scalars: whether every cycle is written as plain numbers too, for plotting tools.
         """
         from orientd.fleet.recording import FleetRecording
 
-        return FleetRecording(self, Path(path), daemons, has_scalars=has_scalars)
+        return FleetRecording(self, Path(path), daemons)

@@ -58,11 +58,9 @@ class FleetRecording(LiveRecording):
         problems: why a daemon is not recorded, or no longer, by its name.
     """
 
-    def __init__(
-        self, fleet: Fleet, path: Path, daemons: Sequence[str] = (), *, has_scalars: bool = False
-    ) -> None:
+    def __init__(self, fleet: Fleet, path: Path, daemons: Sequence[str] = ()) -> None:
         """Prepare to record daemons of *fleet*; see :meth:`orientd.fleet.Fleet.record`."""
-        super().__init__(path, has_scalars=has_scalars)
+        super().__init__(path)
         self._fleet, self._daemons = fleet, daemons
         self._background = threading.Thread(target=self._run, name="orientd fleet record")
         self._error: OrientdError | None = None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
-    from orientd.recorder.cycle_table import Table, from_records
+    from orientd.recorder.columns import COLUMNS, CYCLES, FLAGS, Table, from_records
     from orientd.recorder.orientations import Orientations, read_orientations
     from orientd.recorder.planned import strands
     from orientd.recorder.reader import NotOursError, load_recording
@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 __getattr__ = lazily(
     __name__,
     {
-        "orientd.recorder.cycle_table": (
+        "orientd.recorder.columns": (
+            "COLUMNS",
+            "CYCLES",
+            "FLAGS",
             "Table",
             "from_records",
         ),

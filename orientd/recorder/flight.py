@@ -18,7 +18,7 @@ from typing import IO, Any
 import numpy as np
 
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder.cycle_table import CYCLES, Table, from_records
+from orientd.recorder.columns import CYCLES, Table, from_records
 from orientd.recorder.writer import RecordingError, RecordingWriter
 from orientd.stream import CYCLE_RECORD, RecordRing
 

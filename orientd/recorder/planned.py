@@ -8,7 +8,7 @@ from orientd import rotation
 from orientd.planner import states_between
 from orientd.plots import Strands
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder.cycle_table import Table
+from orientd.recorder.columns import Table
 from orientd.recorder.reader import Recording
 from orientd.rotation import Floats
 from orientd.stream import CycleFlag

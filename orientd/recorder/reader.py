@@ -9,23 +9,20 @@ from pathlib import Path
 
 import numpy as np
 from mcap.records import Channel, Message, Metadata, Schema
+from mcap_protobuf.decoder import DecoderFactory
 
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import recording_pb2
-from orientd.recorder.cycle_table import Table, from_block
+from orientd.recorder import blocks
+from orientd.recorder.columns import SCHEMA_NAME, Layout, Table
 from orientd.recorder.mcap_records import Damages, records
 from orientd.recorder.writer import RecordingError
 from orientd.stream import ServoState
 
-_CYCLES = recording_pb2.CycleBlock.DESCRIPTOR.full_name
 _EVENT = pb.Event.DESCRIPTOR.full_name
 
-FEWEST_CYCLE_BYTES = 4
-"""Of a file for each of its cycles, whose lateness alone takes two."""
-
-_FREE_CYCLES = 50_000
-_MOST_CYCLES_OF_BLOCK = 65_536
+_AT_ONCE = 4096
+"""Messages that become a table together."""
 
 
 @dataclass(eq=False)
@@ -106,23 +103,53 @@ def load_recording(path: Path, *, partial: bool = False) -> Recording:
         return _load(path, partial=partial)
 
 
+class _Cycles:
+    """Collects the cycles of a device, message by message.
+
+    Args:
+        schema: of the messages.
+    """
+
+    def __init__(self, schema: Schema) -> None:
+        self._tables: list[Table] = []
+        self._messages: list[bytes] = []
+        is_block = schema.name == blocks.SCHEMA_NAME
+        self._decode = DecoderFactory().decoder_for("protobuf", schema) if is_block else None
+        self._layout = None if is_block else Layout(schema.data.decode())
+
+    def add(self, message: bytes) -> None:
+        """Add a message."""
+        if self._decode is not None:
+            self._tables.append(blocks.cycles_of(self._decode(message), len(message)))
+            return
+        self._messages.append(message)
+        if len(self._messages) >= _AT_ONCE:
+            self._convert()
+
+    def table(self) -> Table:
+        """Return all of them, in their order."""
+        self._convert()
+        return np.concatenate(self._tables)
+
+    def _convert(self) -> None:
+        if self._layout is not None and self._messages:
+            self._tables.append(self._layout.cycles(self._messages))
+            self._messages = []
+
+
 def _load(path: Path, *, partial: bool) -> Recording:
     recording = Recording()
-    blocks: dict[str, list[Table]] = {}
-    room = _FREE_CYCLES + path.stat().st_size // FEWEST_CYCLE_BYTES
+    cycles: dict[str, _Cycles] = {}
     for channel, schema, message in messages(path, recording, partial=True):
         kind = schema.name if schema is not None else ""
-        if kind == _CYCLES:
+        if schema is not None and kind in (SCHEMA_NAME, blocks.SCHEMA_NAME):
             device = channel.topic.rpartition("/")[0].removeprefix("/")
-            block = recording_pb2.CycleBlock.FromString(message.data)
-            room -= block.count
-            if room < 0 or block.count > _MOST_CYCLES_OF_BLOCK:
-                raise ValueError("more cycles than it has bytes for")
-            blocks.setdefault(device, []).append(from_block(block))
+            if device not in cycles:
+                cycles[device] = _Cycles(schema)
+            cycles[device].add(message.data)
         elif kind == _EVENT:
             recording.events.append(pb.Event.FromString(message.data))
-    for device, tables in blocks.items():
-        recording.cycles[device] = np.concatenate(tables)
+    recording.cycles = {device: found.table() for device, found in cycles.items()}
     recording.events.sort(key=lambda event: event.time_ns)
     if recording.damages and not partial:
         raise _not_whole(path, recording)

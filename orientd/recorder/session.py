@@ -9,19 +9,13 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 
-import numpy as np
-
 from orientd.client import Configuration, Robot
 from orientd.errors import UnknownNameError
-from orientd.recorder.cycle_table import from_records
-from orientd.recorder.writer import BLOCK, LIVE_CHUNK_BYTES, RecordingWriter
-from orientd.stream import CYCLE_RECORD
+from orientd.recorder.columns import from_records
+from orientd.recorder.writer import RecordingWriter
 
-READ_HZ = 10.0
-"""Batches of cycles a second."""
-
-LONGEST_HELD = 0.4
-"""Seconds after which cycles are written, though they are few."""
+READ_HZ = 4.0
+"""Batches of cycles a second; each is in the file before the next one comes."""
 
 STATE_INTERVAL = 5.0
 """Seconds between two reports of the state."""
@@ -39,9 +33,9 @@ class LiveRecording:
         ending: is set once it is to be completed.
     """
 
-    def __init__(self, path: Path, *, has_scalars: bool) -> None:
-        """Prepare the file at *path*; *has_scalars* is as for :class:`RecordingWriter`."""
-        self._path, self._has_scalars = path, has_scalars
+    def __init__(self, path: Path) -> None:
+        """Prepare the file at *path*."""
+        self._path = path
         self.ending = threading.Event()
         self.cycles: defaultdict[str, int] = defaultdict(int)
         self.lost: defaultdict[str, int] = defaultdict(int)
@@ -52,12 +46,7 @@ class LiveRecording:
         self.ending.set()
 
     def _begin_file(self, offset_ns: int) -> RecordingWriter:
-        return RecordingWriter(
-            self._path,
-            offset_ns=offset_ns,
-            has_scalars=self._has_scalars,
-            chunk_bytes=LIVE_CHUNK_BYTES,
-        )
+        return RecordingWriter(self._path, offset_ns=offset_ns)
 
 
 class DaemonRecorder:
@@ -145,35 +134,17 @@ class DaemonRecorder:
     def _record_cycles(
         self, writer: RecordingWriter, recording: LiveRecording, device: str
     ) -> None:
-        pending: list[bytes] = []
-        count, due = 0, time.monotonic() + LONGEST_HELD
         name = self._prefix + device
-        try:
-            for records, lost in self.observer.records(device, rate_hz=READ_HZ):
-                recording.lost[name] += lost
-                pending.append(records)
-                count += len(records) // CYCLE_RECORD.size
-                if count >= BLOCK or time.monotonic() >= due:
-                    self._add(writer, recording, name, pending)
-                    pending, count, due = [], 0, time.monotonic() + LONGEST_HELD
-        finally:
-            self._add(writer, recording, name, pending)
-
-    def _add(
-        self, writer: RecordingWriter, recording: LiveRecording, name: str, pending: Sequence[bytes]
-    ) -> None:
-        if not pending:
-            return
-        table = from_records(pending)
-        shift_ns = self._shift_ns()
-        if shift_ns:
-            table = table.copy()
-            for column in ("deadline_ns", "feedback_time_ns"):
-                table[column] -= shift_ns
-        # A new servo process counts from the beginning.
-        for part in np.split(table, np.flatnonzero(np.diff(table["index"]) < 0) + 1):
-            writer.add_cycles(name, part)
-        recording.cycles[name] += len(table)
+        for records, lost in self.observer.records(device, rate_hz=READ_HZ):
+            recording.lost[name] += lost
+            table, shift_ns = from_records(records), self._shift_ns()
+            if shift_ns:
+                table = table.copy()
+                for column in ("deadline_ns", "feedback_time_ns"):
+                    table[column] -= shift_ns
+            writer.add_cycles(name, table)
+            writer.flush()
+            recording.cycles[name] += len(table)
 
     def _record_events(self, writer: RecordingWriter, recording: LiveRecording) -> None:
         names = {device.name for device in self._devices}
@@ -182,27 +153,25 @@ class DaemonRecorder:
                 event.device = self._prefix + event.device
                 event.time_ns -= self._shift_ns()
                 writer.add_event(event)
+                writer.flush()
                 recording.events += 1
 
 
 class RecordingSession(LiveRecording):
     """The recording of some devices of a daemon, from :meth:`run` until it is told to end."""
 
-    def __init__(
-        self, robot: Robot, path: Path, devices: Sequence[str] = (), *, has_scalars: bool = False
-    ) -> None:
+    def __init__(self, robot: Robot, path: Path, devices: Sequence[str] = ()) -> None:
         """Prepare to record.
 
         Args:
             robot: whose devices.
             path: of the file.
             devices: their names; all, where none is named.
-            has_scalars: whether every cycle is written as plain numbers too, for tools that plot.
 
         Raises:
             UnknownNameError: there is no such device.
         """
-        super().__init__(path, has_scalars=has_scalars)
+        super().__init__(path)
         self._recorder = DaemonRecorder(robot, devices)
 
     def run(self) -> None:

@@ -3,57 +3,63 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orientd.errors import OrientdError
+from orientd.recorder.columns import AXES, COLUMNS, QUATERNION, VECTOR, named
 from orientd.recorder.planned import planned_orientations
 from orientd.recorder.reader import Recording
-from orientd.rotation import Floats
-from orientd.stream import CycleFlag, ServoState
+from orientd.stream import CycleFlag
 from orientd.whole_file import written
 
-_COMPONENTS = {"q": "wxyz", "joints": "12345678"}
-_UNITS = {
-    "q": "",
-    "omega_body": "_rad_s",
-    "alpha_body": "_rad_s2",
-    "position": "_m",
-    "joints": "_rad",
-}
-_COUNTS = ("index", "motion", "overruns", "missed")
+_COMPONENTS = {QUATERNION: "wxyz", VECTOR: ("_x", "_y", "_z"), AXES: [f"_{k}" for k in range(1, 9)]}
+_UNITS = {"": "", "rad/s": "_rad_s", "rad/s^2": "_rad_s2", "m": "_m", "rad": "_rad"}
+
+Columns = dict[str, NDArray[Any]]
 
 
-def columns(recording: Recording, device: str) -> dict[str, Floats]:
-    """Return the cycles of *device* column by column; not a number where there is none.
+def columns(recording: Recording, device: str) -> Columns:
+    """Return the cycles of *device* column by column, with NaN for missing numbers.
 
-    ``time_s`` is the time of day, ``measured_time_s`` when the feedback was measured.
+    ``time_s`` is the deadline as a time of day, ``measured_time_s`` the time of the measurement.
+    States and faults are names.
     """
     cycles = recording.cycles[device]
     has_feedback = (cycles["flags"] & CycleFlag.FEEDBACK) != 0
     path_times, planned = planned_orientations(recording, device)
-    table: dict[str, Floats] = {
+    table: Columns = {
         "time_s": (cycles["deadline_ns"] + recording.offset_ns) * 1e-9,
         "deadline_ns": cycles["deadline_ns"],
         "lateness_s": cycles["lateness_ns"] * 1e-9,
         "work_s": cycles["work_ns"] * 1e-9,
-        "state": cycles["state"],
-        "fault": cycles["fault"],
+        "state": np.array(named("state", cycles["state"]), dtype=np.str_),
+        "fault": np.array(named("fault", cycles["fault"]), dtype=np.str_),
         "is_written": (cycles["flags"] & CycleFlag.WRITTEN) != 0,
         "speed": cycles["speed"],
         "path_time_s": path_times,
-        **{name: cycles[name] for name in _COUNTS},
+        **{name: cycles[name] for name in ("index", "motion", "overruns", "missed")},
+        **{f"planned_q{axis}": planned[:, k] for k, axis in enumerate("wxyz")},
+        **_components(cycles, "sent"),
     }
-    _spread(table, "planned_q", planned)
-    for name in cycles.dtype.names or ():
-        if name.startswith("sent_"):
-            _spread(table, name, cycles[name])
     stamps = np.where(has_feedback, cycles["feedback_time_ns"] + recording.offset_ns, np.nan)
     table["measured_time_s"] = stamps * 1e-9
-    for name in cycles.dtype.names or ():
-        if name.startswith("measured_"):
-            _spread(table, name, np.where(has_feedback[:, None], cycles[name], np.nan))
+    for name, column in _components(cycles, "measured").items():
+        table[name] = np.where(has_feedback, column, np.nan)
     return table
+
+
+def _components(cycles: NDArray[np.void], group: str) -> Columns:
+    """Return the components sent or measured, without axes that the device does not have."""
+    return {
+        f"{one.name}{component}{_UNITS[one.unit]}": content
+        for one in COLUMNS
+        if one.name.startswith(f"{group}_")
+        for component, content in zip(_COMPONENTS[one.type], cycles[one.name].T, strict=True)
+        if one.type != AXES or not np.isnan(content).all()
+    }
 
 
 def export(recording: Recording, device: str, path: Path) -> int:
@@ -63,7 +69,6 @@ def export(recording: Recording, device: str, path: Path) -> int:
         OrientdError: the file cannot be written, or needs the extra `parquet`, which is not there.
     """
     table = columns(recording, device)
-    rows = len(table["time_s"])
     with written(path) as file:
         if path.suffix == ".npz":
             np.savez_compressed(file, allow_pickle=False, **table)
@@ -71,35 +76,21 @@ def export(recording: Recording, device: str, path: Path) -> int:
             _write_parquet(file, table)
         else:
             _write_csv(file, table)
-    return rows
+    return len(table["time_s"])
 
 
-def _spread(table: dict[str, Floats], name: str, content: Floats) -> None:
-    """Add the components of a quantity, without those that are nowhere there."""
-    quantity = name.split("_", 1)[1]
-    for component, column in zip(_COMPONENTS.get(quantity, "xyz"), content.T, strict=True):
-        if quantity == "joints" and np.all(np.isnan(column)):
-            continue
-        joint = "" if quantity == "q" else "_"
-        table[f"{name}{joint}{component}{_UNITS[quantity]}"] = column
-
-
-def _write_csv(path: Path, table: dict[str, Floats]) -> None:
-    names = {state.value: state.name.lower() for state in ServoState}
+def _write_csv(path: Path, table: Columns) -> None:
     with path.open("w", encoding="utf-8") as stream:
         stream.write(",".join(table) + "\n")
-        listed = [column.tolist() for column in table.values()]
-        state = list(table).index("state")
-        listed[state] = [names.get(value, str(value)) for value in listed[state]]
-        for row in zip(*listed, strict=True):
+        for row in zip(*(column.tolist() for column in table.values()), strict=True):
             stream.write(",".join("" if cell != cell else str(cell) for cell in row) + "\n")
 
 
-def _write_parquet(path: Path, table: dict[str, Floats]) -> None:
+def _write_parquet(path: Path, table: Columns) -> None:
     try:
         import pyarrow as arrow
         from pyarrow import parquet
     except ImportError as error:
         problem = "parquet needs the extra `parquet`: pip install 'orientd-motion[parquet]'"
         raise OrientdError(problem) from error
-    parquet.write_table(arrow.table(dict(table)), path)
+    parquet.write_table(arrow.table(table), path)

@@ -12,7 +12,6 @@ from harness import DaemonProcess, resident_kib, until
 from recorded import OFFSET_NS, RATE_HZ, moving
 
 from orientd.recorder import RecordingWriter
-from orientd.recorder.writer import BLOCK
 
 pytestmark = pytest.mark.bench
 
@@ -20,13 +19,14 @@ MINUTE = round(60 * RATE_HZ)
 
 
 @pytest.mark.parametrize("joints", [0, 6])
-def test_a_minute_in_motion_takes_two_megabytes_at_the_most(tmp_path, joints):
+def test_a_minute_in_motion_takes_six_megabytes_at_the_most(tmp_path, joints):
     table = moving(MINUTE, joints=joints)
     began = time.process_time()
     with RecordingWriter(tmp_path / "a.mcap", offset_ns=OFFSET_NS) as writer:
         writer.add_device("arm", RATE_HZ)
-        for at in range(0, MINUTE, BLOCK):
-            writer.add_cycles("arm", table[at : at + BLOCK])
+        for at in range(0, MINUTE, 125):
+            writer.add_cycles("arm", table[at : at + 125])
+            writer.flush()
     spent = time.process_time() - began
     size = (tmp_path / "a.mcap").stat().st_size
     peer = len(zlib.compress(table.tobytes(), 6))
@@ -34,8 +34,8 @@ def test_a_minute_in_motion_takes_two_megabytes_at_the_most(tmp_path, joints):
         f"\n{joints} joints: {size / 1e6:.2f} MB and {spent / 0.6:.2f} % of a core for a minute; "
         f"the records deflated: {peer / 1e6:.2f} MB, ratio {size / peer:.2f}"
     )
-    assert size < 2_000_000
-    assert size < 0.4 * peer
+    assert size < 6_000_000
+    assert size < peer
 
 
 def spent(pid):

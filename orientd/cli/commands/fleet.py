@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from orientd.cli.command import need_extra
-from orientd.cli.commands.record import OutFile, Scalars, Seconds, check_output, ending, tell
+from orientd.cli.commands.record import (
+    OutFile,
+    Scalars,
+    Seconds,
+    check_output,
+    ending,
+    tell,
+    tell_scalars,
+)
 from orientd.cli.commands.view import PORT, Dark, Host, NoOpen, Port, serve_page
 from orientd.cli.output import Output, is_terminal, table
 from orientd.errors import DaemonError, OrientdError
@@ -250,8 +258,9 @@ def record(
     of each clock and its bound.
     """
     check_output(file, seconds)
+    tell_scalars(out, is_given=scalars)
     with at.connect() as client:
-        recording = client.record(file, daemon or (), has_scalars=scalars)
+        recording = client.record(file, daemon or ())
         out.say(f"recording {', '.join(daemon or client.daemons)} to {file}")
         with ending(recording, seconds):
             recording.run()

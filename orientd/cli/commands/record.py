@@ -24,7 +24,7 @@ Seconds = Annotated[
     typer.Option("--seconds", "-s", metavar="SECONDS", help="Duration; default: until Ctrl-C."),
 ]
 Scalars = Annotated[
-    bool, typer.Option("--scalars", help="Add plain numbers of every cycle, for plotting tools.")
+    bool, typer.Option("--scalars", hidden=True, help="Does nothing: each cycle is plain numbers.")
 ]
 
 
@@ -51,14 +51,21 @@ def record(
     and measured values have topics of their own.
     """
     check_output(file, seconds)
+    tell_scalars(out, is_given=scalars)
     from orientd.recorder import RecordingSession
 
     with at.connect("record") as robot:
-        session = RecordingSession(robot, file, device or (), has_scalars=scalars)
+        session = RecordingSession(robot, file, device or ())
         out.say(f"recording to {file}")
         with ending(session, seconds):
             session.run()
     tell(session, file, out)
+
+
+def tell_scalars(out: Output, *, is_given: bool) -> None:
+    """Say that the option ``--scalars`` of earlier versions does nothing any more."""
+    if is_given:
+        out.say("note: --scalars does nothing any more: /DEVICE/cycles holds plain numbers")
 
 
 def check_output(file: Path, seconds: float | None) -> None:

@@ -6,7 +6,7 @@ from direct_planners import recorded
 
 from orientd import planner, rotation
 from orientd.daemon.device.meter import Histogram, MotionMeter
-from orientd.recorder.cycle_table import CYCLES
+from orientd.recorder import CYCLES
 from orientd.stream import CYCLE_RECORD, CycleFlag, RecordRing, ServoState
 
 PERIOD = 0.002

@@ -5,14 +5,14 @@ import warnings
 
 import numpy as np
 import pytest
-from command_line import assert_refused, orientd
+from command_line import assert_refused, inside
 from mcap.writer import Writer
 from recorded import OFFSET_NS, RATE_HZ, moving
 
 from orientd.protocol import control_pb2 as pb
 from orientd.recorder import load_recording, read_orientations
 from orientd.recorder.mcap_records import Damages, records
-from orientd.recorder.writer import LIVE_CHUNK_BYTES, RecordingError, RecordingWriter
+from orientd.recorder.writer import RecordingError, RecordingWriter
 
 CASES = int(os.environ.get("ORIENTD_CASES", "12"))
 COUNT = 600
@@ -31,12 +31,13 @@ def whole(tmp_path_factory):
         time_ns=int(table["deadline_ns"][0]),
         plan=pb.Plan(certificate=pb.Certificate(duration=4.0)),
     )
-    with RecordingWriter(path, offset_ns=OFFSET_NS, chunk_bytes=LIVE_CHUNK_BYTES) as writer:
+    with RecordingWriter(path, offset_ns=OFFSET_NS) as writer:
         writer.add_device("arm", RATE_HZ)
         writer.add_configuration("{}", {})
         writer.add_event(began)
         for first in range(0, COUNT, 25):
             writer.add_cycles("arm", table[first : first + 25])
+            writer.flush()
     return path.read_bytes(), load_recording(path).cycles["arm"]
 
 
@@ -128,7 +129,7 @@ def test_a_tail_of_zeros_is_no_data(whole, tmp_path):
 def test_a_flipped_bit_costs_its_chunk_and_is_named_with_its_place(whole, tmp_path):
     content, cycles = whole
     path = tmp_path / "flipped.mcap"
-    place = len(content) // 2
+    place = content.index(b"zstd", len(content) // 2) + 200  # inside of a chunk
     path.write_bytes(content[:place] + bytes([content[place] ^ 4]) + content[place + 1 :])
     words = refusal(path)
     recording = load_recording(path, partial=True)
@@ -210,7 +211,7 @@ def test_commands_refuse_a_cut_recording_in_one_line_and_take_what_is_whole_when
         ("plot", path, "-o", tmp_path / "a.svg"),
         ("export", path, "-o", tmp_path / "a.csv"),
     ):
-        assert_refused(orientd(*command), "is not whole: ", "it has no end", "`--partial`")
-        done = orientd(*command, "--partial")
+        assert_refused(inside(*command), "is not whole: ", "it has no end", "`--partial`")
+        done = inside(*command, "--partial")
         assert done.returncode == 0, done.stderr
         assert "it has no end: it reaches to" in done.stdout

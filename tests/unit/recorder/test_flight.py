@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import resource
 import tempfile
 
 import numpy as np
@@ -116,16 +117,17 @@ def test_the_oldest_files_make_room(tmp_path):
     assert sorted(tmp_path.iterdir()) == sorted([tmp_path / "mine.mcap", last])
 
 
-def test_nothing_is_left_of_what_cannot_be_written(tmp_path, monkeypatch):
-    memory = CycleMemory(10)
+def test_nothing_is_left_of_what_cannot_be_written(tmp_path):
+    memory = CycleMemory(1000)
     servo = Servo(memory)
-    servo.publish(moving(10))
+    servo.publish(moving(1000))
     servo.end()
-
-    def full(descriptor, content):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("orientd.recorder.writer.os.write", full)
-    with pytest.raises(RecordingError, match="No space left on device"):
-        flight.write(stream(memory, tmp_path))
+    handed = stream(memory, tmp_path)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))
+    try:
+        with pytest.raises(RecordingError, match="File too large"):
+            flight.write(handed)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,63 @@
+"""Cycles of recordings up to version 0.2: blocks of columns, differenced from row to row."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orientd.recorder.columns import AXES, COLUMNS, CYCLES, Table, numbers
+from orientd.stream import CycleFlag
+
+SCHEMA_NAME = "orientd.v1.CycleBlock"
+
+_STATES = ("idle", "holding", "streaming", "stopping", "fault", "tracking")
+"""States by their numbers in such a file."""
+
+_MOST_DIFFERENCES = 3
+
+
+def cycles_of(block: Any, size: int) -> Table:  # noqa: ANN401 - decoded by the schema in the file
+    """Return the cycles of a block; axis angles are NaN in files from before they had them.
+
+    Args:
+        block: as a message of ``orientd.v1.CycleBlock``.
+        size: of the message, bytes.
+
+    Raises:
+        ValueError: no version has written it.
+    """
+    count = block.count
+    # Each cycle takes a byte of each column, or more.
+    if count > size:
+        raise ValueError("more cycles than it has bytes for")
+    table = np.zeros(count, CYCLES)
+    for column in COLUMNS:
+        name = column.name
+        if not name or name == "feedback_time_ns":
+            continue
+        content = _content(getattr(block, name, None), count)
+        if column.type == AXES:
+            table[name] = np.nan
+            table[name][:, : content.shape[1]] = content
+        else:
+            table[name] = content.reshape(table[name].shape)
+    names = [_STATES[number] for number in table["state"].tolist()]
+    table["state"] = numbers("state", names)
+    due, age = table["deadline_ns"], _content(block.feedback_age_ns, count)[:, 0]
+    table["feedback_time_ns"] = np.where(table["flags"] & CycleFlag.FEEDBACK, due - age, 0)
+    return table
+
+
+def _content(column: Any, count: int) -> NDArray[Any]:  # noqa: ANN401 - as above
+    if column is None:
+        return np.zeros((count, 0))
+    if column.raw:
+        return np.array(column.raw).reshape(column.width, count).T
+    if column.order > _MOST_DIFFERENCES:
+        raise ValueError(f"differences of order {column.order}")
+    steps = np.array(column.steps, dtype=np.int64).reshape(column.width, count).T
+    for _ in range(column.order):
+        steps = np.cumsum(steps, axis=0)
+    return steps * column.quantum if column.quantum else steps
