@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import typer
+import click
 
 from orientd import errors
 from orientd.cli.main import app
@@ -79,7 +79,7 @@ def headings(promises: Mapping[str, Any]) -> Iterator[str]:
 
 def options(group: Any, name: str = "") -> Iterator[tuple[str, tuple[str, ...]]]:
     """Yield each command with its options."""
-    context = typer.Context(group)
+    context = click.Context(group)
     for word in group.list_commands(context):
         command = group.get_command(context, word)
         if command.hidden:
@@ -102,7 +102,7 @@ def command_line(promises: Mapping[str, Any]) -> Iterator[str]:
     """Yield commands and options without a test, and tests of commands that are not there."""
     held, untested = set(promises["commands"]), set(promises["untested"]["options"])
     known = {"--help", "--version"}
-    for command, given in options(typer.main.get_command(app)):
+    for command, given in options(app):
         if command not in held:
             yield f"no test holds `orientd {command}`"
         own = {f"{command} {option}" for option in given}

@@ -1,12 +1,41 @@
 #compdef orientd
 
 _orientd_completion() {
-  eval $(env _TYPER_COMPLETE_ARGS="${words[1,$CURRENT]}" _ORIENTD_COMPLETE=complete_zsh orientd)
+    local -a completions
+    local -a completions_with_descriptions
+    local -a response
+    (( ! $+commands[orientd] )) && return 1
+
+    response=("${(@f)$(env COMP_WORDS="${words[*]}" COMP_CWORD=$((CURRENT-1)) _ORIENTD_COMPLETE=zsh_complete orientd)}")
+
+    for type key descr in ${response}; do
+        if [[ "$type" == "plain" ]]; then
+            if [[ "$descr" == "_" ]]; then
+                completions+=("$key")
+            else
+                completions_with_descriptions+=("$key":"$descr")
+            fi
+        elif [[ "$type" == "dir" ]]; then
+            _path_files -/
+        elif [[ "$type" == "file" ]]; then
+            _path_files -f
+        fi
+    done
+
+    if [ -n "$completions_with_descriptions" ]; then
+        _describe -V unsorted completions_with_descriptions -U
+    fi
+
+    if [ -n "$completions" ]; then
+        compadd -U -V unsorted -a completions
+    fi
 }
 
-# Read as a function of its name on the first Tab, or sourced.
-if [ "$funcstack[1]" = "_orientd" ]; then
-  _orientd_completion "$@"
+if [[ $zsh_eval_context[-1] == loadautofunc ]]; then
+    # autoload from fpath, call function directly
+    _orientd_completion "$@"
 else
-  compdef _orientd_completion orientd
+    # eval/source/. command, register function for later
+    compdef _orientd_completion orientd
 fi
+

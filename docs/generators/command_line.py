@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import typer
+import click
 
 from orientd.cli.main import app
 
@@ -20,11 +20,10 @@ standard error too.
 def pages(source: Path) -> Iterator[tuple[str, str]]:
     """Yield one page for each command, and one that lists them."""
     del source
-    group: Any = typer.main.get_command(app)
-    context = typer.Context(group, info_name="orientd")
+    context = click.Context(app, info_name="orientd")
     listed, names = [], []
-    for name in group.list_commands(context):
-        command = group.get_command(context, name)
+    for name in app.list_commands(context):
+        command = app.get_command(context, name)
         text = f"# `orientd {name}`\n\n" + "\n".join(_command(command, context, name, level=2))
         yield f"reference/command-line/{name}.md", text
         listed.append(f"| [`orientd {name}`]({name}.md) | {_first(command)} |")
@@ -37,7 +36,7 @@ def pages(source: Path) -> Iterator[tuple[str, str]]:
 
 
 def _command(command: Any, above: Any, name: str, *, level: int) -> Iterator[str]:  # noqa: ANN401 - Click's
-    context = typer.Context(command, info_name=name, parent=above)
+    context = click.Context(command, info_name=name, parent=above)
     if not command.help:
         raise ValueError(f"orientd {context.command_path} has no help")
     yield from (

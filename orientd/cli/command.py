@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import functools
-import inspect
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated
 
-import typer
+import click
 
+from orientd.cli.parameters import Option
 from orientd.errors import OrientdError, RequestError
 
 if TYPE_CHECKING:
@@ -23,11 +22,12 @@ PATIENCE = 0.5
 """Seconds that the daemon has to name its devices to a shell that completes a word."""
 
 
-def devices(context: typer.Context, incomplete: str) -> list[str]:
+def devices(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
     """Return the devices of the daemon, or of the configuration where no daemon answers.
 
     A shell that waits for a word is no place for errors: if something fails, there are none.
     """
+    del parameter
     from orientd import config
     from orientd.client import connect
 
@@ -46,24 +46,23 @@ def devices(context: typer.Context, incomplete: str) -> list[str]:
     return [name for name in names if name.startswith(incomplete)]
 
 
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 Socket = Annotated[
     Path | None,
-    typer.Option("--socket", help="Socket of the daemon.", envvar="ORIENTD_SOCKET"),
+    Option("--socket", help="Socket of the daemon.", envvar="ORIENTD_SOCKET", show_envvar=True),
 ]
 Partial = Annotated[
-    bool, typer.Option("--partial", help="Read as much as possible of a cut or damaged recording.")
+    bool, Option("--partial", help="Read as much as possible of a cut or damaged recording.")
 ]
 Topic = Annotated[
-    str, typer.Option("--topic", "-t", help="Topic of the orientation, if there are several.")
+    str, Option("--topic", "-t", help="Topic of the orientation, if there are several.")
 ]
 DeviceName = Annotated[
     str,
-    typer.Option("--device", "-d", help="Device, if there are several.", autocompletion=devices),
+    Option("--device", "-d", help="Device, if there are several.", shell_complete=devices),
 ]
 ConfigFile = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--config",
         "-c",
         help="The configuration; default: $ORIENTD_CONFIG, ~/.config/orientd/orientd.toml, or "
@@ -72,13 +71,16 @@ ConfigFile = Annotated[
 ]
 Beside = Annotated[
     bool,
-    typer.Option("--lease", help="Share the lease that your command in another terminal holds."),
+    Option("--lease", help="Share the lease that your command in another terminal holds."),
 ]
 
 
-def _checked_address(address: str | None) -> str | None:
+def _checked_address(
+    context: click.Context, parameter: click.Parameter, address: str | None
+) -> str | None:
+    del context, parameter
     if address is not None and ":" not in address:
-        raise typer.BadParameter(f"expected HOST:PORT or fleet:NAME, got {address!r}")
+        raise click.BadParameter(f"expected HOST:PORT or fleet:NAME, got {address!r}")
     return address
 
 
@@ -89,22 +91,20 @@ class Endpoint:
     socket: Socket = None
     address: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--address",
             metavar="HOST:PORT",
             help="Reach a daemon over TCP, with TLS; or fleet:NAME of the cell $ORIENTD_CELL.",
             callback=_checked_address,
         ),
     ] = None
-    cert: Annotated[
-        Path | None, typer.Option("--cert", help="Your certificate (with --address).")
-    ] = None
+    cert: Annotated[Path | None, Option("--cert", help="Your certificate (with --address).")] = None
     key: Annotated[
-        Path | None, typer.Option("--key", help="The key of your certificate (with --address).")
+        Path | None, Option("--key", help="The key of your certificate (with --address).")
     ] = None
     ca: Annotated[
         Path | None,
-        typer.Option("--ca", help="The authority that signs the daemon (with --address)."),
+        Option("--ca", help="The authority that signs the daemon (with --address)."),
     ] = None
 
     def connect(self, command: str, *, beside: bool = False) -> Robot:
@@ -135,37 +135,6 @@ class Commander(Endpoint):
         return self.connect(command, beside=self.lease)
 
 
-def with_options(run: Callable[..., None]) -> Callable[..., None]:
-    """Return a command for Typer, in which a dataclass that *run* takes is an option each field."""
-    taken = inspect.signature(run, eval_str=True).parameters.values()
-    bundles: dict[str, Any] = {
-        one.name: one.annotation for one in taken if is_dataclass(one.annotation)
-    }
-    options = [one for one in taken if one.name not in bundles]
-    for bundle in bundles.values():
-        # The class of the output does without Typer, which takes longer to load than a stop.
-        kinds = get_type_hints(bundle, include_extras=True) | {"as_json": AsJson}
-        options += [
-            inspect.Parameter(
-                field.name,
-                inspect.Parameter.KEYWORD_ONLY,
-                default=field.default,
-                annotation=kinds[field.name],
-            )
-            for field in fields(bundle)
-        ]
-
-    @functools.wraps(run)
-    def flat(**given: Any) -> None:  # noqa: ANN401 - those of the command
-        for name, bundle in bundles.items():
-            given[name] = bundle(**{field.name: given.pop(field.name) for field in fields(bundle)})
-        run(**given)
-
-    flat.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined] # typer reads it
-    flat.__annotations__ = {one.name: one.annotation for one in options}
-    return flat if bundles else run
-
-
 def device_settings(config: Path | None, device: str) -> DeviceSettings:
     """Return the settings of the device that a plan without a daemon is made for.
 
@@ -184,10 +153,10 @@ def check_ending(path: Path, endings: Sequence[str], *, named: str) -> None:
     """Check how the name of a file to be written ends.
 
     Raises:
-        typer.BadParameter: it does not end in one of *endings*; *named* is the parameter.
+        click.BadParameter: it does not end in one of *endings*; *named* is the parameter.
     """
     if path.suffix not in endings:
-        raise typer.BadParameter(
+        raise click.BadParameter(
             f"expected a name that ends in {', '.join(endings)}, got {path.name!r}",
             param_hint=named,
         )

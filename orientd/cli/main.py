@@ -14,12 +14,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-from typer.core import TyperGroup
+import click
 
 import orientd
-from orientd.cli.command import with_options
 from orientd.cli.output import Output, complain, plain
+from orientd.cli.parameters import Group, Option, command_of
 from orientd.errors import LimitError, OrientdError, RequestError
 from orientd.one_line import one_line
 
@@ -48,12 +47,6 @@ _MODULES = {
 
 _HOMES = {name: module for module, names in _MODULES.items() for name in names.split()}
 
-# Typer brings its own copy of Click, or depends on Click, by its version; these are its classes.
-_USAGE_ERROR, _CLICK_ERROR = typer.BadParameter.__mro__[1:3]
-
-_INTERRUPTED = 130
-"""The status that Typer makes of Ctrl-C."""
-
 _LONG = 1.0
 """Seconds from which a refusal says how long it took."""
 
@@ -61,33 +54,38 @@ TRACEBACK = "ORIENTD_TRACEBACK"
 """Variable of the environment with which a mistake of ours shows where it was made."""
 
 
-class Commands(TyperGroup):
+class Commands(Group):
     """The group of all commands.
 
     It loads only the command that is asked for, since all of them take 140 ms longer.  What goes
     wrong is one line on standard error, or one JSON object with ``--json``.
     """
 
-    def __init__(self, **settings: Any) -> None:  # noqa: ANN401 - handed on
-        super().__init__(**{**settings, "commands": dict.fromkeys(_HOMES)})
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of the commands, in the order of the help."""
+        del ctx
+        return list(_HOMES)
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ANN401 - Click's
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return the command of that name, or ``None``."""
         del ctx
         if cmd_name not in _HOMES:
             return None
         found = getattr(import_module(f"orientd.cli.commands.{_HOMES[cmd_name]}"), cmd_name)
-        alone = typer.Typer(rich_markup_mode=None)
-        if isinstance(found, typer.Typer):
-            alone.add_typer(found)
-            for inner in (*found.registered_commands, found.registered_callback):
-                if inner is not None and inner.callback is not None:
-                    inner.callback = with_options(inner.callback)
-        else:
-            # A negative speed is a wrong speed, not an option.
-            is_lax = cmd_name == "speed"
-            alone.command(context_settings={"ignore_unknown_options": is_lax})(with_options(found))
-        return typer.main.get_group(alone).commands[cmd_name]
+        if isinstance(found, click.Command):
+            return found
+        # A negative speed is a wrong speed, not an option.
+        is_lax = cmd_name == "speed"
+        return command_of(
+            click.Command, found, name=cmd_name, context_settings={"ignore_unknown_options": is_lax}
+        )
+
+    def invoke(self, ctx: click.Context) -> Any:  # noqa: ANN401 - what Click returns
+        """Run the command that the command line names; Ctrl-C is an error like others."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as error:
+            raise OrientdError("interrupted") from error
 
     def main(  # type: ignore[override] # of all that Click passes only this matters here
         self,
@@ -103,19 +101,17 @@ class Commands(TyperGroup):
             return super().main(given, prog_name, standalone_mode=False, **extra)
         try:
             status = super().main(given, prog_name, standalone_mode=False, **extra) or 0
-            if status == _INTERRUPTED:
-                raise OrientdError("interrupted")
         except Exception as error:
             if TRACEBACK in os.environ and _is_ours(error):
                 raise
-            status = 2 if isinstance(error, _CLICK_ERROR) else 1
+            status = 2 if isinstance(error, click.ClickException) else 1
             _tell(error, as_json="--json" in given)
         sys.exit(status)
 
 
 def _is_ours(error: Exception) -> bool:
     """Return whether *error* is a mistake of this program."""
-    return not isinstance(error, (OrientdError, OSError, MemoryError, _CLICK_ERROR))
+    return not isinstance(error, (OrientdError, OSError, MemoryError, click.ClickException))
 
 
 def _tell(error: Exception, *, as_json: bool) -> None:
@@ -125,7 +121,7 @@ def _tell(error: Exception, *, as_json: bool) -> None:
     if isinstance(error, OrientdError) and error.planning >= _LONG:
         waiting = f"{error.waiting:.1f} s of it waiting for the device"
         more = f" (refused after {error.planning:.1f} s, {waiting})"
-    if "\n" in described["message"] and isinstance(error, _CLICK_ERROR):
+    if "\n" in described["message"] and isinstance(error, click.ClickException):
         # A group without a command: the message is its help.
         print(described["message"], file=sys.stderr)  # noqa: T201
     else:
@@ -144,7 +140,7 @@ def _described(error: Any) -> dict[str, Any]:  # noqa: ANN401 - Click's class is
             for name in ("quantity", "value", "limit", "time", "unit"):
                 described[name] = plain(getattr(error, name))
         return described
-    if isinstance(error, _CLICK_ERROR):
+    if isinstance(error, click.ClickException):
         return {"kind": "UsageError", "message": _usage(error)}
     if isinstance(error, OSError):  # of a name that no file can have, if nobody else has looked
         what = f"{one_line(str(error.filename), 100)}: " if error.filename else ""
@@ -167,35 +163,37 @@ def _usage(error: Any) -> str:  # noqa: ANN401 - a ClickException
     message = message[:1].lower() + message[1:].removesuffix(".")
     message = message.replace("Value error, ", "").replace("Input should be ", "expected ")
     context = getattr(error, "ctx", None)
-    if isinstance(error, _USAGE_ERROR) and context is not None:
+    if isinstance(error, click.UsageError) and context is not None:
         message = f"{message}; see `{context.command_path} --help`"
     return message
 
 
-app = typer.Typer(
-    name="orientd",
-    cls=Commands,
-    help="Plan smooth orientation motion and stream it to robots.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-)
-
-
-def _version(is_asked: bool) -> None:
-    if is_asked:
-        Output().say(f"orientd {orientd.__version__}")
-        raise typer.Exit
-
-
-@app.callback()
 def _options(
-    version: Annotated[
-        bool,
-        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
+    version: Annotated[bool, Option("--version", help="Print the version.")] = False,
+    install_completion: Annotated[
+        bool, Option("--install-completion", help="Have your shell complete words, from now on.")
+    ] = False,
+    show_completion: Annotated[
+        bool, Option("--show-completion", help="Print what has your shell complete words.")
     ] = False,
 ) -> None:
-    del version
+    """Plan smooth orientation motion and stream it to robots."""
+    if version:
+        Output().say(f"orientd {orientd.__version__}")
+    elif install_completion or show_completion:
+        from orientd.cli import completion
+
+        Output().say(completion.install(app) if install_completion else completion.script(app))
+    elif click.get_current_context().invoked_subcommand is None:
+        raise click.UsageError("missing command", click.get_current_context())
+    else:
+        return
+    raise click.exceptions.Exit
+
+
+app = command_of(
+    Commands, _options, name="orientd", invoke_without_command=True, no_args_is_help=True
+)
 
 
 def main() -> None:

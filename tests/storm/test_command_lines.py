@@ -8,7 +8,6 @@ import random
 from collections import Counter
 
 import pytest
-import typer
 from command_line import inside
 from mutations import damaged_file, seeds
 
@@ -29,8 +28,7 @@ WILD = (
 
 def words(chance, command, files):
     """Return arguments for a command: known options, each with a value or without, and more."""
-    group = typer.main.get_group(app)
-    found = group.get_command(None, command)
+    found = app.get_command(None, command)
     options = [
         option
         for parameter in found.params
@@ -52,7 +50,7 @@ def rehearse(folder, count, seed, monkeypatch):
     monkeypatch.setenv("ORIENTD_SOCKET", str(folder / "none.sock"))
     whole, found = seeds(folder), Counter()
     os.mkfifo(folder / "fifo.csv")
-    commands = sorted(set(typer.main.get_group(app).list_commands(None)) - BEYOND)
+    commands = sorted(set(app.list_commands(None)) - BEYOND)
     for number in range(count):
         chance = random.Random(f"{seed} {number}")
         source = chance.choice(whole)

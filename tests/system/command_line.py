@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from orientd.cli.main import app
 

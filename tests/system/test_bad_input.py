@@ -331,7 +331,7 @@ from orientd.cli.start import main
 
 class Interrupt:
     def find_spec(self, name, *_):
-        if name == "typer":
+        if name == "click":
             os.kill(os.getpid(), signal.SIGINT)
 
 sys.meta_path.insert(0, Interrupt())

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
 from orientd.cli.command import DeviceName, Endpoint
 from orientd.cli.output import Output
+from orientd.cli.parameters import Group, Option, part_of
 from orientd.errors import OrientdError
 
-lease = typer.Typer(name="lease", help="Seize the lease to command.", no_args_is_help=True)
-audit = typer.Typer(name="audit", help="No longer there.", hidden=True)
+lease = Group(name="lease", help="Seize the lease to command.")
+audit = Group(name="audit", help="No longer there.", hidden=True)
 
 
 _ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True}
 """A command that is gone takes whatever it took."""
 
 
-@lease.command(hidden=True, context_settings=_ANYTHING)
+@part_of(lease, hidden=True, context_settings=_ANYTHING)
 def give() -> None:
     """Say that leases are not handed over any more."""
     raise OrientdError(
@@ -26,13 +25,11 @@ def give() -> None:
     )
 
 
-@lease.command()
+@part_of(lease)
 def seize(
     at: Endpoint,
     out: Output,
-    reason: Annotated[
-        str, typer.Option("--reason", help="Why; the holder and the audit log get it.")
-    ],
+    reason: Annotated[str, Option("--reason", help="Why; the holder and the audit log get it.")],
     device: DeviceName = "",
 ) -> None:
     """Take the lease from whoever holds it, and free it.
@@ -53,12 +50,7 @@ def seize(
     )
 
 
-@audit.callback()
-def _group() -> None:
-    pass
-
-
-@audit.command(context_settings=_ANYTHING)
+@part_of(audit, context_settings=_ANYTHING)
 def verify() -> None:
     """Say that the audit log has no chain any more."""
     raise OrientdError("the audit log is no chain any more: there is nothing to verify")

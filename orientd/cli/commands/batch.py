@@ -6,10 +6,11 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+import click
 
 from orientd.cli.command import ConfigFile, DeviceName, device_settings
 from orientd.cli.output import Output, is_terminal
+from orientd.cli.parameters import Argument, Option
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -21,24 +22,22 @@ _INTERVAL = 5.0
 
 def batch(
     out: Output,
-    file: Annotated[
-        Path, typer.Argument(metavar="REQUESTS", help="A .jsonl, .csv or .parquet file.")
-    ],
+    file: Annotated[Path, Argument(metavar="REQUESTS", help="A .jsonl, .csv or .parquet file.")],
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Folder for the plans.")
+        Path, Option("--output", "-o", metavar="FOLDER", help="Folder for the plans.")
     ],
     records: Annotated[
-        bool, typer.Option("--records", help="Write every setpoint too, in the folder `records`.")
+        bool, Option("--records", help="Write every setpoint too, in the folder `records`.")
     ] = False,
     backend: Annotated[
-        str, typer.Option("--backend", help="`loky`: this machine; `ray` or `dask`: a cluster.")
+        str, Option("--backend", help="`loky`: this machine; `ray` or `dask`: a cluster.")
     ] = "loky",
     address: Annotated[
         str | None,
-        typer.Option("--address", metavar="ADDRESS", help="Address of the cluster, if any."),
+        Option("--address", metavar="ADDRESS", help="Address of the cluster, if any."),
     ] = None,
     jobs: Annotated[
-        int, typer.Option("--jobs", "-j", help="Parts planned at a time; -1: one on each core.")
+        int, Option("--jobs", "-j", help="Parts planned at a time; -1: one on each core.")
     ] = -1,
     config: ConfigFile = None,
     device: DeviceName = "",
@@ -53,7 +52,7 @@ def batch(
     from orientd.batch import Batch, open_requests
 
     if jobs == 0 or jobs < -1:
-        raise typer.BadParameter(f"expected -1 or at least 1, got {jobs}", param_hint="--jobs")
+        raise click.BadParameter(f"expected -1 or at least 1, got {jobs}", param_hint="--jobs")
     run = Batch(
         open_requests(file), output, device_settings(config, device),
         has_records=records, backend=backend, jobs=jobs, address=address,

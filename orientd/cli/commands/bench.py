@@ -5,33 +5,32 @@ from __future__ import annotations
 from statistics import median_high
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+import click
 
 from orientd.cli.output import Output, is_terminal, table
+from orientd.cli.parameters import Group, Option, command_of, part_of
 
 if TYPE_CHECKING:
     from orientd.bench import Comparison, CurveSpeed
 
-bench = typer.Typer(name="bench", rich_markup_mode=None)
 
-
-@bench.callback(invoke_without_command=True)
 def measure(
     out: Output,
-    context: typer.Context,
-    seconds: Annotated[float, typer.Option(min=0.5, help="Length of one slot in seconds.")] = 2.0,
+    seconds: Annotated[
+        float, Option(range=(0.5, None), help="Length of one slot in seconds.")
+    ] = 2.0,
     slots: Annotated[
-        int, typer.Option(min=1, help="Pairs of slots, servo and bare C loop, per condition.")
+        int, Option(range=(1, None), help="Pairs of slots, servo and bare C loop, per condition.")
     ] = 3,
-    servo: Annotated[bool, typer.Option(help="Measure the servo's lateness.")] = True,
-    curves: Annotated[bool, typer.Option(help="Measure the curves' speed.")] = True,
+    servo: Annotated[bool, Option(help="Measure the servo's lateness.")] = True,
+    curves: Annotated[bool, Option(help="Measure the curves' speed.")] = True,
 ) -> None:
     """Measure the servo's lateness and the curves' speed.
 
     A bare C loop and SciPy (extra `scipy`) run for comparison.  With the defaults this takes
     three minutes.
     """
-    if context.invoked_subcommand is not None:
+    if click.get_current_context().invoked_subcommand is not None:
         return
     found = {
         "curves": _curves(out) if curves else None,
@@ -40,21 +39,24 @@ def measure(
     out.answer(found)
 
 
-@bench.command()
+bench = command_of(Group, measure, name="bench", invoke_without_command=True)
+
+
+@part_of(bench)
 def retarget(
     out: Output,
     count: Annotated[
-        int, typer.Option(min=10, help="Retargets for each number of keyframes.")
+        int, Option(range=(10, None), help="Retargets for each number of keyframes.")
     ] = 200,
     keyframes: Annotated[
         list[int] | None,
-        typer.Option(min=1, help="Keyframes of each motion; repeatable.  [default: 1, 20]"),
+        Option(range=(1, None), help="Keyframes of each motion; repeatable.  [default: 1, 20]"),
     ] = None,
     rate: Annotated[
-        float, typer.Option(min=1.0, max=2000.0, help="Cycle rate of the device in Hz.")
+        float, Option(range=(1.0, 2000.0), help="Cycle rate of the device in Hz.")
     ] = 500.0,
     priority: Annotated[
-        int, typer.Option(min=0, max=99, help="SCHED_FIFO priority of the servo; 0 for none.")
+        int, Option(range=(0, 99), help="SCHED_FIFO priority of the servo; 0 for none.")
     ] = 0,
 ) -> None:
     """Measure how long a retarget takes.

@@ -7,10 +7,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
+import click
 
 from orientd.cli.commands.motion_commands import MotionFile
 from orientd.cli.output import Output, table, working
+from orientd.cli.parameters import Option
 from orientd.errors import RequestError
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 Times = Annotated[
     Literal["file", "uniform", "chord"],
-    typer.Option(
+    Option(
         "--times",
         help="Times of the file (chord if it has none), one second each, or by chord length.",
     ),
@@ -30,7 +31,7 @@ Times = Annotated[
 
 Ends = Annotated[
     Literal["rest", "natural"],
-    typer.Option(
+    Option(
         "--ends",
         help="Ends whose velocity the file leaves open: at rest (as planned), or natural (without "
         "acceleration).",
@@ -50,11 +51,11 @@ def compare(
     file: MotionFile,
     plot: Annotated[
         Path | None,
-        typer.Option("--plot", help="Draw all families side by side to an image file."),
+        Option("--plot", help="Draw all families side by side to an image file."),
     ] = None,
     inertia: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--inertia",
             metavar="IX,IY,IZ",
             help="Principal moments, kg m^2: adds the integral of the squared torque.",
@@ -62,9 +63,7 @@ def compare(
     ] = None,
     times: Times = "file",
     ends: Ends = "rest",
-    sort: Annotated[
-        Column, typer.Option("--sort", help="Sort by this column, best first.")
-    ] = "effort",
+    sort: Annotated[Column, Option("--sort", help="Sort by this column, best first.")] = "effort",
 ) -> None:
     """Compare all families of curves on the keyframes of FILE.
 
@@ -72,7 +71,7 @@ def compare(
     """
     moments = _moments(inertia)
     if sort == "torque" and moments is None:
-        raise typer.BadParameter("needs --inertia", param_hint="--sort torque")
+        raise click.BadParameter("needs --inertia", param_hint="--sort torque")
 
     from orientd import motion_file, plots
     from orientd.curves import compare as compared
@@ -119,7 +118,7 @@ def _moments(text: str | None) -> Floats | None:
     except ValueError:
         moments = np.zeros(0)
     if moments.shape != (3,) or not np.all(np.isfinite(moments)) or not np.all(moments > 0.0):
-        raise typer.BadParameter(
+        raise click.BadParameter(
             f"expected three numbers above 0, like 0.2,0.2,0.1, got {text!r}",
             param_hint="--inertia",
         )

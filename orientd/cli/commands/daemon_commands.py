@@ -10,10 +10,9 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
-
 from orientd.cli.command import ConfigFile, Endpoint, Socket
 from orientd.cli.output import Output, table
+from orientd.cli.parameters import Option
 from orientd.daemon import LogFormat
 
 if TYPE_CHECKING:
@@ -25,13 +24,14 @@ def run(
     config: ConfigFile = None,
     listen: Socket = None,
     until_end_of_input: Annotated[
-        bool, typer.Option("--until-end-of-input", help="End when standard input closes.")
+        bool, Option("--until-end-of-input", help="End when standard input closes.")
     ] = False,
     log_format: Annotated[
-        LogFormat, typer.Option("--log-format", help="auto: json if journald reads it, else text.")
-    ] = LogFormat.AUTO,
+        Literal["auto", "text", "json"],
+        Option("--log-format", help="auto: json if journald reads it, else text."),
+    ] = "auto",
     require_devices: Annotated[
-        bool, typer.Option("--require-devices", help="End if a device is not ready.")
+        bool, Option("--require-devices", help="End if a device is not ready.")
     ] = False,
 ) -> None:
     """Run the daemon in the foreground until SIGTERM or Ctrl-C.
@@ -47,7 +47,7 @@ def run(
 
     path = config or configuration.find()
     settings = configuration.load_or_default(path)
-    set_up_log(log_format, settings.daemon.log_level)
+    set_up_log(LogFormat(log_format), settings.daemon.log_level)
     if listen and settings.daemon.socket and listen != settings.daemon.socket:
         logging.getLogger(__name__).warning(
             "the socket is %s, by --socket or $ORIENTD_SOCKET, not the %s of %s",
@@ -135,11 +135,11 @@ def methods(
     out: Output,
     gallery: Annotated[
         Path | None,
-        typer.Option("--gallery", metavar="DIR", help="Draw every family to a file in DIR."),
+        Option("--gallery", metavar="DIR", help="Draw every family to a file in DIR."),
     ] = None,
     picture_format: Annotated[
         Literal["svg", "png", "pdf"],
-        typer.Option("--format", help="Format of the gallery's files."),
+        Option("--format", help="Format of the gallery's files."),
     ] = "svg",
 ) -> None:
     """List the families of curves that a motion file can name.  Needs no daemon."""

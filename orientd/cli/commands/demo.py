@@ -11,10 +11,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from orientd.cli.output import Output
 from orientd.cli.own_daemon import begun
+from orientd.cli.parameters import Option
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -44,7 +43,7 @@ LIMITS = {"velocity": 0.9, "acceleration": 3.0, "jerk": 60.0, "linear_velocity":
 def demo(
     out: Output,
     plot: Annotated[
-        Path, typer.Option("--plot", "-p", help="Where to draw the picture (extra plot).")
+        Path, Option("--plot", "-p", help="Where to draw the picture (extra plot).")
     ] = Path("orientd-demo.png"),
 ) -> None:
     """Show a motion without hardware, and how well it went.

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from orientd.cli.command import Commander, DeviceName, Endpoint
 from orientd.cli.output import Output
+from orientd.cli.parameters import Argument
 
 if TYPE_CHECKING:
     from orientd.client import Robot
@@ -71,9 +70,7 @@ reset = _of_one("reset", "Clear a fault, and start the servo process again if it
 def speed(
     to: Commander,
     out: Output,
-    factor: Annotated[
-        float, typer.Argument(metavar="X", help="Above 0 and at most 1; 1 is as planned.")
-    ],
+    factor: Annotated[float, Argument(metavar="X", help="Above 0 and at most 1; 1 is as planned.")],
 ) -> None:
     """Run motions at X times the planned speed, from now on."""
     _command("speed", to, out, lambda robot: robot.set_speed(factor, to.device))

@@ -9,10 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+import click
 
 from orientd.cli.command import devices
 from orientd.cli.output import Output, table, working
+from orientd.cli.parameters import Option
 from orientd.driver import Finding, Verdict
 from orientd.errors import ConfigError, OrientdError
 
@@ -27,14 +28,14 @@ def doctor(
     out: Output,
     config: Annotated[
         Path | None,
-        typer.Option("--config", "-c", help="Check the devices of this configuration too."),
+        Option("--config", "-c", help="Check the devices of this configuration too."),
     ] = None,
     latency: Annotated[
         str,
-        typer.Option(
+        Option(
             metavar="DEVICE",
             help="MOVE this device by 0.2 rad and back, and measure its latency.",
-            autocompletion=devices,
+            shell_complete=devices,
         ),
     ] = "",
 ) -> None:
@@ -58,19 +59,19 @@ def doctor(
                 found.append(latency_finding(settings.devices[latency]))
     _report(found, out)
     if any(one.verdict is Verdict.PROBLEM for one in found):
-        raise typer.Exit(1)
+        raise click.exceptions.Exit(1)
 
 
 def _settings(config: Path | None, latency: str) -> Settings | None:
     if config is None:
         if latency:
-            raise typer.BadParameter("needs --config", param_hint="--latency")
+            raise click.BadParameter("needs --config", param_hint="--latency")
         return None
     from orientd import config as configuration
 
     settings = configuration.load(config)
     if latency and latency not in settings.devices:
-        raise typer.BadParameter(
+        raise click.BadParameter(
             f"expected one of {', '.join(settings.devices)}, got {latency!r}",
             param_hint="--latency",
         )

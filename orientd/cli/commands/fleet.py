@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+import click
 
 from orientd.cli.command import need_extra
 from orientd.cli.commands.record import (
@@ -22,6 +22,7 @@ from orientd.cli.commands.record import (
 )
 from orientd.cli.commands.view import PORT, Dark, Host, NoOpen, Port, serve_page
 from orientd.cli.output import Output, is_terminal, table
+from orientd.cli.parameters import Argument, Group, Option, part_of
 from orientd.errors import DaemonError, OrientdError
 from orientd.protocol import STALE
 
@@ -29,9 +30,7 @@ if TYPE_CHECKING:
     from orientd.fleet import Fleet, Overview, Together
     from orientd.viewer import Member
 
-fleet = typer.Typer(
-    name="fleet", help="See, stop and move several daemons, over Zenoh.", no_args_is_help=True
-)
+fleet = Group(name="fleet", help="See, stop and move several daemons, over Zenoh.")
 
 STOP_PRIORITY = 10
 """Of SCHED_FIFO, if the command may have it: other programs can wait for a stop."""
@@ -43,25 +42,25 @@ class Cell:
 
     endpoints: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             "--connect",
             metavar="ENDPOINT",
             help="Endpoint of a daemon or router; default: $ORIENTD_FLEET.",
         ),
     ] = None
     cell: Annotated[
-        str | None, typer.Option("--cell", help="Name of the cell; default: $ORIENTD_CELL.")
+        str | None, Option("--cell", help="Name of the cell; default: $ORIENTD_CELL.")
     ] = None
     cert: Annotated[
-        Path | None, typer.Option("--cert", help="Your certificate; default: $ORIENTD_CERT.")
+        Path | None, Option("--cert", help="Your certificate; default: $ORIENTD_CERT.")
     ] = None
     key: Annotated[
         Path | None,
-        typer.Option("--key", help="The key of your certificate; default: $ORIENTD_KEY."),
+        Option("--key", help="The key of your certificate; default: $ORIENTD_KEY."),
     ] = None
     ca: Annotated[
         Path | None,
-        typer.Option("--ca", help="The authority that signs the cell; default: $ORIENTD_CA."),
+        Option("--ca", help="The authority that signs the cell; default: $ORIENTD_CA."),
     ] = None
 
     def connect(self) -> Fleet:
@@ -77,13 +76,11 @@ class Cell:
         )
 
 
-@fleet.command()
+@part_of(fleet)
 def status(
     at: Cell,
     out: Output,
-    once: Annotated[
-        bool, typer.Option("--once", help="Print one table, even on a terminal.")
-    ] = False,
+    once: Annotated[bool, Option("--once", help="Print one table, even on a terminal.")] = False,
 ) -> None:
     """Show all daemons, what moves, what is wrong, and the age of each figure.
 
@@ -134,7 +131,7 @@ def _table(overview: Overview) -> list[str]:
     return table(["daemon", "device", "state", "motion", "age", "wrong"], rows)
 
 
-@fleet.command()
+@part_of(fleet)
 def view(
     at: Cell,
     out: Output,
@@ -157,13 +154,13 @@ def view(
         serve_page(page, host, no_open=no_open, out=out)
 
 
-@fleet.command()
+@part_of(fleet)
 def stop(
     at: Cell,
     out: Output,
     halt: Annotated[
         bool,
-        typer.Option("--halt", help="As quickly as the limits allow, off the path if need be."),
+        Option("--halt", help="As quickly as the limits allow, off the path if need be."),
     ] = False,
 ) -> None:
     """Stop every device of the cell by one message, which each daemon acknowledges."""
@@ -182,14 +179,14 @@ def stop(
         raise DaemonError("; ".join(f"{one.daemon}: {one.problem}" for one in silent))
 
 
-@fleet.command()
+@part_of(fleet)
 def move(
     at: Cell,
     out: Output,
-    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="A motion for each device.")],
+    plan: Annotated[Path, Argument(metavar="PLAN", help="A motion for each device.")],
     start_in: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", help="Time from the end of planning to the start."),
+        Option(metavar="SECONDS", help="Time from the end of planning to the start."),
     ] = None,
 ) -> None:
     """Move devices of several daemons from one instant, or none.
@@ -200,7 +197,7 @@ def move(
 
     motions, planned_in = read_plan(plan)
     if start_in is not None and not 0.0 < start_in <= 3600.0:
-        raise typer.BadParameter(f"expected above 0 s, got {start_in:g}", param_hint="--start-in")
+        raise click.BadParameter(f"expected above 0 s, got {start_in:g}", param_hint="--start-in")
     with at.connect() as client:
         together = move_together(
             client,
@@ -240,14 +237,14 @@ def tell_together(together: Together, out: Output) -> None:
         raise OrientdError(together.problem)
 
 
-@fleet.command()
+@part_of(fleet)
 def record(
     at: Cell,
     out: Output,
     file: OutFile,
     daemon: Annotated[
         list[str] | None,
-        typer.Option("--daemon", metavar="NAME", help="Daemons to record; default: all."),
+        Option("--daemon", metavar="NAME", help="Daemons to record; default: all."),
     ] = None,
     seconds: Seconds = None,
     scalars: Scalars = False,
@@ -269,13 +266,13 @@ def record(
         raise DaemonError("; ".join(f"{name}: {why}" for name, why in recording.problems.items()))
 
 
-@fleet.command()
+@part_of(fleet)
 def router(
     config: Annotated[
-        Path, typer.Option("--config", "-c", help="With [fleet] and [access.certificates].")
+        Path, Option("--config", "-c", help="With [fleet] and [access.certificates].")
     ],
     show: Annotated[
-        bool, typer.Option("--print", help="Print the configuration for `zenohd`, and end.")
+        bool, Option("--print", help="Print the configuration for `zenohd`, and end.")
     ] = False,
 ) -> None:
     """Be a router of a cell until Ctrl-C: connect networks, and refuse everybody without a role.
@@ -296,10 +293,10 @@ def router(
         threading.Event().wait()
 
 
-@fleet.command()
+@part_of(fleet)
 def demo(
     out: Output,
-    daemons: Annotated[int, typer.Option("--daemons", min=2, max=16, help="How many.")] = 3,
+    daemons: Annotated[int, Option("--daemons", range=(2, 16), help="How many.")] = 3,
 ) -> None:
     """Start three daemons with a device each, and one motion on all of them at once.
 

@@ -8,17 +8,18 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+import click
 
 from orientd.cli.command import Commander, ConfigFile, DeviceName, check_ending, device_settings
 from orientd.cli.output import Output, working
+from orientd.cli.parameters import Argument, Option
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
     from orientd.client import EndlessTurn, MoveHandle
     from orientd.protocol import control_pb2 as pb
 
-MotionFile = Annotated[Path, typer.Argument(metavar="FILE", help="A motion file, YAML or JSON.")]
+MotionFile = Annotated[Path, Argument(metavar="FILE", help="A motion file, YAML or JSON.")]
 
 LATEST_START = 3600.0
 """Seconds ahead of now up to which the daemon takes a start time."""
@@ -32,15 +33,15 @@ def plan(
     file: MotionFile,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="Write samples to a .csv, .npz or .json file."),
+        Option("--output", "-o", help="Write samples to a .csv, .npz or .json file."),
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option("--plot", help="Draw the motion to an image file (extra plot).")
+        Path | None, Option("--plot", help="Draw the motion to an image file (extra plot).")
     ] = None,
     config: ConfigFile = None,
     device: DeviceName = "",
     from_robot: Annotated[
-        bool, typer.Option("--from-robot", help="Ask the device where it stands; nothing moves.")
+        bool, Option("--from-robot", help="Ask the device where it stands; nothing moves.")
     ] = False,
 ) -> None:
     """Plan the motion of FILE without a daemon.
@@ -86,22 +87,22 @@ def move(
     out: Output,
     file: MotionFile,
     queue: Annotated[
-        bool, typer.Option("--queue", help="Run after the present motion instead of replacing it.")
+        bool, Option("--queue", help="Run after the present motion instead of replacing it.")
     ] = False,
     blend: Annotated[
         float,
-        typer.Option(
+        Option(
             metavar="DEGREES",
             help="Round the corner to the new motion by this much, without a stop (with --queue).",
         ),
     ] = 0.0,
     start_in: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", help="Delay until the first setpoint."),
+        Option(metavar="SECONDS", help="Delay until the first setpoint."),
     ] = None,
     on_target: Annotated[
         str,
-        typer.Option(
+        Option(
             metavar="DEG,DEG/S,S[,S]",
             help="When the motion counts as done: error in degrees, rate in degrees/s, how long "
             "both must hold in s, and optionally a timeout in s.",
@@ -118,11 +119,11 @@ def move(
     from orientd.protocol import titled
 
     if blend and not queue:
-        raise typer.BadParameter("needs --queue", param_hint="--blend")
+        raise click.BadParameter("needs --queue", param_hint="--blend")
     if not 0.0 <= blend <= 180.0:
-        raise typer.BadParameter(f"expected 0 to 180 degrees, got {blend:g}", param_hint="--blend")
+        raise click.BadParameter(f"expected 0 to 180 degrees, got {blend:g}", param_hint="--blend")
     if start_in is not None and not 0.0 < start_in <= LATEST_START:
-        raise typer.BadParameter(
+        raise click.BadParameter(
             f"expected above 0 and up to {LATEST_START:g} s from now, got {start_in:g}",
             param_hint="--start-in",
         )
@@ -160,7 +161,7 @@ def _gate(text: str) -> pb.OnTarget:
         ):
             raise ValueError
     except ValueError:
-        raise typer.BadParameter(
+        raise click.BadParameter(
             "expected degrees, degrees/s and seconds, each above 0, like 0.1,0.5,0.2, "
             f"got {text!r}",
             param_hint="--on-target",

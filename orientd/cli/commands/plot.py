@@ -6,11 +6,12 @@ import contextlib
 from pathlib import Path
 from typing import Annotated, Literal
 
-import typer
+import click
 
 from orientd.cli.command import DeviceName, Partial, Topic, need_extra
 from orientd.cli.commands.compare import Ends, Times, need_two
 from orientd.cli.output import Output, table, working
+from orientd.cli.parameters import Argument, Option
 from orientd.errors import OrientdError, RequestError
 
 Show = Literal["motion", "triads", "rates", "body"]
@@ -20,8 +21,9 @@ RECORDINGS = (".mcap", ".csv", ".tum", ".txt", ".db3")
 """Endings of files that are no motion files."""
 
 
-def _names(incomplete: str) -> list[str]:
+def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
     """Return the families and figures that a shell may complete."""
+    del context, parameter
     from orientd.curves import METHODS
     from orientd.plots import FIGURES
 
@@ -32,20 +34,20 @@ def plot(
     out: Output,
     what: Annotated[
         str | None,
-        typer.Argument(
+        Argument(
             metavar="FILE|NAME",
             help="A motion file, a recording (.mcap, .csv, .tum, .txt), or the name of a family "
             "or figure; without it, the names are listed.",
-            autocompletion=_names,
+            shell_complete=_names,
         ),
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="A .svg, .png or .pdf file; default: NAME.svg here."),
+        Option("--output", "-o", help="A .svg, .png or .pdf file; default: NAME.svg here."),
     ] = None,
     show: Annotated[
         Show,
-        typer.Option(
+        Option(
             "--show",
             help="For a motion file: axis traces and rates, one of them, or a body along its path.",
         ),

@@ -9,22 +9,23 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+import click
 
 from orientd.cli.command import DeviceName, Endpoint, Partial, check_ending, devices, need_extra
 from orientd.cli.output import Output
+from orientd.cli.parameters import Argument, Option
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
     from orientd.recorder import LiveRecording
 
-OutFile = Annotated[Path, typer.Argument(metavar="OUT.mcap", help="The file to write.")]
+OutFile = Annotated[Path, Argument(metavar="OUT.mcap", help="The file to write.")]
 Seconds = Annotated[
     float | None,
-    typer.Option("--seconds", "-s", metavar="SECONDS", help="Duration; default: until Ctrl-C."),
+    Option("--seconds", "-s", metavar="SECONDS", help="Duration; default: until Ctrl-C."),
 ]
 Scalars = Annotated[
-    bool, typer.Option("--scalars", hidden=True, help="Does nothing: each cycle is plain numbers.")
+    bool, Option("--scalars", hidden=True, help="Does nothing: each cycle is plain numbers.")
 ]
 
 
@@ -34,12 +35,12 @@ def record(
     file: OutFile,
     device: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             "--device",
             "-d",
             metavar="DEVICE",
             help="Devices; default: all.",
-            autocompletion=devices,
+            shell_complete=devices,
         ),
     ] = None,
     seconds: Seconds = None,
@@ -72,11 +73,11 @@ def check_output(file: Path, seconds: float | None) -> None:
     """Check that a recording can be written to *file*, for so long.
 
     Raises:
-        typer.BadParameter: the name, or the time, is none.
+        click.BadParameter: the name, or the time, is none.
         OrientdError: it is there already, or what it takes is not installed.
     """
     if seconds is not None and not 0.0 < seconds < threading.TIMEOUT_MAX:
-        raise typer.BadParameter(f"expected more than 0, got {seconds:g}", param_hint="--seconds")
+        raise click.BadParameter(f"expected more than 0, got {seconds:g}", param_hint="--seconds")
     check_ending(file, [".mcap"], named="OUT.mcap")
     if file.is_file():
         raise OrientdError(f"cannot write {file}: it is there already")
@@ -122,10 +123,10 @@ def export(
     out: Output,
     file: Annotated[
         Path,
-        typer.Argument(metavar="RECORDING", help="A recording of orientd."),
+        Argument(metavar="RECORDING", help="A recording of orientd."),
     ],
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="A .csv, .npz or .parquet file to write.")
+        Path, Option("--output", "-o", help="A .csv, .npz or .parquet file to write.")
     ],
     device: DeviceName = "",
     partial: Partial = False,

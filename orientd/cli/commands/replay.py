@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
+import click
 
 from orientd.cli.command import (
     Commander,
@@ -18,6 +18,7 @@ from orientd.cli.command import (
     need_extra,
 )
 from orientd.cli.output import Output, working
+from orientd.cli.parameters import Argument, Option
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -36,7 +37,7 @@ def replay(
     out: Output,
     file: Annotated[
         Path,
-        typer.Argument(
+        Argument(
             metavar="RECORDING",
             help="A .mcap file (of orientd or not), a .csv file (also of EuRoC), a TUM trajectory "
             "(.tum, .txt), or a ROS 2 bag: its folder or .db3 file.",
@@ -46,22 +47,20 @@ def replay(
     partial: Partial = False,
     error: Annotated[
         float,
-        typer.Option(
-            "--error", metavar="DEGREES", help="Largest deviation from the filtered samples."
-        ),
+        Option("--error", metavar="DEGREES", help="Largest deviation from the filtered samples."),
     ] = 1.0,
     pace: Annotated[
         Pace,
-        typer.Option(
+        Option(
             "--pace", help="As recorded (slower if the limits ask for it), or as fast as possible."
         ),
     ] = "recorded",
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="Write the motion file (.json), for `orientd move`."),
+        Option("--output", "-o", help="Write the motion file (.json), for `orientd move`."),
     ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Plan only, without a daemon, and move nothing.")
+        bool, Option("--dry-run", help="Plan only, without a daemon, and move nothing.")
     ] = False,
     config: ConfigFile = None,
 ) -> None:
@@ -77,7 +76,7 @@ def replay(
     from orientd.recorder import read_orientations
 
     if not 0.0 < error < 180.0:
-        raise typer.BadParameter(
+        raise click.BadParameter(
             f"expected more than 0 and less than 180 degrees, got {error:g}", param_hint="--error"
         )
     if output is not None:

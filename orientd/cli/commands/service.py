@@ -9,14 +9,11 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from orientd.cli.output import Output
+from orientd.cli.parameters import Group, Option, part_of
 from orientd.errors import ConfigError
 
-service = typer.Typer(
-    name="service", help="Run the daemon as a service of systemd.", no_args_is_help=True
-)
+service = Group(name="service", help="Run the daemon as a service of systemd.")
 
 NAME = "orientd.service"
 
@@ -41,21 +38,17 @@ def unit(*, python: str, config: Path, user: str | None) -> str:
     )
 
 
-@service.command()
+@part_of(service)
 def install(
     out: Output,
-    config: Annotated[
-        Path, typer.Option("--config", "-c", help="The configuration of the daemon.")
-    ],
+    config: Annotated[Path, Option("--config", "-c", help="The configuration of the daemon.")],
     for_user: Annotated[
-        bool, typer.Option("--user", help="Install a unit for this user instead of the system.")
+        bool, Option("--user", help="Install a unit for this user instead of the system.")
     ] = False,
     run_as: Annotated[
-        str, typer.Option("--as", metavar="USER", help="The user that runs the system's daemon.")
+        str, Option("--as", metavar="USER", help="The user that runs the system's daemon.")
     ] = "orientd",
-    only_print: Annotated[
-        bool, typer.Option("--print", help="Print the unit; write nothing.")
-    ] = False,
+    only_print: Annotated[bool, Option("--print", help="Print the unit; write nothing.")] = False,
 ) -> None:
     """Write a hardened unit, and say how to start it.  Starts nothing itself."""
     from orientd import config as configuration

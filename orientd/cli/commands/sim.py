@@ -8,8 +8,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Annotated
 
-import typer
+import click
 
+from orientd.cli.parameters import Group, Option, part_of
 from orientd.errors import DaemonError
 
 _CARRIED = Path(__file__).parents[2] / "emulators"
@@ -24,24 +25,19 @@ def _emulator(name: str) -> ModuleType:
         return importlib.import_module(name)
 
 
-sim = typer.Typer(
+sim = Group(
     name="sim",
     help="Run an emulated device until Ctrl-C.",
-    no_args_is_help=True,
 )
 
 
-@sim.command("ur")
+@part_of(sim)
 def ur(
-    host: Annotated[
-        str, typer.Option(help="An address of this machine; each robot needs its own.")
-    ],
-    model: Annotated[str, typer.Option(help="The arm: ur3 to ur10, ur3e to ur30.")] = "ur5e",
+    host: Annotated[str, Option(help="An address of this machine; each robot needs its own.")],
+    model: Annotated[str, Option(help="The arm: ur3 to ur10, ur3e to ur30.")] = "ur5e",
     polyscope: Annotated[
         str,
-        typer.Option(
-            help="Version of its software, such as 5.12.6; default: one that suits the model."
-        ),
+        Option(help="Version of its software, such as 5.12.6; default: one that suits the model."),
     ] = "",
 ) -> None:
     """Run an emulated UR arm.
@@ -53,36 +49,34 @@ def ur(
     emulator = _emulator("emulated_ur")
     if model not in emulator.MODELS:
         known = ", ".join(emulator.MODELS)
-        raise typer.BadParameter(f"expected one of {known}, got {model!r}", param_hint="--model")
+        raise click.BadParameter(f"expected one of {known}, got {model!r}", param_hint="--model")
     arm = emulator.MODELS[model]
     try:
         version = emulator.version_of(arm, polyscope)
     except ValueError as error:
-        raise typer.BadParameter(str(error), param_hint="--polyscope") from error
+        raise click.BadParameter(str(error), param_hint="--polyscope") from error
     try:
         emulator.serve(host, emulator.Behaviour(model=arm, version=version))
     except OSError as error:
         raise DaemonError(f"cannot serve an emulated UR at {host}: {error.strerror}") from error
 
 
-@sim.command("dynamixel")
+@part_of(sim)
 def dynamixel(
-    link: Annotated[Path, typer.Option(help="Path of the serial port for clients.")],
+    link: Annotated[Path, Option(help="Path of the serial port for clients.")],
     servos: Annotated[
-        str, typer.Option(help="Ids and models of the servos, as in 1:xm430,2:xl330.")
+        str, Option(help="Ids and models of the servos, as in 1:xm430,2:xl330.")
     ] = "1:xm430,2:xm430,3:xm430",
-    baud: Annotated[int, typer.Option(help="The servos' line speed.")] = 1000000,
+    baud: Annotated[int, Option(help="The servos' line speed.")] = 1000000,
     usb_ms: Annotated[
         float,
-        typer.Option(
-            min=0.0, max=1e4, help="Longest time that the adapter holds an answer back, ms."
-        ),
+        Option(range=(0.0, 1e4), help="Longest time that the adapter holds an answer back, ms."),
     ] = 1.0,
-    ideal: Annotated[bool, typer.Option("--ideal", help="Transmit bytes in no time.")] = False,
-    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
+    ideal: Annotated[bool, Option("--ideal", help="Transmit bytes in no time.")] = False,
+    seed: Annotated[int, Option(help="Seed of everything random.")] = 0,
     console: Annotated[
         bool,
-        typer.Option("--console", help="Read commands from standard input: faults, `state`."),
+        Option("--console", help="Read commands from standard input: faults, `state`."),
     ] = False,
 ) -> None:
     """Run an emulated Dynamixel bus on a pseudo-terminal.
@@ -105,7 +99,7 @@ def dynamixel(
             console=sys.stdin.fileno() if console else None,
         )
     except ValueError as error:
-        raise typer.BadParameter(str(error)) from error
+        raise click.BadParameter(str(error)) from error
     except OSError as error:
         raise DaemonError(
             f"cannot serve an emulated bus at {link}: {error.strerror or error}"

@@ -13,10 +13,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from orientd.cli.command import DeviceName, Endpoint, check_ending
 from orientd.cli.output import Output
+from orientd.cli.parameters import Argument, Option
 from orientd.errors import DeviceError, OrientdError, StateError
 
 if TYPE_CHECKING:
@@ -39,13 +38,13 @@ def teach(
     at: Endpoint,
     out: Output,
     file: Annotated[
-        Path, typer.Argument(metavar="OUT.yaml", help="The motion file to write, YAML or JSON.")
+        Path, Argument(metavar="OUT.yaml", help="The motion file to write, YAML or JSON.")
     ],
     device: DeviceName = "",
-    name: Annotated[str, typer.Option("--name", help="Name of the motion.")] = "",
+    name: Annotated[str, Option("--name", help="Name of the motion.")] = "",
     watch: Annotated[
         bool,
-        typer.Option("--watch", help="Leave the device as it is; something else moves it."),
+        Option("--watch", help="Leave the device as it is; something else moves it."),
     ] = False,
 ) -> None:
     """Teach a motion file by moving a device by hand.

@@ -7,10 +7,11 @@ import sys
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+import click
 
 from orientd.cli.command import Commander
 from orientd.cli.output import Output
+from orientd.cli.parameters import Option
 from orientd.one_line import one_line
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ def track(
     out: Output,
     time_to_live: Annotated[
         float,
-        typer.Option(metavar="SECONDS", help="Lifetime of a target that does not give its own."),
+        Option(metavar="SECONDS", help="Lifetime of a target that does not give its own."),
     ] = 0.5,
 ) -> None:
     """Follow targets that arrive on standard input.
@@ -58,7 +59,7 @@ def track(
         *([f"last refusal: {report.refusal}"] if report.refusal else []),
     )
     if report.refused and not report.targets:
-        raise typer.Exit(1)
+        raise click.exceptions.Exit(1)
 
 
 class _Lines:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import typer
-
 from orientd.cli.command import Commander
 from orientd.cli.commands.motion_commands import conclude, follow
 from orientd.cli.output import Output
+from orientd.cli.parameters import Option
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -29,20 +28,20 @@ def turn(
     out: Output,
     rate: Annotated[
         float,
-        typer.Option("--rate", metavar="RAD/S", help="Rate; a negative one turns the other way."),
+        Option("--rate", metavar="RAD/S", help="Rate; a negative one turns the other way."),
     ],
     duration: Annotated[
         float | None,
-        typer.Option(
+        Option(
             "--duration",
             metavar="SECONDS",
             help="Duration at that rate; default: until a stop.",
         ),
     ] = None,
-    axis: Annotated[Literal["x", "y", "z"], typer.Option("--axis", help="Axis of the turn.")] = "z",
+    axis: Annotated[Literal["x", "y", "z"], Option("--axis", help="Axis of the turn.")] = "z",
     velocity_frame: Annotated[
         Literal["body", "world"],
-        typer.Option("--frame", help="Frame of the axis: the tool's or the world's."),
+        Option("--frame", help="Frame of the axis: the tool's or the world's."),
     ] = "body",
 ) -> None:
     """Turn at a constant rate, from rest to rest, as a turntable does.

@@ -8,22 +8,21 @@ import threading
 import webbrowser
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from orientd.cli.command import Beside, Endpoint, need_extra
 from orientd.cli.output import Output
+from orientd.cli.parameters import Option
 
 if TYPE_CHECKING:
     from orientd.viewer import CellView, View
 
 PORT = 8080
 
-Port = Annotated[int, typer.Option(min=0, max=65535, help="Port to serve at; 0 for any.")]
+Port = Annotated[int, Option(range=(0, 65535), help="Port to serve at; 0 for any.")]
 Host = Annotated[
-    str, typer.Option(help="Address to serve at; default: reachable from this machine only.")
+    str, Option(help="Address to serve at; default: reachable from this machine only.")
 ]
-NoOpen = Annotated[bool, typer.Option("--no-open", help="Open no browser.")]
-Dark = Annotated[bool, typer.Option("--dark", help="Dark pages.")]
+NoOpen = Annotated[bool, Option("--no-open", help="Open no browser.")]
+Dark = Annotated[bool, Option("--dark", help="Dark pages.")]
 
 
 def view(
@@ -33,7 +32,7 @@ def view(
     host: Host = "127.0.0.1",
     control: Annotated[
         bool | None,
-        typer.Option(
+        Option(
             "--control/--no-control",
             help="Whether pages may do more than stop and halt; default: on this machine only.",
         ),

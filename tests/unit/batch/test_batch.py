@@ -10,8 +10,8 @@ import sys
 import numpy as np
 import pyarrow as arrow
 import pytest
+from click.testing import CliRunner
 from pyarrow import csv, parquet
-from typer.testing import CliRunner
 
 from orientd import motion_file, planner
 from orientd.batch import Batch, batch, open_requests

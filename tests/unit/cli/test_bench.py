@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from orientd.bench import PARTS, Comparison, CurveSpeed, curves, retarget, servo
 from orientd.bench.curves import Building, Sampling

@@ -5,6 +5,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from command_line import inside
 
 from orientd.cli.main import app
 from orientd.curves import METHODS
@@ -20,7 +21,7 @@ def completed(folder, monkeypatch, capsys):
         environment = {
             "XDG_RUNTIME_DIR": str(folder),
             "XDG_CONFIG_HOME": str(folder),
-            "_ORIENTD_COMPLETE": "complete_bash",
+            "_ORIENTD_COMPLETE": "bash_complete",
             "COMP_WORDS": " ".join(("orientd", *words)),
             "COMP_CWORD": str(len(words)),
             **more,
@@ -31,7 +32,7 @@ def completed(folder, monkeypatch, capsys):
         with pytest.raises(SystemExit) as ended:
             app(prog_name="orientd")
         assert ended.value.code in (0, None)
-        return capsys.readouterr().out.split()
+        return [line.removeprefix("plain,") for line in capsys.readouterr().out.split()]
 
     return complete
 
@@ -49,7 +50,7 @@ def folder(tmp_path):
     ("words", "offered"),
     [
         (["mo"], ["move"]),
-        (["move", ""], []),  # so the shell completes its files
+        (["move", ""], ["file,"]),  # so the shell completes its files
         (["plan", "--config", "two.toml", "--device", ""], ["left", "right"]),
         (["plot", "kks_h"], [name for name in METHODS if name.startswith("kks_h")]),
     ],
@@ -63,10 +64,32 @@ def test_devices_are_those_of_the_configuration_where_no_daemon_answers(folder, 
     assert completed("stop", "--device", "r", ORIENTD_CONFIG=named) == ["right"]
 
 
+@pytest.mark.parametrize(
+    ("shell", "start", "place"),
+    [
+        ("bash", ".bashrc", ".bash_completions/orientd.sh"),
+        ("zsh", ".zshrc", ".zfunc/_orientd"),
+        ("fish", None, ".config/fish/completions/orientd.fish"),
+    ],
+)
+def test_a_shell_is_taught_once(shell, start, place, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("SHELL", f"/usr/bin/{shell}")
+    for _ in range(2):
+        assert inside("--install-completion").returncode == 0
+    assert (tmp_path / place).read_text() == inside("--show-completion").stdout.rstrip("\n") + "\n"
+    assert start is None or len((tmp_path / start).read_text().split("\n")) == 3
+
+
+def test_a_shell_without_completion_is_named(monkeypatch):
+    monkeypatch.setenv("SHELL", "/bin/tcsh")
+    assert "got 'tcsh'" in inside("--show-completion").stderr
+
+
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_a_packaged_file_is_what_the_shell_reads(shell):
     (script,) = (one for one in SCRIPTS.iterdir() if one.suffix == f".{shell}")
     text = script.read_text()
-    assert f"_ORIENTD_COMPLETE=complete_{shell}" in text
+    assert f"_ORIENTD_COMPLETE={shell}_complete" in text
     if shutil.which(shell):
         subprocess.run([shell, "-n", script], check=True)

@@ -153,7 +153,7 @@ def test_nothing_large_is_loaded_before_it_is_sent():
     program = (
         "import sys\n"
         "from orientd.cli import start, urgent\n"
-        "large = {'typer', 'grpc', 'google', 'numpy', 'pydantic', 'rich', 'asyncio'}\n"
+        "large = {'click', 'grpc', 'google', 'numpy', 'pydantic', 'rich', 'asyncio'}\n"
         "print(*large & {name.split('.')[0] for name in sys.modules})"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)

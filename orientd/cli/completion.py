@@ -1,0 +1,62 @@
+"""Completion of words on the command line: the script that a shell needs for it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import click
+from click.shell_completion import get_completion_class
+
+from orientd.errors import OrientdError
+
+VARIABLE = "_ORIENTD_COMPLETE"
+"""Variable of the environment in which the shell says what it wants."""
+
+_PLACES = {
+    "bash": (".bash_completions/orientd.sh", ".bashrc", "source ~/.bash_completions/orientd.sh"),
+    "zsh": (".zfunc/_orientd", ".zshrc", "fpath+=~/.zfunc; autoload -Uz compinit; compinit"),
+    "fish": (".config/fish/completions/orientd.fish", "", ""),
+}
+"""The script of each shell, and the file that needs a line for it; both below the home."""
+
+
+def script(app: click.Command, shell: str = "") -> str:
+    """Return the script with which a shell completes the words of *app*.
+
+    Args:
+        app: the command `orientd`.
+        shell: bash, zsh or fish; by default that of ``$SHELL``.
+
+    Raises:
+        OrientdError: it is no such shell.
+    """
+    shell = shell or _shell()
+    made = get_completion_class(shell)
+    if made is None:
+        raise OrientdError(f"words are completed in {', '.join(_PLACES)}, got {shell!r} as $SHELL")
+    return made(app, {}, "orientd", VARIABLE).source()
+
+
+def install(app: click.Command) -> str:
+    """Install the script for the shell of ``$SHELL``; return where it is, for people.
+
+    Raises:
+        OrientdError: it is no shell for which there is a script, or a file cannot be written.
+    """
+    text = script(app)
+    place, start, line = _PLACES[_shell()]
+    path, started = Path.home() / place, Path.home() / start
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        if start and line not in (started.read_text("utf-8") if started.exists() else ""):
+            with started.open("a", encoding="utf-8") as file:
+                file.write(f"\n{line}\n")
+    except OSError as error:
+        raise OrientdError(f"cannot write {error.filename}: {error.strerror}") from error
+    return f"wrote {path}; a new terminal completes"
+
+
+def _shell() -> str:
+    return Path(os.environ.get("SHELL", "")).name

@@ -1,0 +1,131 @@
+"""A command of Click from a function: each parameter of its signature is an option or an argument.
+
+A parameter that is a dataclass, such as :class:`~orientd.cli.command.Commander`, has an option for
+each of its fields.
+
+>>> def greet(name: Annotated[str, Option(help="Who it is.")] = "you") -> None:
+...     print(f"hello {name}")
+>>> command_of(click.Command, greet).main(["--name", "Ana"], standalone_mode=False)
+hello Ana
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from types import NoneType
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+
+import click
+
+Run = TypeVar("Run", bound=Callable[..., None])
+Kind = TypeVar("Kind", bound=click.Command)
+
+
+class Group(click.Group):
+    """A group of commands, in the order in which they were declared."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of the commands."""
+        del ctx
+        return list(self.commands)
+
+
+@dataclass(frozen=True, init=False)
+class Option:
+    """An option of a command.
+
+    Attributes:
+        names: as on the command line; by default that of the parameter, and ``--no-...`` of a flag.
+        settings: of :class:`click.Option`, and ``range``, the least and the largest number.
+    """
+
+    names: tuple[str, ...]
+    settings: dict[str, Any]
+
+    def __init__(self, *names: str, **settings: Any) -> None:  # noqa: ANN401 - Click's
+        object.__setattr__(self, "names", names)
+        object.__setattr__(self, "settings", settings)
+
+
+class Argument(Option):
+    """An argument of a command; *settings* are those of :class:`click.Argument`."""
+
+
+AsJson = Annotated[bool, Option("--json", help="Print one JSON object.")]
+
+
+def command_of(kind: type[Kind], run: Callable[..., None], **settings: Any) -> Kind:  # noqa: ANN401 - Click's
+    """Return the command that calls *run*.
+
+    Args:
+        kind: a class of Click's.
+        run: its docstring is the help.  A parameter with a default need not be given.
+        settings: of the class.
+    """
+    taken = inspect.signature(run, eval_str=True).parameters.values()
+    bundles: dict[str, Any] = {
+        one.name: one.annotation for one in taken if is_dataclass(one.annotation)
+    }
+    given = [(one.name, one.annotation, one.default) for one in taken if one.name not in bundles]
+    for bundle in bundles.values():
+        # The class of the output does without Click, which takes longer to load than a stop.
+        hints = get_type_hints(bundle, include_extras=True) | {"as_json": AsJson}
+        given += [(field.name, hints[field.name], field.default) for field in fields(bundle)]
+    parameters = [_parameter(*one) for one in given]
+    defaults = {name: default for name, _, default in given}
+    repeatable = [one.name for one in parameters if one.multiple]
+
+    @functools.wraps(run)
+    def call(**values: Any) -> None:  # noqa: ANN401 - those of the command
+        for name in repeatable:
+            values[name] = list(values[name]) or defaults[name]
+        for name, bundle in bundles.items():
+            values[name] = bundle(**{one.name: values.pop(one.name) for one in fields(bundle)})
+        run(**values)
+
+    settings = {"name": run.__name__, "help": inspect.getdoc(run), **settings}
+    return kind(params=parameters, callback=call, **settings)
+
+
+def part_of(group: click.Group, **settings: Any) -> Callable[[Run], Run]:  # noqa: ANN401 - Click's
+    """Have the function that this decorates be a command of *group*."""
+
+    def add(run: Run) -> Run:
+        group.add_command(command_of(click.Command, run, **settings))
+        return run
+
+    return add
+
+
+def _parameter(name: str, annotation: Any, default: Any) -> click.Parameter:  # noqa: ANN401 - any
+    kind, said = get_args(annotation)
+    # Of an optional type, the type itself.
+    kind = next((one for one in get_args(kind) if NoneType in get_args(kind)), kind)
+    settings = dict(said.settings)
+    limits = settings.pop("range", None)
+    is_list = get_origin(kind) is list
+    settings["type"] = _type(get_args(kind)[0] if is_list else kind, limits)
+    settings["required"] = default is inspect.Parameter.empty
+    if not settings["required"] and not is_list:
+        settings["default"] = default
+    if isinstance(said, Argument):
+        return click.Argument([name], **settings)
+    spelt = name.replace("_", "-")
+    flag = f"--{spelt}/--no-{spelt}" if kind is bool else f"--{spelt}"
+    settings["is_flag"] = kind is bool
+    settings["multiple"] = is_list
+    settings["show_default"] = default not in (None, "") and default is not False
+    return click.Option([*(said.names or (flag,)), name], **settings)
+
+
+def _type(kind: Any, limits: tuple[Any, Any] | None) -> Any:  # noqa: ANN401 - Click's
+    """Return what reads a value of *kind*, within *limits* if it is a number."""
+    if limits is not None:
+        return click.IntRange(*limits) if kind is int else click.FloatRange(*limits)
+    if get_origin(kind) is Literal:
+        return click.Choice(get_args(kind))
+    return click.Path(path_type=Path) if kind is Path else kind
