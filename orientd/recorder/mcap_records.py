@@ -1,15 +1,16 @@
-"""The records of an MCAP file, those of a cut or damaged one too, and what is missing of it.
+"""Read the records of an MCAP file, also of a cut or damaged one, and say what is missing.
 
-A record is an opcode, a length and its content; most of a file are chunks, compressed, each with a
-checksum.  A chunk whose content does not fit its checksum is left out.  Behind a record that cannot
-be one, the next chunk that the index at the end of the file names is gone on from.
+A record is an opcode, a length and its content.  Most of a file are compressed chunks, each with a
+checksum.  A chunk that does not fit its checksum is left out.  After an unreadable record, reading
+continues at the next chunk that the index at the end of the file names.
 """
 
 from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Iterator
+from bisect import bisect
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -39,19 +40,18 @@ from orientd.bounded_file import MEBIBYTE, check_regular
 from orientd.recorder.writer import RecordingError
 
 LARGEST_CHUNK = 64 * MEBIBYTE
-"""Of a file, once it is decompressed; others write chunks of a few MiB, or of one image."""
+"""Largest decompressed chunk; other programs write chunks of a few MiB, or of one image."""
 
 MOST_TIMES = 100
-"""How many times as large as a file its chunks may become together, beyond the first
-:data:`LARGEST_CHUNK`: what is much more was made to be so."""
+"""Largest ratio of all decompressed chunks to the file, beyond the first :data:`LARGEST_CHUNK`."""
 
-_HEAD = 9  # bytes of an opcode and a length
-_FOOTER = _HEAD + 20
-_PRIVATE = 0x80  # opcodes from here on are of whoever wrote the file
-_SHOWN = 3  # damaged places that are named
+_HEAD = struct.Struct("<BQ")  # opcode, length
+_MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+_FOOTER = _HEAD.size + 20
+_PRIVATE = 0x80  # opcodes from here on belong to the program that wrote the file
+_SHOWN = 3  # damaged places in a report
 
-_KNOWN = frozenset(map(int, Opcode))
-_READ: dict[int, Any] = {
+_READ: Mapping[int, Any] = {
     Opcode.SCHEMA: Schema.read,
     Opcode.CHANNEL: Channel.read,
     Opcode.CHUNK: Chunk.read,
@@ -62,7 +62,9 @@ _READ: dict[int, Any] = {
     Opcode.DATA_END: DataEnd.read,
     Opcode.FOOTER: Footer.read,
 }
-"""Of what has to be looked into; the others are for whoever seeks in a file."""
+"""Records to decode; the others help programs that seek."""
+
+_IGNORED = frozenset(map(int, Opcode)) - _READ.keys() - {Opcode.MESSAGE}
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +74,8 @@ class Damage:
     Attributes:
         first: its first byte in the file.
         count: how many bytes it has.
-        begin_ns: time of the first message that is missing, as far as it is known.
-        end_ns: of the last one; ``None`` where nobody knows.
+        begin_ns: time of the first missing message, if it is known.
+        end_ns: of the last one, if it is known.
     """
 
     first: int
@@ -84,14 +86,14 @@ class Damage:
 
 @dataclass(slots=True)
 class Damages:
-    """What is missing of a file.
+    """The parts of a file that are missing.
 
     Attributes:
         size: of the file, bytes.
         parts: that cannot be read, in their order.
         is_cut: whether data is missing at the end of the file.
-        has_no_index: whether the data is whole, but what stands behind it is cut off.
-        lost: messages that are missing besides, as the index says or as nothing says what they are.
+        has_no_index: whether the data is whole and the index after it is cut off.
+        lost: further missing messages, by the statistics of the file or for lack of a channel.
         first_ns: time of the first message of the file.
         last_ns: of the last one that was read.
     """
@@ -112,11 +114,17 @@ class Damages:
         self.first_ns = time_ns if self.first_ns is None else min(self.first_ns, time_ns)
         self.last_ns = time_ns if self.last_ns is None else max(self.last_ns, time_ns)
 
-    @property
-    def reached(self) -> int | None:
-        """Time of the last message that was read, or is known to be missing."""
-        ends = [part.end_ns for part in self.parts[-1:]]
-        return max((time for time in (self.last_ns, *ends) if time is not None), default=None)
+    def lose(self, offset: int, length: int, index: Mapping[int, ChunkIndex | Chunk]) -> None:
+        """Take note that a part cannot be read, which holds the chunks of *index* inside it."""
+        known = [one for place, one in index.items() if offset <= place < offset + length]
+        ends = (self.last_ns, *(part.end_ns for part in self.parts[-1:]))
+        begin = max((time for time in ends if time is not None), default=None)
+        if begin is None:
+            begin = min((one.message_start_time for one in known), default=None)
+            self.first_ns = begin if self.first_ns is None else self.first_ns
+        unknown = begin if index else None
+        end = max((one.message_end_time for one in known), default=unknown)
+        self.parts.append(Damage(offset, length, begin, end))
 
     def told(self) -> str:
         """Return where the damage is and how much is missing, in one line."""
@@ -161,15 +169,15 @@ class Damages:
 
 
 def records(path: Path, damages: Damages) -> Iterator[McapRecord]:
-    """Yield every record of an MCAP file that can be read, those inside chunks too.
+    """Yield every record of an MCAP file that can be read, also those inside chunks.
 
     Args:
         path: of the file.
-        damages: is told what cannot be read.
+        damages: receives the parts that cannot be read.
 
     Raises:
         OSError: the file cannot be read.
-        RecordingError: it is no MCAP file, or one whose chunks grow beyond all measure.
+        RecordingError: it is no MCAP file, or its chunks decompress to an absurd size.
     """
     check_regular(path)
     with path.open("rb") as stream:
@@ -181,28 +189,24 @@ def records(path: Path, damages: Damages) -> Iterator[McapRecord]:
                 raise RecordingError(f"{path}: an MCAP file of which {size} bytes are left")
             raise RecordingError(f"{path}: not an MCAP file")
         summary = _summary(stream, size)
-        # What a lost chunk said of its topics stands at the end once more.
+        # The end repeats the schemas and channels, which may be in a lost chunk.
         yield from (one for one in summary if isinstance(one, Schema | Channel))
         index = {one.chunk_start_offset: one for one in summary if isinstance(one, ChunkIndex)}
         begins = [one.message_start_time for one in index.values() if one.message_end_time]
         damages.first_ns = min(begins, default=None)
-        seen = set()
-        count, counted = 0, next((one for one in summary if isinstance(one, Statistics)), None)
-        room = LARGEST_CHUNK + MOST_TIMES * size
-        for record, offset, length in _top_level(stream, size, index, damages):
-            seen.add(offset)
+        record, count, room = None, 0, LARGEST_CHUNK + MOST_TIMES * size
+        for record, offset, length in _top_level(stream, size, index):
+            found: Iterator[McapRecord] | None = iter((record,)) if record is not None else None
             if isinstance(record, Chunk):
                 grown = _grown(record)
                 room -= grown
                 if grown > LARGEST_CHUNK or room < 0:
                     raise RecordingError(f"{path}: a chunk becomes {grown / MEBIBYTE:.0f} MiB")
-                inside = _inside(record)
-                if inside is None:
-                    _lose(damages, index, offset, length, record)
-                    continue
-                found = inside
-            else:
-                found = iter((record,))
+                found = _inside(record)
+            chunk = {offset: record} if isinstance(record, Chunk) else {}
+            if found is None:
+                damages.lose(offset, length, index or chunk)
+                continue
             try:
                 for one in found:
                     if isinstance(one, Message):
@@ -210,92 +214,42 @@ def records(path: Path, damages: Damages) -> Iterator[McapRecord]:
                         count += 1
                     yield one
             except (ValueError, LookupError, EOFError, McapError, struct.error):
-                _lose(damages, index, offset, length)
-        # What has become another record is a chunk all the same.
-        ends = [(part.first, part.first + part.count) for part in damages.parts]
-        for place in sorted(index.keys() - seen):
-            if not any(first <= place < last for first, last in ends):
-                _lose(damages, index, place, index[place].chunk_length)
+                damages.lose(offset, length, index or chunk)
+        is_whole = isinstance(record, DataEnd)
+        has_end = _has_end(stream, size)
+        damages.is_cut, damages.has_no_index = not (is_whole or has_end), is_whole and not has_end
+        counted = next((one for one in summary if isinstance(one, Statistics)), None)
         if counted is not None and not damages:
             damages.lost = max(counted.message_count - count, 0)
 
 
 def _top_level(
-    stream: IO[bytes], size: int, index: dict[int, ChunkIndex], damages: Damages
-) -> Iterator[tuple[McapRecord, int, int]]:
-    """Yield records that are outside of chunks, with place and size, up to the end of the data."""
-    offset = len(MCAP0_MAGIC)
-    while True:
+    stream: IO[bytes], size: int, index: Mapping[int, ChunkIndex]
+) -> Iterator[tuple[McapRecord | None, int, int]]:
+    """Yield records outside of chunks with place and size up to the end of the data.
+
+    ``None`` stands for a part that cannot be read.
+    """
+    offset, places = len(MCAP0_MAGIC), sorted(index)
+    while offset < size:
+        later = bisect(places, offset)
+        following = places[later] if later < len(places) else size
         stream.seek(offset)
-        head = stream.read(_HEAD)
-        opcode, length = (head[0], int.from_bytes(head[1:], "little")) if head else (0, 0)
-        is_one = opcode in _KNOWN or opcode >= _PRIVATE
-        record: McapRecord | None = None
-        if is_one and len(head) == _HEAD and offset + _HEAD + length <= size:
-            content = stream.read(length)
-            record = _record(opcode, content)
-            if record is None and opcode in (*_READ, Opcode.MESSAGE):
-                is_one = False
-        else:
-            is_one = False
-        if not is_one:
-            following = min((place for place in index if place > offset), default=None)
-            if following is None:
-                _lose_rest(stream, offset, size, index, damages)
-                return
-            _lose(damages, index, offset, following - offset)
-            offset = following
-            continue
-        if record is not None:
-            yield record, offset, _HEAD + length
-        offset += _HEAD + length
-        if opcode == Opcode.DATA_END:
-            damages.has_no_index = not _has_end(stream, size)
+        head = stream.read(_HEAD.size)
+        opcode, length = _HEAD.unpack(head) if len(head) == _HEAD.size else (0, size)
+        end = offset + _HEAD.size + length
+        record = None
+        if end <= following and (opcode == Opcode.CHUNK or offset not in index):
+            if opcode in _IGNORED or opcode >= _PRIVATE:
+                offset = end
+                continue
+            record = _record(opcode, stream.read(length))
+        if record is None:
+            end = following
+        yield record, offset, end - offset
+        if isinstance(record, DataEnd):
             return
-
-
-def _lose_rest(
-    stream: IO[bytes], offset: int, size: int, index: dict[int, ChunkIndex], damages: Damages
-) -> None:
-    """Take note that from *offset* on nothing can be read."""
-    damages.is_cut = not _has_end(stream, size)
-    stream.seek(offset + _HEAD)
-    times = stream.read(16)
-    stream.seek(offset)
-    begin, end = damages.reached, None
-    if stream.read(1) == bytes([Opcode.CHUNK]) and len(times) == 16:
-        # A chunk begins with the times of its first message and of its last one.
-        first, last = (int.from_bytes(times[k : k + 8], "little") for k in (0, 8))
-        if (begin or 0) <= last < (begin or first) + _LONGEST_CHUNK_NS:
-            begin, end = begin if begin is not None else first, last
-            damages.first_ns = begin if damages.first_ns is None else damages.first_ns
-    if not damages.is_cut and index:
-        end = max(one.message_end_time for one in index.values())
-    if offset < size:
-        damages.parts.append(Damage(offset, size - offset, begin, end))
-
-
-_LONGEST_CHUNK_NS = 3_600_000_000_000
-"""A chunk that says that it is longer has lost the bytes that say so."""
-
-
-def _lose(
-    damages: Damages,
-    index: dict[int, ChunkIndex],
-    offset: int,
-    length: int,
-    chunk: Chunk | None = None,
-) -> None:
-    """Take note that a part of the data cannot be read."""
-    known: Any = [one for place, one in index.items() if offset <= place < offset + length]
-    if not known and chunk is not None:
-        known = [chunk]
-    begin = damages.reached
-    if begin is None:
-        begin = min((one.message_start_time for one in known), default=None)
-        damages.first_ns = begin if damages.first_ns is None else damages.first_ns
-    end = max((one.message_end_time for one in known), default=begin)
-    damages.parts.append(Damage(offset, length, begin, end))
+        offset = end
 
 
 def _has_end(stream: IO[bytes], size: int) -> bool:
@@ -306,70 +260,78 @@ def _has_end(stream: IO[bytes], size: int) -> bool:
 
 
 def _summary(stream: IO[bytes], size: int) -> list[McapRecord]:
-    """Return what stands behind the data, as far as it can be read; nothing where it is cut off."""
+    """Return the records after the data that can be read; none if they are cut off."""
     if not _has_end(stream, size):
         return []
     end = size - len(MCAP0_MAGIC) - _FOOTER
     stream.seek(end)
-    footer = _record(Opcode.FOOTER, stream.read(_FOOTER)[_HEAD:])
+    footer = _record(Opcode.FOOTER, stream.read(_FOOTER)[_HEAD.size :])
     offset = footer.summary_start if isinstance(footer, Footer) else 0
     found: list[McapRecord] = []
-    while len(MCAP0_MAGIC) < offset <= end - _HEAD:
+    while len(MCAP0_MAGIC) < offset <= end - _HEAD.size:
         stream.seek(offset)
-        head = stream.read(_HEAD)
-        length = int.from_bytes(head[1:], "little")
-        if offset + _HEAD + length > end:
+        opcode, length = _HEAD.unpack(stream.read(_HEAD.size))
+        if offset + _HEAD.size + length > end:
             break
-        record = _record(head[0], stream.read(length))
+        record = _record(opcode, stream.read(length))
         if record is not None:
             found.append(record)
-        offset += _HEAD + length
+        offset += _HEAD.size + length
     return found
 
 
 def _record(opcode: int, content: bytes) -> McapRecord | None:
-    """Return a record; ``None`` where it is not looked into, or its content makes no sense."""
-    found: McapRecord | None = None
+    """Return a record, or ``None`` if it is damaged or not to be decoded."""
     try:
-        stream = ReadDataStream(BytesIO(content))
         if opcode == Opcode.MESSAGE:
-            found = Message.read(stream, len(content))
-        elif opcode in _READ:
-            found = _READ[opcode](stream)
-    # What a decoder of others makes of damaged bytes is told nowhere.
+            return _message(content)
+        read = _READ.get(opcode)
+        return None if read is None else read(ReadDataStream(BytesIO(content)))
+    # The decoder does not document its exceptions for damaged bytes.
     except Exception:  # noqa: BLE001
         return None
-    return found
+
+
+def _message(content: bytes) -> Message:
+    channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(content)
+    return Message(
+        channel_id=channel,
+        sequence=sequence,
+        log_time=log_time,
+        publish_time=publish_time,
+        data=content[_MESSAGE.size :],
+    )
 
 
 def _grown(chunk: Chunk) -> int:
-    """Return how large a chunk is once it is decompressed, as it says and as its content does."""
+    """Return the decompressed size of a chunk, by its own word and by its content."""
     said = chunk.uncompressed_size
     if chunk.compression == "zstd":
         try:
             return max(said, get_frame_parameters(chunk.data).content_size)
-        except Exception:  # noqa: BLE001 - damaged, which is seen again where it is decompressed
+        except Exception:  # noqa: BLE001 - damaged, as the decompression reports
             return 0
     return max(said, len(chunk.data))
 
 
 def _inside(chunk: Chunk) -> Iterator[McapRecord] | None:
-    """Return the records of a chunk, which are made one by one; ``None`` where it is damaged."""
+    """Return the records of a chunk, which are made one by one; ``None`` if it is damaged."""
     try:
         stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+        return _each(stream.read(size))
     except Exception:  # noqa: BLE001 - as in _record
         return None
-    return _each(stream, size)
 
 
-def _each(stream: ReadDataStream, size: int) -> Iterator[McapRecord]:
-    while stream.count < size:
-        opcode, length = stream.read1(), stream.read8()
-        if opcode == Opcode.CHANNEL:
-            yield Channel.read(stream)
-        elif opcode == Opcode.MESSAGE:
-            yield Message.read(stream, length)
-        elif opcode == Opcode.SCHEMA:
-            yield Schema.read(stream)
-        else:
-            stream.read(length)
+def _each(content: bytes) -> Iterator[McapRecord]:
+    offset = 0
+    while offset < len(content):
+        opcode, length = _HEAD.unpack_from(content, offset)
+        begin = offset + _HEAD.size
+        offset = begin + length
+        if offset > len(content):
+            raise EOFError
+        if opcode == Opcode.MESSAGE:
+            yield _message(content[begin:offset])
+        elif opcode in (Opcode.CHANNEL, Opcode.SCHEMA):
+            yield _READ[opcode](ReadDataStream(BytesIO(content[begin:offset])))
