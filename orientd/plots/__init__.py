@@ -9,6 +9,6 @@ from orientd.plots.paper import check_format, is_available
 from orientd.plots.papers.figures import FIGURES, draw_figure
 from orientd.plots.parts import draw_bodies_alone, draw_rates_alone, draw_triads_alone
 from orientd.plots.punctuality import Timing
-from orientd.plots.recording import Strands, draw_orientations, draw_recording
+from orientd.plots.recording import draw_orientations, draw_recording
 from orientd.plots.sampling import traces_of
 from orientd.plots.sheet import draw_sheet

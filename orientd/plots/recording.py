@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orientd import rotation
 from orientd.errors import OrientdError
 from orientd.plots.charts import MOST_POINTS
 from orientd.plots.paper import AXES, INK, LIMIT, QUIET, check_format, new_figure, save, tidy
 from orientd.rotation import Floats
+from orientd.stream import CycleFlag
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,43 +23,28 @@ PLANNED = "#c4c4c4"
 _LEAST = 1e-6  # rad and ms; what is less is drawn as this much
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Strands:
-    """What the picture of a recording shows.
-
-    Attributes:
-        times: of the cycles, s, shape ``(n,)``.
-        planned_q: where the motion was to be, not a number where none runs, shape ``(n, 4)``.
-        sent_q: orientations sent, shape ``(n, 4)``.
-        sent_omega_body: rad/s, shape ``(n, 3)``.
-        measured_times: when the feedback of a cycle was measured, s, shape ``(m,)``.
-        measured_q: orientations measured, shape ``(m, 4)``.
-        measured_omega_body: rad/s, shape ``(m, 3)``.
-        tracking_error: angle between what was sent and measured in one cycle, rad, shape ``(m,)``.
-        lateness: s, shape ``(n,)``.
-        period: s.
-        marks: instants and what happened then.
-    """
-
-    times: Floats
-    planned_q: Floats
-    sent_q: Floats
-    sent_omega_body: Floats
-    measured_times: Floats
-    measured_q: Floats
-    measured_omega_body: Floats
-    tracking_error: Floats
-    lateness: Floats
-    period: float
-    marks: Sequence[tuple[float, str]] = ()
-
-
-def draw_recording(path: Path, strands: Strands, *, title: str) -> None:
+def draw_recording(
+    path: Path,
+    cycles: NDArray[np.void],
+    planned_q: Floats,
+    *,
+    period: float,
+    marks: Sequence[tuple[int, str]],
+    title: str,
+) -> None:
     """Draw a recording to *path*: orientation, angular velocity, deviations, lateness.
 
     Planned is a broad grey line, sent a thin one in the colour of its axis, measured dots in that
     colour, at the times at which it was measured.  Orientations are rotation vectors from the first
     one sent, carried on past half a turn.
+
+    Args:
+        path: of the picture.
+        cycles: of a device, with the columns of a recording, shape ``(n,)``.
+        planned_q: orientations ``(w, x, y, z)``, NaN if no motion runs, shape ``(n, 4)``.
+        period: of a cycle, s.
+        marks: instants of events, ns on the clock of the cycles, and their names.
+        title: above it.
 
     Raises:
         OrientdError: the file cannot be written, or its ending names no format of a picture.
@@ -69,15 +55,20 @@ def draw_recording(path: Path, strands: Strands, *, title: str) -> None:
     charts: dict[str, Axes] = figure.subplot_mosaic(
         [[name] for name in names], sharex=True, height_ratios=[1.5, 1.2, 0.9, 0.7]
     )
-    _draw_orientation(charts["orientation"], strands)
-    _draw_velocity(charts["velocity"], strands)
-    _draw_deviation(charts["deviation"], strands)
-    _draw_lateness(charts["lateness"], strands)
+    begin = int(cycles["deadline_ns"][0]) if len(cycles) else 0
+    times = (cycles["deadline_ns"] - begin) * 1e-9
+    told = cycles[(cycles["flags"] & CycleFlag.FEEDBACK) != 0]
+    measured_times = (told["feedback_time_ns"] - begin) * 1e-9
+    _draw_orientation(charts["orientation"], times, cycles, planned_q, measured_times, told)
+    _draw_velocity(charts["velocity"], times, cycles, measured_times, told)
+    _draw_deviation(charts["deviation"], times, cycles, planned_q, measured_times, told)
+    _draw_lateness(charts["lateness"], times, cycles["lateness_ns"] * 1e-9, period)
+    instants = [((time_ns - begin) * 1e-9, name) for time_ns, name in marks]
     for name, axes in charts.items():
-        _mark(axes, strands.marks, is_named=name == "orientation")
+        _mark(axes, instants, is_named=name == "orientation")
     charts["lateness"].set_xlabel("time, s", fontsize=9)
-    if len(strands.times):
-        charts["lateness"].set_xlim(strands.times[0], strands.times[-1])
+    if len(times):
+        charts["lateness"].set_xlim(times[0], times[-1])
     save(figure, path)
 
 
@@ -125,64 +116,82 @@ def draw_orientations(path: Path, times: Floats, q: Floats, *, title: str) -> No
     save(figure, path)
 
 
-def _draw_orientation(axes: Axes, strands: Strands) -> None:
+def _draw_orientation(
+    axes: Axes,
+    times: Floats,
+    cycles: NDArray[np.void],
+    planned_q: Floats,
+    measured_times: Floats,
+    told: NDArray[np.void],
+) -> None:
     tidy(axes, "rotation vector, rad")
-    every = _every(strands.times)
-    sent = _unwound(_vectors(strands.sent_q, strands.sent_q[:1]))
+    every, origin = _every(times), cycles["sent_q"][:1]
+    sent = _unwound(_vectors(cycles["sent_q"], origin))
     # The same branch as what was sent, whatever the sign of a quaternion.
-    planned = _near(_vectors(strands.planned_q, strands.sent_q[:1]), sent)
-    later = np.clip(
-        np.searchsorted(strands.times, strands.measured_times), 0, len(strands.times) - 1
-    )
-    measured = _near(_vectors(strands.measured_q, strands.sent_q[:1]), sent[later])
+    planned = _near(_vectors(planned_q, origin), sent)
+    later = np.clip(np.searchsorted(times, measured_times), 0, len(times) - 1)
+    measured = _near(_vectors(told["measured_q"], origin), sent[later])
     for k in range(3):
         axes.plot(
-            strands.times[every], planned[every, k], color=PLANNED, linewidth=5.0,
+            times[every], planned[every, k], color=PLANNED, linewidth=5.0,
             label="planned" if k == 0 else None, zorder=1.5, solid_capstyle="butt",
         )  # fmt: skip
     for k, axis in enumerate(AXES):
         axes.plot(
-            strands.times[every], sent[every, k], color=axis.colour, linewidth=1.4,
+            times[every], sent[every, k], color=axis.colour, linewidth=1.4,
             label=f"{axis.name} sent", zorder=2.0,
         )  # fmt: skip
-        _dots(axes, strands.measured_times, measured[:, k], axis.colour, f"{axis.name} measured")
+        _dots(axes, measured_times, measured[:, k], axis.colour, f"{axis.name} measured")
     _legend(axes)
 
 
-def _draw_velocity(axes: Axes, strands: Strands) -> None:
+def _draw_velocity(
+    axes: Axes,
+    times: Floats,
+    cycles: NDArray[np.void],
+    measured_times: Floats,
+    told: NDArray[np.void],
+) -> None:
     tidy(axes, "angular velocity, rad/s")
-    every = _every(strands.times)
+    every = _every(times)
     for k, axis in enumerate(AXES):
         axes.plot(
-            strands.times[every], strands.sent_omega_body[every, k], color=axis.colour,
-            linewidth=1.4, zorder=2.0,
+            times[every], cycles["sent_omega_body"][every, k], color=axis.colour, linewidth=1.4,
+            zorder=2.0,
         )  # fmt: skip
-        _dots(axes, strands.measured_times, strands.measured_omega_body[:, k], axis.colour, None)
+        _dots(axes, measured_times, told["measured_omega_body"][:, k], axis.colour, None)
 
 
-def _draw_deviation(axes: Axes, strands: Strands) -> None:
+def _draw_deviation(
+    axes: Axes,
+    times: Floats,
+    cycles: NDArray[np.void],
+    planned_q: Floats,
+    measured_times: Floats,
+    told: NDArray[np.void],
+) -> None:
     tidy(axes, "deviation, mrad")
-    every = _every(strands.times)
-    off_plan = 1e3 * rotation.angle(strands.planned_q, strands.sent_q)
+    off_plan = 1e3 * rotation.angle(planned_q, cycles["sent_q"])
+    error = 1e3 * rotation.angle(told["sent_q"], told["measured_q"])
+    every, few = _every(times), _every(measured_times)
     axes.plot(
-        strands.times[every], np.maximum(off_plan, 1e3 * _LEAST)[every], color=QUIET,
-        linewidth=1.3, label="planned to sent",
+        times[every], np.maximum(off_plan, 1e3 * _LEAST)[every], color=QUIET, linewidth=1.3,
+        label="planned to sent",
     )  # fmt: skip
-    few = _every(strands.measured_times)
     axes.plot(
-        strands.measured_times[few], np.maximum(1e3 * strands.tracking_error, 1e3 * _LEAST)[few],
-        color=INK, linewidth=1.0, label="sent to measured, of the same cycle",
+        measured_times[few], np.maximum(error, 1e3 * _LEAST)[few], color=INK, linewidth=1.0,
+        label="sent to measured, of the same cycle",
     )  # fmt: skip
     axes.set_yscale("log")
     _legend(axes)
 
 
-def _draw_lateness(axes: Axes, strands: Strands) -> None:
+def _draw_lateness(axes: Axes, times: Floats, lateness: Floats, period: float) -> None:
     tidy(axes, "lateness, ms")
-    every = _every(strands.times)
-    late = np.maximum(1e3 * strands.lateness, 1e-3)
-    axes.scatter(strands.times[every], late[every], s=2, color=AXES[2].colour, linewidth=0)
-    axes.axhline(500.0 * strands.period, color=LIMIT, linewidth=1.0, linestyle=":")
+    every = _every(times)
+    late = np.maximum(1e3 * lateness, 1e-3)
+    axes.scatter(times[every], late[every], s=2, color=AXES[2].colour, linewidth=0)
+    axes.axhline(500.0 * period, color=LIMIT, linewidth=1.0, linestyle=":")
     axes.set_yscale("log")
 
 

@@ -13,7 +13,7 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd.recorder.columns import COLUMNS, CYCLES, FLAGS, Table, from_records
     from orientd.recorder.orientations import Orientations, read_orientations
-    from orientd.recorder.planned import strands
+    from orientd.recorder.planned import marks, planned_orientations
     from orientd.recorder.reader import NotOursError, load_recording
     from orientd.recorder.session import DaemonRecorder, LiveRecording, RecordingSession
     from orientd.recorder.tables import export
@@ -33,7 +33,10 @@ __getattr__ = lazily(
             "Orientations",
             "read_orientations",
         ),
-        "orientd.recorder.planned": ("strands",),
+        "orientd.recorder.planned": (
+            "marks",
+            "planned_orientations",
+        ),
         "orientd.recorder.reader": (
             "NotOursError",
             "load_recording",

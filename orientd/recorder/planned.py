@@ -1,4 +1,4 @@
-"""Where a device was planned to be in each cycle: the path of its motion, off the recording."""
+"""Planned orientations of a recording, from the paths of its motions."""
 
 from __future__ import annotations
 
@@ -6,12 +6,10 @@ import numpy as np
 
 from orientd import rotation
 from orientd.planner import states_between
-from orientd.plots import Strands
 from orientd.protocol import control_pb2 as pb
 from orientd.recorder.columns import Table
 from orientd.recorder.reader import Recording
 from orientd.rotation import Floats
-from orientd.stream import CycleFlag
 
 
 def planned_orientations(recording: Recording, device: str) -> tuple[Floats, Floats]:
@@ -81,30 +79,13 @@ def _path(event: pb.Event, times: Floats) -> Floats:
     return states_between(rows[span], rows[span + 1], length, u)[:, :4]
 
 
-def strands(recording: Recording, device: str) -> Strands:
-    """Return what a picture of a recording shows."""
-    cycles = recording.cycles[device]
-    _, planned = planned_orientations(recording, device)
-    begin = int(cycles["deadline_ns"][0]) if len(cycles) else 0
-    told = np.flatnonzero(cycles["flags"] & CycleFlag.FEEDBACK)
-    marks = [
-        ((event.time_ns - begin) * 1e-9, _SHOWN[event.kind])
+def marks(recording: Recording, device: str) -> list[tuple[int, str]]:
+    """Return the events that a picture shows, as times (ns, clock of the cycles) and names."""
+    return [
+        (event.time_ns, _SHOWN[event.kind])
         for event in recording.events
         if event.device == device and event.kind in _SHOWN
     ]
-    return Strands(
-        times=(cycles["deadline_ns"] - begin) * 1e-9,
-        planned_q=planned,
-        sent_q=cycles["sent_q"],
-        sent_omega_body=cycles["sent_omega_body"],
-        measured_times=(cycles["feedback_time_ns"][told] - begin) * 1e-9,
-        measured_q=cycles["measured_q"][told],
-        measured_omega_body=cycles["measured_omega_body"][told],
-        tracking_error=rotation.angle(cycles["measured_q"][told], cycles["sent_q"][told]),
-        lateness=cycles["lateness_ns"] * 1e-9,
-        period=1.0 / recording.rate_hz(device),
-        marks=marks,
-    )
 
 
 _SHOWN = {

@@ -16,7 +16,7 @@ from scenes import under_way
 from stage import rehearse
 
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import reader
+from orientd.recorder import load_recording
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 
@@ -229,7 +229,7 @@ def test_an_onlooker_is_lost(tmp_path, loss, what):
             process.kill()
             process.communicate()
         if output.exists():
-            reader.load_recording(output, partial=True)
+            load_recording(output, partial=True)
             output.unlink()
         stage.settle(faults=("none",))
 

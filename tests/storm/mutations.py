@@ -17,7 +17,7 @@ from orientd import config, motion_file
 from orientd.batch import open_requests
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import RecordingWriter, load_recording, read_orientations, strands
+from orientd.recorder import RecordingWriter, load_recording, marks, read_orientations
 from orientd.recorder.mcap_records import Damages, records
 from orientd.recorder.tables import columns
 
@@ -184,7 +184,7 @@ def read(path):
 def _tabulate(recording):
     name = recording.device()
     columns(recording, name)
-    strands(recording, name)
+    marks(recording, name)
 
 
 def peak_mib():

@@ -15,8 +15,7 @@ from recorded_facts import configurations, states
 
 from orientd import rotation
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import reader
-from orientd.recorder.planned import planned_orientations
+from orientd.recorder import load_recording, planned_orientations
 
 
 @pytest.fixture
@@ -58,7 +57,7 @@ def recorded(tmp_path_factory):
         process.send_signal(signal.SIGINT)
         output, errors = process.communicate(timeout=20)
         assert (process.returncode, errors) == (0, "")
-        yield daemon, reader.load_recording(path), json.loads(output)
+        yield daemon, load_recording(path), json.loads(output)
 
 
 def test_a_recording_has_every_cycle_as_it_was_sent_and_measured(recorded):
@@ -136,7 +135,7 @@ def test_a_fault_leaves_a_file_with_its_cycle_and_all_before(tmp_path):
             seen += next(events).events
         events.cancel()
     assert seen[-1].text == str(path)
-    recording = reader.load_recording(path)
+    recording = load_recording(path)
     cycles = recording.cycles[DEVICE]
     np.testing.assert_array_equal(cycles["index"], np.arange(len(cycles)))
     (at,) = np.flatnonzero(np.diff(np.minimum(cycles["fault"], 1).astype(int)) == 1)
@@ -155,7 +154,7 @@ def test_a_servo_that_is_killed_leaves_a_file_up_to_its_last_cycle(daemon):
     last = daemon.device().cycle.index
     os.kill(daemon.device().servo_pid, signal.SIGKILL)
     (path,) = until(lambda: flight_files(daemon), "a file")
-    cycles = reader.load_recording(path).cycles[DEVICE]
+    cycles = load_recording(path).cycles[DEVICE]
     np.testing.assert_array_equal(cycles["index"], np.arange(len(cycles)))
     assert len(cycles) > last
 

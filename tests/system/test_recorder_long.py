@@ -14,7 +14,7 @@ from harness import DEVICE, DaemonProcess, spin, until
 from recorded import validated
 
 from orientd.protocol import control_pb2 as pb
-from orientd.recorder import reader
+from orientd.recorder import load_recording
 
 pytestmark = pytest.mark.slow
 
@@ -66,7 +66,7 @@ def test_minutes_in_motion_are_recorded_whole_small_and_cheaply(tmp_path):
         daemon.stub.Stop(pb.StopRequest())
         reading.join(10.0)
     told = json.loads(output)
-    table = reader.load_recording(path).cycles[DEVICE]
+    table = load_recording(path).cycles[DEVICE]
     size = path.stat().st_size / (len(table) / RATE_HZ / 60.0)
     cost = recorded - alone + recording
     print(
@@ -91,7 +91,7 @@ def test_a_fault_leaves_the_whole_minute_before_it(tmp_path):
         fault.write_text("device_fault")
         folder = daemon.folder / "state"
         (path,) = until(lambda: sorted(folder.rglob("flight-*.mcap")), "a file", 30.0)
-    cycles = reader.load_recording(path).cycles[DEVICE]
+    cycles = load_recording(path).cycles[DEVICE]
     (at,) = np.flatnonzero(np.diff(np.minimum(cycles["fault"], 1).astype(int)) == 1)
     held = (cycles["deadline_ns"][at] - cycles["deadline_ns"][0]) * 1e-9
     print(f"\n{held:.2f} s before the fault, {len(cycles) - at - 1} cycles from it on")

@@ -106,13 +106,26 @@ def _draw_recording(
     from orientd import plots
 
     need_extra("record")
-    from orientd.recorder import NotOursError, load_recording, read_orientations, strands
+    from orientd.recorder import (
+        NotOursError,
+        load_recording,
+        marks,
+        planned_orientations,
+        read_orientations,
+    )
 
     if file.suffix == ".mcap" and not topic:
         with contextlib.suppress(NotOursError):
             recording = load_recording(file, partial=partial)
             name = recording.device(device)
-            plots.draw_recording(path, strands(recording, name), title=f"{file.name}: {name}")
+            plots.draw_recording(
+                path,
+                recording.cycles[name],
+                planned_orientations(recording, name)[1],
+                period=1.0 / recording.rate_hz(name),
+                marks=marks(recording, name),
+                title=f"{file.name}: {name}",
+            )
             return (recording.damages.told(),) if recording.damages else ()
     found = read_orientations(file, topic, partial=partial)
     title = ": ".join(filter(None, (file.name, found.topic)))
