@@ -106,6 +106,154 @@ def teach():
         yield begin_one
 
 
+# Without a device that anybody could move.
+
+
+@pytest.fixture(scope="module")
+def loopback(tmp_path_factory):
+    with DaemonProcess(tmp_path_factory.mktemp("daemon"), lease=3.0) as process:
+        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
+        yield process
+
+
+def test_a_device_that_cannot_be_moved_by_hand_says_so_and_follows_again(loopback):
+    with connect(loopback.socket) as robot:
+        with pytest.raises(OrientdError, match="'loopback' cannot be moved by hand"):
+            robot.teach()
+        assert robot.state().devices["arm"].state == pb.STATE_HOLDING
+
+
+def test_a_signal_takes_a_keyframe_and_a_keyframe_can_be_removed(loopback, teach, tmp_path):
+    file = tmp_path / "watched.json"
+    teaching = teach(file, "--watch", "--socket", loopback.socket, "--name", "seen")
+    assert "watched" in teaching.stdout.readline()
+    for number in (1, 2):
+        teaching.send_signal(signal.SIGUSR1)
+        assert teaching.stdout.readline().startswith(f"{number} at ")
+    teaching.stdin.write("remove\njump\n")
+    teaching.stdin.flush()
+    assert teaching.stdout.readline() == "removed 2\n"
+    assert "expected take, remove, name or end, got 'jump'" in teaching.stdout.readline()
+    # What was taken is there at once, and Ctrl-C ends it.
+    assert len(json.loads(file.read_text())["keyframes"]) == 1
+    teaching.send_signal(signal.SIGINT)
+    output, _ = teaching.communicate(timeout=30)
+    assert f"wrote {file}: 1 keyframes" in output
+    assert motion_file.load(file).name == "seen"
+
+
+def test_keys_on_a_terminal_take_name_remove_and_end(loopback, tmp_path):
+    file = tmp_path / "keys.yaml"
+    main, side = pty.openpty()
+    command = [*COMMAND, "teach", str(file), "--watch", "--socket", str(loopback.socket)]
+    with subprocess.Popen(command, stdin=side, stdout=side, stderr=side) as process:
+        os.close(side)
+        for keys, said in (
+            ("", "q ends"),
+            (" ", "1 at 0.00 s"),
+            ("\n", "2 at"),
+            ("n", "name: "),
+            ("grasp\n", "2 is called 'grasp'"),
+            (" ", "3 at"),
+            ("\x7f", "removed 3"),
+            ("q", "2 keyframes"),
+        ):
+            os.write(main, keys.encode())
+            printed = ""
+            while said not in printed:
+                printed += os.read(main, 4096).decode()
+        assert process.wait() == 0
+    os.close(main)
+    assert [one.name for one in motion_file.load(file).keyframes] == ["", "grasp"]
+
+
+def test_an_old_file_is_not_written_over_and_nothing_taken_writes_none(loopback, tmp_path):
+    file = tmp_path / "taught.yaml"
+    arguments = ("teach", file, "--watch", "--socket", loopback.socket)
+    refused = subprocess.run(
+        [*COMMAND, *map(str, arguments)], input="end\n", capture_output=True, text=True, check=False
+    )
+    assert refused.returncode == 1
+    assert "no keyframe was taken" in refused.stderr
+    assert not file.exists()
+    file.write_text("mine")
+    refused = orientd(*arguments)
+    assert "it is there already" in refused.stderr
+    assert file.read_text() == "mine"
+
+
+def test_feedback_that_has_stopped_is_no_pose(loopback):
+    with connect(loopback.socket) as robot:
+        teaching = robot.teach(by_hand=False)
+        teaching.take()
+        told = robot.state()
+        told.devices["arm"].cycle.feedback_age_ns = 600_000_000
+        teaching._robot = SimpleNamespace(state=lambda: told)
+        with pytest.raises(DeviceError, match=r"has not said where it is for 0\.6 s"):
+            teaching.take()
+        assert len(teaching.keyframes) == 1
+
+
+@pytest.fixture
+def gimbal(tmp_path):
+    pytest.importorskip("dynamixel_sdk")
+    bus = EmulatedGimbal(tmp_path / "bus")
+    daemon = None
+    try:
+        daemon = GimbalDaemon(tmp_path, bus.link).start()
+        await_hold(daemon, "gimbal")
+        yield bus, daemon
+    finally:
+        if daemon is not None:
+            daemon.end()
+        bus.end()
+
+
+def test_a_gimbal_without_torque_is_taught_by_the_command_and_passes_every_pose_again(
+    gimbal, teach, tmp_path
+):
+    bus, daemon = gimbal
+    file = tmp_path / "taught.yaml"
+    with connect(daemon.socket) as watching:
+        state = watching.state
+        teaching = teach(file, "--socket", daemon.socket)
+        line = teaching.stdout.readline()
+        assert "can be moved by hand" in line, state().devices["gimbal"].fault_text
+        taken, taught = [], []
+        for servo, turn in TURNS:
+            assert bus.state(servo)["torque"] == 0
+            goal = bus.state(servo)["position"] + turn
+            bus.tell(f"turn {servo} {turn} 0.5")
+            until(seldom(lambda: bus.state(servo)["position"] == goal), "the turn")  # noqa: B023
+            here = [bus.state(number)["position"] for number in (1, 2, 3)]
+            turned_ns = time.monotonic_ns()
+            until(
+                seldom(lambda: measured_ns(state().devices["gimbal"].cycle) > turned_ns),  # noqa: B023
+                "feedback",
+            )
+            teaching.stdin.write("take\n")
+            teaching.stdin.flush()
+            assert teaching.stdout.readline().startswith(f"{len(taken) + 1} at ")
+            taken.append(here)
+            taught.append(to_quaternion(state().devices["gimbal"].cycle.feedback_q))
+        teaching.stdin.write("name corner\nend\n")
+        teaching.stdin.flush()
+        assert "is called 'corner'" in teaching.stdout.readline()
+        output, errors = teaching.communicate(timeout=30)
+        assert f"wrote {file}: 4 keyframes" in output, errors
+    assert bus.state(1)["torque"] == 1
+    assert motion_file.load(file).keyframes[-1].name == "corner"
+    with connect(daemon.socket) as robot:
+        sent = replay(daemon, robot, file)
+    for q in taught:
+        assert_passes(sent, q)
+    # Where it ends up is where it was turned to, in the servos' own ticks.
+    assert [bus.state(number)["goal"] for number in (1, 2, 3)] == pytest.approx(taken[-1], abs=1)
+
+
+# An arm, which goes on at 500 Hz until the last of these tests.
+
+
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory):
     run = os.getpid()
@@ -202,148 +350,3 @@ def test_an_arm_is_held_again_when_whoever_taught_it_is_killed(arm, teach, tmp_p
     process.wait()
     until(lambda: report().state == pb.STATE_HOLDING, "the arm to hold again")
     assert not report().is_free
-
-
-@pytest.fixture
-def gimbal(tmp_path):
-    pytest.importorskip("dynamixel_sdk")
-    bus = EmulatedGimbal(tmp_path / "bus")
-    daemon = None
-    try:
-        daemon = GimbalDaemon(tmp_path, bus.link).start()
-        await_hold(daemon, "gimbal")
-        yield bus, daemon
-    finally:
-        if daemon is not None:
-            daemon.end()
-        bus.end()
-
-
-def test_a_gimbal_without_torque_is_taught_by_the_command_and_passes_every_pose_again(
-    gimbal, teach, tmp_path
-):
-    bus, daemon = gimbal
-    file = tmp_path / "taught.yaml"
-    with connect(daemon.socket) as watching:
-        state = watching.state
-        teaching = teach(file, "--socket", daemon.socket)
-        line = teaching.stdout.readline()
-        assert "can be moved by hand" in line, state().devices["gimbal"].fault_text
-        taken, taught = [], []
-        for servo, turn in TURNS:
-            assert bus.state(servo)["torque"] == 0
-            goal = bus.state(servo)["position"] + turn
-            bus.tell(f"turn {servo} {turn} 0.5")
-            until(seldom(lambda: bus.state(servo)["position"] == goal), "the turn")  # noqa: B023
-            here = [bus.state(number)["position"] for number in (1, 2, 3)]
-            turned_ns = time.monotonic_ns()
-            until(
-                seldom(lambda: measured_ns(state().devices["gimbal"].cycle) > turned_ns),  # noqa: B023
-                "feedback",
-            )
-            teaching.stdin.write("take\n")
-            teaching.stdin.flush()
-            assert teaching.stdout.readline().startswith(f"{len(taken) + 1} at ")
-            taken.append(here)
-            taught.append(to_quaternion(state().devices["gimbal"].cycle.feedback_q))
-        teaching.stdin.write("name corner\nend\n")
-        teaching.stdin.flush()
-        assert "is called 'corner'" in teaching.stdout.readline()
-        output, errors = teaching.communicate(timeout=30)
-        assert f"wrote {file}: 4 keyframes" in output, errors
-    assert bus.state(1)["torque"] == 1
-    assert motion_file.load(file).keyframes[-1].name == "corner"
-    with connect(daemon.socket) as robot:
-        sent = replay(daemon, robot, file)
-    for q in taught:
-        assert_passes(sent, q)
-    # Where it ends up is where it was turned to, in the servos' own ticks.
-    assert [bus.state(number)["goal"] for number in (1, 2, 3)] == pytest.approx(taken[-1], abs=1)
-
-
-# Without a device that anybody could move.
-
-
-@pytest.fixture(scope="module")
-def loopback(tmp_path_factory):
-    with DaemonProcess(tmp_path_factory.mktemp("daemon"), lease=3.0) as process:
-        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
-        yield process
-
-
-def test_a_device_that_cannot_be_moved_by_hand_says_so_and_follows_again(loopback):
-    with connect(loopback.socket) as robot:
-        with pytest.raises(OrientdError, match="'loopback' cannot be moved by hand"):
-            robot.teach()
-        assert robot.state().devices["arm"].state == pb.STATE_HOLDING
-
-
-def test_a_signal_takes_a_keyframe_and_a_keyframe_can_be_removed(loopback, teach, tmp_path):
-    file = tmp_path / "watched.json"
-    teaching = teach(file, "--watch", "--socket", loopback.socket, "--name", "seen")
-    assert "watched" in teaching.stdout.readline()
-    for number in (1, 2):
-        teaching.send_signal(signal.SIGUSR1)
-        assert teaching.stdout.readline().startswith(f"{number} at ")
-    teaching.stdin.write("remove\njump\n")
-    teaching.stdin.flush()
-    assert teaching.stdout.readline() == "removed 2\n"
-    assert "expected take, remove, name or end, got 'jump'" in teaching.stdout.readline()
-    # What was taken is there at once, and Ctrl-C ends it.
-    assert len(json.loads(file.read_text())["keyframes"]) == 1
-    teaching.send_signal(signal.SIGINT)
-    output, _ = teaching.communicate(timeout=30)
-    assert f"wrote {file}: 1 keyframes" in output
-    assert motion_file.load(file).name == "seen"
-
-
-def test_keys_on_a_terminal_take_name_remove_and_end(loopback, tmp_path):
-    file = tmp_path / "keys.yaml"
-    main, side = pty.openpty()
-    command = [*COMMAND, "teach", str(file), "--watch", "--socket", str(loopback.socket)]
-    with subprocess.Popen(command, stdin=side, stdout=side, stderr=side) as process:
-        os.close(side)
-        for keys, said in (
-            ("", "q ends"),
-            (" ", "1 at 0.00 s"),
-            ("\n", "2 at"),
-            ("n", "name: "),
-            ("grasp\n", "2 is called 'grasp'"),
-            (" ", "3 at"),
-            ("\x7f", "removed 3"),
-            ("q", "2 keyframes"),
-        ):
-            os.write(main, keys.encode())
-            printed = ""
-            while said not in printed:
-                printed += os.read(main, 4096).decode()
-        assert process.wait() == 0
-    os.close(main)
-    assert [one.name for one in motion_file.load(file).keyframes] == ["", "grasp"]
-
-
-def test_an_old_file_is_not_written_over_and_nothing_taken_writes_none(loopback, tmp_path):
-    file = tmp_path / "taught.yaml"
-    arguments = ("teach", file, "--watch", "--socket", loopback.socket)
-    refused = subprocess.run(
-        [*COMMAND, *map(str, arguments)], input="end\n", capture_output=True, text=True, check=False
-    )
-    assert refused.returncode == 1
-    assert "no keyframe was taken" in refused.stderr
-    assert not file.exists()
-    file.write_text("mine")
-    refused = orientd(*arguments)
-    assert "it is there already" in refused.stderr
-    assert file.read_text() == "mine"
-
-
-def test_feedback_that_has_stopped_is_no_pose(loopback):
-    with connect(loopback.socket) as robot:
-        teaching = robot.teach(by_hand=False)
-        teaching.take()
-        told = robot.state()
-        told.devices["arm"].cycle.feedback_age_ns = 600_000_000
-        teaching._robot = SimpleNamespace(state=lambda: told)
-        with pytest.raises(DeviceError, match=r"has not said where it is for 0\.6 s"):
-            teaching.take()
-        assert len(teaching.keyframes) == 1

@@ -19,6 +19,8 @@ from orientd.kernels.build import compiler
 ROOT = Path(__file__).parents[2]
 EMULATORS = ("emulated_dynamixel", "emulated_ur")
 
+pytestmark = pytest.mark.timeout(600)  # what is built there takes most of a busy machine's time
+
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
@@ -49,7 +51,8 @@ def script(wheel, tmp_path_factory):
     command += ["--no-deps", "--no-index", "--quiet", "--disable-pip-version-check", wheel]
     subprocess.run(command, check=True, capture_output=True)
     # What it depends on is taken from here; an editable install is not: its path file is not read.
-    (site / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    packages = [path for path in sys.path if Path(path).name == "site-packages"]
+    (site / "dependencies.pth").write_text("\n".join(packages))
     return home / "bin" / "orientd"
 
 

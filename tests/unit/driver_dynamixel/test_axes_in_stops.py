@@ -4,7 +4,8 @@ import os
 
 import numpy as np
 import pytest
-from axis_ride import HALF, KILLED, PAUSE, RANDOM, STOP, AxisRide, disturbed
+from axis_ride import AxisRide
+from joint_ride import HALF, KILLED, PAUSE, RANDOM, STOP, disturbed
 from pole_passes import AXES, LIMITS, PERIOD, driver_with, over_the_top
 
 from orientd import motion_file, rotation

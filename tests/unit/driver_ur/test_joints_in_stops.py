@@ -4,7 +4,8 @@ import os
 
 import numpy as np
 import pytest
-from arm_ride import HALF, KILLED, PAUSE, RANDOM, STOP, ArmRide, disturbed
+from arm_ride import ArmRide
+from joint_ride import HALF, KILLED, PAUSE, RANDOM, STOP, disturbed
 from rig import PERIOD, PERIOD_NS
 
 from orientd import rotation
