@@ -25,7 +25,7 @@ def streamed(request, tmp_path_factory):
         for _ in range(8):
             begun = len(read_recording(daemon.recording))
             *_, last = daemon.move(motion)
-            # Setpoints are counted here.  A late one is late for all; after a stall there are others.
+            # Setpoints are counted here: late cycles leave none out, and a stall adds others.
             if last.summary.outcome == pb.OUTCOME_DONE and not last.summary.statistics.stalls:
                 break
         assert last.summary.outcome == pb.OUTCOME_DONE
