@@ -5,7 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from generators import command_line, decisions, families, formulas, protocol, python_names, schemas
+from generators import (
+    command_line,
+    decisions,
+    families,
+    formulas,
+    messages,
+    protocol,
+    python_names,
+    schemas,
+)
 
 WHOLLY_MADE = ("reference/command-line", "reference/python")
 MADE_BY = "% Made from the code when the documentation is built; edit the code.\n\n"
@@ -13,7 +22,15 @@ MADE_BY = "% Made from the code when the documentation is built; edit the code.\
 
 def _write(source: Path) -> None:
     made = set()
-    for module in (command_line, schemas, protocol, python_names, families, decisions):
+    for module in (
+        command_line,
+        schemas,
+        messages,
+        protocol,
+        python_names,
+        families,
+        decisions,
+    ):
         for name, text in module.pages(source):
             path = source / name
             text = MADE_BY + text if path.suffix == ".md" else text

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import re
 from collections.abc import Iterator, Mapping
 from importlib import import_module
 from importlib.metadata import entry_points
@@ -18,6 +19,8 @@ from orientd.config.presets import PRESETS
 from orientd.daemon.calls import Telemetry
 from orientd.model import UNITS, attribute_lines, motion_schema
 from orientd.recorder import COLUMNS, FLAGS
+
+_VALUE = re.compile(r"@([a-z_.]+):([A-Z_]+)(?::(\d))?@")
 
 _TABLES = {
     "daemon": "[daemon]",
@@ -45,6 +48,7 @@ def pages(source: Path) -> Iterator[tuple[str, str]]:
     yield "reference/limits.md", _from(source, "limits", "".join(_presets()))
     yield "reference/recording.md", _from(source, "recording", "".join(_columns()))
     yield "reference/metrics.md", _from(source, "metrics", "".join(_metrics()))
+    yield "reference/numeric-range.md", _with_values(source / "reference/parts/numeric-range.md")
     for point in entry_points(group="orientd.drivers"):
         name = point.value.partition(":")[0]
         module = next(
@@ -74,6 +78,19 @@ def _from(source: Path, name: str, made: str) -> str:
     if text.count("@made@") != 1:
         raise ValueError(f"reference/parts/{name}.md needs one @made@")
     return text.replace("@made@", made)
+
+
+def _with_values(page: Path) -> str:
+    """Return a page with the value of each ``@module:NAME@`` of the code."""
+    return _VALUE.sub(_value, page.read_text(encoding="utf-8"))
+
+
+def _value(named: re.Match[str]) -> str:
+    module, name, index = named.groups()
+    value = getattr(import_module(module), name)
+    value = value if index is None else value[int(index)]
+    is_long = isinstance(value, int) or 1.0 <= abs(value) < 1e9
+    return f"{value:,.10g}" if is_long else f"{value:g}"
 
 
 # The motion file
