@@ -1,4 +1,4 @@
-"""Entry of the servo process; only the daemon starts it."""
+"""Entry point of the servo process; only the daemon starts it."""
 
 import json
 import os
@@ -9,5 +9,5 @@ from orientd.servo.process import ProcessSettings, run
 if __name__ == "__main__":
     status = run(int(sys.argv[1]), ProcessSettings(**json.load(sys.stdin)))
     sys.stderr.flush()
-    # Without the interpreter's clearing up: a vendor's destructor may hang, or abort the process.
+    # Skip the interpreter's cleanup: a vendor's destructor may hang or abort the process.
     os._exit(status)

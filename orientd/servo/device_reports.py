@@ -1,8 +1,8 @@
-"""Reports of the device besides its feedback: notices, health, durations of calls, arrival.
+"""Reports of the device besides its feedback: notices, health, call durations, arrival.
 
 A motion ends with its last setpoint, and the axes lag behind it.  They have arrived once each was
-measured within its tolerance.  An axis that has not arrived in the time that the driver allows it
-is blocked or overloaded.  That is a fault; it names the axis and says how far it is behind.
+measured within its tolerance.  An axis that has not arrived within the time that the driver allows
+is blocked or overloaded.  This is a fault, which names the axis and its distance.
 """
 
 from __future__ import annotations
@@ -24,12 +24,14 @@ _INTERVAL_NS = 1_000_000_000
 _CALLS = (LONGEST_READ_WORD, LONGEST_WRITE_WORD)
 
 _TOLERATED = 10.0
-"""How often in a second a call may take longer than its driver declares; a call that takes n times
-as long counts n times.  A busy machine interrupts a few calls of any driver."""
+"""Allowed slow calls per second; a call that takes n times as long as declared counts n times.
+
+A busy machine interrupts a few calls of any driver.
+"""
 
 
 class CallTimes:
-    """How long a driver's reads and writes take, against what it declares."""
+    """Durations of a driver's reads and writes, compared with its declaration."""
 
     def __init__(self, driver: Driver, memory: SharedMemory) -> None:
         self._words = memory.pulse
@@ -38,14 +40,14 @@ class CallTimes:
         self._notices: tuple[str, ...] = ()
 
     def note(self, word: int, taken_ns: int) -> None:
-        """Take note of a read or write, by its *word*, that took so long."""
+        """Record the duration of a read or a write, as given by *word*."""
         if taken_ns > self._words[word]:
             self._words[word] = taken_ns
         if taken_ns > self._declared_ns:
             self._excess += taken_ns / self._declared_ns
 
     def notices(self) -> tuple[str, ...]:
-        """Return a warning once too many calls of one second took too long; call once a second."""
+        """Return a warning if too many calls within a second were slow; call once a second."""
         if self._excess >= _TOLERATED and not self._notices:
             read, write = (self._words[word] * 1e-6 for word in _CALLS)
             self._notices = (
@@ -56,15 +58,15 @@ class CallTimes:
         return self._notices
 
     def forget(self) -> None:
-        """Warn anew; the device was opened or reset, which may have taken long."""
+        """Allow another warning: the device was opened or reset, which may take long."""
         self._excess, self._notices = 0.0, ()
 
 
 class DeviceReports:
-    """Notices and health, handed on to the daemon.
+    """Notices and health of the device, passed on to the daemon.
 
     Attributes:
-        note_call: takes note of how long a read or write took, see :meth:`CallTimes.note`.
+        note_call: records the duration of a read or write, see :meth:`CallTimes.note`.
     """
 
     def __init__(self, driver: Driver, memory: SharedMemory, period_ns: int) -> None:
@@ -80,7 +82,7 @@ class DeviceReports:
         self._memory.notes.publish(*pack_note(0, NoteKind.NOTICE, 0, text))
 
     def publish_notices(self) -> None:
-        """Publish all there is to say of a device that was opened, or reset."""
+        """Publish everything about a device that was opened or reset."""
         self._told = ()
         self._calls.forget()
         self._publish_new()
@@ -94,7 +96,7 @@ class DeviceReports:
         self._told = notices
 
     def publish_health(self, cycle: int) -> None:
-        """Publish once a second what is new and how the parts are; call in every *cycle*."""
+        """Once a second, publish new notices and the health of the parts; call in every *cycle*."""
         if cycle % self._every == 0:
             self._publish_new()
             parts = () if self._healthy is None else self._healthy.health()
@@ -102,7 +104,7 @@ class DeviceReports:
                 publish_health(self._memory.health, parts)
 
     def publish_hindrance(self, text: str, cycle: int) -> None:
-        """Publish why targets are not followed; once until they have been for a second."""
+        """Publish why targets are not followed; repeated only after a second without a problem."""
         if cycle - self._hindered > self._every:
             self._publish(f"targets are followed more slowly, or not to their end: {text}")
         self._hindered = cycle
@@ -121,17 +123,17 @@ class Arrival:
         self._sent_ns = 0
 
     def begin(self, sent_ns: int) -> None:
-        """Wait for the axes to be where the setpoint of the cycle at *sent_ns* sends them."""
+        """Wait for the axes to reach the setpoint of the cycle at *sent_ns*."""
         self.is_awaited, self._sent_ns = self._device is not None, sent_ns
 
     def look(self, measured_ns: int) -> str:
-        """Look at the axes as they were measured at *measured_ns*.
+        """Check the axes by the measurement at *measured_ns*.
 
         Returns:
-            Which of them will not arrive; empty while they may, and once they have.
+            The axes that will not arrive; empty while they still may, and once they have.
         """
         gaps = () if self._device is None else self._device.gaps()
-        # A measurement from before the last setpoint says nothing; nor does no measurement at all.
+        # A measurement from before the last setpoint does not count; nor does a missing one.
         if gaps and measured_ns <= self._sent_ns:
             return ""
         waited = (measured_ns - self._sent_ns) * 1e-9

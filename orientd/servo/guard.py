@@ -1,10 +1,10 @@
 """The guard: the last check of a setpoint before the servo writes it.
 
 It differentiates backwards, as a device does.  The velocity is the rotation vector from the
-previous setpoint to this one over the period, the acceleration is the change of the velocity, and
+previous setpoint to this one over the period.  The acceleration is the change of the velocity, and
 the jerk is the change of the acceleration.  The joints of the device, if a path has them, are
-differentiated in the same way.  The servo does not write a setpoint that breaks a limit; it stops
-from what it *has* written.
+differentiated in the same way.  The servo does not write a setpoint that breaks a limit.  It stops
+from the last one that it *has* written.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from orientd.stream import ServoLimits
 from orientd.tolerances import GUARD_TOLERANCE
 
 _ROUNDING = 4e-15
-"""Rounding of a difference of two orientations, rad; it is divided by the period's powers."""
+"""Rounding of a difference of two orientations, rad; it is divided by powers of the period."""
 
 _JOINT_ROUNDING = 1e-12
-"""The same of two angles of an axis, which may have turned hundreds of times."""
+"""Rounding of a difference of two axis angles, which may be hundreds of turns."""
 
 _QUANTITIES = (
     ("angular velocity", "rad/s"),
@@ -30,18 +30,18 @@ _QUANTITIES = (
 
 
 class Guard:
-    """Backward differences of what was written, and the limits they must keep.
+    """Backward differences of the written setpoints, and the limits that they must keep.
 
     Attributes:
-        q: orientation last written.
+        q: last written orientation.
         omega: angular velocity of the last step, rad/s.
         alpha: angular acceleration of the last two steps, rad/s^2.
-        position: position last written, m.
+        position: last written position, m.
         velocity: its velocity over the last step, m/s.
-        axes: limits of the device's axes; empty if it has none that are known.
-        joints: angles of the axes last written, rad; empty if the setpoint had none.
-        joint_rates: their velocities over the last step, rad/s; empty if they are not known.
-        joint_changes: their accelerations over the last two steps, rad/s^2; empty likewise.
+        axes: limits of the device's axes; empty if unknown.
+        joints: last written angles of the axes, rad; empty if the setpoint had none.
+        joint_rates: their velocities over the last step, rad/s; empty if unknown.
+        joint_changes: their accelerations over the last two steps, rad/s^2; empty if unknown.
     """
 
     def __init__(self, period: float) -> None:
@@ -54,7 +54,7 @@ class Guard:
         self.anchor((1.0, 0.0, 0.0, 0.0), ZERO)
 
     def know(self, axes: Sequence[AxisLimits]) -> None:
-        """Hold joints against the limits of *axes* from here on."""
+        """Check joints against the limits of *axes* from here on."""
         self.axes = tuple(axes)
         unit, h = _JOINT_ROUNDING / self.period, self.period
         self._most_joints = [
@@ -75,11 +75,11 @@ class Guard:
 
     @property
     def is_at_rest(self) -> bool:
-        """Whether no difference of what was written last says that anything moves."""
+        """Whether all differences of the last written setpoints are zero."""
         return self.omega == self.alpha == self.velocity == ZERO
 
     def hold(self) -> None:
-        """Take the same setpoint once more, which no limit forbids."""
+        """Accept the same setpoint once more, which no limit forbids."""
         x, y, z = self.omega
         if x or y or z or self.alpha != ZERO:
             h = self.period
@@ -89,7 +89,7 @@ class Guard:
             self.joint_rates, self.joint_changes = self._joint_steps(self.joints)
 
     def take(self, q: Quaternion, position: Vector3, joints: Joints = ()) -> None:
-        """Take a setpoint of a stop off the path, whose law keeps the limits as well as it can."""
+        """Accept a setpoint of a stop off the path, which keeps the limits as well as it can."""
         omega, velocity = self.rates(q, position)
         self.alpha = combine(omega, 1.0 / self.period, self.omega, -1.0 / self.period)
         self.q, self.omega, self.position, self.velocity = q, omega, position, velocity
@@ -99,10 +99,10 @@ class Guard:
     def admit(
         self, q: Quaternion, position: Vector3, servo_limits: ServoLimits, joints: Joints = ()
     ) -> str:
-        """Take a setpoint if it keeps *servo_limits*, and its joints those of the axes.
+        """Accept a setpoint if it keeps *servo_limits*, and its joints those of the axes.
 
         Returns:
-            An empty string, or what it would have broken, by how much; then nothing was taken.
+            An empty string, or the broken limit and the excess; the setpoint is then not accepted.
         """
         h = self.period
         if servo_limits is not self._servo_limits:
@@ -141,7 +141,7 @@ class Guard:
         return ""
 
     def _joint_steps(self, joints: Joints) -> tuple[Joints, Joints]:
-        """Return velocities and accelerations of the axes, as far as joints before are known."""
+        """Return velocities and accelerations of the axes, as far as previous joints are known."""
         if len(joints) != len(self.joints):
             return (), ()
         h = self.period
@@ -151,7 +151,7 @@ class Guard:
         return rates, tuple([(a - b) / h for a, b in zip(rates, self.joint_rates, strict=True)])
 
     def _beyond_axes(self, rates: Joints, changes: Joints) -> str:
-        """Say which axis is too fast, or changes its speed too fast, if any does."""
+        """Return which axis is too fast, or accelerates too much, or an empty string."""
         h = self.period
         before = self.joint_changes or changes
         for place, (fastest, hardest, sharpest) in enumerate(self._most_joints if rates else ()):
@@ -175,7 +175,7 @@ class Guard:
         return ""
 
     def _expect(self, servo_limits: ServoLimits) -> None:
-        """Keep the squares of what *servo_limits* allow the norms to be."""
+        """Store the squares of the allowed norms of *servo_limits*."""
         h, rounding = self.period, _ROUNDING / self.period
         self._servo_limits = servo_limits
         velocity = servo_limits.velocity * GUARD_TOLERANCE + rounding
@@ -197,12 +197,12 @@ class Guard:
         return problem
 
     def rates(self, q: Quaternion, position: Vector3) -> tuple[Vector3, Vector3]:
-        """Return angular velocity and velocity, rad/s and m/s, of a step to there."""
+        """Return angular velocity and velocity, rad/s and m/s, of a step to a pose."""
         h, (x, y, z) = self.period, difference(self.q, q)
         return (x / h, y / h, z / h), combine(position, 1.0 / h, self.position, -1.0 / h)
 
     def braked_position(self, servo_limits: ServoLimits) -> Vector3:
-        """Return the next position on the quickest way to rest along a straight line."""
+        """Return the next position on the fastest stop along a straight line."""
         speed, brake = norm(self.velocity), servo_limits.linear_acceleration * self.period
         share = 1.0 - brake / speed if speed > brake else 0.0
         return plus(self.position, self.velocity, share * self.period)
@@ -211,14 +211,14 @@ class Guard:
 def _beyond(
     name: str, unit: str, size: float, limit: float, slack: float = 0.0, axis: str = ""
 ) -> str:
-    """Say that a quantity is beyond its limit, if it is; no number is beyond it, too."""
+    """Return a message if a quantity exceeds its limit or is NaN."""
     if size <= limit * GUARD_TOLERANCE + slack:
         return ""
     return f"{name} {size:.6g} {unit}{axis}, the limit is {limit:.6g} {unit}"
 
 
 def _beyond_norms(rates: tuple[Vector3, Vector3, Vector3], servo_limits: ServoLimits) -> str:
-    """Say which norm is too large: the lowest derivative, whose excess causes the others."""
+    """Return which norm is too large: the lowest derivative, whose excess causes the others."""
     limits = servo_limits.velocity, servo_limits.acceleration, servo_limits.jerk
     for names, vector, limit in zip(_QUANTITIES, rates, limits, strict=True):
         problem = _beyond(*names, norm(vector), limit)
@@ -230,7 +230,7 @@ def _beyond_norms(rates: tuple[Vector3, Vector3, Vector3], servo_limits: ServoLi
 def _beyond_components(
     rates: tuple[Vector3, Vector3, Vector3], servo_limits: ServoLimits, h: float
 ) -> str:
-    """Say which component is too large, the lowest derivative first, if any is."""
+    """Return which component is too large, lowest derivative first."""
     slack = _ROUNDING / h
     axes = servo_limits.axis_velocity, servo_limits.axis_acceleration, servo_limits.axis_jerk
     for names, (x, y, z), (a, b, c) in zip(_QUANTITIES, rates, axes, strict=True):

@@ -1,16 +1,16 @@
-"""The law of motion: limits and gains, and which acceleration comes next, inside the limits.
+"""The law of motion: limits and gains, and the next acceleration inside the limits.
 
-The motion is a chain of backward differences, exactly what the guard computes: ``alpha`` changes by
-at most ``jerk * h`` a cycle, ``omega`` by ``alpha * h``, and the orientation turns by ``omega * h``
-in its own frame.  All limits are Euclidean norms, so that nothing depends on a choice of axes.  If
-components have limits of their own, the law works in scaled coordinates whose ball lies inside all
-of them (:func:`limits_of`): a straight way to the target stays straight.
+The motion is a chain of backward differences, exactly as the guard computes them.  In each cycle
+``alpha`` changes by at most ``jerk * h``, ``omega`` by ``alpha * h``, and the orientation turns by
+``omega * h`` in its own frame.  All limits are Euclidean norms, so the choice of axes does not
+matter. If components have their own limits, the law works in scaled coordinates whose ball lies
+inside all of them (:func:`limits_of`).  A straight path to the target stays straight.
 
-About one axis a stop in whole cycles changes the velocity by *c*, *c - d*, *c - 2d*, ... (*d* is
-what the jerk allows): :func:`first_change`.  Between samples this chain is the same as an
-integrator with constant jerk, for the shifted quantities ``omega - h alpha / 2`` and ``e + h omega
-- h^2 alpha / 6`` (e: what is left to turn); with them the formulas of continuous time are exact at
-any rate: :func:`stop_phases`, :func:`stopping_angle`.
+About one axis, a stop in whole cycles changes the velocity by *c*, *c - d*, *c - 2d*, ..., where
+*d* is what the jerk allows: :func:`first_change`.  Between samples this chain equals an integrator
+with constant jerk, for the shifted quantities ``omega - h alpha / 2`` and ``e + h omega - h^2 alpha
+/ 6`` (e: the remaining angle).  With them the formulas of continuous time are exact at any rate:
+:func:`stop_phases`, :func:`stopping_angle`.
 """
 
 from __future__ import annotations
@@ -23,48 +23,52 @@ from orientd.floats import norm, plus
 from orientd.stream import ServoLimits
 
 PRECISION = 1e-3
-"""Size of the last stretch, rad, where the law is linear; a slow device leaves it larger."""
+"""Size of the final approach, rad, where the law is linear; larger for a slow device."""
 
 QUICKEST = 0.27
-"""Largest part of the angle left that the last stretch closes in one cycle."""
+"""Largest share of the remaining angle that the final approach covers in one cycle."""
 
 SOFT = 20.0
-"""Largest closing speed per angle left while the target moves, 1/s."""
+"""Largest closing speed per remaining angle while the target moves, 1/s."""
 
 UNHURRIED = 0.8
-"""Largest product of that speed per angle and of how long ago the target's motion is read: what is
-known no sooner is corrected no faster, or every packet that is lost or late shows as a jerk."""
+"""Largest product of that speed per angle and of the delay at which the target's motion is read.
+
+A faster correction of such old information would show every lost or late packet as a jerk.
+"""
 
 EVENLY = 2.0
 """How much faster the acceleration settles than the velocity, while the target moves."""
 
 LEAST = 1e-9
-"""The least that a limit counts as, so that none divides by zero."""
+"""Smallest value of a limit, to avoid division by zero."""
 
 _STRAIGHT = 1e-6  # sine of an angle
 _STILL = 1e-12
-"""What counts as no velocity, rad/s: a thousandth of what the guard takes for rounding."""
+"""Angular velocity that counts as zero, rad/s: a thousandth of the guard's rounding."""
 
 CALM = 0.5
-"""Part of a limit that the linear law for a moving target may use up for a surprise."""
+"""Share of a limit that the linear law for a moving target may use for a surprise."""
 
 RATIO = 2.0
-"""How much faster velocities settle than angles: with 2 no limit is asked for more than it gives
-where a stop at the limits passes into the linear law."""
+"""How much faster velocities settle than angles.
+
+With 2, a stop at the limits continues in the linear law without exceeding a limit.
+"""
 
 
 class TrackingLimits(NamedTuple):
-    """Norms that the motion keeps, and the gains of the last stretch.
+    """The norms that the motion keeps, and the gains of the final approach.
 
     Attributes:
         period: s.
         velocity: rad/s.
         acceleration: rad/s^2.
         jerk: rad/s^3.
-        approach: closing speed per angle left, 1/s.
+        approach: closing speed per remaining angle, 1/s.
         settle: acceleration per velocity error, 1/s.
-        share: part of the wanted change of acceleration that is made in one cycle.
-        calm: relative speed below which the last stretch begins whatever the angle left, rad/s.
+        share: share of the wanted change of acceleration made in one cycle.
+        calm: relative speed below which the final approach begins at any remaining angle, rad/s.
     """
 
     period: float
@@ -80,9 +84,9 @@ class TrackingLimits(NamedTuple):
 def limits_of(servo_limits: ServoLimits, period: float) -> tuple[TrackingLimits, Vector3]:
     """Return *servo_limits* for the law, and the units along the axes in which they hold.
 
-    An ellipsoid inside the limits of norm and components; along the axis that may move most it
-    gives nothing away, along others as much as their limits are out of proportion.  The gains are
-    those for a target at rest: the last stretch is *PRECISION* long.
+    This is an ellipsoid inside the limits of norm and components.  It uses the full limit along the
+    axis with the largest one, and less along others if their limits are out of proportion.  The
+    gains are those for a target at rest: the final approach is *PRECISION* long.
     """
     norms = servo_limits.velocity, servo_limits.acceleration, servo_limits.jerk
     units = (1.0, 1.0, 1.0)
@@ -95,8 +99,8 @@ def limits_of(servo_limits: ServoLimits, period: float) -> tuple[TrackingLimits,
         )
         norms, units = (balls[0], balls[1], balls[2]), (x, y, z)
     velocity, acceleration, jerk = (max(limit, LEAST) for limit in norms)
-    # A jerk that needs fewer than two cycles for the whole acceleration gains no time, and a stop
-    # in whole cycles keeps less well to what is predicted of it.
+    # A jerk that reaches the full acceleration in less than two cycles saves no time, and a stop in
+    # whole cycles would follow its prediction less exactly.
     jerk = min(jerk, acceleration / (2.0 * period))
     approach = min(cbrt(jerk / PRECISION), sqrt(acceleration / PRECISION), QUICKEST / period)
     limits = TrackingLimits(
@@ -106,11 +110,11 @@ def limits_of(servo_limits: ServoLimits, period: float) -> tuple[TrackingLimits,
 
 
 def softened(limits: TrackingLimits, delay: float) -> TrackingLimits:
-    """Return *limits* with the gains for a target that moves and trembles.
+    """Return *limits* with the gains for a moving, noisy target.
 
     Args:
-        limits: with the gains for one at rest.
-        delay: how long ago its motion is read, s.
+        limits: with the gains for a target at rest.
+        delay: age at which its motion is read, s.
     """
     approach = min(limits.approach, SOFT)
     if approach * delay > UNHURRIED:
@@ -122,14 +126,14 @@ def softened(limits: TrackingLimits, delay: float) -> TrackingLimits:
 
 
 def first_change(total: float, step: float) -> float:
-    """Return the change with which a velocity begins to change by *total* without excess.
+    """Return the first of the changes by which a velocity changes by *total* without overshoot.
 
-    The changes *c, c-d, c-2d, ...* of the cycles to come cover ``(n+1)(c - d n/2)``,
-    ``n = floor(c/d)``.
+    The changes *c, c-d, c-2d, ...* of the next cycles sum up to ``(n+1)(c - d n/2)``, ``n =
+    floor(c/d)``.
 
     Args:
-        total: of all the changes; not negative.
-        step: *d*, how much the jerk lets the change differ from one cycle to the next.
+        total: sum of all the changes; not negative.
+        step: *d*, the largest difference of changes in two cycles, by the jerk.
     """
     left = total / step
     whole = floor(0.5 * (sqrt(1.0 + 8.0 * left) - 1.0))
@@ -145,11 +149,11 @@ def run_out(change: float, step: float) -> float:
 def stop_phases(
     speed: float, rate: float, acceleration: float, jerk: float
 ) -> tuple[float, float, float]:
-    """Return for how long a stop's acceleration falls, stays and rises, s.
+    """Return the durations of falling, constant and rising acceleration in a stop, s.
 
     Args:
         speed: not negative, or becoming so before the acceleration has run out.
-        rate: at which the speed changes at first.
+        rate: initial rate of the speed.
         acceleration: limit.
         jerk: limit.
     """
@@ -160,7 +164,7 @@ def stop_phases(
 
 
 def stopping_angle(speed: float, rate: float, acceleration: float, jerk: float) -> float:
-    """Return how far a motion about one axis still turns if it stops as soon as it can, rad.
+    """Return the remaining turn of a motion about one axis that stops as soon as it can, rad.
 
     Args:
         speed: rad/s, of either sign.
@@ -170,7 +174,7 @@ def stopping_angle(speed: float, rate: float, acceleration: float, jerk: float) 
     """
     if speed + 0.5 * rate * abs(rate) / jerk < 0.0:
         return -stopping_angle(-speed, -rate, acceleration, jerk)
-    # As stop_phases() says, in one piece: the tracker asks several times a cycle.
+    # The formulas of stop_phases() inline: the tracker needs them several times a cycle.
     square = max(jerk * speed + 0.5 * rate * rate, 0.0)
     peak = min(sqrt(square), acceleration)
     t = (rate + peak) / jerk
@@ -183,9 +187,9 @@ def stopping_angle(speed: float, rate: float, acceleration: float, jerk: float) 
 
 
 def loosened(limits: TrackingLimits, omega: Vector3, alpha: Vector3) -> TrackingLimits:
-    """Return *limits*, or with the velocity that a state beyond them cannot avoid any more.
+    """Return *limits*, with the velocity raised to the least that a state can still keep.
 
-    An acceleration beyond them needs nothing: it falls as fast as the jerk allows.
+    An acceleration beyond them needs no change: it falls as fast as the jerk allows.
     """
     size, speed = norm(alpha), norm(omega)
     if size > 0.0:
@@ -205,7 +209,7 @@ def divided(v: Vector3, units: Vector3) -> Vector3:
 
 
 def saturated(alpha: Vector3, wanted: Vector3, limits: TrackingLimits) -> Vector3:
-    """Return how far one cycle's jerk gets from *alpha* towards *wanted*, cut to the limit."""
+    """Return *alpha* moved towards *wanted* by at most one cycle's jerk, and inside the limit."""
     step = limits.jerk * limits.period
     x, y, z = wanted
     size = sqrt(x * x + y * y + z * z)
@@ -222,10 +226,10 @@ def saturated(alpha: Vector3, wanted: Vector3, limits: TrackingLimits) -> Vector
 
 
 def advance(omega: Vector3, alpha: Vector3, wanted: Vector3, limits: TrackingLimits) -> Vector3:
-    """Return the acceleration nearest to *wanted* after which every limit can still be kept.
+    """Return the acceleration nearest to *wanted* that still allows keeping every limit.
 
-    From the state returned, ramping the acceleration to zero along its own direction keeps the
-    velocity inside its ball: it moves along a chord.  So there is always a way on: that one.
+    From the returned state, ramping the acceleration to zero along its own direction keeps the
+    velocity inside its ball: it moves along a chord.  So a feasible continuation always exists.
     """
     step = limits.jerk * limits.period
     ax, ay, az = alpha
@@ -270,9 +274,9 @@ def velocity_command(
 ) -> Vector3:
     """Return the acceleration to aim at, to reach the angular velocity *goal* soonest.
 
-    The acceleration goes straight to a turning point and from there straight to zero, in the space
-    of accelerations; which one, two rounds of a fixed-point iteration find.  About one axis this is
-    the quickest there is.  Never more than *slope* times what is left of the velocity.
+    In the space of accelerations, it goes straight to a turning point and from there straight to
+    zero. Two rounds of a fixed-point iteration find the turning point.  About one axis this is the
+    optimum. The result is at most *slope* times the remaining velocity.
     """
     h, jerk = limits.period, limits.jerk
     step = jerk * h
@@ -290,7 +294,7 @@ def velocity_command(
         t = 0.5 * (way / jerk - h)
         if not rounds_left or t <= 0.0:
             break
-        # What the way to the turning point does to the velocity; half of it, or it would swing.
+        # The velocity change until the turning point; only half of it, to avoid oscillation.
         x = 0.5 * (x + dx - t * (u + mx))
         y = 0.5 * (y + dy - t * (v + my))
         z = 0.5 * (z + dz - t * (w + mz))
@@ -298,7 +302,7 @@ def velocity_command(
 
 
 def halt(omega: Vector3, alpha: Vector3, limits: TrackingLimits) -> tuple[Vector3, Vector3]:
-    """Return velocity and acceleration one cycle further towards rest."""
+    """Return velocity and acceleration after one more cycle towards rest."""
     if norm(omega) < _STILL and norm(alpha) * limits.period < _STILL:
         return ZERO, ZERO
     wanted = velocity_command(ZERO, omega, alpha, ZERO, limits, 1.0 / limits.period)
@@ -309,10 +313,10 @@ def halt(omega: Vector3, alpha: Vector3, limits: TrackingLimits) -> tuple[Vector
 def halt_inside(
     omega: Vector3, alpha: Vector3, servo_limits: ServoLimits, period: float
 ) -> tuple[Vector3, Vector3]:
-    """Return velocity and acceleration one cycle further towards rest, in limits of components.
+    """Return velocity and acceleration after one more cycle towards rest, with component limits.
 
-    The stop goes along the line of the velocity, with all that the limits allow along it.  An
-    acceleration across that line is taken away first.
+    The stop follows the line of the velocity at the full limits along it.  An acceleration across
+    that line is removed first.
     """
     (a, b, c), (x, y, z) = omega, alpha
     normal = norm((b * z - c * y, c * x - a * z, a * y - b * x))

@@ -1,7 +1,8 @@
 """The servo process: set up, run one cycle at every deadline, leave the device holding, end.
 
-Started by the daemon as ``python -m orientd.servo DESCRIPTOR`` with its :class:`ProcessSettings` as
-JSON on standard input, in a session of its own, so that a Ctrl-C for the daemon does not reach it.
+The daemon starts it as ``python -m orientd.servo DESCRIPTOR`` with its :class:`ProcessSettings` as
+JSON on standard input.  It runs in its own session, so that a Ctrl-C for the daemon does not reach
+it.
 """
 
 from __future__ import annotations
@@ -26,29 +27,29 @@ from orientd.servo.watchdog import SHORTEST_NS, WatchdogTimeouts
 from orientd.stream import NoteKind, SharedMemory, pack_note
 
 LARGEST_SHIFT = 400
-"""Part of a period by which a deadline may move for the sake of a device's own cycle."""
+"""Share of a period by which a deadline may shift to suit a device's own cycle."""
 
 
 @dataclass(frozen=True, slots=True)
 class ProcessSettings:
-    """What a servo process is told when it is started.
+    """The settings of a servo process.
 
     Attributes:
         device: the device's name.
-        driver: where its driver class is, ``module:Class``.
+        driver: location of its driver class, ``module:Class``.
         options: the driver's options.
         period_ns: cycle period.
-        phase_ns: where in a period of the monotonic clock cycles begin.
+        phase_ns: start of cycles within a period of the monotonic clock.
         path_capacity: size of the path ring.
         cycle_capacity: size of the ring of cycles.
         heartbeat_timeout_ns: longest silence of the daemon in motion.
         feedback_timeout_ns: largest age of feedback.
-        stall_timeout_ns: longest time without a cycle after which a motion goes on by itself.
-        priority: SCHED_FIFO priority to ask for; 0 for none.
+        stall_timeout_ns: longest stall after which a motion resumes by itself.
+        priority: requested SCHED_FIFO priority; 0 for none.
         spin_ns: busy-wait before each deadline.
         daemon_pid: the process that started this one.
-        report_path: where to write down why the process ended.
-        stop_path: of the socket where stops arrive; empty for none.
+        report_path: file for the reason why the process ended.
+        stop_path: socket for stops; empty for none.
         admitted: numbers of ``users`` and ``groups`` that may stop.
     """
 
@@ -70,18 +71,18 @@ class ProcessSettings:
     admitted: dict[str, list[int]] = field(default_factory=dict)
 
     def to_json(self) -> str:
-        """Return the settings as the process reads them."""
+        """Return the settings as the JSON that the process reads."""
         return json.dumps(asdict(self))
 
 
 def run(descriptor: int, settings: ProcessSettings) -> int:
-    """Be the servo process of one device, from opening to closing it.
+    """Run the servo process of one device, from opening to closing it.
 
     Returns:
-        The exit status: 0 after an orderly end, 1 where the device could not be opened.
+        The exit status: 0 after an orderly end, 1 if the device could not be opened.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # A terminal may stop whoever writes from the background (`stty tostop`).
+    # A terminal may stop processes that write from the background (`stty tostop`).
     signal.signal(signal.SIGTTOU, signal.SIG_IGN)
     memory = SharedMemory(descriptor, settings.path_capacity, settings.cycle_capacity)
     clock = MonotonicClock()
@@ -92,7 +93,7 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
         kind: type[Driver] = pkgutil.resolve_name(settings.driver)
         driver = kind(settings.options, period_ns=settings.period_ns, clock=clock)
         driver.open()
-    except Exception as error:  # noqa: BLE001 - whatever it is, the daemon must hear of it
+    except Exception as error:  # noqa: BLE001 - the daemon must learn of any error
         if isinstance(error, ModuleNotFoundError):
             text = needs(error)
         elif isinstance(error, OrientdError):
@@ -148,11 +149,10 @@ def run_cycles(
 ) -> None:
     """Call ``servo.cycle`` at every deadline until the servo has ended.
 
-    Deadlines are a period apart, *phase_ns* after its multiples on the clock at first, or nearly:
-    a *device* with a cycle of its own says how much later the next should be, and is heeded up to a
-    period over :data:`LARGEST_SHIFT`.  A deadline that has passed altogether is counted and
-    skipped, before a cycle too if the process has not run for long; path time is not, so that a
-    late cycle never makes the device jump.
+    Deadlines are a period apart, *phase_ns* after its multiples on the clock.  A *device* with a
+    cycle of its own may shift each one by up to a period over :data:`LARGEST_SHIFT`.  A deadline
+    that has passed completely is counted and skipped, even before a cycle if the process was
+    stalled.  Path time skips nothing, so a late cycle never makes the device jump.
     """
     overrun_ns, most_ns = period_ns // 2, period_ns // LARGEST_SHIFT
     deadline = (time.monotonic_ns() // period_ns + 2) * period_ns + phase_ns
@@ -183,7 +183,7 @@ def run_cycles(
 
 
 def _write_report(path: Path, report: dict[str, object]) -> None:
-    """Write down why the process ended; there may be nobody left to tell."""
+    """Write down why the process ended, in case the daemon is gone."""
     try:
         path.write_text(json.dumps({"time": time.time(), **report}) + "\n")
     except OSError as error:

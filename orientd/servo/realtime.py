@@ -1,8 +1,8 @@
 """Real time on Linux: scheduling, locked memory, absolute deadlines, through the C library.
 
 ``SCHED_FIFO`` and locked memory need a permission (``RLIMIT_RTPRIO``, ``RLIMIT_MEMLOCK``).  Without
-the first, a scheduler slice of 0.1 ms, which needs none, halves the worst delays; what the process
-has got is reported, never assumed.
+``SCHED_FIFO``, a scheduler slice of 0.1 ms halves the worst delays and needs no permission.  The
+process reports the scheduling that it got.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import struct
 import time
 
 SLICE_NS = 100_000
-"""Scheduler slice asked for without SCHED_FIFO: the shortest the kernel grants."""
+"""Requested scheduler slice without SCHED_FIFO: the shortest that the kernel grants."""
 
 _CLOCK_MONOTONIC = 1
 _TIMER_ABSTIME = 1
@@ -31,7 +31,7 @@ class _Timespec(ctypes.Structure):
 
 
 class DeadlineTimer:
-    """Sleep until absolute instants of the monotonic clock."""
+    """Sleep until absolute times of the monotonic clock."""
 
     def __init__(self, spin_ns: int = 0) -> None:
         """Busy-wait through the last *spin_ns* nanoseconds before a deadline."""
@@ -41,7 +41,7 @@ class DeadlineTimer:
         self._nanosleep = ctypes.CDLL(None).clock_nanosleep
 
     def wait(self, deadline_ns: int) -> int:
-        """Return the time at which it woke, at or after *deadline_ns*."""
+        """Return the wake-up time, at or after *deadline_ns*."""
         timespec = self._timespec
         timespec.seconds, timespec.nanoseconds = divmod(deadline_ns - self._spin_ns, 1_000_000_000)
         while self._nanosleep(_CLOCK_MONOTONIC, _TIMER_ABSTIME, self._pointer, None) != 0:
@@ -53,14 +53,14 @@ class DeadlineTimer:
 
 
 def set_scheduling(priority: int) -> str:
-    """Ask for ``SCHED_FIFO`` at *priority* (0: do not ask), else for a short slice.
+    """Request ``SCHED_FIFO`` at *priority* (0: no request), otherwise a short slice.
 
-    For every thread that there is: a client library receives in threads of its own, and what comes
-    from the device would otherwise wait behind everything else that the machine has to do.  Threads
-    that are started later inherit it.
+    It applies to every existing thread, because a client library receives in its own threads.
+    Otherwise the device's data would wait behind all other work of the machine.  Threads that start
+    later inherit it.
 
     Returns:
-        What the process has got, in words.
+        A description of the resulting scheduling.
     """
     ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
     if priority > 0:
@@ -92,13 +92,13 @@ def _threads() -> list[int]:
 
 
 def lock_memory() -> bool:
-    """Keep every page in memory once it was touched; return whether the system permits it."""
+    """Keep every touched page in memory; return whether the system permits it."""
     flags = _MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT
     return bool(ctypes.CDLL(None).mlockall(flags) == 0)
 
 
 def freeze_garbage() -> None:
-    """Collect once, then never again: the cycle path makes no cycles of objects."""
+    """Collect garbage once, then never again: the cycle path creates no reference cycles."""
     gc.collect()
     gc.freeze()
     gc.disable()

@@ -1,4 +1,4 @@
-"""The servo: what happens in one cycle, whichever clock drives it.
+"""The servo: the work of one cycle, with any clock.
 
 Read the device, take a command, check that daemon and device are alive, make the next setpoint
 (:mod:`orientd.servo.setpoint_generator`), write it, publish the cycle.  Nothing here waits, and
@@ -58,7 +58,7 @@ from orientd.stream import (
     pack_note,
 )
 
-# Looking a member up in its enumeration takes longer than comparing it.
+# Attribute access on an enumeration takes longer than a comparison.
 _DRIVEN = (ServoState.STREAMING, ServoState.TRACKING)
 _STREAMING, _HOLDING = ServoState.STREAMING, ServoState.HOLDING
 _FEEDBACK, _WRITTEN, _FROM_REST, _ARRIVING = map(int, CycleFlag)
@@ -66,35 +66,35 @@ _FEEDBACK, _WRITTEN, _FROM_REST, _ARRIVING = map(int, CycleFlag)
 _NEVER_TOO_LATE = (Command.STOP, Command.HALT, Command.SHUTDOWN)
 
 PARENT_CHECK = 8
-"""Cycles from one look at whether the daemon lives to the next; it is a system call."""
+"""Cycles between two checks whether the daemon lives, which take a system call."""
 
 _NO_FEEDBACK = Feedback(0, IDENTITY)
 
 
 def fault_of(error: Exception) -> Fault:
-    """Return the fault that an error of a driver means."""
+    """Return the fault for an exception of a driver."""
     return error.fault if isinstance(error, DeviceError) else Fault.INTERNAL
 
 
 class Servo:
-    """One device, and who speaks with it.
+    """One device with its connections to the daemon.
 
     Attributes:
-        ending: why the process ends; empty while nobody asked for that.
+        ending: why the process ends; empty while it runs.
         overruns: cycles that began more than half a period late.
-        missed: deadlines that were skipped altogether.
-        work_ns: how long the last cycle worked.
-        setpoints: state, path, and what comes next.
-        reports: what the driver says beside the cycles.
+        missed: deadlines that were skipped.
+        work_ns: duration of the last cycle.
+        setpoints: state, path, and the next setpoint.
+        reports: reports of the driver outside the cycles.
 
     Args:
         driver: an opened driver.
         memory: the rings shared with the daemon.
         period_ns: cycle period.
         watch: time limits.
-        clock: the clock that feedback and heartbeat are stamped with.
+        clock: the clock for feedback and heartbeat.
         parent_is_alive: whether the daemon that started this process still is.
-        stop_socket: where stops arrive that the daemon has no part in.
+        stop_socket: receives stops without the daemon.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class Servo:
         self._is_orderly = False
         self._feedback = _NO_FEEDBACK
         self._enabled_ns = 0
-        self._taken = 0  # what was asked for before the process was ready counts
+        self._taken = 0  # commands from before the process was ready count
         self._cycle_count = 0
         self.reports = DeviceReports(driver, memory, period_ns)
 
@@ -146,10 +146,10 @@ class Servo:
         """Do the work of one cycle.
 
         Args:
-            deadline_ns: when it was due.
+            deadline_ns: its deadline.
             lateness_ns: how much later it began.
         """
-        # Few calls, wide or deep: where caches are cold, one costs as much as a quaternion product.
+        # Few calls: with cold caches, a call costs as much as a quaternion product.
         begun_ns = self._clock.now_ns()
         try:
             self._feedback = self._driver.read() or self._feedback
@@ -185,7 +185,7 @@ class Servo:
         self._publish(deadline_ns, lateness_ns, point, is_written=is_written)
 
     def _await_arrival(self) -> None:
-        """Look whether the axes are where the motion has ended; a fault where they do not come."""
+        """Check whether the axes have reached the end of the motion, and fault if they do not."""
         arrival = self._arrival
         if self.setpoints.state is not _HOLDING:
             arrival.is_awaited = False
@@ -207,32 +207,32 @@ class Servo:
 
     @property
     def has_ended(self) -> bool:
-        """Whether the end was asked for and nothing moves any more."""
+        """Whether the end was requested and nothing moves any more."""
         return bool(self.ending) and not self.is_moving
 
     def request_orderly_end(self, reason: str) -> None:
-        """End as the daemon would have it, unless the daemon is gone: then the device holds."""
+        """End as the daemon requested, unless the daemon is gone: then the device holds."""
         self._is_orderly = self._parent_is_alive()
         self.request_end(reason)
 
     def close(self) -> None:
-        """Leave the device parked after an orderly end, else holding, and let go of it."""
+        """Leave the device parked after an orderly end, otherwise holding, and release it."""
         try:
             if self._is_enabled:
                 self._driver.disable()
-        except Exception as error:  # noqa: BLE001 - whatever a driver raises, the process ends
+        except Exception as error:  # noqa: BLE001 - the process ends at any exception
             self.ending += f"; disable failed: {error}"
         self._is_enabled = False
         driver = self._driver
         if self._is_orderly and self.state is not ServoState.FAULT and isinstance(driver, Parkable):
             try:
                 driver.park()
-            except Exception as error:  # noqa: BLE001 - whatever a driver raises, the process ends
+            except Exception as error:  # noqa: BLE001 - the process ends at any exception
                 self.ending += f"; park failed: {error}"
         driver.close()
 
     def report(self) -> dict[str, object]:
-        """Return what the process writes down when it ends."""
+        """Return the text that the process writes down when it ends."""
         setpoints = self.setpoints
         return {
             "reason": self.ending,
@@ -250,8 +250,8 @@ class Servo:
         }
 
     def _lose_path(self, error: Exception) -> PathPoint:
-        """Come to rest: what there is to follow makes no sense, as *error* says."""
-        text = f"what the servo reads makes no sense: {type(error).__name__}: {error}"
+        """Come to rest: the servo received invalid data, as *error* tells."""
+        text = f"the servo received invalid data: {type(error).__name__}: {error}"
         try:
             self.setpoints.last = self.setpoints.leave_path(Fault.INTERNAL, text)
         except Exception:  # noqa: BLE001 - nor do the limits
@@ -261,7 +261,7 @@ class Servo:
     # The device
 
     def take_fault(self, error: Exception) -> None:
-        """Turn what a driver raised into a fault: at once, or after a stop on the path."""
+        """Turn an exception of the driver into a fault: at once, or after a stop on the path."""
         fault = fault_of(error)
         text = f"{type(error).__name__}: {error}" if fault is Fault.INTERNAL else str(error)
         if isinstance(error, DeviceError) and error.brakes:
@@ -277,7 +277,7 @@ class Servo:
         ring = self._memory.commands
         fields = ring.read(self._taken)
         if fields is None:
-            # Still being written; or stops, more than there is room for, while the driver was busy.
+            # Still being written; or more stops than fit, while the driver was busy.
             if self._taken < (oldest := ring.oldest(self._taken)):
                 self._taken = oldest
                 self.setpoints.stop()
@@ -298,7 +298,7 @@ class Servo:
         self._memory.notes.publish(*pack_note(index, NoteKind.ANSWER, answer, text))
 
     def _take_stops(self, stop_socket: StopSocket) -> None:
-        """Stop if anybody asks for it, and answer with what the stop met."""
+        """Stop if a client asks for it, and answer with the state that the stop met."""
         for request in stop_socket.requests():
             met = f"took {self.setpoints.state.name} {self.setpoints.motion}"
             self._memory.stops.publish(request.is_quickest, request.pid, request.uid, request.gid)
@@ -306,7 +306,7 @@ class Servo:
             stop_socket.answer(request.sender, met)
 
     def _stop(self, *, is_quickest: bool = False) -> None:
-        """Come to rest; in a fault have the driver look again that nothing moves."""
+        """Come to rest; during a fault have the driver check again that nothing moves."""
         if self.setpoints.state is ServoState.FAULT and self._is_enabled:
             self._rest_in_fault()
         if is_quickest:
@@ -315,7 +315,7 @@ class Servo:
             self.setpoints.stop()
 
     def _obey(self, command: Command, part: PathPart, speed: float, start_ns: int) -> str:
-        """Carry out one command; return why it was refused, or nothing."""
+        """Execute one command; return why it was refused, or an empty string."""
         setpoints = self.setpoints
         if command is Command.STOP:
             self._stop()
@@ -352,12 +352,12 @@ class Servo:
         return ""
 
     def _tune(self) -> str:
-        """Hand the driver the options of the motions to come; return why it refuses them."""
+        """Give the driver the options of the next motions; return why it refuses them."""
         advance(self.setpoints.state, Command.TUNE)
         ring = self._memory.tunings
         fields = ring.read(ring.head - 1)
         if fields is None:
-            return "the options are not there"
+            return "the options did not arrive"
         _, length, text = fields
         try:
             tune(self._driver, json.loads(text[:length]))
@@ -372,7 +372,7 @@ class Servo:
         self.setpoints.state = following
 
     def _free(self) -> str:
-        """Let the device be moved by hand; return why that cannot be, or nothing."""
+        """Let the device be moved by hand; return why that is impossible, or an empty string."""
         advance(self.setpoints.state, Command.FREE)
         driver = self._driver
         if not isinstance(driver, Freeable):
@@ -402,7 +402,7 @@ class Servo:
         if not watchdog.notice(now_ns, heartbeat_ns, measured_ns):
             return
         if now_ns < heartbeat_ns <= self._clock.now_ns():
-            heartbeat_ns = now_ns  # this process has not run since the cycle began
+            heartbeat_ns = now_ns  # this process was stalled since the cycle began
         setpoints = self.setpoints
         if setpoints.state in _DRIVEN:
             problem = watchdog.complain_of_daemon(heartbeat_ns, now_ns)
@@ -417,12 +417,12 @@ class Servo:
                 setpoints.brake(Fault.FEEDBACK_STALE, text)
 
     def _fail(self, fault: Fault, text: str) -> None:
-        """Be in *fault* now; nothing more is written to the device."""
+        """Enter *fault* now; the servo writes nothing more to the device."""
         if self.setpoints.fail(fault, text) and self._is_enabled:
             self._is_enabled = False
             try:
                 self._driver.disable()
-            except Exception as error:  # noqa: BLE001 - the fault stands, whatever disable raises
+            except Exception as error:  # noqa: BLE001 - the fault stays at any exception of disable
                 self.setpoints.fault_text = f"{text}; disable failed: {error}"
 
     def _tell_fault(self, fault: Fault, text: str) -> None:
@@ -430,11 +430,11 @@ class Servo:
         self.setpoints.fault_text += self._rest_in_fault()
 
     def _rest_in_fault(self) -> str:
-        """Have the driver hold the device still; return what to add to the fault's text."""
+        """Have the driver hold the device still; return an addition to the fault's text."""
         try:
             if self._resting:
                 self._resting.rest_in_fault()
-        except Exception as error:  # noqa: BLE001 - the fault stands, whatever the driver raises
+        except Exception as error:  # noqa: BLE001 - the fault stays at any exception of the driver
             return f"; rest_in_fault failed: {error}"
         return ""
 

@@ -1,6 +1,6 @@
-"""The setpoint generator: it holds the servo's state and makes the next setpoint.
+"""The setpoint generator: it has the servo's state and makes the next setpoint.
 
-It streams a path, follows targets, and stops on the path or, if that is impossible, off the path.
+It streams a path and follows targets.  It stops on the path or, if that is impossible, off it.
 :mod:`orientd.servo.servo` reads the device, writes to it and talks to the daemon.
 """
 
@@ -28,7 +28,7 @@ from orientd.servo.tracking import TargetFollower
 from orientd.servo.watchdog import longest_gap_ns
 from orientd.stream import UNKNOWN, Command, ServoLimits, ServoState, SharedMemory
 
-# Looking a member up in its enumeration takes longer than comparing it.
+# Attribute access on an enumeration takes longer than a comparison.
 _STREAMING, _STOPPING, _TRACKING = ServoState.STREAMING, ServoState.STOPPING, ServoState.TRACKING
 _MOVING = (_STREAMING, _STOPPING, _TRACKING)
 _NO_FAULT = Fault.NONE
@@ -37,11 +37,13 @@ _NO_LIMITS = ServoLimits(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
 _START_TOLERANCE = 1e-9
 _STILL = 1e-6  # rad/s
 _BY_POSES = 0.99
-"""Part of what the axes may accelerate that a quick stop uses where the device takes poses: between
-two records the joints of the poses differ a little from those of the path."""
+"""Share of the axes' acceleration that a quick stop uses if the device takes poses.
+
+Between two records the joints of the poses differ a little from those of the path.
+"""
 
 _JOINT_TOLERANCE = 1e-8
-"""Of an axis' angle, rad: close to a pole rounding is more than elsewhere."""
+"""Tolerance of an axis' angle, rad: near a pole rounding is larger than elsewhere."""
 
 
 class SetpointGenerator:
@@ -49,14 +51,14 @@ class SetpointGenerator:
 
     Attributes:
         state: of the servo.
-        fault: why it is in the state fault, or comes to rest to be.
+        fault: reason of the fault state, or of the stop before it.
         fault_text: the same in words.
-        motion: number of the motion that the setpoints belong to; 0 before the first.
+        motion: number of the motion of the setpoints; 0 before the first.
         last: the last setpoint.
-        time_scaling: how fast the path is run through.
-        follower: where on the path the setpoint is.
-        is_from_rest: whether motion goes on from rest with this cycle, after a stall.
-        pursuit: the targets that it follows, or a stop off the path, which has none.
+        time_scaling: speed along the path.
+        follower: position of the setpoint on the path.
+        is_from_rest: whether motion resumes from rest in this cycle, after a stall.
+        pursuit: the followed targets, or a stop off the path, which has none.
     """
 
     def __init__(
@@ -68,7 +70,7 @@ class SetpointGenerator:
         stall_ns: int,
         on_fault: Callable[[Fault, str], None],
     ) -> None:
-        """Hold still; after *stall_ns* without a cycle no motion goes on by itself."""
+        """Create it holding still; after *stall_ns* without a cycle no motion resumes by itself."""
         period = period_ns * 1e-9
         self.state = ServoState.IDLE
         self.fault = Fault.NONE
@@ -100,7 +102,7 @@ class SetpointGenerator:
         return self.state in _MOVING
 
     def step(self, deadline_ns: int, now_ns: int) -> PathPoint:
-        """Return the setpoint of the cycle that was due at *deadline_ns* and runs at *now_ns*."""
+        """Return the setpoint of the cycle with deadline *deadline_ns* that runs at *now_ns*."""
         gap_ns, self._moved_ns = now_ns - self._moved_ns, now_ns
         self.is_from_rest = gap_ns > self._gap_ns and self.state in _MOVING
         if self.is_from_rest:
@@ -120,10 +122,10 @@ class SetpointGenerator:
         return PathPoint(last.q, ZERO, ZERO, last.position, ZERO, last.joints)
 
     def anchor(self, feedback: Feedback, mechanism: Mechanism | None = None) -> None:
-        """Begin at rest where the device is, as *feedback* says; its axes are those of *mechanism*.
+        """Begin at rest at the device's pose in *feedback*; its axes are those of *mechanism*.
 
         Raises:
-            DeviceFaultError: the driver takes joints, and does not say which there are.
+            DeviceFaultError: the driver takes joints, but reports none.
         """
         q, position, period = feedback.q, feedback.position, self._period_ns * 1e-9
         if self._takes_joints and (mechanism is None or not feedback.joints):
@@ -145,7 +147,7 @@ class SetpointGenerator:
     # What the daemon asks for
 
     def set_speed(self, speed: float) -> str:
-        """Run through the path at *speed*, 1 is as planned; return why not, or nothing."""
+        """Follow the path at *speed*, 1 is as planned; return a refusal, or an empty string."""
         following = advance(self.state, Command.SPEED)
         if not 0.0 <= speed <= 1.0:
             return f"speed must be between 0 and 1, got {speed!r}"
@@ -154,18 +156,18 @@ class SetpointGenerator:
         return ""
 
     def halt(self) -> None:
-        """Come to rest as fast as the limits allow, wherever that leaves the path."""
+        """Come to rest as fast as the limits allow, on or off the path."""
         self.stop()
         if self.is_moving and not self.pursuit.is_on:
             self._pursue(self._servo_limits, is_off_path=True)
 
     def clear_fault(self) -> None:
-        """Leave the fault behind."""
+        """Leave the fault state."""
         self.state = advance(self.state, Command.RESET)
         self.fault, self.fault_text = Fault.NONE, ""
 
     def start(self, part: PathPart, speed: float, start_ns: int) -> str:
-        """Stream the path that *part* begins, from *start_ns* on; return why not, or nothing."""
+        """Stream the path of *part* from *start_ns* on; return a refusal, or an empty string."""
         following = advance(self.state, Command.START)
         first = self.follower.peek(part.first)
         if first is None:
@@ -189,7 +191,7 @@ class SetpointGenerator:
         return ""
 
     def splice(self, part: PathPart) -> str:
-        """Replace the rest of the path, or follow at its end; return why not, or nothing."""
+        """Replace the rest of the path, or follow at its end; return why it is refused."""
         following = advance(self.state, Command.SPLICE)
         scaling, brake_rate = self.time_scaling, part.servo_limits.brake_rate
         if not brake_rate > 0.0:
@@ -206,7 +208,7 @@ class SetpointGenerator:
         """Follow targets from here on, whatever moves at present; the axes are near *joints*."""
         following = advance(self.state, Command.TRACK)
         self.time_scaling.halt()
-        # Where a narrower limit is broken already, what there is of it is taken away.
+        # If a narrower limit is already broken, reduce the excess.
         speed = max(part.servo_limits.linear_velocity, norm(self._guard.velocity))
         servo_limits = replace(part.servo_limits, linear_velocity=speed)
         self._pursue(servo_limits, joints, is_off_path=False)
@@ -214,7 +216,7 @@ class SetpointGenerator:
         self.state = following
 
     def _pursue(self, servo_limits: ServoLimits, joints: Joints = (), *, is_off_path: bool) -> None:
-        """Go on without the path from what was written: after targets, or to come to rest."""
+        """Continue from the written setpoints without a path: after targets, or to stop."""
         self._servo_limits, self._is_off_path = servo_limits, is_off_path
         self._sent = self.last.q
         if self._following is not None:
@@ -229,7 +231,7 @@ class SetpointGenerator:
         self.state = following
 
     def brake(self, fault: Fault, text: str) -> None:
-        """Stop on the path, then be in *fault*; the first reason is the one that is kept."""
+        """Stop on the path, then enter *fault*; the first reason counts."""
         if self.fault is not _NO_FAULT:
             return
         if self.is_moving:
@@ -247,7 +249,7 @@ class SetpointGenerator:
         return self._follow(UNKNOWN)
 
     def fail(self, fault: Fault, text: str) -> bool:
-        """Be in *fault* now; return whether that is new."""
+        """Enter *fault* now; return whether it is new."""
         if self.state is ServoState.FAULT and self.fault is fault:
             return False
         self.fault, self.fault_text = fault, text
@@ -267,12 +269,13 @@ class SetpointGenerator:
         if self.state is _STREAMING:
             speed = self._speed * (self._scaled.speed_scaling if self._scaled else 1.0)
             if self._is_waiting:
-                # What the motion before sent last has to be over for differences over cycles, too.
+                # The last setpoints of the previous motion must be over, for differences over
+                # cycles too.
                 share = self._share_run(deadline_ns) if self._guard.is_at_rest else 0.0
                 if share <= 0.0:
                     return self._hold()
                 self._is_waiting = False
-                # The path is at rest there: it needs no run-up in time.
+                # The path is at rest there: it needs no ramp of the speed.
                 scaling.begin(scaling.brake_rate, speed)
             scaling.target = speed
             if not follower.reaches(scaling.braking_cycles):
@@ -312,10 +315,10 @@ class SetpointGenerator:
         )
 
     def _share_run(self, deadline_ns: int) -> float:
-        """Return for which share of the cycle that begins the motion that waits is to run.
+        """Return the share of the current cycle for which a waiting motion runs.
 
-        A setpoint is where the device is to be at the end of its cycle, so that devices whose
-        cycles begin at other instants are as far along their paths at every instant.
+        Each setpoint is the target for the end of its cycle.  So devices whose cycles begin at
+        different times stay in step on their paths.
         """
         if self._start_ns == UNKNOWN:
             return 1.0
@@ -323,7 +326,7 @@ class SetpointGenerator:
         return min((deadline_ns + period_ns - self._start_ns) / period_ns, 1.0)
 
     def _go_on_from_rest(self, gap_ns: int) -> None:
-        """Have what moved go on from where the device has come to rest, if it may."""
+        """Resume a stopped motion from the device's rest position, if that is allowed."""
         guard = self._guard
         guard.anchor(guard.q, guard.position, guard.joints)
         self.time_scaling.halt()
@@ -339,7 +342,7 @@ class SetpointGenerator:
             self.pursuit.tracker.rest(guard.q)
 
     def _follow(self, deadline_ns: int) -> PathPoint:
-        """Return the next setpoint on the way to a target, or to rest off the path."""
+        """Return the next setpoint towards a target, or of a stop off the path."""
         pursuit, guard = self.pursuit, self._guard
         point, position = pursuit.step(
             deadline_ns, self._servo_limits, is_stopping=self.state is not _TRACKING
@@ -350,7 +353,7 @@ class SetpointGenerator:
         elif problem := guard.admit(q, position, self._servo_limits, joints):
             return self.leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
         if self._mechanism is not None and joints:
-            # What the axes can do of it is what is sent.
+            # The servo sends what the axes can follow.
             q = self._mechanism.forward(joints)[0]
         is_there = norm(difference(q, self._sent)) < _START_TOLERANCE
         is_there = is_there and max(map(abs, guard.joint_rates), default=0.0) < _STILL
@@ -362,23 +365,23 @@ class SetpointGenerator:
             and guard.velocity == ZERO
         ):
             self._finish()
-            # Axes that could not get there hold where they could.
+            # Axes that could not reach it hold where they could.
             guard.anchor(q, position, joints)
             return PathPoint(q, ZERO, ZERO, position, ZERO, joints)
         return PathPoint(q, point.omega_body, point.alpha_body, position, guard.velocity, joints)
 
     def _joints_towards(self, q: Quaternion, position: Vector3) -> Joints:
-        """Return the joints of the next cycle on the way to a pose; empty if it is sent itself."""
+        """Return the joints of the next cycle towards a pose; empty if the pose itself is sent."""
         if self._following is None:
             return ()
         guard = self._guard
         return self._following.step(q, position, guard.joints, guard.joint_rates)
 
     def _rest(self) -> None:
-        """Be where the joints are.
+        """Set the pose to that of the joints.
 
-        Between two records of a path its orientation is only nearly what they make, and the next
-        motion begins where both are.
+        Between two records of a path its orientation differs slightly from that of the joints, and
+        the next motion begins where both agree.
         """
         last = self.last
         if self._following is not None and self._mechanism is not None and last.joints:
@@ -386,7 +389,7 @@ class SetpointGenerator:
             self._guard.q, self.last = q, last._replace(q=q)
 
     def _finish(self) -> None:
-        """Go to rest: into holding, or into the fault that made the stop necessary."""
+        """Come to rest: enter holding, or the fault that made the stop necessary."""
         self._rest()
         self.time_scaling.halt()
         self.pursuit.end()
@@ -396,13 +399,13 @@ class SetpointGenerator:
             self.state = advance(self.state, Event.REST)
 
     def _adopt(self, part: PathPart) -> None:
-        """Keep what the motion promised that the path has come to."""
+        """Use the limits of the motion that the path has reached."""
         self._servo_limits = part.servo_limits
         self.motion = part.number
         self._brake_as_promised()
 
     def _brake_as_promised(self) -> None:
-        """Stop as what is on the path permits, and never slower than a change under way."""
+        """Stop as fast as the rest of the path permits, at least as fast as now."""
         follower, scaling = self.follower, self.time_scaling
         slowest = follower.slowest_brake_rate
         if not scaling.plan and (scaling.is_steady or slowest > scaling.brake_rate):

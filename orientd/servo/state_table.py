@@ -1,7 +1,7 @@
 """The servo's states: one table of transitions and one function that looks up the next state.
 
-``STOPPING`` ends in ``HOLDING`` after a stop that was asked for and in ``FAULT`` after one that a
-fault made necessary.  A fault of the device itself leads to ``FAULT`` at once.
+``STOPPING`` ends in ``HOLDING`` after a requested stop, and in ``FAULT`` after a stop caused by a
+fault.  A fault of the device itself leads to ``FAULT`` at once.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from orientd.stream import Command, ServoState
 
 
 class Event(Enum):
-    """What happens to a servo without a command."""
+    """Events of a servo that are not commands."""
 
     REST = "rest"
     FAIL = "fail"
@@ -41,14 +41,14 @@ TRANSITIONS: dict[Command | Event, dict[ServoState, ServoState]] = {
     Event.REST: {STREAMING: HOLDING, STOPPING: HOLDING},
     Event.FAIL: dict.fromkeys(ServoState, FAULT),
 }
-"""Where each command or event leads from the states in which it is possible."""
+"""The next state for each command or event, from each state in which it is possible."""
 
 
 def advance(state: ServoState, event: Command | Event) -> ServoState:
-    """Return the state that *event* leads to.
+    """Return the next state for *event*.
 
     Raises:
-        StateError: the event is not possible in *state*; the message says in which it is.
+        StateError: the event is not possible in *state*; the message names the possible states.
     """
     following = TRANSITIONS[event].get(state)
     if following is None:

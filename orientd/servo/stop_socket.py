@@ -1,10 +1,10 @@
-"""The socket where a servo hears of stops: datagrams, which it looks for once a cycle.
+"""The socket through which a servo receives stops: datagrams, read once a cycle.
 
 Nothing stands between the sender and the cycle that brakes: no daemon, no connection, no other
-process.  A request is one word: ``stop``, ``halt`` or ``hello``, which only asks whether the sender
-may stop.  The kernel says who sent it (``SO_PASSCRED``, unix(7)).  The answer goes to the sender's
-own address: ``took STREAMING 3``, ``admitted``, ``refused USER`` or ``wrong``.  The daemon sends
-``admit`` with the users and groups that may stop, when these change.
+process.  A request is one word: ``stop``, ``halt``, or ``hello``, which only asks whether the
+sender may stop.  The kernel identifies the sender (``SO_PASSCRED``, unix(7)).  The answer goes to
+the sender's own address: ``took STREAMING 3``, ``admitted``, ``refused USER`` or ``wrong``.  The
+daemon sends ``admit`` with the users and groups that may stop, whenever these change.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 LONGEST = 16_384
-"""Bytes of a datagram; one that is longer makes no sense."""
+"""Largest datagram, bytes; a longer one is invalid."""
 
 HEARD = 4
-"""Datagrams that are read in one cycle at the most."""
+"""Most datagrams that are read in one cycle."""
 
 _UCRED = struct.Struct("iII")
 
 
 class StopRequest(NamedTuple):
-    """A stop that a user may ask for.
+    """A requested stop.
 
     Attributes:
         is_quickest: whether it is a halt.
-        pid: of the process that sent it.
-        uid: of its user.
-        gid: of its group, or of the group that admits it.
-        sender: where the answer goes.
+        pid: process that sent it.
+        uid: its user.
+        gid: its group, or the group that admits it.
+        sender: address for the answer.
     """
 
     is_quickest: bool
@@ -49,15 +49,15 @@ class StopSocket:
     """The stop socket of one servo."""
 
     def __init__(self, path: str, daemon_pid: int, admitted: Mapping[str, Sequence[int]]) -> None:
-        """Listen at *path*, in the place of the servo process before.
+        """Listen at *path*, in place of the previous servo process.
 
         Args:
             path: of the socket.
-            daemon_pid: the process that may say who is admitted.
+            daemon_pid: the process that may set who is admitted.
             admitted: numbers of ``users`` and ``groups`` that may stop.
 
         Raises:
-            OSError: the path cannot be that of a socket.
+            OSError: *path* is not suitable for a socket.
         """
         self._daemon_pid = daemon_pid
         self._admit(admitted)
@@ -66,7 +66,7 @@ class StopSocket:
         with contextlib.suppress(FileNotFoundError):
             os.unlink(path)  # noqa: PTH108 - no pathlib here
         folder, name = os.path.split(path)
-        # By way of its directory: that path is never too long.
+        # Through its directory, so that the path is never too long.
         directory = os.open(folder, os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
         try:
             self._socket.bind(f"/proc/self/fd/{directory}/{name}")
@@ -77,7 +77,7 @@ class StopSocket:
         self._poll.register(self._socket, select.POLLIN)
 
     def requests(self) -> Iterator[StopRequest]:
-        """Yield the stops that have arrived; answer everything else."""
+        """Yield the stops that have arrived; answer all other requests."""
         for _ in range(HEARD):
             if not self._poll.poll(0):
                 return
@@ -101,12 +101,12 @@ class StopSocket:
                 self.answer(sender, "admitted" if word == b"hello" else "wrong")
 
     def answer(self, sender: bytes | str | None, text: str) -> None:
-        """Send *text* to whoever sent a request, unless they are gone."""
+        """Send *text* to the sender of a request, if it still exists."""
         with contextlib.suppress(OSError, TypeError):  # an address that was never bound is None
             self._socket.sendto(text.encode(), socket.MSG_DONTWAIT, sender or "")
 
     def close(self) -> None:
-        """Hear of no more stops."""
+        """Close the socket."""
         self._socket.close()
 
     def _admit(self, admitted: Mapping[str, Sequence[int]]) -> None:

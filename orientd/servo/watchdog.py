@@ -1,10 +1,10 @@
-"""The watchdog: how long the daemon or the device has been silent, or the servo has not run.
+"""The watchdog: silence of the daemon or the device, and stalls of the servo itself.
 
-While the servo's own process does not run, because the machine is overloaded or a call of the
-driver is slow, it hears nobody.  The others are not at fault then.  Path time does not pass in such
-a stall, so the device never jumps.  But the device has come to rest at the last setpoint, and to go
-on at the old speed would be a step in velocity.  So motion goes on from rest, inside the limits.
-After a longer stall it does not go on by itself.
+A stall is a time in which the servo's own process does not run, because the machine is overloaded
+or a call of the driver is slow.  The servo then hears nothing, but the others are not at fault.
+Path time does not pass in a stall, so the device never jumps.  But the device has come to rest at
+the last setpoint, and resuming at the old speed would be a velocity step.  So the motion resumes
+from rest, inside the limits.  After a longer stall it does not resume by itself.
 """
 
 from __future__ import annotations
@@ -12,23 +12,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 FUTURE_NS = 1_000_000_000
-"""How far ahead of the present a sign of life may be dated: nobody's is, unless it was forged."""
+"""How far in the future a heartbeat may be dated; a later one is forged."""
 
 SHORTEST_NS = 50_000_000
-"""Shorter gaps between cycles a device rides out: its own control smooths them."""
+"""A device's own control smooths shorter gaps between cycles."""
 
 FEWEST_PERIODS = 3
-"""Nor is it a stall when the device's own answers take a cycle or two."""
+"""Nor is it a stall if the device's own answers take a cycle or two."""
 
 
 @dataclass(frozen=True, slots=True)
 class WatchdogTimeouts:
-    """How long the servo waits for signs of life.
+    """The timeouts of the servo.
 
     Attributes:
         heartbeat_ns: longest silence of the daemon while something moves.
         feedback_ns: largest age of the device's feedback.
-        stall_ns: longest time without a cycle after which a motion goes on by itself.
+        stall_ns: longest stall after which a motion resumes by itself.
     """
 
     heartbeat_ns: int
@@ -37,10 +37,10 @@ class WatchdogTimeouts:
 
 
 class ServoWatchdog:
-    """Silences, less the time in which this process itself stood still."""
+    """Silences, minus the stalls of this process."""
 
     def __init__(self, watch: WatchdogTimeouts, period_ns: int) -> None:
-        """Allow what *watch* says; expect a cycle every *period_ns*."""
+        """Use the timeouts of *watch*; expect a cycle every *period_ns*."""
         self._heartbeat_ns, self._feedback_ns = watch.heartbeat_ns, watch.feedback_ns
         self._period_ns = period_ns
         self._deadline_ns = 0
@@ -48,9 +48,9 @@ class ServoWatchdog:
         self._stall_end_ns = 0
 
     def notice(self, deadline_ns: int, heartbeat_ns: int, measured_ns: int) -> bool:
-        """Note the deadlines missed before this one; return whether anything may be wrong.
+        """Record the deadlines missed before this one; return whether something may be wrong.
 
-        *measured_ns* is when the newest feedback was measured, 0 without any.
+        *measured_ns* is the time of the newest feedback, 0 without any.
         """
         missed_ns = deadline_ns - self._deadline_ns - self._period_ns
         if missed_ns > self._period_ns // 2 and self._deadline_ns:
@@ -66,7 +66,7 @@ class ServoWatchdog:
         )
 
     def complain_of_daemon(self, heartbeat_ns: int, now_ns: int) -> str:
-        """Return what is wrong with the daemon's heartbeat, or nothing."""
+        """Return what is wrong with the daemon's heartbeat, or an empty string."""
         if heartbeat_ns - now_ns > FUTURE_NS:
             return "a heartbeat of the daemon from the future"
         silence_ns = self._silence_ns(heartbeat_ns, now_ns)
@@ -75,7 +75,7 @@ class ServoWatchdog:
         return f"no heartbeat from the daemon for {silence_ns * 1e-9:.3f} s"
 
     def complain_of_device(self, measured_ns: int, now_ns: int) -> str:
-        """Return what is wrong with the age of the feedback, or nothing."""
+        """Return what is wrong with the age of the feedback, or an empty string."""
         age_ns = self._silence_ns(measured_ns, now_ns)
         if age_ns <= self._feedback_ns:
             return ""
@@ -90,5 +90,5 @@ class ServoWatchdog:
 
 
 def longest_gap_ns(period_ns: int) -> int:
-    """Return the time from one cycle to the next above which the process has stalled, ns."""
+    """Return the time between two cycles above which the process has stalled, ns."""
     return max(SHORTEST_NS, FEWEST_PERIODS * period_ns)

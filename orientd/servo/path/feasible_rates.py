@@ -1,15 +1,15 @@
-r"""Which rates of the time scaling keep the limits in one cycle, as the guard will see it.
+r"""The rates of the time scaling that keep the limits in one cycle, as the guard sees it.
 
-The setpoint that a rate :math:`\sigma` leads to turns the device, in the cycle to come, with the
-velocity :math:`\Omega(\sigma) = C + \omega \sigma`: :math:`\omega` is the path's own velocity and
-*C* what one cycle bends.  With the velocity :math:`\Omega_p` and the acceleration :math:`A_p` of
-the cycle before, the guard's differences are
+A rate :math:`\sigma` leads to a setpoint.  The velocity of the device in the next cycle is
+:math:`\Omega(\sigma) = C + \omega \sigma`, where :math:`\omega` is the path's own velocity
+and *C* comes from the bend of the path within a cycle.  With the velocity :math:`\Omega_p` and the
+acceleration :math:`A_p` of the previous cycle, the guard's differences are
 
 .. math::
-    A = (\Omega(\sigma) - \Omega_p) / h, \qquad J = (A - A_p) / h ,
+    A = (\Omega(\sigma) - \Omega_p) / h, \qquad J = (A - A_p) / h .
 
-each of them straight in :math:`\sigma`: a limit of a norm is a quadratic inequality, a limit of an
-axis a linear one, and what keeps them all is an interval.
+Both are linear in :math:`\sigma`.  So a limit of a norm is a quadratic inequality, a limit of an
+axis a linear one, and the rates that keep all of them form an interval.
 
 The joints of the device are differentiated in the same way, one by one, and each has its own
 limits.
@@ -31,7 +31,7 @@ _STILL = 1e-9  # rad/s: where the path stands still by itself, its rate does not
 
 
 class Past(NamedTuple):
-    """What the device did last, by backward differences.
+    """The last motion of the device, by backward differences.
 
     Attributes:
         omega: angular velocity, rad/s.
@@ -51,14 +51,14 @@ class Past(NamedTuple):
 
 
 class Ahead(NamedTuple):
-    """What a rate leads to: ``bend + omega * rate``, the same of the position and of every axis.
+    """The effect of a rate: ``bend + omega * rate``, and the same for position and axes.
 
     Attributes:
         omega: angular velocity of the path, rad/s.
-        bend: what is not proportional to the rate, rad/s.
+        bend: the part not proportional to the rate, rad/s.
         velocity: of the path's position, m/s.
-        shift: what is not proportional to the rate, m/s.
-        joints: of every axis both terms, the one that is not proportional first, rad/s.
+        shift: the part not proportional to the rate, m/s.
+        joints: both terms of every axis, the one not proportional first, rad/s.
     """
 
     omega: Vector3
@@ -78,7 +78,7 @@ def allowed(
 ) -> tuple[float, float]:
     """Return the least and the largest rate inside the limits; least > largest if there is none.
 
-    Of the limits of acceleration and of jerk a *share* may be used.
+    A *share* of the limits of acceleration and of jerk may be used.
     """
     x, y, z = ahead.omega
     a, b, c = ahead.bend
@@ -124,16 +124,16 @@ def released(
 ) -> float:
     """Return the least rate from which speed and acceleration can still reach zero together.
 
-    It falls as :func:`~orientd.servo.motion_law.first_change` says, by what the jerk allows along
-    the path.
+    The speed falls as in :func:`~orientd.servo.motion_law.first_change`, by what the jerk allows
+    along the path.
 
     Args:
-        past: the cycle before.
-        ahead: what a rate leads to.
+        past: the previous cycle.
+        ahead: the effect of a rate.
         servo_limits: the limits.
         axes: limits of the device's axes.
         period: between the two, s.
-        share: part of the jerk that the release may use.
+        share: usable share of the jerk for the final phase.
     """
     x, y, z = ahead.omega
     a, b, c = ahead.bend
@@ -144,7 +144,7 @@ def released(
         return 0.0
     x, y, z = x / path_speed, y / path_speed, z / path_speed
     jerk = servo_limits.jerk
-    # What bends the path needs its part of the jerk as well.
+    # The bend of the path needs its share of the jerk as well.
     ax, ay, az = past.alpha
     along = ax * x + ay * y + az * z
     turn = 3.0 * sqrt(max(ax * ax + ay * ay + az * az - along * along, 0.0)) * along
@@ -170,9 +170,9 @@ def nearest(
     share: float,
     wanted: float,
 ) -> float | None:
-    """Return the rate in [0, 1] nearest to the one that is wanted, or ``None`` if none is allowed.
+    """Return the feasible rate in [0, 1] nearest to the wanted one, or ``None``.
 
-    The share of the limits is exceeded, up to all of them, where nothing else is left.
+    If no rate keeps the share of the limits, the full limits apply.
     """
     for part in (share, 1.0):
         low, high = allowed(past, ahead, servo_limits, axes, period, part)

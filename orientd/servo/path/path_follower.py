@@ -1,13 +1,13 @@
-"""Follow the path: where the servo is on it, and how much path is left.
+"""Follow the path: the current position on it, and how much path is left.
 
 Path time is counted in records: ``index + fraction``.  A motion as planned moves by exactly one
-record a cycle, so its setpoints *are* the records; between two records a
-:class:`~orientd.servo.path.segment.Segment` is evaluated.
+record a cycle, so its setpoints *are* the records.  Between two records a
+:class:`~orientd.servo.path.segment.Segment` interpolates.
 
-The path is made of parts, one a motion.  A motion that replaces or continues another one is spliced
-onto it: its first record lies further on in the ring, and is the same point as the record at which
-the part before it is left.  The parts are joined in path time, so the rate of the time scaling does
-not matter.
+The path consists of parts, one for each motion.  A motion that replaces or continues another one is
+spliced onto it.  Its first record lies further on in the ring, and is the same point as the record
+at which the servo leaves the previous part.  The parts are joined in path time, so the rate of the
+time scaling does not matter.
 """
 
 from __future__ import annotations
@@ -23,14 +23,16 @@ from orientd.stream import HEAD, UNKNOWN, RecordRing, ServoLimits
 from orientd.tolerances import NORM_TOLERANCE
 
 FINAL_WORD = 1
-"""Word of the path ring: one more than the index of the newest motion's last record; 0 until it is
-written, or that of a motion before it."""
+"""Word of the path ring: one more than the index of the newest motion's last record.
+
+It is 0, or that of a previous motion, until that record is written.
+"""
 
 TAIL_WORD = 2
 """Word of the path ring: index of the oldest record that the servo still needs."""
 
 MOST_LEGS = 16
-"""Legs ahead of the one that the servo is on."""
+"""Most parts ahead of the current one."""
 
 _SAME_Q = 1e-9  # rad
 _SAME_RATE = 1e-6  # of 1 + the rate itself; rad/s and rad/s^2
@@ -49,9 +51,9 @@ class PathPart:
     Attributes:
         number: of the motion.
         first: index of its first record.
-        servo_limits: what the motion promised to keep.
-        leave: index of the record at which the part before is left for this one.
-        final: index of its last record, where that is known already.
+        servo_limits: limits that the motion keeps.
+        leave: index of the record at which the servo leaves the previous part for this one.
+        final: index of its last record, if that is known already.
     """
 
     number: int
@@ -66,10 +68,10 @@ class PathFollower:
 
     Attributes:
         index: the record at or before the setpoint.
-        fraction: how far beyond it, in records, in [0, 1).
+        fraction: distance beyond it, in records, in [0, 1).
         part: the motion that it belongs to.
         is_at_end: whether this is the last record of all.
-        revision: how often the path ahead has been changed.
+        revision: number of changes of the path ahead.
     """
 
     def __init__(self, ring: RecordRing, period: float, servo_limits: ServoLimits) -> None:
@@ -87,7 +89,7 @@ class PathFollower:
         self._segment: Segment | None = None
 
     def peek(self, index: int) -> PathPoint | None:
-        """Return record *index*, or ``None`` where it is not in the ring."""
+        """Return record *index*, or ``None`` if it is not in the ring."""
         ring = self._ring
         if not 0 <= index < ring.words[HEAD]:
             return None
@@ -96,7 +98,7 @@ class PathFollower:
         return None if fields is None else point_of(fields)
 
     def begin(self, part: PathPart) -> None:
-        """Stand on the first record of *part*, which is in the ring."""
+        """Move to the first record of *part*, which is in the ring."""
         self.part = part
         self.revision += 1
         self._ahead.clear()
@@ -105,10 +107,10 @@ class PathFollower:
         self._ring.words[TAIL_WORD] = part.first
 
     def splice(self, part: PathPart) -> str:
-        """Go over to *part* at its record ``leave``; what was to come after that is dropped.
+        """Continue with *part* from its record ``leave``; drop the previous continuation.
 
         Returns:
-            An empty string, or why that is not possible; then nothing has changed.
+            An empty string, or the reason why it is impossible; then nothing has changed.
         """
         if part.leave < self.index + bool(self.fraction):
             return f"the path has passed record {part.leave}, it is at {self.index}"
@@ -131,7 +133,7 @@ class PathFollower:
 
     @property
     def slowest_brake_rate(self) -> float:
-        """The least rate by which any part from here on may be slowed down, 1/s."""
+        """The least brake rate of all parts from here on, 1/s."""
         return min(part.servo_limits.brake_rate for part in (self.part, *self._ahead))
 
     @property
@@ -142,7 +144,7 @@ class PathFollower:
         return final if final >= part.first else UNKNOWN
 
     def _walk(self, records: int) -> tuple[int, PathPart]:
-        """Return the index of the record so many beyond :attr:`index`, and the part it is on."""
+        """Return the index of the record at a distance beyond :attr:`index`, and its part."""
         index, part = self.index + records, self.part
         for following in self._ahead:
             if index < following.leave:
@@ -151,22 +153,22 @@ class PathFollower:
         return index, part
 
     def reaches(self, records: int) -> bool:
-        """Whether the motion's end, or at least so many records beyond here, are in the ring."""
+        """Whether the ring has the motion's end, or at least a number of further records."""
         last = self._ring.head - 1
-        # Behind the end may lie what the servo has not heard of yet.
+        # Behind the end may be records that the servo does not know yet.
         return self._walk(records)[0] <= last or UNKNOWN != self._final <= last
 
     def records_left(self) -> float:
-        """Return the records from here to the end of the last part; infinity if it is not known."""
+        """Return the number of records to the end of the last part; infinity if unknown."""
         final = self._final
         if self._ahead or final == UNKNOWN:
             return inf
         return final - self.index - self.fraction
 
     def peek_ahead(self, records: int) -> PathPoint | None:
-        """Return the record so many beyond :attr:`index`, or ``None`` where there is none.
+        """Return the record at a distance beyond :attr:`index`, or ``None``.
 
-        Nor is there one beyond a splice to a part of other servo limits.
+        It is also ``None`` beyond a splice to a part with other servo limits.
         """
         index, part = self._walk(records)
         if part is not self.part and not part.servo_limits.has_limits_of(self.part.servo_limits):
@@ -177,9 +179,9 @@ class PathFollower:
         return self.peek(index)
 
     def advance(self, records: float) -> PathPoint:
-        """Go so many records on, at most beyond the next one, and return the point there.
+        """Move by a number of records, at most beyond the next one, and return the point there.
 
-        The last record of a motion is never passed, unless another part begins there.
+        The servo never passes the last record of a motion, unless another part begins there.
 
         Raises:
             StarvedError: the path ends before that without being at rest; nothing has moved.
@@ -228,7 +230,7 @@ class PathFollower:
 
 
 def _differ(old: PathPoint, new: PathPoint) -> str:
-    """Say by how much two points are not the same, if they are not."""
+    """Return by how much two points differ, or an empty string."""
     for name, gap, tolerance, unit in (
         ("orientation", norm(difference(old.q, new.q)), _SAME_Q, "rad"),
         ("angular velocity", *_gap(old.omega_body, new.omega_body), "rad/s"),
@@ -244,7 +246,7 @@ def _differ(old: PathPoint, new: PathPoint) -> str:
 
 
 def joint_gap(old: Joints, new: Joints) -> float:
-    """Return the largest difference of an axis' angle, rad; infinity for other axes."""
+    """Return the largest difference of an axis' angle, rad; infinity for different axes."""
     if len(old) != len(new):
         return inf
     return max([abs(a - b) for a, b in zip(old, new, strict=True)], default=0.0)

@@ -1,20 +1,20 @@
 r"""The quick stop: the time scaling comes to rest in hardly more time than the limits demand.
 
 The certified law of :mod:`orientd.servo.path.time_scaling` has one brake rate for a whole motion,
-set by its worst point.  A quick stop takes in every cycle the least rate that keeps the limits at
-the place where the device is (:mod:`orientd.servo.path.feasible_rates`), down to a terminal
-deceleration in which velocity and acceleration reach zero together.
+set by its worst point.  In every cycle, a quick stop takes the least rate that keeps the limits at
+the present place (:mod:`orientd.servo.path.feasible_rates`).  It ends with a terminal deceleration
+in which velocity and acceleration reach zero together.
 
-This law sees one cycle and could run into a place from which no rate keeps the limits.  So the
-servo rolls the whole stop out first, cycle by cycle over the records that are in the ring, and
-carries out only a stop that has come to rest there.  Until then the certified law brakes, which
-always works, and from each of its cycles the servo tries again.  Before a place where the path
-turns back no stop may be possible: then the device passes it, braking, and stops behind it.  A long
-stop takes several cycles to roll out and begins where the certified law will be by then.
+This law sees one cycle and could reach a place without a feasible rate.  So the servo first rolls
+out the whole stop, cycle by cycle over the records in the ring.  It carries out only a stop that
+comes to rest there.  Until then the certified law brakes, which always works, and the servo tries
+again in each cycle.  Before a turn-back point of the path there may be no feasible stop.  The
+device then brakes, passes it and stops after it.  A long stop takes several cycles to roll out, and
+begins at the place that the certified law will have reached by then.
 
-Every cycle is played through as the guard will see it.  A difference of the guard's is the
-difference of the path's rotation vector at two places (what does not commute is of the third order
-in the period); its slope by the rate is the velocity at the second.
+The rollout computes every cycle as the guard will see it.  A difference of the guard equals the
+difference of the path's rotation vector at two places, since the non-commuting part is of third
+order in the period.  Its derivative by the rate is the velocity at the second place.
 """
 
 from __future__ import annotations
@@ -34,27 +34,27 @@ from orientd.servo.path.time_scaling import TimeScaling
 from orientd.stream import ServoLimits
 
 SHARE = 0.998
-"""Part of the limits that a quick stop uses; the rest is for what its model leaves out."""
+"""Share of the limits that a quick stop uses; the rest is for the errors of its model."""
 
 RELEASES = (0.985, 0.9)
-"""Parts of the jerk with which the terminal deceleration begins, tried in turn."""
+"""Shares of the jerk for the start of the terminal deceleration, tried in turn."""
 
 STEPS_PER_SECOND = 16_000.0
-"""Cycles of a stop that are rolled out in one second: few enough to leave most of a cycle free."""
+"""Rolled-out cycles per second: few enough to leave most of a cycle free."""
 
 FEWEST_STEPS = 8
 
-_ALLOWANCE = 1.15  # times the cycles expected
-_SPARE = 4.0  # cycles more than that
-_LONGER = 1.5  # times the cycles that were not enough
+_ALLOWANCE = 1.15  # factor of the expected cycles
+_SPARE = 4.0  # additional cycles
+_LONGER = 1.5  # factor after too few cycles
 _REST = Ahead(ZERO, ZERO, ZERO, ZERO)
 _STILL = 1e-9
 _ATTEMPTS = 6
-_NEAR = 2e-3  # records from a rate to the next guess; what is left of them is its square
+_NEAR = 2e-3  # records between two guesses of a rate; the error is its square
 
 
 class QuickStop:
-    """A stop of the time scaling that uses what the limits leave at each point of the path."""
+    """A stop of the time scaling that uses the full limits at each point of the path."""
 
     def __init__(self, scaling: TimeScaling, follower: PathFollower, guard: Guard) -> None:
         self._scaling = scaling
@@ -65,23 +65,24 @@ class QuickStop:
         self._moves = -1
         self._tries = 0
         self._expected = 0.0
-        # The rollout: its rates, the certified law's first, and where the follower has come since.
+        # The rollout: its rates, first those of the certified law, and the follower's position
+        # since.
         self._rollout: Iterator[bool] | None = None
         self._rates: list[float] = []
         self._lead = self._begun = self._revision = self._here = self._passed = 0
 
     def know(self, axes: Sequence[AxisLimits], *, share: float) -> None:
-        """Use from here on no more than a *share* of what *axes* may accelerate."""
+        """Use from here on at most a *share* of the acceleration of *axes*."""
         self._axes = tuple(
             axis._replace(acceleration=share * axis.acceleration, jerk=share * axis.jerk)
             for axis in axes
         )
 
     def seek(self, servo_limits: ServoLimits, *, may_end: bool) -> None:
-        """Go on looking for a stop, as far as one cycle allows, and plan it once it is found.
+        """Continue the search for a stop, as far as one cycle allows, and plan it once it is found.
 
-        To be called before every cycle of a stop that is not planned yet; *may_end* if the end of
-        the path is as good as a stop before it.
+        Call it before every cycle of a stop that is not planned yet.  *may_end* tells whether the
+        end of the path is as good as a stop before it.
         """
         scaling, follower = self._scaling, self._follower
         self._servo_limits, self._may_end = servo_limits, may_end
@@ -92,7 +93,7 @@ class QuickStop:
             self._rates[scaling.moves - self._begun - 1] != scaling.rate
             or self._revision != follower.revision
         ):
-            # The path, or how fast it may be left, is no longer what was rolled out.
+            # The path, or the time at which it may be left, differs from the rollout.
             self._rollout = None
         self._moves = scaling.moves + 1
         if follower.index != self._here:
@@ -108,7 +109,7 @@ class QuickStop:
             self._expected = _LONGER * len(self._rates)
 
     def _roll_out(self) -> bool:
-        """Go on with the rollout, or begin others; return whether one has come to its end."""
+        """Continue the rollout, or start others; return whether one has finished."""
         left = self._steps
         while left > 0:
             rollout = self._rollout = self._rollout or self._begin()
@@ -116,16 +117,16 @@ class QuickStop:
                 left -= 1
                 if is_over or left <= 0:
                     return is_over
-            # It has failed.
+            # The rollout failed.
             self._rollout = None
             self._tries += 1
             left -= 1
         return False
 
     def _begin(self) -> Iterator[bool]:
-        """Begin a rollout that is over when the certified law is where it begins."""
+        """Start a rollout that ends when the certified law reaches its start."""
         guard, servo_limits = self._guard, self._servo_limits
-        # The cycles that a stop takes at least, were its path straight.
+        # The least number of cycles of a stop on a straight path.
         speed = norm(guard.omega)
         change = dot(guard.omega, guard.alpha) / speed if speed > 0.0 else 0.0
         time = max(
@@ -145,17 +146,18 @@ class QuickStop:
     def _rolled_out(self, release: float) -> Iterator[bool]:
         """Roll out a stop from before the present cycle, cycle by cycle, as the guard will see it.
 
-        After the cycles of the certified law come those of the least rate.
+        The cycles of the certified law come first, then those of the least rate.
 
         Args:
-            release: part of the jerk with which the terminal deceleration begins.
+            release: share of the jerk for the start of the terminal deceleration.
 
         Yields:
-            Whether it is over, at rest or at the end of the path; nothing more once it has failed.
+            Whether it has finished, at rest or at the end of the path; nothing more after a
+            failure.
         """
         scaling, follower, guard = copy(self._scaling), self._follower, self._guard
         h, n, rates = scaling.period, 1.0 / scaling.period, self._rates
-        # Joints count whose limits and last cycles are known.
+        # Joints count if their limits and last cycles are known.
         axes = self._axes if guard.joint_changes else ()
         past = Past(
             guard.omega, guard.alpha, guard.velocity, scaling.rate,
@@ -223,9 +225,9 @@ class QuickStop:
             if is_over:
                 rest = _REST._replace(joints=((0.0, 0.0),) * len(axes))
                 if nearest(past, rest, self._servo_limits, axes, h, 1.0, 0.0) is None:
-                    return  # at rest, but not without its acceleration
-                # One cycle more at rest: a resumption that began at once would add its own jerk to
-                # that of the last step.
+                    return  # at rest, but with an acceleration
+                # One more cycle at rest: an immediate resumption would add its own jerk to that of
+                # the last step.
                 rates.append(0.0)
                 break
             fraction += rate

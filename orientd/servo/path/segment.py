@@ -1,19 +1,19 @@
-r"""The path between two records: the one law that the servo runs and the certificate examines.
+r"""The path between two records: one law for the servo and for the certificate.
 
 With the rotation vector *r* from the first record, and *u* in [0, 1] the share of the period *h*,
 
 .. math::
     q(u) = q_a \exp(r(u)), \qquad r(u) = c_1 u + c_2 u^2 + c_3 u^3 + \tfrac12 d \max(u - f, 0)^2,
 
-where :math:`r(1) = \log(q_a^{-1} q_b)`, and the angular velocities of both records make
-:math:`r'(0) = h\omega_a` and :math:`r'(1) = J_r(r(1))^{-1} h\omega_b`.  So orientation and angular
-velocity are those of the records, and a smooth path is met to the fourth order of the period.  At
-``u = 0`` the record itself is returned, untouched by rounding.
+where :math:`r(1) = \log(q_a^{-1} q_b)`.  The angular velocities of both records give :math:`r'(0) =
+h\omega_a` and :math:`r'(1) = J_r(r(1))^{-1} h\omega_b`.  So orientation and angular velocity are
+those of the records, and the error on a smooth path is of fourth order in the period. At ``u = 0``
+the result is the record itself, without rounding.
 
-The step *d* is zero on a smooth path.  A path of continuity 1 has steps of its acceleration at its
-knots, which lie anywhere between two cycles.  Let the acceleration have a step *d* at the share *f*
-of the period, and otherwise change evenly, by *e* over the period.  With :math:`w = 1 - f` and all
-rates per period, what the two records say of orientation, velocity and acceleration is
+The step *d* is zero on a smooth path.  A path of continuity 1 has acceleration steps at its knots,
+at any place between two cycles.  Let the acceleration have a step *d* at the share *f* of the
+period, and otherwise change linearly, by *e* over the period.  With :math:`w = 1 - f` and all rates
+per period, orientation, velocity and acceleration of the two records satisfy
 
 .. math::
     \alpha_b - \alpha_a &= d + e, \\
@@ -24,8 +24,8 @@ from which *d* and *w* follow.
 
 The file ``kernels/c/between.h`` has the same law with the same order of operations.
 
-The joints of the device, where the path has them, are the cubics of Hermite between the records:
-of angle and velocity of both.
+If the path has joints of the device, they are cubic Hermite polynomials of the angles and
+velocities of both records.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from orientd.floats import combine, difference, multiply, plus
 from orientd.stream import JOINTS
 
 LEAST_STEP = 2e-7
-"""Least step of the acceleration that is looked for, rad in a period squared."""
+"""Least acceleration step that is detected, rad per squared period."""
 
 _SEAM = 0.0625  # rad^2, below which a series replaces the quotient that cancels
 
@@ -66,8 +66,8 @@ class PathPoint(NamedTuple):
 
 
 def point_of(record: tuple[Any, ...]) -> PathPoint:
-    """Return the point that a path record (its fields, in order) describes."""
-    # Neither slices nor a call of PathPoint(): this happens every cycle.
+    """Return the point of a path record, given by its fields in order."""
+    # Neither slices nor a call of PathPoint(): this runs in every cycle.
     _, w, x, y, z, a, b, c, d, e, f, p, q, r, s, t, u, *axes = record
     joints: Joints = ()
     rates: Joints = ()
@@ -85,10 +85,10 @@ class Law(NamedTuple):
 
     Attributes:
         first: coefficient of *u*.
-        second: of the square of *u*.
-        third: of its third power.
-        step: of the second derivative, at *place*.
-        place: share of the period at which that is.
+        second: coefficient of the square of *u*.
+        third: coefficient of its third power.
+        step: step of the second derivative, at *place*.
+        place: share of the period at which the step is.
     """
 
     first: Vector3
@@ -120,7 +120,7 @@ class Law(NamedTuple):
 
 
 def hermite(way: Vector3, leave: Vector3, arrive: Vector3) -> Law:
-    """Return the cubic that comes to *way* with the derivatives *leave* at 0 and *arrive* at 1."""
+    """Return the cubic that reaches *way* with the derivatives *leave* at 0 and *arrive* at 1."""
     (ax, ay, az), (bx, by, bz), (x, y, z) = leave, arrive, way
     return Law(
         leave,
@@ -136,7 +136,7 @@ def law_between(start: PathPoint, end: PathPoint, period: float) -> Law:
     vx, vy, vz = leave = (period * a, period * b, period * c)
     a, b, c = end.omega_body
     wx, wy, wz = (period * a, period * b, period * c)
-    # J_r(r)^-1 w: the series to twice the tenth order, which is for turns below half a turn.
+    # J_r(r)^-1 w: a series up to the twentieth order, for turns below half a turn.
     square = x * x + y * y + z * z
     factor = 1.0 / 12.0 + square * (
         1.0 / 720.0
@@ -150,14 +150,14 @@ def law_between(start: PathPoint, end: PathPoint, period: float) -> Law:
     )
     cubic = hermite(turn, leave, arrive)
 
-    # The equations less the part of an even change: s = d (w - 1/2) and t = d (w^2 - 1/3).
+    # The equations without the linear change: s = d (w - 1/2) and t = d (w^2 - 1/3).
     area = period * period
     a, b, c = start.alpha_body
     e, f, g = end.alpha_body
     a, b, c = area * a, area * b, area * c
     e, f, g = rise = (area * e - a, area * f - b, area * g - c)
     s = sx, sy, sz = (wx - vx - a - 0.5 * e, wy - vy - b - 0.5 * f, wz - vz - c - 0.5 * g)
-    # The velocities do not commute: what they turn by together lacks a twelfth of their product.
+    # The velocities do not commute: their common turn lacks a twelfth of their product.
     third, sixth = 1.0 / 3.0, 1.0 / 6.0
     t = tx, ty, tz = (
         2.0 * (x - vx) - a - third * e - sixth * (vy * wz - vz * wy),
@@ -173,13 +173,13 @@ def law_between(start: PathPoint, end: PathPoint, period: float) -> Law:
 def _bent(
     cubic: Law, s: Vector3, t: Vector3, rise: Vector3, ss: float, st: float, tt: float
 ) -> Law:
-    """Return a cubic with the step of the acceleration that explains its records, if one does."""
+    """Return a cubic with the acceleration step that explains its records, if there is one."""
     over, under = (st, ss) if ss > tt else (tt, st)
     # The roots of under w^2 - over w + over / 2 - under / 3, in the form that does not cancel.
     root = sqrt((over - under) * (over - under) + under * under * (1.0 / 3.0))
     total = 0.5 * (over + copysign(root, over))
     places = (total / under if under else inf, (0.5 * over - 1.0 / 3.0 * under) / total)
-    # Two places explain the same records; the change between the steps tells which is meant.
+    # Two places explain the same records; the change between the steps tells which one is right.
     found: tuple[float, float, Vector3] | None = None
     for w in places:
         if 0.0 <= w <= 1.0:
@@ -195,7 +195,7 @@ def _bent(
         return cubic
     _, w, step = found
     x, y, z = step
-    # The cubic gives way, so that value and slope at the end stay as they are.
+    # Correct the cubic, so that value and slope at the end stay the same.
     b, c = w * (1.0 - 1.5 * w), w * (w - 1.0)
     (bx, by, bz), (cx, cy, cz) = cubic.second, cubic.third
     second = (bx + b * x, by + b * y, bz + b * z)
@@ -208,13 +208,13 @@ STANDING = Law(ZERO, ZERO, ZERO)
 class JointLaw(NamedTuple):
     """The angle of an axis between two records as a function of the share *u* of the period.
 
-    The cubic that has the angles and the velocities of both records, as a polynomial.
+    It is the cubic with the angles and the velocities of both records, as a polynomial.
 
     Attributes:
         angle: at 0, rad.
         first: coefficient of *u*, rad.
-        second: of the square of *u*, rad.
-        third: of its third power, rad.
+        second: coefficient of the square of *u*, rad.
+        third: coefficient of its third power, rad.
     """
 
     angle: float
@@ -250,7 +250,7 @@ class Segment:
 
     Attributes:
         turn: rotation vector from the first of them, rad.
-        travel: way of the position, m.
+        travel: distance of the position, m.
         joints: of every axis, rad; empty if the path has none.
     """
 

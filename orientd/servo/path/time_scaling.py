@@ -1,10 +1,10 @@
-r"""The time scaling: how fast the setpoint runs along its path, and how that may change.
+r"""The time scaling: how fast the setpoint moves along its path, and how that may change.
 
 The rate sigma is 1 as planned, 0 at rest.  It changes with bounded acceleration and jerk,
-:math:`|\dot\sigma| \le 2x` and :math:`|\ddot\sigma| \le 4x^2` for the motion's brake rate *x*, so
-that a stop from full speed takes :math:`1/x` seconds with a triangular :math:`\dot\sigma`.  The
-planner has made sure that every change of this kind keeps the motion's limits at every point of the
-path (``planner/certify/brake.py``).
+:math:`|\dot\sigma| \le 2x` and :math:`|\ddot\sigma| \le 4x^2` for the motion's brake rate *x*.  So
+a stop from full speed takes :math:`1/x` seconds with a triangular :math:`\dot\sigma`.  The planner
+has certified that every change of this kind keeps the motion's limits at every point of the path
+(``planner/certify/brake.py``).
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ class TimeScaling:
         rate: present rate; 1 is as planned.
         acceleration: its derivative over the last cycle, 1/s.
         target: the rate it is moving to.
-        plan: rates of the cycles to come, the last one first, that a quick stop has chosen and is
-            responsible for (:mod:`orientd.servo.path.quick_stop`); empty if there is none.
-        moves: how often it has been moved, begun or halted.
+        plan: rates of the next cycles, the last one first, chosen by a quick stop
+            (:mod:`orientd.servo.path.quick_stop`); empty if there is none.
+        moves: number of times it was moved, started or halted.
         brake_rate: a stop from full speed takes ``1 / brake_rate`` seconds; 1/s.
     """
 
     def __init__(self, period: float) -> None:
-        """Stand still.  *period* is the cycle in seconds."""
+        """Create it at rest.  *period* is the cycle in seconds."""
         self.period = period
         self.rate = 0.0
         self.acceleration = 0.0
@@ -38,7 +38,7 @@ class TimeScaling:
         self.brake_rate = 0.0
 
     def begin(self, brake_rate: float, target: float) -> None:
-        """Run at *target* at once, which is smooth only where the path itself is at rest."""
+        """Run at *target* at once, which is smooth only if the path itself is at rest."""
         self.brake_rate = brake_rate
         self.target = target
         self.rate = target
@@ -47,28 +47,28 @@ class TimeScaling:
         self.moves += 1
 
     def halt(self) -> None:
-        """Stand still at once: the path has ended, or nothing runs along it any more."""
+        """Set the rate to zero at once: the path has ended, or is no longer in use."""
         self.rate = self.acceleration = self.target = 0.0
         self.plan = []
         self.moves += 1
 
     @property
     def braking_cycles(self) -> int:
-        """Number of path records that a stop from any rate can still use up."""
+        """Number of path records that a stop from any rate may still use."""
         return ceil(1.0 / (self.brake_rate * self.period)) + 2 if self.brake_rate else 0
 
     @property
     def is_steady(self) -> bool:
-        """Whether the rate is what it is to be, and stays so."""
+        """Whether the rate has reached its target and stays there."""
         return self.acceleration == 0.0 and self.rate == self.target
 
     @property
     def is_at_rest(self) -> bool:
-        """Whether it stands still and is to stay so."""
+        """Whether the rate is zero and stays zero."""
         return self.rate == 0.0 and self.target == 0.0
 
     def advance(self) -> float:
-        """Move by one cycle and return the new rate, which is the path records to advance by."""
+        """Advance by one cycle and return the new rate, in path records per cycle."""
         self.moves += 1
         if self.plan:
             before, self.rate = self.rate, self.plan.pop()

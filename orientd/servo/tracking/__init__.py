@@ -1,13 +1,15 @@
-"""Follow targets that arrive at any moment, inside the limits of every cycle.
+"""Follow targets that arrive at any time, inside the limits of every cycle.
 
-Why not one time-optimal generator per axis, such as ruckig: its limits are boxes, ours are norms of
+A time-optimal generator per axis, such as ruckig, has the wrong limits: boxes, instead of norms of
 a rotation's derivatives in the body's own frame.  A box inside the ball gives away up to 42 % of
-each limit, a box around it breaks the limit on the diagonal; rotation vectors of a fixed chart are
-not the body's angular velocity, so that limits kept in the chart are not kept by the body; and its
-jumps of jerk within a cycle leave open what backward differences make of the last stretch.  Here
-the state *is* the chain of backward differences that the guard checks, a limit is kept because no
-other state is ever chosen (:mod:`orientd.servo.motion_law`), and ruckig is the peer in the tests:
-about one axis its duration is the least there is.
+each limit, and a box around it breaks the limit on the diagonal.  Derivatives of rotation vectors
+in a fixed chart are not the body's angular velocity, so limits kept in the chart are not kept by
+the body. Its jerk also jumps within a cycle, so the backward differences of the final approach are
+not determined.
+
+Here the state *is* the chain of backward differences that the guard checks.  A limit is kept
+because no other state is ever chosen (:mod:`orientd.servo.motion_law`).  The tests compare with
+ruckig, whose duration about one axis is the optimum.
 """
 
 from orientd.servo.tracking.target_follower import TargetFollower

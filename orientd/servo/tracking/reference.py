@@ -1,21 +1,20 @@
 """Targets, and the smooth motion that they describe together.
 
-The sender's time stamps count, not the arrival.  Between targets that turn the velocity runs
-straight from one to the next.  Which targets have come by now is a matter of the network, so the
-motion is read somewhat longer ago than targets have lately been stale, where it does not depend on
-that, and carried from there to now with its velocity and the acceleration it has had on average.  A
-motion of even velocity, or acceleration, is met without lag; a change of the acceleration comes
-late.  Whatever is carried without lag is exaggerated at some frequency (a delay that is made up for
-cannot do otherwise); this way it is for motions quicker than a hand's.  A target that comes behind
-a newer one is put in its place as long as the motion has not been read there.  A sender who stamps
-targets ahead by more than its jitter leaves no delay at all.
+The sender's time stamps count, not the arrival times.  Between moving targets the velocity changes
+linearly.  The network decides which targets have arrived, so the reference must not depend on that.
+It is therefore read with a delay, a little longer than targets have lately been late.  From there
+it is extrapolated to now with its velocity and its average acceleration.  A motion of constant
+velocity or acceleration is followed without lag; a change of the acceleration shows late.
+Extrapolation amplifies some frequencies.  Here these are above those of a hand's motion.  If a
+target arrives after a newer one, it is inserted as long as the reference has not been read there.
+If the sender stamps targets ahead by more than its jitter, there is no delay.
 
-A target at rest is an order to be there: it counts at once and is not joined to others; so does one
-that is far from what the one before it predicts.  One without velocity has the velocity that those
-before it tell of, until the next one is overdue; then it is an order, too.
+A target at rest is an order to be there.  It counts at once and is not joined to others.  So does a
+target far from the prediction of the previous one.  A target without velocity gets the velocity of
+the previous ones, until the next one is overdue.  Then it becomes an order too.
 
-What arrives later counts: a target replaces everything that waits from its stamp on.  One that is
-only late, by no more than networks make of it, lies between its neighbours and is put in its place.
+A target that arrives later replaces all waiting ones from its stamp on.  A target that is only
+late, as networks make them, lies between its neighbours and is inserted.
 """
 
 from __future__ import annotations
@@ -37,54 +36,54 @@ from orientd.servo.tracking.targets import (
 from orientd.tolerances import NORM_TOLERANCE
 
 LOOKAHEAD_NS = 10_000_000_000
-"""How far ahead of its time a target may come."""
+"""How far ahead of its time a target may arrive."""
 
 CAPACITY = 10_000
-"""Targets that wait for their time, at most: one a millisecond."""
+"""Most waiting targets: one per millisecond."""
 
 AGREEING = 5e-3
-"""By how much longer the way by a late target may be than between its neighbours, rad or m."""
+"""How much longer the path through a late target may be than between its neighbours, rad or m."""
 
 LARGEST = 1000.0
-"""Largest component believed of an angular velocity or a position, rad/s or m."""
+"""Largest plausible component of an angular velocity or a position, rad/s or m."""
 
 LONGEST_DELAY_NS = 150_000_000
-"""How stale targets may become before they are carried on without regard to their successors."""
+"""Age beyond which targets are extrapolated without regard to later ones."""
 
 GROWTH = 0.1
-"""How fast the delay grows when targets are staler than ever, seconds per second."""
+"""Growth of the delay when targets are later than ever, seconds per second."""
 
 RECOVERY = 0.01
-"""How fast the delay shrinks again, seconds per second."""
+"""Decrease of the delay, seconds per second."""
 
 SPARE = 1.3
-"""How long ago the motion is read, in times of how stale targets have been."""
+"""Delay of reading the reference, in multiples of the lateness of targets."""
 
 STEADY = 0.04
-"""For so long the acceleration that carries a motion on is averaged at least, s."""
+"""Least averaging time of the acceleration for the extrapolation, s."""
 
 STEADIER = 1.2
-"""The same in times of how long ago the motion is read."""
+"""The same averaging time in multiples of the delay."""
 
 SETTLING = 0.008
 """Time in which the law follows an acceleration, s."""
 
 UNEVEN = 1.25
-"""How many times the usual gap between arrivals, and two cycles more, an even stream may take."""
+"""Longest gap of an even stream, in multiples of the usual gap, plus two cycles."""
 
 SILENT = 4.0
-"""After how many times the usual gap, and :data:`SILENT_NS` more, an uneven stream has ceased."""
+"""Gap that ends an uneven stream, in multiples of the usual gap, plus :data:`SILENT_NS`."""
 
 SILENT_NS = 50_000_000
 
 PAUSE_NS = 250_000_000
-"""What comes so long after the time of the newest target begins anew, and tells of no usual gap."""
+"""A target this long after the newest one starts over, and does not count as a gap."""
 
 USUAL = 0.05
-"""Share of the last gap in what counts as the usual one."""
+"""Weight of the last gap in the usual one."""
 
 FORGETTING = 0.01
-"""By which share of a gap the longest one is forgotten."""
+"""Decay of the longest gap per gap."""
 
 
 class Arrivals:
@@ -96,7 +95,7 @@ class Arrivals:
         self._gap_ns = self._longest_ns = 0.0
 
     def note(self, newest_ns: int | None, now_ns: int) -> None:
-        """Note that a target arrives; *newest_ns* is the time of the newest of those before."""
+        """Record an arrival; *newest_ns* is the time of the newest previous target."""
         gap_ns = now_ns - self._arrived_ns
         self._arrived_ns = now_ns
         if newest_ns is None or gap_ns <= 0:
@@ -108,7 +107,7 @@ class Arrivals:
 
     @property
     def are_uneven(self) -> bool:
-        """Whether some targets were lost or late lately."""
+        """Whether targets were lost or late recently."""
         return self._longest_ns > UNEVEN * self._gap_ns + 2.0 * self._period_ns
 
     def have_ceased(self, now_ns: int) -> bool:
@@ -123,22 +122,22 @@ class Reference:
     """The motion that the targets describe.
 
     Attributes:
-        last: the newest target whose time has come, if any lives.
+        last: the newest live target whose time has come.
     """
 
     def __init__(self, period: float) -> None:
-        """Expect to be asked every *period* seconds."""
+        """Create it for one call per *period* seconds."""
         self._period_ns = period * 1e9
         self.clear()
 
     @property
     def delay(self) -> float:
-        """How long ago the motion is read, s."""
+        """Delay of reading the motion, s."""
         return self._delay_ns * 1e-9
 
     @property
     def is_disturbed(self) -> bool:
-        """Whether some targets were lost or late lately."""
+        """Whether targets were lost or late recently."""
         return self._arrivals.are_uneven
 
     @property
@@ -148,7 +147,7 @@ class Reference:
 
     def clear(self) -> None:
         """Forget every target."""
-        # Those from this number on have come since the last time, or follow one that has.
+        # Targets from this index on have arrived since the last call, or follow one that has.
         self._unfiltered = 0
         self._targets: deque[FilteredTarget] = deque()
         self._arrivals = Arrivals(self._period_ns)
@@ -159,7 +158,7 @@ class Reference:
         self.last: FilteredTarget | None = None
 
     def take(self, target: Target, now_ns: int) -> str:
-        """Take a target.
+        """Accept a target.
 
         Returns:
             An empty string, or why it was refused.
@@ -189,7 +188,7 @@ class Reference:
         return ""
 
     def _make_way(self, target: Target, place: int, newest_ns: int) -> None:
-        """Drop what *target*, stamped before the newest one, replaces from its place on."""
+        """Drop the targets that *target*, stamped before the newest one, replaces."""
         targets, time_ns = self._targets, target.time_ns
         if newest_ns - time_ns <= LONGEST_DELAY_NS and 0 < place < len(targets):
             before, after = targets[place - 1].target, targets[place].target
@@ -202,7 +201,7 @@ class Reference:
         self._newest_ns = time_ns
 
     def _has_room(self, time_ns: int, place: int, now_ns: int) -> bool:
-        """Whether a late target can be sorted in: the motion has not been read there."""
+        """Whether a late target can be inserted: the motion has not been read there."""
         targets = self._targets
         is_read = place == 0 or time_ns <= now_ns - self._delay_ns
         return not is_read and (place == len(targets) or targets[place].target.time_ns > time_ns)
@@ -219,7 +218,7 @@ class Reference:
     def position_at(self, now_ns: int) -> tuple[Vector3, Vector3] | None:
         """Return position and velocity of the target at *now_ns*, m and m/s, if it has any.
 
-        To be asked after :meth:`at` for the same instant.
+        Call it after :meth:`at` for the same time.
         """
         last = self.last
         if last is None or last.travelling is None or last.target.position is None:
@@ -232,9 +231,9 @@ class Reference:
         return plus(last.position, way, 1.0), velocity
 
     def end(self, now_ns: int) -> tuple[Target, float] | None:
-        """Return the target that is known to be the last, and the time left to it, s.
+        """Return the target that is known to be the last, and the time until then, s.
 
-        ``None`` once its time has come: from then on it is the only one there is.
+        ``None`` once its time has come: from then on it is the only one.
         """
         if not self._targets or self._is_concluded:
             return None
@@ -249,7 +248,7 @@ class Reference:
         return (newest.target, left_ns * 1e-9) if is_end else None
 
     def conclude(self) -> None:
-        """Let the last target be an order to be there from now on, until another one comes."""
+        """Make the last target an order to be there from now on, until another one arrives."""
         self._is_concluded = True
 
     def _read(self, now_ns: int) -> ReferenceState | None:
@@ -306,14 +305,14 @@ class Reference:
         return ReferenceState(newest.target.q, ZERO, ZERO)
 
     def _delay_by(self, stale_ns: float) -> float:
-        """Choose how long ago the motion is read, and return it, ns."""
+        """Choose the delay at which the motion is read, and return it, ns."""
         period_ns, last_ns = self._period_ns, self._delay_ns
         least_ns = max(min(SPARE * stale_ns, LONGEST_DELAY_NS), last_ns - RECOVERY * period_ns, 0.0)
         self._delay_ns = delay_ns = min(least_ns, last_ns + GROWTH * period_ns)
         return delay_ns
 
     def _carried(self, past: ReferenceState, ahead: float) -> ReferenceState:
-        """Return the motion *ahead* (s) of one that was read."""
+        """Return the motion *ahead* (s) of the read one."""
         mean, period = self._mean_alpha, self._period_ns * 1e-9
         share = period / max(STEADY, STEADIER * ahead)
         change = combine(past.alpha, share, mean, -share)
@@ -322,14 +321,14 @@ class Reference:
         turn = combine(past.omega, ahead, mean, half)
         # The derivative of that, with the velocity and the average both changing.
         omega = plus(plus(past.omega, past.alpha, ahead), change, half / period)
-        # It is as late again as the law needs to follow an acceleration.
+        # It also lags by the time in which the law follows an acceleration.
         lead = 0.0 if self.is_disturbed else (ahead + SETTLING) / period
         q = normalize(multiply(past.q, exp(turn)))
         return ReferenceState(q, omega, past.alpha, plus(ZERO, change, lead))
 
 
 def _problem_of(target: Target, now_ns: int) -> str:
-    """Say what is wrong with a target by itself, if anything is."""
+    """Return what is wrong with a target by itself, or an empty string."""
     q, omega, time_ns, expires_ns, position = target
     size = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
     if not abs(size - 1.0) <= 2.0 * NORM_TOLERANCE:
@@ -345,7 +344,7 @@ def _problem_of(target: Target, now_ns: int) -> str:
 
 
 def _lies_between(before: Target, target: Target, after: Target) -> bool:
-    """Whether a target lies on the way from one to another, or nearly."""
+    """Whether a target lies between two others, or nearly."""
     way = norm(difference(before.q, target.q)) + norm(difference(target.q, after.q))
     if way > norm(difference(before.q, after.q)) + AGREEING:
         return False

@@ -1,10 +1,9 @@
 """The position controller: meet a target that may move as soon as the limits allow.
 
-Packets that are lost or late are surprises: the target turns out to be elsewhere than expected.
-While the device follows a moving target closely, an :class:`AccelerationCap` lets a correction take
-no more acceleration, the target's own included, than the target itself has lately taken.  So a bad
-network does not show as a peak of its own; while the target accelerates as much as it ever does,
-the correction waits.
+Lost or late packets are surprises: the target turns out to be elsewhere than expected.  While the
+device follows a moving target closely, an :class:`AccelerationCap` limits corrections.  The total
+acceleration, including the target's own, stays below the target's recent maximum.  So a bad network
+causes no acceleration peak.  While the target accelerates at its maximum, the correction waits.
 """
 
 from __future__ import annotations
@@ -21,39 +20,39 @@ from orientd.servo.motion_law import (
 )
 
 NEAR = 0.3
-"""Angle left up to which what has followed closely is corrected without hurry, rad."""
+"""Remaining angle up to which a close follower corrects slowly, rad."""
 
 SPIRAL = 0.6
-"""Part of the closing speed that is given up while all the motion is across the way."""
+"""Share of the closing speed that is given up while all the motion is sideways."""
 
 FORGETTING = 0.02
-"""By which part the target's largest acceleration is forgotten in a second."""
+"""Share of the target's largest acceleration that is forgotten in a second."""
 
 LEAST_PART = 0.05
-"""Part of the limit that a correction may always take."""
+"""Share of the limit that a correction may always use."""
 
 
 class AccelerationCap:
     """The largest acceleration of the target, and whether the device follows it closely.
 
-    It does from when what is left of angle and velocity would take no more than the target's own
-    acceleration, until the tracker has to catch up again with all that the limits allow.
+    It follows closely once the correction of angle and velocity takes no more than the target's own
+    acceleration.  It no longer does when the tracker has to catch up with the full limits.
     """
 
     def __init__(self, period: float) -> None:
-        """Expect a target every *period* seconds."""
+        """Create it for one target per *period* seconds."""
         self._kept = 1.0 - FORGETTING * period
         self.release()
 
     def release(self) -> None:
-        """Begin to catch up with another target."""
+        """Start to catch up with another target."""
         self._largest = 0.0
         self._is_close = False
 
     def margin(self, alpha: Vector3, needed: float, limit: float) -> float:
-        """Return how much acceleration is left for a correction; infinity while catching up.
+        """Return the acceleration available for a correction; infinity while catching up.
 
-        *alpha* is that of the target.  Making up for angle and velocity, each by itself, takes
+        *alpha* is that of the target.  Correcting angle and velocity, each by itself, takes
         *needed*; infinity if nothing has to be restrained.  All in rad/s^2.
         """
         size = norm(alpha)
@@ -62,7 +61,7 @@ class AccelerationCap:
         return self._largest - size if self._is_close else inf
 
     def capped(self, wanted: Vector3, *, is_linear: bool) -> Vector3:
-        """Return the acceleration to aim at; a correction is no more than the target's own."""
+        """Return the acceleration to aim at, with the correction capped at the target's own."""
         self._is_close = self._is_close and is_linear
         size = norm(wanted)
         if not self._is_close or size <= self._largest:
@@ -72,7 +71,7 @@ class AccelerationCap:
 
 
 def closing_speed(angle: float, limits: TrackingLimits) -> float:
-    """Return the speed from which, unaccelerated, rest is reached within *angle*."""
+    """Return the speed from which, without initial acceleration, a stop fits within *angle*."""
     a, j = limits.acceleration, limits.jerk
     ramp = a * a / j
     if angle * j <= a * ramp:
@@ -91,9 +90,9 @@ def position_command(
 ) -> tuple[Vector3, bool]:
     """Return the acceleration to aim at, to meet a moving target soonest and stay with it.
 
-    It is as much as possible of what closes in, and as much as necessary of what stops (relative to
-    the target), so that a stop from the next state does not pass the target.  Near the target,
-    where no limit is in reach, a linear law takes its place, so that nothing chatters.
+    It closes in as fast as possible, but brakes as much as necessary, relative to the target.  A
+    stop from the next state thus never passes the target.  Near the target no limit is active, and
+    a linear law takes over to avoid chatter.
 
     Args:
         e: rotation vector from the orientation to the target's, rad.
@@ -102,16 +101,16 @@ def position_command(
         omega_target: the target's angular velocity, rad/s.
         alpha_target: its angular acceleration, rad/s^2.
         limits: the limits and gains.
-        margin: acceleration left for corrections of what follows the target closely, rad/s^2;
-            infinity for what has to catch up with it.
+        margin: acceleration available for corrections of a close follower, rad/s^2; infinity while
+            it catches up.
 
     Returns:
-        That acceleration, rad/s^2, and whether it is of the linear law.
+        That acceleration, rad/s^2, and whether it comes from the linear law.
     """
     h = limits.period
     nx, ny, nz = plus(omega, omega_target, -1.0)
     bx, by, bz = plus(alpha, alpha_target, -1.0)
-    # Where the target is seen from when the acceleration has run out.
+    # The error after the acceleration has run out.
     t = sqrt(bx * bx + by * by + bz * bz) / limits.jerk
     s, r = h - t, -h * h / 6.0 - t * t / 3.0 + 0.5 * h * t
     fx, fy, fz = e[0] + s * nx + r * bx, e[1] + s * ny + r * by, e[2] + s * nz + r * bz

@@ -1,11 +1,12 @@
-"""The pursuit of targets: from the ring they arrive in to the setpoint of the cycle.
+"""Follow targets: from the ring where they arrive to the setpoint of the cycle.
 
-A position follows its target by a law of its own.  The velocity of the next step is the target's
-and as much more as still leaves the way to come to rest relative to it.  No limit is ever exceeded,
-as no other velocity is ever chosen: a change that is larger than the acceleration allows is cut.
+The position follows its target by its own law.  The velocity of the next step is the target's plus
+as much as still allows a stop relative to it.  A change larger than the acceleration allows is cut,
+so no limit is ever exceeded.
 
-For a device with a mechanism the axes are foreseen (:class:`~orientd.mechanism.Foresight`): if they
-cannot follow a step and a stop from it, a part of the step is tried, and braking in the end.
+For a device with a mechanism the axes are predicted (:class:`~orientd.mechanism.Foresight`).  If
+they cannot follow a step and a stop from it, the servo tries a part of the step, and finally
+brakes.
 """
 
 from __future__ import annotations
@@ -22,41 +23,45 @@ from orientd.servo.tracking.tracker import AxisStop, Tracker, TrackPoint
 from orientd.stream import RecordRing, ServoLimits
 
 TARGETS_PER_CYCLE = 8
-"""Targets taken in one cycle; the others wait."""
+"""Targets accepted in one cycle; the others wait."""
 
 LEFT_OUT_WORD = 1
-"""Word of the ring of targets: how many have been left out."""
+"""Word of the ring of targets: number of skipped targets."""
 
 CLOSING = 10.0
-"""Closing speed per distance left in the last stretch, 1/s."""
+"""Closing speed per remaining distance in the final approach, 1/s."""
 
 SETTLE = 60.0
-"""Acceleration per error of the velocity, 1/s: what arrives in steps is not passed on in one."""
+"""Acceleration per velocity error, 1/s: smooths steps of the targets."""
 
 BRAKING = 0.7
-"""Part of the acceleration that the way to rest is reckoned with; the rest is for what the target
-does meanwhile."""
+"""Share of the acceleration for the stopping distance.
+
+The rest is for the motion of the target meanwhile.
+"""
 
 MOST = 12
-"""At how many instants of a stop the axes are looked at, at most: in every cycle of a short one."""
+"""Most times of a stop at which the axes are checked: every cycle of a short one."""
 
 SHARES = ((0.3, 0.3), (0.06, 0.06), (0.3, None), (None, 0.3))
-"""How much of the change of speed towards a target, of orientation and position, is tried if the
-axes cannot follow it whole; ``None`` brakes."""
+"""Shares of the change of speed towards a target that are tried in turn.
+
+They apply to orientation and position if the axes cannot follow the whole change; ``None`` brakes.
+"""
 
 
 class TargetFollower:
-    """Targets of one ring, followed.
+    """Follow the targets of one ring.
 
     Attributes:
         is_on: whether targets are followed, or their following is coming to rest.
-        hindrance: why the device's axes cannot follow the targets any nearer; empty while they can.
-        tracker: on the way to the target of the moment.
-        foresight: of the axes; ``None`` if the device follows any pose.
+        hindrance: why the device's axes cannot come closer to the targets; empty if they can.
+        tracker: follows the current target.
+        foresight: prediction of the axes; ``None`` if the device follows any pose.
     """
 
     def __init__(self, ring: RecordRing, guard: Guard) -> None:
-        """Follow nothing yet: targets come by *ring*."""
+        """Create it for the targets of *ring*, following nothing yet."""
         self.is_on = False
         self.hindrance = ""
         self.tracker = Tracker(guard.period)
@@ -68,9 +73,9 @@ class TargetFollower:
         self._landing: Target | None = None
 
     def begin(self, servo_limits: ServoLimits, joints: Joints = ()) -> None:
-        """Begin from what was last written; targets of before do not count.
+        """Begin from the last written setpoint; earlier targets do not count.
 
-        The *joints*, in rad, are near there; a stop off the path needs none, since it looks at no
+        *joints* are close to the axes, rad.  A stop off the path needs none, since it checks no
         axes.
         """
         guard, h = self._guard, self._guard.period
@@ -88,15 +93,15 @@ class TargetFollower:
         self.hindrance = ""
 
     def end(self) -> None:
-        """Follow no more."""
+        """Stop following."""
         self.is_on, self.hindrance = False, ""
 
     def step(
         self, now_ns: int, servo_limits: ServoLimits, *, is_stopping: bool
     ) -> tuple[TrackPoint, Vector3]:
-        """Return what the cycle due at *now_ns* commands, and its position, m.
+        """Return the setpoint of the cycle with deadline *now_ns*, and its position, m.
 
-        If *is_stopping* it comes to rest, whatever targets arrive.
+        With *is_stopping* it comes to rest, whatever targets arrive.
         """
         guard = self._guard
         if not is_stopping:
@@ -119,7 +124,7 @@ class TargetFollower:
         return self.tracker.ease(None), braked
 
     def _look_ahead(self, q: Quaternion, position: Vector3, servo_limits: ServoLimits) -> str:
-        """Return why the axes cannot follow a setpoint and a stop from it, or nothing."""
+        """Return why the axes cannot follow a setpoint and a stop from it, or an empty string."""
         if self.foresight is None:
             return ""
         guard, stop = self._guard, self.tracker.stop_ahead()
@@ -129,7 +134,7 @@ class TargetFollower:
         return self.foresight.look((guard.q, guard.position), coming)
 
     def _position(self, servo_limits: ServoLimits) -> Vector3 | None:
-        """Return the next position, m; ``None`` if it is to come to rest, wherever that is."""
+        """Return the next position, m; ``None`` if it must come to rest anywhere."""
         place = self.tracker.place
         if place is None:
             return None
@@ -201,7 +206,7 @@ def approach(
 
 
 def stopping_distance(speed: float, acceleration: float) -> float:
-    """Return from how far away :func:`approach` brakes to a target at rest, m."""
+    """Return the distance from which :func:`approach` brakes for a target at rest, m."""
     brake = BRAKING * acceleration
     linear = brake / (CLOSING * CLOSING)
     return speed / CLOSING if speed < CLOSING * linear else 0.5 * (speed * speed / brake + linear)
@@ -215,10 +220,10 @@ def _coming(
     acceleration: float,
     period: float,
 ) -> list[ComingPose]:
-    """Return a setpoint, the first cycle of a stop from it, and poses further on the way to rest.
+    """Return a setpoint, the first cycle of a stop from it, and later poses of the stop.
 
-    *velocity* is that of the step to the setpoint, *stop* what :meth:`Tracker.stop_ahead` says, and
-    *acceleration* that with which the position comes to rest, m/s^2.
+    *velocity* is that of the step to the setpoint, *stop* the result of :meth:`Tracker.stop_ahead`,
+    and *acceleration* that with which the position comes to rest, m/s^2.
     """
     poses = [ComingPose(period, q, position)]
     q, turning = stop
@@ -229,7 +234,7 @@ def _coming(
     velocity = plus(ZERO, velocity, 1.0 - change / speed) if speed > change else ZERO
     position, speed = plus(position, velocity, period), max(speed - change, 0.0)
     poses.append(ComingPose(period, q, position))
-    # The velocity of a step is that of its middle, and the next one is slower already.
+    # The velocity of a step is that of its middle, and the next one is already slower.
     running = max(speed / acceleration - 0.5 * period, 0.0)
     share = running * acceleration / speed if speed > 0.0 else 0.0
     longest = max(running, turning.seconds if turning is not None else 0.0, period)

@@ -1,19 +1,19 @@
-"""Targets as they are filtered, and the motion between and beyond them.
+"""Filtered targets, and the motion between and beyond them.
 
-A target that comes with its velocity is averaged with what the one before it predicts.  One without
-velocity takes it from those before: a Kalman filter of place, velocity and acceleration, driven by
-white jerk, for orientations and for positions.  The three axes share one covariance, as all of them
-are measured alike.  Samples may come at any spacing, so that lost ones need nothing special, and a
-target of constant rate is met exactly from the second sample on.
+A target with a velocity is averaged with the prediction of the previous one.  A target without one
+gets its velocity from a Kalman filter of place, velocity and acceleration, driven by white jerk,
+for orientations and for positions.  The three axes share one covariance, because their measurements
+are alike.  Samples may come at any spacing, so lost ones need no special treatment.  A target of
+constant rate is met exactly from the second sample on.
 
-The filter learns how noisy the samples are.  Surprises that follow one another in the same
-direction say that the target moves otherwise than was expected, surprises to and fro that it was
-followed too closely; they have no direction if the filter is right (Mehra 1970).  The noisier, the
+The filter learns the noise of the samples.  Successive surprises in the same direction mean that
+the target moves differently than expected.  Alternating surprises mean that the filter followed the
+noise. If the filter is right they have no direction (Mehra 1970).  The noisier the samples, the
 longer it averages.
 
-A target farther from what was expected than the filter can explain begins a motion of its own, at
-rest.  So does one with velocity that is farther than :data:`JUMP` from its prediction, and so does
-one that stands still.
+A target farther from its prediction than the filter can explain starts a new motion, at rest.  So
+does one with velocity that is farther than :data:`JUMP` from its prediction, and one that stands
+still.
 """
 
 from __future__ import annotations
@@ -26,62 +26,64 @@ from orientd.driver import ZERO, Quaternion, Vector3
 from orientd.floats import combine, difference, exp, multiply, norm, normalize, plus
 
 JUMP = 0.1
-"""From which surprise on a target is a new order rather than a correction, rad."""
+"""Surprise from which a target is a new order rather than a correction, rad."""
 
 TRUST = 0.05
-"""For so long velocities are believed more than orientations, s: this averages the noise."""
+"""Time for which velocities count more than orientations, s: this averages the noise."""
 
 BENT = 0.05
-"""For so long the last acceleration is believed beyond the newest target, s."""
+"""Time for which the last acceleration is extrapolated beyond the newest target, s."""
 
 STILL = 1e-4
-"""What is estimated to turn more slowly stands still, rad/s."""
+"""Estimated rate below which a target stands still, rad/s."""
 
 JERK = 1.0
-"""Power spectral density of the targets' jerk, (rad/s^3)^2/Hz, or (m/s^3)^2/Hz: with the least
-noise the filter follows what is slower than some 40 rad/s."""
+"""Power spectral density of the targets' jerk, (rad/s^3)^2/Hz, or (m/s^3)^2/Hz.
+
+With the least noise the filter follows motion slower than some 40 rad/s.
+"""
 
 LEAST_NOISE = 1e-4
-"""Standard deviation of a sample about each axis that is believed at least, rad or m."""
+"""Least assumed standard deviation of a sample about each axis, rad or m."""
 
 MOST_NOISE = 0.03
-"""The most that is believed, rad or m: that of 50 ms of jitter where nobody stamps, at 2 rad/s."""
+"""Largest assumed one, rad or m: that of 50 ms of jitter without stamps, at 2 rad/s."""
 
 FIRST_NOISE = 3e-4
-"""What is believed before there was any surprise, rad or m."""
+"""Initially assumed one, rad or m."""
 
 LEARNING = 0.3
-"""By how much the logarithm of the variance changes with one surprise."""
+"""Change of the logarithm of the variance with one surprise."""
 
 NO_SURPRISE = 1e-6
-"""Length of a surprise that tells of nothing, rad or m."""
+"""Length of a surprise that carries no information, rad or m."""
 
 GATE = 5.0
-"""From how many standard deviations on a surprise is a new order rather than noise or motion."""
+"""Standard deviations from which a surprise is a new order rather than noise or motion."""
 
 AGILITY = 20.0
-"""Acceleration that is believed of a target between two samples, rad/s^2 or m/s^2."""
+"""Assumed acceleration of a target between two samples, rad/s^2 or m/s^2."""
 
 LONGEST = 0.25
-"""Samples farther apart than that tell of no velocity, s."""
+"""Longest spacing of samples that still give a velocity, s."""
 
 ANY_VELOCITY = 2.0
-"""Standard deviation of the velocity of what nothing is known of, rad/s or m/s."""
+"""Standard deviation of an unknown velocity, rad/s or m/s."""
 
 ANY_ACCELERATION = 10.0
-"""The same of its acceleration, rad/s^2 or m/s^2."""
+"""Standard deviation of an unknown acceleration, rad/s^2 or m/s^2."""
 
 
 class Target(NamedTuple):
-    """Where the device should be at an instant, and how it should turn there.
+    """The pose for the device at a time, and its velocity there.
 
     Attributes:
         q: orientation ``(w, x, y, z)``; its sign does not matter.
         omega_body: angular velocity in the target's own frame, rad/s; zero to be at rest there,
-            ``None`` if only those before it tell.
-        time_ns: when it is valid, monotonic clock.
-        expires_ns: from when on it says nothing any more.
-        position: where it is, m; ``None`` for a position at rest wherever that is.
+            ``None`` to derive it from earlier targets.
+        time_ns: time of the target, monotonic clock.
+        expires_ns: time from which it no longer counts.
+        position: m; ``None`` for a position at rest anywhere.
     """
 
     q: Quaternion
@@ -92,16 +94,16 @@ class Target(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """What is believed of a motion at the time of a sample, whether it turns or travels.
+    """State of the filter at a sample, of a rotation or a translation.
 
     Attributes:
         velocity: in the orientation's own frame, rad/s, or m/s.
         acceleration: rad/s^2, or m/s^2.
         covariance: of place, velocity and acceleration along any axis: the upper triangle by rows.
         noise: variance of a sample.
-        surprise: how far the sample was from what was expected.
-        gain: part of that by which the place was corrected.
-        begins: whether the sample was not expected at all: a motion begins there, at rest.
+        surprise: distance of the sample from its prediction.
+        gain: share of the surprise by which the place was corrected.
+        begins: whether the sample was not expected at all, so that a motion begins there, at rest.
     """
 
     velocity: Vector3
@@ -113,22 +115,22 @@ class Estimate(NamedTuple):
     begins: bool
 
     def step(self, t: float) -> Vector3:
-        """Return the way that is expected in *t* seconds from the sample on."""
+        """Return the predicted displacement *t* seconds after the sample."""
         return combine(self.velocity, t, self.acceleration, 0.5 * t * t)
 
 
 def begun(noise: float = FIRST_NOISE * FIRST_NOISE) -> Estimate:
-    """Return what is believed of a motion of which there is one sample."""
+    """Return the state of the filter after one sample."""
     v, a = ANY_VELOCITY * ANY_VELOCITY, ANY_ACCELERATION * ANY_ACCELERATION
     return Estimate(ZERO, ZERO, (noise, 0.0, 0.0, v, 0.0, a), noise, ZERO, 1.0, True)
 
 
 def updated(before: Estimate, surprise: Vector3, t: float) -> Estimate:
-    """Return what is believed once a sample has come.
+    """Return the state of the filter after a further sample.
 
     Args:
-        before: what was believed at the sample before.
-        surprise: how far the sample is from what was expected, rad or m.
+        before: state at the previous sample.
+        surprise: distance of the sample from its prediction, rad or m.
         t: time between the samples, s.
     """
     if t > LONGEST:
@@ -150,7 +152,7 @@ def updated(before: Estimate, surprise: Vector3, t: float) -> Estimate:
     cosine = agreement / (size * norm(before.surprise) + NO_SURPRISE * NO_SURPRISE)
     noise = before.noise * exp_of(-LEARNING * cosine)
     noise = min(max(noise, LEAST_NOISE * LEAST_NOISE), MOST_NOISE * MOST_NOISE)
-    # The gains: how much of the surprise each of the three takes.
+    # The gains: the share of the surprise that each of the three takes.
     g, h, k = p / total, pv / total, pa / total
     return Estimate(
         plus(plus(before.velocity, before.acceleration, t), surprise, h),
@@ -164,17 +166,17 @@ def updated(before: Estimate, surprise: Vector3, t: float) -> Estimate:
 
 
 class FilteredTarget(NamedTuple):
-    """A target and what the filter makes of it.
+    """A target with its filtered values.
 
     Attributes:
-        target: as it came, its quaternion normalised.
+        target: as received, its quaternion normalised.
         q: orientation ``(w, x, y, z)``.
         omega: angular velocity in its own frame, rad/s.
         alpha: angular acceleration up to there, rad/s^2.
-        begins: whether it begins something, and is not joined to those before.
-        turning: what is believed of its orientation if it came without velocity.
-        position: where it is, m, if it came with a position.
-        travelling: what is believed of that.
+        begins: whether it begins a motion, and is not joined to earlier targets.
+        turning: state of the filter of its orientation, if it came without velocity.
+        position: m, if it came with a position.
+        travelling: state of the filter of the position.
     """
 
     target: Target
@@ -188,13 +190,13 @@ class FilteredTarget(NamedTuple):
 
 
 class ReferenceState(NamedTuple):
-    """The reference at an instant.
+    """The reference at a time.
 
     Attributes:
         q: orientation ``(w, x, y, z)``.
         omega: angular velocity in the reference's own frame, rad/s.
         alpha: angular acceleration, rad/s^2.
-        lead: how much more that is by now, as it has changed lately, rad/s^2: fed forward.
+        lead: expected change of that by now, from its recent trend, rad/s^2, for feed-forward.
     """
 
     q: Quaternion
@@ -204,7 +206,7 @@ class ReferenceState(NamedTuple):
 
 
 def filtered(before: FilteredTarget | None, target: Target) -> FilteredTarget:
-    """Return a target as it is believed after the one *before* it.
+    """Return a target filtered with the one *before* it.
 
     Args:
         before: the last target, filtered; ``None`` for the first.
@@ -249,7 +251,7 @@ def _turned(before: FilteredTarget | None, target: Target, seconds: float) -> Fi
 
 
 def carried_on(velocity: Vector3, acceleration: Vector3, since: float) -> tuple[Vector3, Vector3]:
-    """Return way and velocity *since* the last target, s, with its velocity and acceleration."""
+    """Return displacement and velocity *since* the last target, s, extrapolated."""
     bent = min(since, BENT)
     way = combine(velocity, since, acceleration, bent * (since - 0.5 * bent))
     return way, plus(velocity, acceleration, bent)
@@ -267,7 +269,7 @@ def joined(here: FilteredTarget, there: FilteredTarget, since: float) -> Referen
     span = (there.target.time_ns - here.target.time_ns) * 1e-9
     u, omega = since / span, here.omega
     alpha = combine(there.omega, 1.0 / span, omega, -1.0 / span)
-    # Velocity runs straight from one to the other; what the orientations say beyond, along a ramp.
+    # Velocity changes linearly between them; the rest of the orientation change follows a ramp.
     end = multiply(here.q, exp(combine(omega, span, alpha, 0.5 * span * span)))
     gap = difference(end, there.q)
     q = multiply(here.q, exp(combine(omega, since, alpha, 0.5 * since * since)))

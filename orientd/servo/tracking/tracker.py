@@ -1,4 +1,4 @@
-"""The tracker: one setpoint a cycle, on the way to the target of the moment."""
+"""The tracker: one setpoint a cycle, towards the current target."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from orientd.servo.tracking.targets import JUMP, FilteredTarget, ReferenceState,
 from orientd.stream import ServoLimits
 
 _MET = 0.02
-"""How near the device has come to what it follows when it has met it, rad."""
+"""Largest distance from its target at which the device has met it, rad."""
 
 _ARRIVED = 1e-8
-"""Angle, rad, and velocity, rad/s, at which the device is where it was to end."""
+"""Angle, rad, and velocity, rad/s, within which the device is at its end."""
 
 _DELAY_STEP = 1e-3
-"""From which change of the delay on the gains are worked out anew, s."""
+"""Change of the delay that updates the gains, s."""
 
 
 class TrackPoint(NamedTuple):
-    """What one cycle commands: orientation, angular velocity (rad/s) and acceleration (rad/s^2)."""
+    """Setpoint of one cycle: orientation, angular velocity (rad/s) and acceleration (rad/s^2)."""
 
     q: Quaternion
     omega_body: Vector3
@@ -48,7 +48,7 @@ class AxisStop:
     """A stop about one axis: its acceleration falls to a peak, stays there, and rises to zero.
 
     Attributes:
-        seconds: how long it takes.
+        seconds: its duration.
     """
 
     def __init__(self, axis: Vector3, speed: float, rate: float, limits: TrackingLimits) -> None:
@@ -59,7 +59,7 @@ class AxisStop:
         self.seconds = sum(phases)
 
     def turn(self, since: float) -> Vector3:
-        """Return the rotation vector turned *since* the begin, s."""
+        """Return the rotation vector *since* the beginning, s."""
         angle, speed, rate = 0.0, self._speed, self._rate
         for seconds, jerk in self._phases:
             t = min(since, seconds)
@@ -71,21 +71,22 @@ class AxisStop:
 
 
 class Tracker:
-    """Follows targets with bounded angular velocity, acceleration and jerk.
+    """Follow targets with bounded angular velocity, acceleration and jerk.
 
-    The bounds are those of the guard: norms of backward differences.  A target that moves steadily
-    is followed without lag.  Where targets end the motion comes to rest at the last one, without
-    passing it if that is known to be the last beforehand.  Without a live target the motion comes
-    to rest as soon as it can, or at the last target if it has met that and that had no velocity.
+    The bounds are those of the guard: norms of backward differences.  A target with steady motion
+    is followed without lag.  When targets end, the motion comes to rest at the last one.  It does
+    not pass that target if it is known beforehand to be the last.  Without a live target the motion
+    comes to rest as soon as it can, or at the last target if it has met that and that had no
+    velocity.
 
     Attributes:
         is_at_rest: whether nothing turns, no target lives and none waits for its time.
         place: position and velocity of the target at the last setpoint, m and m/s, if it has any.
-        end: the target that is known to be the last, and the time left to it, s, before that time.
+        end: the target that is known to be the last, and the time until then, s.
     """
 
     def __init__(self, period: float) -> None:
-        """Expect a step every *period* seconds."""
+        """Create it for one step per *period* seconds."""
         self._period = period
         self._period_ns = round(period * 1e9)
         self._reference = Reference(period)
@@ -99,9 +100,9 @@ class Tracker:
         alpha_body: Vector3,
         servo_limits: ServoLimits,
     ) -> None:
-        """Begin from what was last commanded, moving or at rest, without any target.
+        """Begin from the last command, moving or at rest, without any target.
 
-        The rates are backward differences.  What moves faster than the limits is slowed down first.
+        The rates are backward differences.  A motion beyond the limits is slowed down first.
         """
         self._servo_limits = servo_limits
         self._limits, self._units = limits_of(servo_limits, self._period)
@@ -118,12 +119,12 @@ class Tracker:
         self._loose = loosened(self._limits, self._omega, self._alpha)
 
     def rest(self, q: Quaternion) -> None:
-        """Go on from rest at *q*, with the target of before."""
+        """Continue from rest at *q*, with the previous target."""
         self._q, self._omega, self._alpha = q, ZERO, ZERO
         self._loose = self._limits
 
     def take(self, target: Target, now_ns: int) -> str:
-        """Take a target that arrived; return an empty string, or why it was refused."""
+        """Accept a target; return an empty string, or why it was refused."""
         return self._reference.take(target, now_ns)
 
     def cease(self) -> None:
@@ -139,10 +140,10 @@ class Tracker:
         self._has_met = False
 
     def step(self, now_ns: int) -> TrackPoint:
-        """Return the setpoint of the cycle that is due at *now_ns*."""
+        """Return the setpoint of the cycle with deadline *now_ns*."""
         if self._loose is not self._limits:
             self._loose = loosened(self._limits, self._omega, self._alpha)
-        # State and target of the same instant, that of the last setpoint.
+        # State and target at the same time, that of the last setpoint.
         found = self._found(now_ns - self._period_ns)
         if found is None:
             if self._omega == ZERO == self._alpha:
@@ -157,7 +158,7 @@ class Tracker:
         return self._move(plus(self._omega, alpha, self._period), alpha)
 
     def _stopped(self) -> tuple[Vector3, Vector3]:
-        """Return velocity and acceleration one cycle further towards rest."""
+        """Return velocity and acceleration after one more cycle towards rest."""
         if not self._servo_limits.has_axes:
             return halt(self._omega, self._alpha, self._loose)
         units = self._units
@@ -166,7 +167,7 @@ class Tracker:
         return divided(omega, units), divided(alpha, units)
 
     def ease(self, share: float | None) -> TrackPoint:
-        """Take the last step back; go a *share* of the way from an even step to it, or brake."""
+        """Undo the last step; take a *share* of its change of velocity instead, or brake."""
         self._q, self._omega, self._alpha = self._before
         if share is None:
             return self._move(*halt(self._omega, self._alpha, self._loose))
@@ -175,11 +176,11 @@ class Tracker:
         return self._move(plus(self._omega, alpha, self._period), alpha)
 
     def stop_ahead(self) -> tuple[Quaternion, AxisStop | None]:
-        """Return where the first cycle of a stop leads, and the rest of it from there, if any."""
+        """Return the first cycle of a stop, and the rest of the stop from there, if any."""
         limits, h = self._limits, self._period
         omega, alpha = halt(self._omega, self._alpha, self._loose)
         q = multiply(self._q, exp(plus(ZERO, times(omega, self._units), h)))
-        # About where it would turn once the acceleration has run out.
+        # The approximate axis of the turn after the acceleration has run out.
         ahead = plus(omega, alpha, 0.5 * (norm(alpha) / limits.jerk + h))
         size = norm(ahead)
         if size < _ARRIVED:
@@ -197,7 +198,7 @@ class Tracker:
         return TrackPoint(self._q, omega, times(alpha, self._units))
 
     def _found(self, now_ns: int) -> ReferenceState | None:
-        """Return what to follow at *now_ns*; ``None`` to come to rest wherever that is."""
+        """Return the reference at *now_ns*; ``None`` to come to rest anywhere."""
         reference = self._reference
         found = reference.at(now_ns)
         self.end = reference.end(now_ns)
@@ -213,7 +214,7 @@ class Tracker:
         return found
 
     def _note(self, last: FilteredTarget, found: ReferenceState) -> None:
-        """Note whether the device has met what it follows, and where it is to end."""
+        """Record whether the device has met its target, and where it must end."""
         if last is not self._last:
             self._last = last
             if last.begins and norm(difference(self._q, last.target.q)) > JUMP:
@@ -224,7 +225,7 @@ class Tracker:
         self._home = last.target if self._has_met and is_order else None
 
     def _expired(self) -> ReferenceState | None:
-        """Return the target that has expired as long as there is a way left to it."""
+        """Return the expired target while the device has not reached it."""
         home = self._home
         self.place = None
         if home is None:
@@ -242,7 +243,7 @@ class Tracker:
             return False
         way = divided(difference(self._q, end.q), self._units)
         along, rate = dot(way, self._omega) / speed, dot(self._alpha, self._omega) / speed
-        # What is sent next turns on for two cycles more.
+        # The next setpoint continues to turn for two cycles.
         stop = stopping_angle(speed, rate, self._limits.acceleration, self._limits.jerk)
         stop += 2.0 * self._period * speed
         return speed * left <= 2.0 * stop and along <= stop
@@ -268,7 +269,7 @@ class Tracker:
         return cap.capped(wanted, is_linear=is_linear)
 
     def _softened(self) -> TrackingLimits:
-        """Return the limits and gains for a target that moves, as late as it is heard of."""
+        """Return the limits and gains for a moving target, at the present delay."""
         delay = self._reference.delay
         if abs(delay - self._soft_for) > _DELAY_STEP:
             self._soften(delay)
