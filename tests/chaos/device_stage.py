@@ -11,7 +11,7 @@ import time
 import numpy as np
 from command_line import begin, environment
 from gimbal_bench import PATIENT, ROOT, ExampleDaemon
-from harness import is_alive, peaks_within, until
+from harness import is_alive, peaks_within, run_first, until
 from stage import ATTEMPTS, LONGEST, STARVED, Calls, longest_wait, waiting
 
 import orientd
@@ -21,9 +21,6 @@ from orientd.protocol import control_pb2 as pb
 from orientd.protocol import word
 from orientd.servo.watchdog import SHORTEST_NS
 from orientd.stream import CycleFlag
-
-EMULATOR_PRIORITY = 70
-"""A real device has a processor of its own: its emulator comes first, where that is permitted."""
 
 
 class DeviceStage:
@@ -90,9 +87,7 @@ class DeviceStage:
         self.emulator = begin("sim", *self.words, env=environment())
         line = self.emulator.stdout.readline()
         assert line.startswith("ready"), line
-        with contextlib.suppress(PermissionError):
-            of_its_own = os.sched_param(EMULATOR_PRIORITY)
-            os.sched_setscheduler(self.emulator.pid, os.SCHED_FIFO, of_its_own)
+        run_first(self.emulator.pid)
 
     def left_servos(self, *but):
         """Return the servo processes seen so far that are still there."""

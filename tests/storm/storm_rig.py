@@ -86,7 +86,7 @@ class Rig(DaemonProcess):
         def busy() -> int:
             spent = {pid: processor_seconds(pid) - begun[pid] for pid in planners}
             pid = max(spent, key=spent.__getitem__)
-            return pid if spent[pid] > 0.1 else 0
+            return pid if spent[pid] > 0.03 else 0
 
         return until(busy, "a planner at work")
 

@@ -16,7 +16,7 @@ from orientd.protocol import control_pb2 as pb
 from orientd.protocol.control_pb2_grpc import ControlStub
 
 DEVICE = "arm"
-PLAN_TIMEOUT = 1.0
+PLAN_TIMEOUT = 2.0
 NO_DEADLINE = 300.0
 """s; a planner that nobody frees or replaces is busy for so long."""
 PROMPT = 30.0

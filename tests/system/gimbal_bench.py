@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from command_line import begin, environment
-from harness import until
+from harness import run_first, until
 
 from orientd import connect
 from orientd.errors import OrientdError
@@ -34,6 +34,7 @@ class EmulatedGimbal:
                              stdin=subprocess.PIPE)  # fmt: skip
         line = self.process.stdout.readline()
         assert line.startswith("ready"), (line, self.process.stderr.read())
+        run_first(self.process.pid)
 
     def tell(self, command):
         """Have a command carried out; return what it answered."""
@@ -110,7 +111,7 @@ class ExampleDaemon:
             self.config,
             env=environment(XDG_STATE_HOME=str(self.folder / "state")),
         )
-        ready, _, _ = select.select([self.process.stdout], [], [], 30)
+        ready, _, _ = select.select([self.process.stdout], [], [], 90)
         line = self.process.stdout.readline() if ready else ""
         if "ready at" not in line:  # or "not ready at", where the device does not answer
             self.process.kill()

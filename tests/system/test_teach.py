@@ -21,7 +21,7 @@ from gimbal_bench import (
     await_hold,
     seldom,
 )
-from harness import DaemonProcess, until
+from harness import DaemonProcess, run_first, until
 
 from emulated_ur import EmulatedRobot, LaunchError
 from orientd import connect, motion_file
@@ -259,6 +259,7 @@ def arm(tmp_path_factory):
     run = os.getpid()
     host = f"127.{1 + run // 200 % 250}.{1 + run % 200}.252"
     with EmulatedRobot(host) as robot:
+        run_first(robot.process.pid)
         folder = tmp_path_factory.mktemp("arm")
         daemon = ExampleDaemon(folder, "ur.toml", ("127.0.0.2", host), *SLOW_MACHINE).start()
         try:

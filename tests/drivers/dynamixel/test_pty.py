@@ -8,6 +8,7 @@ import sys
 import time
 
 import pytest
+from harness import run_first
 
 pytest.importorskip("dynamixel_sdk")
 
@@ -44,6 +45,7 @@ class Emulator:
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         )  # fmt: skip
         assert self._process.stdout.readline().startswith("ready")
+        run_first(self._process.pid)
 
     def tell(self, command):
         self._process.stdin.write(command + "\n")

@@ -4,6 +4,7 @@ import itertools
 import os
 
 import pytest
+from harness import run_first
 
 from emulated_ur import EmulatedRobot
 
@@ -21,4 +22,5 @@ def ur_host():
 def ur_robot(ur_host):
     """An emulated robot that unlocks protective stops at once."""
     with EmulatedRobot(ur_host, "--unlock-after", "0.05") as robot:
+        run_first(robot.process.pid)
         yield robot
