@@ -116,16 +116,17 @@ class DaemonRecorder:
             ]
             due = 0.0
             try:
-                while not wait(work, _POLL, return_when="FIRST_COMPLETED").done:
-                    if recording.ending.is_set():
-                        time.sleep(2.0 / READ_HZ)  # for the cycles up to here
-                        break
+                while True:
                     if time.monotonic() >= due:
                         due = time.monotonic() + STATE_INTERVAL
                         on_state()
-                        state = self.observer.state()
-                        now_ns = time.monotonic_ns()
+                        state, now_ns = self.observer.state(), time.monotonic_ns()
                         writer.add_state(state, now_ns, prefix=self._prefix)
+                    if wait(work, _POLL, return_when="FIRST_COMPLETED").done:
+                        break
+                    if recording.ending.is_set():
+                        time.sleep(2.0 / READ_HZ)  # for the cycles up to here
+                        break
             finally:
                 self.observer.close()
             for one in work:

@@ -1,0 +1,138 @@
+"""What a recorder writes of a daemon, which a stand-in plays here; tests/system has real ones."""
+
+import threading
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from recorded import OFFSET_NS, RATE_HZ, decoded, moving
+
+from orientd.client import Configuration
+from orientd.errors import UnknownNameError
+from orientd.protocol import control_pb2 as pb
+from orientd.recorder import DaemonRecorder, LiveRecording, RecordingSession, load_recording
+from orientd.recorder.writer import RecordingError, RecordingWriter
+
+
+class Daemon:
+    """A daemon with the devices arm and leg that has batches of cycles, and then nothing new."""
+
+    def __init__(self, batches, events=(), *, error=None):
+        self.batches, self._events, self._error = batches, events, error
+        self.closed = threading.Event()
+        self.served = threading.Semaphore(0)
+
+    def devices(self):
+        return [SimpleNamespace(name=name, rate_hz=RATE_HZ) for name in ("arm", "leg")]
+
+    def observe(self):
+        return self
+
+    def configuration(self):
+        return Configuration('{"devices": {}}', OFFSET_NS)
+
+    def state(self):
+        return pb.GetStateResponse(devices=[pb.DeviceReport(name="arm")])
+
+    def records(self, device, *, rate_hz):
+        for table, lost in self.batches.get(device, ()):
+            yield table.tobytes(), lost
+        self.served.release()
+        if self._error is not None:
+            raise self._error
+        self.closed.wait()
+
+    def events(self):
+        for event in self._events:
+            yield pb.Event.FromString(event.SerializeToString())
+        self.served.release()
+        self.closed.wait()
+
+    def close(self):
+        self.closed.set()
+
+
+def end_when_served(daemon, recording, streams):
+    """Have a recording end once each stream has given all that it has."""
+
+    def wait():
+        for _ in range(streams):
+            daemon.served.acquire()
+        recording.end()
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+def events():
+    return [
+        pb.Event(device=name, kind=pb.EVENT_KIND_FAULT, time_ns=7_000_000_000, text=name)
+        for name in ("arm", "leg")
+    ]
+
+
+def test_every_batch_event_and_state_is_in_the_file(tmp_path):
+    table = moving(300)
+    daemon = Daemon(
+        {"arm": [(table[:100], 0), (table[100:], 3)], "leg": [(table[:5], 0)]}, events()
+    )
+    session = RecordingSession(daemon, tmp_path / "a.mcap")
+    end_when_served(daemon, session, 3)
+    session.run()
+    recording = load_recording(tmp_path / "a.mcap")
+    np.testing.assert_array_equal(recording.cycles["arm"]["index"], table["index"])
+    np.testing.assert_array_equal(recording.cycles["arm"]["deadline_ns"], table["deadline_ns"])
+    assert len(recording.cycles["leg"]) == 5
+    assert recording.events == events()
+    assert recording.offset_ns == OFFSET_NS
+    assert recording.rate_hz("arm") == recording.rate_hz("leg") == RATE_HZ
+    assert (dict(session.cycles), session.events) == ({"arm": 300, "leg": 5}, 2)
+    assert dict(session.lost) == {"arm": 3, "leg": 0}
+    (state,) = [content for topic, *_, content in decoded(tmp_path / "a.mcap") if topic == "/state"]
+    assert state.devices[0].name == "arm"
+
+
+def test_only_the_devices_that_are_named_are_recorded(tmp_path):
+    daemon = Daemon({"arm": [(moving(5), 0)], "leg": [(moving(5), 0)]}, events())
+    session = RecordingSession(daemon, tmp_path / "a.mcap", ["leg"])
+    end_when_served(daemon, session, 2)
+    session.run()
+    recording = load_recording(tmp_path / "a.mcap")
+    assert set(recording.cycles) == {"leg"}
+    assert recording.events == events()[1:]
+
+
+def test_a_device_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(UnknownNameError, match="expected one of arm, leg, got 'hip'"):
+        RecordingSession(Daemon({}), tmp_path / "a.mcap", ["hip"])
+
+
+def test_in_a_cell_the_daemons_name_is_in_front_and_its_clock_is_taken_off(tmp_path):
+    table, path = moving(50), tmp_path / "a.mcap"
+    shifted = table.copy()
+    for name in ("deadline_ns", "feedback_time_ns"):
+        shifted[name] += 1_000_000_000
+    daemon, looks = Daemon({"arm": [(shifted, 0)]}, events()[:1]), []
+    recorder = DaemonRecorder(daemon, ["arm"], daemon="arm-1", shift_ns=lambda: 1_000_000_000)
+    live = LiveRecording(path)
+    end_when_served(daemon, live, 2)
+    with RecordingWriter(path, offset_ns=OFFSET_NS) as writer:
+        configuration = daemon.configuration()
+        recorder.run(writer, configuration, live, on_state=lambda: looks.append(1))
+    recording = load_recording(path)
+    found = recording.cycles["arm-1/arm"]
+    for name in ("deadline_ns", "feedback_time_ns"):
+        np.testing.assert_array_equal(found[name], table[name])
+    (event,) = recording.events
+    assert (event.device, event.time_ns) == ("arm-1/arm", 6_000_000_000)
+    assert looks == [1]
+    assert {topic for topic, *_ in decoded(path)} >= {"/arm-1/state", "/arm-1/arm/cycles"}
+
+
+def test_a_daemon_that_is_lost_ends_the_recording_with_what_there_is(tmp_path):
+    lost = RecordingError("the daemon is lost")
+    daemon = Daemon({"arm": [(moving(20), 0)]}, error=lost)
+    session = RecordingSession(daemon, tmp_path / "a.mcap", ["arm"])
+    with pytest.raises(RecordingError, match="the daemon is lost"):
+        session.run()
+    assert daemon.closed.is_set()
+    assert len(load_recording(tmp_path / "a.mcap").cycles["arm"]) == 20
