@@ -107,19 +107,22 @@ class Endpoint:
         Option("--ca", help="The authority that signs the daemon (with --address)."),
     ] = None
 
-    def connect(self, command: str, *, beside: bool = False) -> Robot:
+    lease = False
+
+    def connect(self, command: str) -> Robot:
         """Return a connection to the daemon, which its first call opens.
 
+        The first command to a device takes its lease, or shares it if *lease* says so.
+
         Args:
-            command: what others are shown if they are refused because of it.
-            beside: whether to command beside other programs of the same user.
+            command: the name that others see if they are refused because of it.
         """
         from orientd.client import Robot, Way
 
         return Robot(
             Way.find(self.socket, self.address, self.cert, self.key, self.ca),
             holder=f"orientd {command}, process {os.getpid()}",
-            beside=beside or bool(os.environ.get("ORIENTD_LEASE")),
+            beside=self.lease or bool(os.environ.get("ORIENTD_LEASE")),
         )
 
 
@@ -129,10 +132,6 @@ class Commander(Endpoint):
 
     device: DeviceName = ""
     lease: Beside = False
-
-    def commanding(self, command: str) -> Robot:
-        """Return a connection for *command*, which takes the lease of the device as it needs it."""
-        return self.connect(command, beside=self.lease)
 
 
 def device_settings(config: Path | None, device: str) -> DeviceSettings:

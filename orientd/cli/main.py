@@ -200,6 +200,8 @@ def main() -> None:
     """Run the command line."""
     # gRPC's own log lines are about its connections, for which our errors have words.
     os.environ.setdefault("GRPC_VERBOSITY", "NONE")
+    # A look for plugins of pydantic opens every distribution that is installed.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     # To be told to end is to be interrupted: a motion stops on its path, nothing is left behind.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     app()

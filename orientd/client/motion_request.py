@@ -24,33 +24,13 @@ EXPECTED = (
 
 
 class RequestFields(TypedDict, total=False):
-    """What a motion may be asked for besides its keyframes; the keys are those of a motion file.
+    """The arguments of a motion apart from its keyframes: the fields of a motion file.
+
+    :class:`~orientd.model.MotionRequest` describes them.  Two are columns of the keyframes.
 
     Attributes:
         times: when each keyframe is passed, s; without them as quickly as the limits permit.
         positions: of the tool at each keyframe, in the world, m.
-        method: a name in :data:`orientd.curves.METHODS`.
-        start_velocity: angular velocity at the first keyframe, rad/s, in *velocity_frame*.
-        end_velocity: the same at the last keyframe.
-        velocity_frame: coordinates of these two, of the tool or of the world; default the tool's.
-        approach: whether to lead in from wherever the device is.
-        limits: narrower than the device's own: ``velocity``, ``acceleration``, ``jerk``,
-            ``linear_velocity``, ``linear_acceleration``; the angular ones may be three numbers,
-            for the components in the body frame.
-        duration: from the first keyframe to the last, s; without *times*.  ``"minimum"``, as where
-            nothing is said, is as short as the limits permit at every point of the curve.
-        pace: a share of the quickest speed, or ``"even"`` for the method's own timing, slowed down
-            by one factor; without *times*.
-        options: of the method.
-        device_options: of the device's driver, for this motion.
-        name: what to call the motion in reports and logs.
-        pointing_axis: axis of the tool that points where a keyframe says with a free roll.
-        frame: name of the frame of keyframes that name none, of the velocities, and of reports.
-        frames: by name, each with ``base`` and ``tool`` as in a motion file, besides those of the
-            device's configuration.
-        rate: angular velocity to turn at for *duration* seconds from wherever the device is, rad/s,
-            in *velocity_frame*; without keyframes.
-        notes: lines that the certificate is to repeat.
     """
 
     times: ArrayLike

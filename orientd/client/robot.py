@@ -40,8 +40,6 @@ COMMAND_TIMEOUT = 65.0
 _REPORT_TIMEOUT = 1.0
 """How long the daemon may take to say how devices are that are stopped already, s."""
 
-_OVER_GRPC = {"stop": ("Stop", pb.StopRequest), "halt": ("Halt", pb.HaltRequest)}
-
 
 def _stopped_message(met: Mapping[str, Any]) -> pb.DeviceReport:
     """Return what little is known of a device that was stopped while the daemon says nothing."""
@@ -221,11 +219,9 @@ class Robot:
         connection, local = self._connection, self.local_socket
         met = None if local is None else ask_to_stop(local, kind, device)
         if met is None:
-            method, request = _OVER_GRPC[kind]
-            answer = connection.ask(
-                getattr(self._stub, method), request(device=device, caller=self.holder)
-            )
-            return list(answer.devices)
+            method = self._stub.Stop if kind == "stop" else self._stub.Halt
+            request = pb.StopRequest(device=device, caller=self.holder)
+            return list(connection.ask(method, request).devices)
         try:
             return after_stop(connection, device)
         except OrientdError:
@@ -233,19 +229,19 @@ class Robot:
 
     def pause(self, device: str = "") -> pb.DeviceReport:
         """Come to rest on the path, to be resumed."""
-        return self._command(self._stub.Pause, pb.PauseRequest, device)
+        return self._command(self._stub.Pause, device)
 
     def resume(self, device: str = "") -> pb.DeviceReport:
         """Go on with a paused motion."""
-        return self._command(self._stub.Resume, pb.ResumeRequest, device)
+        return self._command(self._stub.Resume, device)
 
     def set_speed(self, speed: float, device: str = "") -> pb.DeviceReport:
         """Run motions at *speed*, above 0 and at most 1 as planned, now and from now on."""
-        return self._command(self._stub.SetSpeed, pb.SetSpeedRequest, device, speed=speed)
+        return self._command(self._stub.SetSpeed, device, pb.SetSpeedRequest, speed=speed)
 
     def enable(self, device: str = "") -> pb.DeviceReport:
         """Make a device follow; it does not move by this."""
-        return self._command(self._stub.Enable, pb.EnableRequest, device)
+        return self._command(self._stub.Enable, device)
 
     def disable(self, device: str = "", *, by_hand: bool = False) -> pb.DeviceReport:
         """Leave a device at rest, no longer following.
@@ -255,17 +251,17 @@ class Robot:
             by_hand: whether it may then be moved by hand, until it is enabled or disabled again or
                 the lease runs out: an arm in freedrive, a gimbal without torque.
         """
-        return self._command(self._stub.Disable, pb.DisableRequest, device, by_hand=by_hand)
+        return self._command(self._stub.Disable, device, pb.DisableRequest, by_hand=by_hand)
 
     def reset(self, device: str = "") -> pb.DeviceReport:
         """Clear a fault, which may take seconds; starts the servo anew if it has ended."""
-        return self._command(self._stub.Reset, pb.ResetRequest, device)
+        return self._command(self._stub.Reset, device)
 
     def _command(
         self,
         method: Callable[..., Any],
-        request: Callable[..., Any],
         device: str,
+        request: Callable[..., Any] = pb.CommandRequest,
         **more: Any,  # noqa: ANN401
     ) -> pb.DeviceReport:
         message = request(lease_token=self._leases.needed(device), device=device, **more)

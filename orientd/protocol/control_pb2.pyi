@@ -409,8 +409,24 @@ class Plan(_message.Message):
     certificate: Certificate
     name: str
     planning: float
-    samples: _containers.RepeatedCompositeFieldContainer[MotionSample]
-    def __init__(self, motion_id: _Optional[str] = ..., duration: _Optional[float] = ..., start_time: _Optional[float] = ..., end_time: _Optional[float] = ..., keyframe_times: _Optional[_Iterable[float]] = ..., certificate: _Optional[_Union[Certificate, _Mapping]] = ..., name: _Optional[str] = ..., planning: _Optional[float] = ..., samples: _Optional[_Iterable[_Union[MotionSample, _Mapping]]] = ...) -> None: ...
+    samples: MotionColumns
+    def __init__(self, motion_id: _Optional[str] = ..., duration: _Optional[float] = ..., start_time: _Optional[float] = ..., end_time: _Optional[float] = ..., keyframe_times: _Optional[_Iterable[float]] = ..., certificate: _Optional[_Union[Certificate, _Mapping]] = ..., name: _Optional[str] = ..., planning: _Optional[float] = ..., samples: _Optional[_Union[MotionColumns, _Mapping]] = ...) -> None: ...
+
+class MotionColumns(_message.Message):
+    __slots__ = ("path_times", "q", "omega_body", "alpha_body", "position", "velocity")
+    PATH_TIMES_FIELD_NUMBER: _ClassVar[int]
+    Q_FIELD_NUMBER: _ClassVar[int]
+    OMEGA_BODY_FIELD_NUMBER: _ClassVar[int]
+    ALPHA_BODY_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    path_times: _containers.RepeatedScalarFieldContainer[float]
+    q: _containers.RepeatedScalarFieldContainer[float]
+    omega_body: _containers.RepeatedScalarFieldContainer[float]
+    alpha_body: _containers.RepeatedScalarFieldContainer[float]
+    position: _containers.RepeatedScalarFieldContainer[float]
+    velocity: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, path_times: _Optional[_Iterable[float]] = ..., q: _Optional[_Iterable[float]] = ..., omega_body: _Optional[_Iterable[float]] = ..., alpha_body: _Optional[_Iterable[float]] = ..., position: _Optional[_Iterable[float]] = ..., velocity: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class MotionSample(_message.Message):
     __slots__ = ("path_time", "q", "omega_body", "alpha_body", "position", "velocity")
@@ -942,20 +958,6 @@ class StopResponse(_message.Message):
     devices: _containers.RepeatedCompositeFieldContainer[DeviceReport]
     def __init__(self, devices: _Optional[_Iterable[_Union[DeviceReport, _Mapping]]] = ...) -> None: ...
 
-class HaltRequest(_message.Message):
-    __slots__ = ("device", "caller")
-    DEVICE_FIELD_NUMBER: _ClassVar[int]
-    CALLER_FIELD_NUMBER: _ClassVar[int]
-    device: str
-    caller: str
-    def __init__(self, device: _Optional[str] = ..., caller: _Optional[str] = ...) -> None: ...
-
-class HaltResponse(_message.Message):
-    __slots__ = ("devices",)
-    DEVICES_FIELD_NUMBER: _ClassVar[int]
-    devices: _containers.RepeatedCompositeFieldContainer[DeviceReport]
-    def __init__(self, devices: _Optional[_Iterable[_Union[DeviceReport, _Mapping]]] = ...) -> None: ...
-
 class TrackStart(_message.Message):
     __slots__ = ("lease_token", "device", "limits", "report_rate_hz")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
@@ -1014,7 +1016,7 @@ class TrackResponse(_message.Message):
     error: float
     def __init__(self, state: _Optional[_Union[State, str]] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ...) -> None: ...
 
-class PauseRequest(_message.Message):
+class CommandRequest(_message.Message):
     __slots__ = ("lease_token", "device")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
     DEVICE_FIELD_NUMBER: _ClassVar[int]
@@ -1022,21 +1024,7 @@ class PauseRequest(_message.Message):
     device: str
     def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
 
-class PauseResponse(_message.Message):
-    __slots__ = ("device",)
-    DEVICE_FIELD_NUMBER: _ClassVar[int]
-    device: DeviceReport
-    def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
-
-class ResumeRequest(_message.Message):
-    __slots__ = ("lease_token", "device")
-    LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
-    DEVICE_FIELD_NUMBER: _ClassVar[int]
-    lease_token: str
-    device: str
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
-
-class ResumeResponse(_message.Message):
+class CommandResponse(_message.Message):
     __slots__ = ("device",)
     DEVICE_FIELD_NUMBER: _ClassVar[int]
     device: DeviceReport
@@ -1052,26 +1040,6 @@ class SetSpeedRequest(_message.Message):
     speed: float
     def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., speed: _Optional[float] = ...) -> None: ...
 
-class SetSpeedResponse(_message.Message):
-    __slots__ = ("device",)
-    DEVICE_FIELD_NUMBER: _ClassVar[int]
-    device: DeviceReport
-    def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
-
-class EnableRequest(_message.Message):
-    __slots__ = ("lease_token", "device")
-    LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
-    DEVICE_FIELD_NUMBER: _ClassVar[int]
-    lease_token: str
-    device: str
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
-
-class EnableResponse(_message.Message):
-    __slots__ = ("device",)
-    DEVICE_FIELD_NUMBER: _ClassVar[int]
-    device: DeviceReport
-    def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
-
 class DisableRequest(_message.Message):
     __slots__ = ("lease_token", "device", "by_hand")
     LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
@@ -1081,26 +1049,6 @@ class DisableRequest(_message.Message):
     device: str
     by_hand: bool
     def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ..., by_hand: bool = ...) -> None: ...
-
-class DisableResponse(_message.Message):
-    __slots__ = ("device",)
-    DEVICE_FIELD_NUMBER: _ClassVar[int]
-    device: DeviceReport
-    def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
-
-class ResetRequest(_message.Message):
-    __slots__ = ("lease_token", "device")
-    LEASE_TOKEN_FIELD_NUMBER: _ClassVar[int]
-    DEVICE_FIELD_NUMBER: _ClassVar[int]
-    lease_token: str
-    device: str
-    def __init__(self, lease_token: _Optional[str] = ..., device: _Optional[str] = ...) -> None: ...
-
-class ResetResponse(_message.Message):
-    __slots__ = ("device",)
-    DEVICE_FIELD_NUMBER: _ClassVar[int]
-    device: DeviceReport
-    def __init__(self, device: _Optional[_Union[DeviceReport, _Mapping]] = ...) -> None: ...
 
 class Lease(_message.Message):
     __slots__ = ("token", "holder", "seconds", "devices")
@@ -1124,23 +1072,11 @@ class AcquireLeaseRequest(_message.Message):
     beside: bool
     def __init__(self, holder: _Optional[str] = ..., devices: _Optional[_Iterable[str]] = ..., beside: bool = ...) -> None: ...
 
-class AcquireLeaseResponse(_message.Message):
-    __slots__ = ("lease",)
-    LEASE_FIELD_NUMBER: _ClassVar[int]
-    lease: Lease
-    def __init__(self, lease: _Optional[_Union[Lease, _Mapping]] = ...) -> None: ...
-
 class RenewLeaseRequest(_message.Message):
     __slots__ = ("token",)
     TOKEN_FIELD_NUMBER: _ClassVar[int]
     token: str
     def __init__(self, token: _Optional[str] = ...) -> None: ...
-
-class RenewLeaseResponse(_message.Message):
-    __slots__ = ("lease",)
-    LEASE_FIELD_NUMBER: _ClassVar[int]
-    lease: Lease
-    def __init__(self, lease: _Optional[_Union[Lease, _Mapping]] = ...) -> None: ...
 
 class ReleaseLeaseRequest(_message.Message):
     __slots__ = ("token",)
@@ -1162,7 +1098,7 @@ class SeizeLeaseRequest(_message.Message):
     devices: _containers.RepeatedScalarFieldContainer[str]
     def __init__(self, holder: _Optional[str] = ..., reason: _Optional[str] = ..., devices: _Optional[_Iterable[str]] = ...) -> None: ...
 
-class SeizeLeaseResponse(_message.Message):
+class LeaseResponse(_message.Message):
     __slots__ = ("lease",)
     LEASE_FIELD_NUMBER: _ClassVar[int]
     lease: Lease

@@ -86,8 +86,8 @@ class ControlStub(object):
                 _registered_method=True)
         self.Halt = channel.unary_unary(
                 '/orientd.v1.Control/Halt',
-                request_serializer=orientd_dot_protocol_dot_control__pb2.HaltRequest.SerializeToString,
-                response_deserializer=orientd_dot_protocol_dot_control__pb2.HaltResponse.FromString,
+                request_serializer=orientd_dot_protocol_dot_control__pb2.StopRequest.SerializeToString,
+                response_deserializer=orientd_dot_protocol_dot_control__pb2.StopResponse.FromString,
                 _registered_method=True)
         self.Track = channel.stream_stream(
                 '/orientd.v1.Control/Track',
@@ -96,43 +96,43 @@ class ControlStub(object):
                 _registered_method=True)
         self.Pause = channel.unary_unary(
                 '/orientd.v1.Control/Pause',
-                request_serializer=orientd_dot_protocol_dot_control__pb2.PauseRequest.SerializeToString,
-                response_deserializer=orientd_dot_protocol_dot_control__pb2.PauseResponse.FromString,
+                request_serializer=orientd_dot_protocol_dot_control__pb2.CommandRequest.SerializeToString,
+                response_deserializer=orientd_dot_protocol_dot_control__pb2.CommandResponse.FromString,
                 _registered_method=True)
         self.Resume = channel.unary_unary(
                 '/orientd.v1.Control/Resume',
-                request_serializer=orientd_dot_protocol_dot_control__pb2.ResumeRequest.SerializeToString,
-                response_deserializer=orientd_dot_protocol_dot_control__pb2.ResumeResponse.FromString,
+                request_serializer=orientd_dot_protocol_dot_control__pb2.CommandRequest.SerializeToString,
+                response_deserializer=orientd_dot_protocol_dot_control__pb2.CommandResponse.FromString,
                 _registered_method=True)
         self.SetSpeed = channel.unary_unary(
                 '/orientd.v1.Control/SetSpeed',
                 request_serializer=orientd_dot_protocol_dot_control__pb2.SetSpeedRequest.SerializeToString,
-                response_deserializer=orientd_dot_protocol_dot_control__pb2.SetSpeedResponse.FromString,
+                response_deserializer=orientd_dot_protocol_dot_control__pb2.CommandResponse.FromString,
                 _registered_method=True)
         self.Enable = channel.unary_unary(
                 '/orientd.v1.Control/Enable',
-                request_serializer=orientd_dot_protocol_dot_control__pb2.EnableRequest.SerializeToString,
-                response_deserializer=orientd_dot_protocol_dot_control__pb2.EnableResponse.FromString,
+                request_serializer=orientd_dot_protocol_dot_control__pb2.CommandRequest.SerializeToString,
+                response_deserializer=orientd_dot_protocol_dot_control__pb2.CommandResponse.FromString,
                 _registered_method=True)
         self.Disable = channel.unary_unary(
                 '/orientd.v1.Control/Disable',
                 request_serializer=orientd_dot_protocol_dot_control__pb2.DisableRequest.SerializeToString,
-                response_deserializer=orientd_dot_protocol_dot_control__pb2.DisableResponse.FromString,
+                response_deserializer=orientd_dot_protocol_dot_control__pb2.CommandResponse.FromString,
                 _registered_method=True)
         self.Reset = channel.unary_unary(
                 '/orientd.v1.Control/Reset',
-                request_serializer=orientd_dot_protocol_dot_control__pb2.ResetRequest.SerializeToString,
-                response_deserializer=orientd_dot_protocol_dot_control__pb2.ResetResponse.FromString,
+                request_serializer=orientd_dot_protocol_dot_control__pb2.CommandRequest.SerializeToString,
+                response_deserializer=orientd_dot_protocol_dot_control__pb2.CommandResponse.FromString,
                 _registered_method=True)
         self.AcquireLease = channel.unary_unary(
                 '/orientd.v1.Control/AcquireLease',
                 request_serializer=orientd_dot_protocol_dot_control__pb2.AcquireLeaseRequest.SerializeToString,
-                response_deserializer=orientd_dot_protocol_dot_control__pb2.AcquireLeaseResponse.FromString,
+                response_deserializer=orientd_dot_protocol_dot_control__pb2.LeaseResponse.FromString,
                 _registered_method=True)
         self.RenewLease = channel.unary_unary(
                 '/orientd.v1.Control/RenewLease',
                 request_serializer=orientd_dot_protocol_dot_control__pb2.RenewLeaseRequest.SerializeToString,
-                response_deserializer=orientd_dot_protocol_dot_control__pb2.RenewLeaseResponse.FromString,
+                response_deserializer=orientd_dot_protocol_dot_control__pb2.LeaseResponse.FromString,
                 _registered_method=True)
         self.ReleaseLease = channel.unary_unary(
                 '/orientd.v1.Control/ReleaseLease',
@@ -142,7 +142,7 @@ class ControlStub(object):
         self.SeizeLease = channel.unary_unary(
                 '/orientd.v1.Control/SeizeLease',
                 request_serializer=orientd_dot_protocol_dot_control__pb2.SeizeLeaseRequest.SerializeToString,
-                response_deserializer=orientd_dot_protocol_dot_control__pb2.SeizeLeaseResponse.FromString,
+                response_deserializer=orientd_dot_protocol_dot_control__pb2.LeaseResponse.FromString,
                 _registered_method=True)
 
 
@@ -364,8 +364,8 @@ def add_ControlServicer_to_server(servicer, server):
             ),
             'Halt': grpc.unary_unary_rpc_method_handler(
                     servicer.Halt,
-                    request_deserializer=orientd_dot_protocol_dot_control__pb2.HaltRequest.FromString,
-                    response_serializer=orientd_dot_protocol_dot_control__pb2.HaltResponse.SerializeToString,
+                    request_deserializer=orientd_dot_protocol_dot_control__pb2.StopRequest.FromString,
+                    response_serializer=orientd_dot_protocol_dot_control__pb2.StopResponse.SerializeToString,
             ),
             'Track': grpc.stream_stream_rpc_method_handler(
                     servicer.Track,
@@ -374,43 +374,43 @@ def add_ControlServicer_to_server(servicer, server):
             ),
             'Pause': grpc.unary_unary_rpc_method_handler(
                     servicer.Pause,
-                    request_deserializer=orientd_dot_protocol_dot_control__pb2.PauseRequest.FromString,
-                    response_serializer=orientd_dot_protocol_dot_control__pb2.PauseResponse.SerializeToString,
+                    request_deserializer=orientd_dot_protocol_dot_control__pb2.CommandRequest.FromString,
+                    response_serializer=orientd_dot_protocol_dot_control__pb2.CommandResponse.SerializeToString,
             ),
             'Resume': grpc.unary_unary_rpc_method_handler(
                     servicer.Resume,
-                    request_deserializer=orientd_dot_protocol_dot_control__pb2.ResumeRequest.FromString,
-                    response_serializer=orientd_dot_protocol_dot_control__pb2.ResumeResponse.SerializeToString,
+                    request_deserializer=orientd_dot_protocol_dot_control__pb2.CommandRequest.FromString,
+                    response_serializer=orientd_dot_protocol_dot_control__pb2.CommandResponse.SerializeToString,
             ),
             'SetSpeed': grpc.unary_unary_rpc_method_handler(
                     servicer.SetSpeed,
                     request_deserializer=orientd_dot_protocol_dot_control__pb2.SetSpeedRequest.FromString,
-                    response_serializer=orientd_dot_protocol_dot_control__pb2.SetSpeedResponse.SerializeToString,
+                    response_serializer=orientd_dot_protocol_dot_control__pb2.CommandResponse.SerializeToString,
             ),
             'Enable': grpc.unary_unary_rpc_method_handler(
                     servicer.Enable,
-                    request_deserializer=orientd_dot_protocol_dot_control__pb2.EnableRequest.FromString,
-                    response_serializer=orientd_dot_protocol_dot_control__pb2.EnableResponse.SerializeToString,
+                    request_deserializer=orientd_dot_protocol_dot_control__pb2.CommandRequest.FromString,
+                    response_serializer=orientd_dot_protocol_dot_control__pb2.CommandResponse.SerializeToString,
             ),
             'Disable': grpc.unary_unary_rpc_method_handler(
                     servicer.Disable,
                     request_deserializer=orientd_dot_protocol_dot_control__pb2.DisableRequest.FromString,
-                    response_serializer=orientd_dot_protocol_dot_control__pb2.DisableResponse.SerializeToString,
+                    response_serializer=orientd_dot_protocol_dot_control__pb2.CommandResponse.SerializeToString,
             ),
             'Reset': grpc.unary_unary_rpc_method_handler(
                     servicer.Reset,
-                    request_deserializer=orientd_dot_protocol_dot_control__pb2.ResetRequest.FromString,
-                    response_serializer=orientd_dot_protocol_dot_control__pb2.ResetResponse.SerializeToString,
+                    request_deserializer=orientd_dot_protocol_dot_control__pb2.CommandRequest.FromString,
+                    response_serializer=orientd_dot_protocol_dot_control__pb2.CommandResponse.SerializeToString,
             ),
             'AcquireLease': grpc.unary_unary_rpc_method_handler(
                     servicer.AcquireLease,
                     request_deserializer=orientd_dot_protocol_dot_control__pb2.AcquireLeaseRequest.FromString,
-                    response_serializer=orientd_dot_protocol_dot_control__pb2.AcquireLeaseResponse.SerializeToString,
+                    response_serializer=orientd_dot_protocol_dot_control__pb2.LeaseResponse.SerializeToString,
             ),
             'RenewLease': grpc.unary_unary_rpc_method_handler(
                     servicer.RenewLease,
                     request_deserializer=orientd_dot_protocol_dot_control__pb2.RenewLeaseRequest.FromString,
-                    response_serializer=orientd_dot_protocol_dot_control__pb2.RenewLeaseResponse.SerializeToString,
+                    response_serializer=orientd_dot_protocol_dot_control__pb2.LeaseResponse.SerializeToString,
             ),
             'ReleaseLease': grpc.unary_unary_rpc_method_handler(
                     servicer.ReleaseLease,
@@ -420,7 +420,7 @@ def add_ControlServicer_to_server(servicer, server):
             'SeizeLease': grpc.unary_unary_rpc_method_handler(
                     servicer.SeizeLease,
                     request_deserializer=orientd_dot_protocol_dot_control__pb2.SeizeLeaseRequest.FromString,
-                    response_serializer=orientd_dot_protocol_dot_control__pb2.SeizeLeaseResponse.SerializeToString,
+                    response_serializer=orientd_dot_protocol_dot_control__pb2.LeaseResponse.SerializeToString,
             ),
     }
     generic_handler = grpc.method_handlers_generic_handler(
@@ -718,8 +718,8 @@ class Control(object):
             request,
             target,
             '/orientd.v1.Control/Halt',
-            orientd_dot_protocol_dot_control__pb2.HaltRequest.SerializeToString,
-            orientd_dot_protocol_dot_control__pb2.HaltResponse.FromString,
+            orientd_dot_protocol_dot_control__pb2.StopRequest.SerializeToString,
+            orientd_dot_protocol_dot_control__pb2.StopResponse.FromString,
             options,
             channel_credentials,
             insecure,
@@ -772,8 +772,8 @@ class Control(object):
             request,
             target,
             '/orientd.v1.Control/Pause',
-            orientd_dot_protocol_dot_control__pb2.PauseRequest.SerializeToString,
-            orientd_dot_protocol_dot_control__pb2.PauseResponse.FromString,
+            orientd_dot_protocol_dot_control__pb2.CommandRequest.SerializeToString,
+            orientd_dot_protocol_dot_control__pb2.CommandResponse.FromString,
             options,
             channel_credentials,
             insecure,
@@ -799,8 +799,8 @@ class Control(object):
             request,
             target,
             '/orientd.v1.Control/Resume',
-            orientd_dot_protocol_dot_control__pb2.ResumeRequest.SerializeToString,
-            orientd_dot_protocol_dot_control__pb2.ResumeResponse.FromString,
+            orientd_dot_protocol_dot_control__pb2.CommandRequest.SerializeToString,
+            orientd_dot_protocol_dot_control__pb2.CommandResponse.FromString,
             options,
             channel_credentials,
             insecure,
@@ -827,7 +827,7 @@ class Control(object):
             target,
             '/orientd.v1.Control/SetSpeed',
             orientd_dot_protocol_dot_control__pb2.SetSpeedRequest.SerializeToString,
-            orientd_dot_protocol_dot_control__pb2.SetSpeedResponse.FromString,
+            orientd_dot_protocol_dot_control__pb2.CommandResponse.FromString,
             options,
             channel_credentials,
             insecure,
@@ -853,8 +853,8 @@ class Control(object):
             request,
             target,
             '/orientd.v1.Control/Enable',
-            orientd_dot_protocol_dot_control__pb2.EnableRequest.SerializeToString,
-            orientd_dot_protocol_dot_control__pb2.EnableResponse.FromString,
+            orientd_dot_protocol_dot_control__pb2.CommandRequest.SerializeToString,
+            orientd_dot_protocol_dot_control__pb2.CommandResponse.FromString,
             options,
             channel_credentials,
             insecure,
@@ -881,7 +881,7 @@ class Control(object):
             target,
             '/orientd.v1.Control/Disable',
             orientd_dot_protocol_dot_control__pb2.DisableRequest.SerializeToString,
-            orientd_dot_protocol_dot_control__pb2.DisableResponse.FromString,
+            orientd_dot_protocol_dot_control__pb2.CommandResponse.FromString,
             options,
             channel_credentials,
             insecure,
@@ -907,8 +907,8 @@ class Control(object):
             request,
             target,
             '/orientd.v1.Control/Reset',
-            orientd_dot_protocol_dot_control__pb2.ResetRequest.SerializeToString,
-            orientd_dot_protocol_dot_control__pb2.ResetResponse.FromString,
+            orientd_dot_protocol_dot_control__pb2.CommandRequest.SerializeToString,
+            orientd_dot_protocol_dot_control__pb2.CommandResponse.FromString,
             options,
             channel_credentials,
             insecure,
@@ -935,7 +935,7 @@ class Control(object):
             target,
             '/orientd.v1.Control/AcquireLease',
             orientd_dot_protocol_dot_control__pb2.AcquireLeaseRequest.SerializeToString,
-            orientd_dot_protocol_dot_control__pb2.AcquireLeaseResponse.FromString,
+            orientd_dot_protocol_dot_control__pb2.LeaseResponse.FromString,
             options,
             channel_credentials,
             insecure,
@@ -962,7 +962,7 @@ class Control(object):
             target,
             '/orientd.v1.Control/RenewLease',
             orientd_dot_protocol_dot_control__pb2.RenewLeaseRequest.SerializeToString,
-            orientd_dot_protocol_dot_control__pb2.RenewLeaseResponse.FromString,
+            orientd_dot_protocol_dot_control__pb2.LeaseResponse.FromString,
             options,
             channel_credentials,
             insecure,
@@ -1016,7 +1016,7 @@ class Control(object):
             target,
             '/orientd.v1.Control/SeizeLease',
             orientd_dot_protocol_dot_control__pb2.SeizeLeaseRequest.SerializeToString,
-            orientd_dot_protocol_dot_control__pb2.SeizeLeaseResponse.FromString,
+            orientd_dot_protocol_dot_control__pb2.LeaseResponse.FromString,
             options,
             channel_credentials,
             insecure,

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from google.protobuf.message import Message
 
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.values import to_quaternion, to_vector
 
 if TYPE_CHECKING:
     from orientd.rotation import Floats
@@ -84,14 +83,12 @@ def samples(plan: pb.Plan) -> Samples:
     """Return the samples of *plan* as arrays."""
     import numpy as np
 
-    parts = plan.samples
+    columns = plan.samples
+    vectors = (columns.omega_body, columns.alpha_body, columns.position, columns.velocity)
     return Samples(
-        times=np.array([one.path_time for one in parts], dtype=np.float64),
-        q=np.array([to_quaternion(one.q) for one in parts], dtype=np.float64),
-        omega_body=np.array([to_vector(one.omega_body) for one in parts], dtype=np.float64),
-        alpha_body=np.array([to_vector(one.alpha_body) for one in parts], dtype=np.float64),
-        position=np.array([to_vector(one.position) for one in parts], dtype=np.float64),
-        velocity=np.array([to_vector(one.velocity) for one in parts], dtype=np.float64),
+        np.array(columns.path_times, dtype=np.float64),
+        np.array(columns.q, dtype=np.float64).reshape(-1, 4),
+        *(np.array(column, dtype=np.float64).reshape(-1, 3) for column in vectors),
     )
 
 

@@ -320,7 +320,7 @@ class View:
 
 def _path_of(plan: pb.Plan) -> dict[str, Any] | None:
     """Return what the page draws of a plan: orientations along it and at its keyframes."""
-    if not plan.samples:
+    if not plan.HasField("samples"):
         return None
     path = samples(plan)
     q, times = path.q.round(5).tolist(), path.times

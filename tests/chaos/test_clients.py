@@ -125,7 +125,7 @@ def _requests(token, generator):
         "SetSpeed": pb.SetSpeedRequest(device=DEVICE, speed=0.5),
         "AcquireLease": pb.AcquireLeaseRequest(holder="fuzz"),
         "RenewLease": pb.RenewLeaseRequest(token=token),
-        "Enable": pb.EnableRequest(device=DEVICE),
+        "Enable": pb.CommandRequest(device=DEVICE),
         "ListMethods": pb.ListMethodsRequest(),
     }
 

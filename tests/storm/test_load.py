@@ -131,7 +131,7 @@ def mended(stub, token):
     (report,) = stub.GetState(pb.GetStateRequest(), timeout=PATIENCE).devices
     if report.fault == pb.FAULT_NONE:
         return []
-    stub.Reset(pb.ResetRequest(lease_token=token, device=DEVICE), timeout=PATIENCE)
+    stub.Reset(pb.CommandRequest(lease_token=token, device=DEVICE), timeout=PATIENCE)
     return [report.fault_text]
 
 

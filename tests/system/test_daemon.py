@@ -270,7 +270,7 @@ def test_a_device_that_cannot_be_opened_is_told_and_the_daemon_serves(tmp_path):
         )
         (tmp_path / "no").mkdir()
         daemon.renew()
-        daemon.stub.Reset(pb.ResetRequest(lease_token=daemon.token, device=DEVICE))
+        daemon.stub.Reset(pb.CommandRequest(lease_token=daemon.token, device=DEVICE))
         assert daemon.device().state == pb.STATE_HOLDING
         assert daemon.end() == 0
 

@@ -130,7 +130,7 @@ def test_a_killed_servo_is_told_and_reset_brings_it_back(tmp_path):
         assert summary.outcome == pb.OUTCOME_FAULT
         assert "signal 9" in summary.text
 
-        daemon.stub.Reset(pb.ResetRequest(lease_token=daemon.token, device=DEVICE))
+        daemon.stub.Reset(pb.CommandRequest(lease_token=daemon.token, device=DEVICE))
         assert daemon.device().state == pb.STATE_HOLDING
         assert daemon.device().servo_pid not in (0, servo)
         *_, last = daemon.move(spin(1.0))

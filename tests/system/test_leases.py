@@ -68,7 +68,7 @@ def test_without_names_a_client_takes_every_device_as_it_always_did(daemon):
     lease = daemon.stub.AcquireLease(pb.AcquireLeaseRequest(holder="old")).lease
     assert list(lease.devices) == [DEVICE, LEG]
     for name in (DEVICE, LEG):
-        daemon.stub.Enable(pb.EnableRequest(lease_token=lease.token, device=name))
+        daemon.stub.Enable(pb.CommandRequest(lease_token=lease.token, device=name))
     daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=lease.token))
 
 

@@ -169,7 +169,7 @@ def test_a_flight_recorder_that_cannot_write_says_so_and_the_daemon_goes_on(tmp_
         os.kill(daemon.device().servo_pid, signal.SIGKILL)
         log = daemon.folder / "log"
         until(lambda: "recording failed: " in log.read_text(), "a line in the log")
-        daemon.stub.Reset(pb.ResetRequest(lease_token=daemon.token, device=DEVICE))
+        daemon.stub.Reset(pb.CommandRequest(lease_token=daemon.token, device=DEVICE))
         until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest")
         (line,) = [line for line in log.read_text().splitlines() if "recording failed" in line]
         assert "Not a directory" in line

@@ -237,7 +237,7 @@ def test_a_lease_that_is_not_renewed_stops_its_motion(daemon):
     *_, last = daemon.move(spin(10.0))
     assert last.summary.outcome == pb.OUTCOME_STOPPED
     assert last.summary.text == f"the lease of {me()} has expired"
-    request = pb.EnableRequest(lease_token=answer.lease.token)
+    request = pb.CommandRequest(lease_token=answer.lease.token)
     with pytest.raises(grpc.RpcError) as caught:
         daemon.stub.Enable(request)
     assert caught.value.code() is grpc.StatusCode.FAILED_PRECONDITION

@@ -153,7 +153,7 @@ def test_a_servo_that_is_started_again_hears_of_stops(daemon):
     os.kill(daemon.device().servo_pid, signal.SIGKILL)
     until(lambda: daemon.device().fault == pb.FAULT_SERVO_DIED, "the end of the servo")
     assert ask_to_stop(daemon.socket, "stop") is None
-    daemon.stub.Reset(pb.ResetRequest(lease_token=daemon.token, device=DEVICE))
+    daemon.stub.Reset(pb.CommandRequest(lease_token=daemon.token, device=DEVICE))
     moving(daemon)
     assert ask_to_stop(daemon.socket, "stop")[0]["state"] == "STREAMING"
     ended(daemon)

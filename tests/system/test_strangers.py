@@ -112,7 +112,7 @@ def test_the_token_of_a_lease_that_has_ended_is_not_renewed(cell, kind):
 @pytest.mark.parametrize(
     ("name", "request_"),
     [
-        ("Enable", lambda token: pb.EnableRequest(lease_token=token)),
+        ("Enable", lambda token: pb.CommandRequest(lease_token=token)),
         ("RenewLease", lambda token: pb.RenewLeaseRequest(token=token)),
         ("ReleaseLease", lambda token: pb.ReleaseLeaseRequest(token=token)),
         ("Move", lambda token: pb.MoveRequest(lease_token=token, motion=TURN)),
@@ -208,7 +208,7 @@ def code_of(channel):
     codes = set()
     for call, request in (
         (ControlStub(channel).GetState, pb.GetStateRequest()),
-        (ControlStub(channel).Enable, pb.EnableRequest()),
+        (ControlStub(channel).Enable, pb.CommandRequest()),
     ):
         try:
             call(request, timeout=20.0)

@@ -36,7 +36,7 @@ def test_what_a_motion_did_is_counted(daemon):
     *_, last = daemon.move(nudge(0.2))
     assert last.summary.outcome == pb.OUTCOME_DONE
     with pytest.raises(grpc.RpcError):
-        daemon.stub.Enable(pb.EnableRequest())
+        daemon.stub.Enable(pb.CommandRequest())
     done = f'orientd_motions_total{{device="{DEVICE}",outcome="done"}}'
     refused = 'orientd_rpcs_total{code="FAILED_PRECONDITION",method="Enable"}'
     # Whoever asks may know before it is counted.

@@ -46,7 +46,7 @@ def _command(
 ) -> None:
     from orientd.cli import texts
 
-    with to.commanding(name) as robot:
+    with to.connect(name) as robot:
         report = act(robot)
     speed = "" if report.speed == 1.0 else f", speed {report.speed:g}"
     out.answer(report, f"{report.name}: {texts.state(report)}{speed}")

@@ -129,7 +129,7 @@ def move(
         )
     gate = _gate(on_target) if on_target else None
     request = motion_file.load(file)
-    with to.commanding("move") as robot:
+    with to.connect("move") as robot:
         handle = robot.move(
             request,
             device=to.device,

@@ -105,7 +105,7 @@ def replay(
             *_lines(planned, slower, output),
         )
         return
-    with to.commanding("replay") as robot:
+    with to.connect("replay") as robot:
         plan, slower = _planned(fit, pace, lambda one: robot.plan(one, device=to.device), output)
         out.say(*_lines(plan, slower, output))
         handle = robot.move(plan, device=to.device)

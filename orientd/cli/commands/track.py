@@ -44,7 +44,7 @@ def track(
     from orientd.protocol import to_quaternion
 
     lines = _Lines(time_to_live)
-    with to.commanding("track") as robot:
+    with to.connect("track") as robot:
         with robot.track(device=to.device) as tracking:
             for target in lines.targets(sys.stdin.buffer):
                 tracking.hand_over(target)

@@ -63,7 +63,7 @@ def turn(
 def _run(
     name: str, begin: Callable[[Robot], MoveHandle | EndlessTurn], to: Commander, out: Output
 ) -> None:
-    with to.commanding(name) as robot:
+    with to.connect(name) as robot:
         handle = begin(robot)
         summary = follow(handle, out, title=name, lines=handle.plan.certificate.notes)
     conclude(handle, summary, out)

@@ -66,14 +66,7 @@ _LARGE_REQUESTS = 4 * 2**20
 _RENEWALS = 3
 """Renewals within the time of a lease that a move has taken itself, until it has begun."""
 
-_CommandRequest = (
-    pb.PauseRequest
-    | pb.ResumeRequest
-    | pb.SetSpeedRequest
-    | pb.EnableRequest
-    | pb.DisableRequest
-    | pb.ResetRequest
-)
+_CommandRequest = pb.CommandRequest | pb.SetSpeedRequest | pb.DisableRequest
 """A command names a device and its lease."""
 
 
@@ -429,52 +422,49 @@ class Service:
         devices = await self._devices.in_worker(stop, request.device, str(caller.identity))
         return pb.StopResponse(devices=map(report.device_report, devices))
 
-    async def Halt(self, request: pb.HaltRequest, caller: Caller) -> pb.HaltResponse:
+    async def Halt(self, request: pb.StopRequest, caller: Caller) -> pb.StopResponse:
         """Stop devices as quickly as the limits allow."""
         halt = partial(self._devices.stop, is_quickest=True)
         devices = await self._devices.in_worker(halt, request.device, str(caller.identity))
-        return pb.HaltResponse(devices=map(report.device_report, devices))
+        return pb.StopResponse(devices=map(report.device_report, devices))
 
-    async def Pause(self, request: pb.PauseRequest, caller: Caller) -> pb.PauseResponse:
+    async def Pause(self, request: pb.CommandRequest, caller: Caller) -> pb.CommandResponse:
         """Pause a motion."""
         async with self._commanded(request, caller) as (device, lease):
             moving(device, "pause")
-            return pb.PauseResponse(device=await self._done(device, lease, "pause", device.pause))
+            return await self._done(device, lease, "pause", device.pause)
 
-    async def Resume(self, request: pb.ResumeRequest, caller: Caller) -> pb.ResumeResponse:
+    async def Resume(self, request: pb.CommandRequest, caller: Caller) -> pb.CommandResponse:
         """Go on with a paused motion."""
         async with self._commanded(request, caller) as (device, lease):
             moving(device, "resume")
-            now = await self._done(device, lease, "resume", device.resume)
-            return pb.ResumeResponse(device=now)
+            return await self._done(device, lease, "resume", device.resume)
 
-    async def SetSpeed(self, request: pb.SetSpeedRequest, caller: Caller) -> pb.SetSpeedResponse:
+    async def SetSpeed(self, request: pb.SetSpeedRequest, caller: Caller) -> pb.CommandResponse:
         """Set the rate at which motions run."""
         speed = request.speed
         if not 0.0 < speed <= 1.0:
             raise RequestError("speed", f"expected more than 0 and at most 1, got {speed:g}")
         async with self._commanded(request, caller) as (device, lease):
             set_speed = partial(device.set_speed, speed)
-            now = await self._done(device, lease, f"speed {speed:g}", set_speed)
-            return pb.SetSpeedResponse(device=now)
+            return await self._done(device, lease, f"speed {speed:g}", set_speed)
 
-    async def Enable(self, request: pb.EnableRequest, caller: Caller) -> pb.EnableResponse:
+    async def Enable(self, request: pb.CommandRequest, caller: Caller) -> pb.CommandResponse:
         """Make a device follow."""
         async with self._commanded(request, caller) as (device, lease):
-            now = await self._done(device, lease, "enable", device.enable)
-            return pb.EnableResponse(device=now)
+            return await self._done(device, lease, "enable", device.enable)
 
-    async def Disable(self, request: pb.DisableRequest, caller: Caller) -> pb.DisableResponse:
+    async def Disable(self, request: pb.DisableRequest, caller: Caller) -> pb.CommandResponse:
         """Leave a device at rest, no longer following."""
         what = "disable, to be moved by hand" if request.by_hand else "disable"
         async with self._commanded(request, caller) as (device, lease):
             disable = partial(device.disable, is_freed=request.by_hand)
-            return pb.DisableResponse(device=await self._done(device, lease, what, disable))
+            return await self._done(device, lease, what, disable)
 
-    async def Reset(self, request: pb.ResetRequest, caller: Caller) -> pb.ResetResponse:
+    async def Reset(self, request: pb.CommandRequest, caller: Caller) -> pb.CommandResponse:
         """Clear a fault."""
         async with self._commanded(request, caller) as (device, lease):
-            return pb.ResetResponse(device=await self._done(device, lease, "reset", device.reset))
+            return await self._done(device, lease, "reset", device.reset)
 
     @contextlib.asynccontextmanager
     async def _commanded(
@@ -487,21 +477,21 @@ class Service:
 
     async def _done(
         self, device: Device, lease: Lease, what: str, act: Callable[[], object]
-    ) -> pb.DeviceReport:
+    ) -> pb.CommandResponse:
         """Have *act* done in a thread, and return the device as it is then."""
         await self._devices.in_worker(act)
         _log.info("%s: %s by %s", device.name, what, lease.who)
-        return report.device_report(device)
+        return pb.CommandResponse(device=report.device_report(device))
 
     # Leases
 
     async def AcquireLease(
         self, request: pb.AcquireLeaseRequest, caller: Caller
-    ) -> pb.AcquireLeaseResponse:
+    ) -> pb.LeaseResponse:
         """Take the lease of devices that nobody else has."""
         devices = self._devices.named(request.devices)
         lease = await self._acquire(request.holder, devices, caller, beside=request.beside)
-        return pb.AcquireLeaseResponse(lease=self._lease_message(lease))
+        return pb.LeaseResponse(lease=self._lease_message(lease))
 
     async def _acquire(
         self, holder: str, devices: Sequence[str], caller: Caller, *, beside: bool
@@ -511,13 +501,11 @@ class Service:
         acquire = partial(self._leases.acquire, name=name, devices=devices, beside=beside)
         return await self._devices.in_worker(acquire, holder, caller.identity.key)
 
-    async def RenewLease(
-        self, request: pb.RenewLeaseRequest, caller: Caller
-    ) -> pb.RenewLeaseResponse:
+    async def RenewLease(self, request: pb.RenewLeaseRequest, caller: Caller) -> pb.LeaseResponse:
         """Hold the lease for its full time again."""
         # At once and not in a worker, which might be busy until the lease has run out.
         lease = self._leases.renew(request.token, caller.identity.key)
-        return pb.RenewLeaseResponse(lease=self._lease_message(lease))
+        return pb.LeaseResponse(lease=self._lease_message(lease))
 
     async def ReleaseLease(
         self, request: pb.ReleaseLeaseRequest, caller: Caller
@@ -527,14 +515,12 @@ class Service:
         await self._devices.in_worker(release, request.token, caller.identity.key)
         return pb.ReleaseLeaseResponse()
 
-    async def SeizeLease(
-        self, request: pb.SeizeLeaseRequest, caller: Caller
-    ) -> pb.SeizeLeaseResponse:
+    async def SeizeLease(self, request: pb.SeizeLeaseRequest, caller: Caller) -> pb.LeaseResponse:
         """Take the lease whoever holds it."""
         who, devices = caller.identity, self._devices.named(request.devices)
         seize = partial(self._leases.seize, name=who.name, devices=devices)
         lease = await self._devices.in_worker(seize, request.holder, who.key, request.reason)
-        return pb.SeizeLeaseResponse(lease=self._lease_message(lease))
+        return pb.LeaseResponse(lease=self._lease_message(lease))
 
     def _lease_message(self, lease: Lease) -> pb.Lease:
         return pb.Lease(

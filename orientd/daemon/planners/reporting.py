@@ -1,8 +1,4 @@
-"""What callers are told of a motion, as bytes that the daemon only hands on.
-
-Samples are written as a table: a double in a message takes nine bytes wherever it is, so a sample
-of which every field is there has always the same length.
-"""
+"""Reports of a planned motion, as bytes that the daemon only hands on."""
 
 from __future__ import annotations
 
@@ -14,19 +10,16 @@ from orientd.curves import METHODS
 from orientd.errors import RequestError
 from orientd.planner import Certificate, Frame, Motion
 from orientd.planner import PathSamples as Sampled
-from orientd.protocol import Samples, from_request
+from orientd.protocol import Samples, from_request, quaternion, vector
 from orientd.protocol import control_pb2 as pb
 from orientd.rotation import Floats
 
 MOST_SAMPLES = 300_000
-"""In the answer to one Plan; each takes some 170 bytes of a message."""
+"""In the answer to one Plan; each takes 136 bytes of a message."""
 
 EVENT_SAMPLES = 4000
 EVENT_RATE_HZ = 50.0
 """Of a motion that starts, as its event has them."""
-
-_FIXED64 = 1
-_LENGTH = 2
 
 
 def plan_of(motion: Motion) -> pb.Plan:
@@ -88,22 +81,24 @@ def plan_response(motion: Motion, rate_hz: float, frame: Frame | None = None) ->
             "sample_rate_hz",
             f"{motion.duration:.6g} s make more than {MOST_SAMPLES} samples at {rate_hz:g} Hz",
         )
-    response = pb.PlanResponse(plan=plan_of(motion)).SerializeToString()
-    if not rate_hz:
-        return response
-    times, samples = _sampled(motion, rate_hz, frame)
-    field = pb.Plan.DESCRIPTOR.fields_by_name["samples"].number
-    # Messages put one behind the other are merged: this is the rest of the same plan.
-    rest = _samples(field, times, list(samples))
-    return response + bytes([1 << 3 | _LENGTH]) + _varint(len(rest)) + rest
+    plan = plan_of(motion)
+    if rate_hz:
+        times, samples = _sampled(motion, rate_hz, frame)
+        columns = {name: part.ravel().tolist() for name, part in samples._asdict().items()}
+        plan.samples.CopyFrom(pb.MotionColumns(path_times=times.tolist(), **columns))
+    return pb.PlanResponse(plan=plan).SerializeToString()
 
 
 def event(motion: Motion) -> bytes:
     """Return a serialised ``Event`` with plan, request and some samples of a motion that starts."""
-    message = pb.Event(plan=plan_of(motion), motion=from_request(motion.request))
     times, samples = _sampled(motion, min(EVENT_RATE_HZ, EVENT_SAMPLES / motion.duration))
-    field = pb.Event.DESCRIPTOR.fields_by_name["samples"].number
-    return message.SerializeToString() + _samples(field, times, list(samples[:2]))
+    rows = zip(times.tolist(), samples.q.tolist(), samples.omega_body.tolist(), strict=True)
+    told = [
+        pb.MotionSample(path_time=time, q=quaternion(q), omega_body=vector(omega))
+        for time, q, omega in rows
+    ]
+    message = pb.Event(plan=plan_of(motion), motion=from_request(motion.request), samples=told)
+    return message.SerializeToString()
 
 
 def methods() -> bytes:
@@ -119,37 +114,3 @@ def _sampled(motion: Motion, rate_hz: float, frame: Frame | None = None) -> tupl
         times = times[:-1]
     samples = motion.sample(times)
     return times, samples if frame is None else samples.seen_in(frame)
-
-
-def _samples(number: int, times: Floats, parts: list[Floats]) -> bytes:
-    """Return a repeated field of ``MotionSample``, serialised: times and the first few *parts*."""
-    size = 9 + sum(2 + 9 * part.shape[1] for part in parts)
-    head = [number << 3 | _LENGTH, *_varint(size)]
-    table = np.zeros((len(times), len(head) + size), dtype=np.uint8)
-    table[:, : len(head)] = head
-    at = _double(table, len(head), 1, times)
-    for field, part in enumerate(parts, start=2):
-        table[:, at], table[:, at + 1] = field << 3 | _LENGTH, 9 * part.shape[1]
-        at += 2
-        for k in range(part.shape[1]):
-            at = _double(table, at, k + 1, part[:, k])
-    return table.tobytes()
-
-
-def _varint(number: int) -> bytes:
-    """Return a length as messages have it: seven bits a byte, the lowest first."""
-    parts = []
-    while number > 127:
-        parts.append(number & 127 | 128)
-        number >>= 7
-    return bytes([*parts, number])
-
-
-def _double(
-    table: np.ndarray[tuple[int, int], np.dtype[np.uint8]], at: int, field: int, column: Floats
-) -> int:
-    """Write a field of doubles at byte *at* of every row, and return where the next one goes."""
-    table[:, at] = field << 3 | _FIXED64
-    content = np.ascontiguousarray(column, dtype="<f8").view(np.uint8)
-    table[:, at + 1 : at + 9] = content.reshape(-1, 8)
-    return at + 9

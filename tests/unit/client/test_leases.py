@@ -37,13 +37,13 @@ class Daemon:
         lease = pb.Lease(
             token=f"t{len(self.acquired)}", seconds=self.seconds, devices=request.devices
         )
-        return pb.AcquireLeaseResponse(lease=lease)
+        return pb.LeaseResponse(lease=lease)
 
     def renew(self, request):
         self.renewed.release()
         if self.failures:
             raise self.failures.pop(0)
-        return pb.RenewLeaseResponse()
+        return pb.LeaseResponse()
 
     def release(self, request):
         self.released.append(request.token)

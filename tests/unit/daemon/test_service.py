@@ -65,9 +65,9 @@ def started(service, request, caller=ANA):
 
 def test_commands_need_the_lease(service, devices):
     with pytest.raises(LeaseError, match="needs the lease"):
-        asyncio.run(service.Enable(pb.EnableRequest(device="arm"), ANA))
+        asyncio.run(service.Enable(pb.CommandRequest(device="arm"), ANA))
     token = lease_of(service).token
-    answer = asyncio.run(service.Enable(pb.EnableRequest(device="arm", lease_token=token), ANA))
+    answer = asyncio.run(service.Enable(pb.CommandRequest(device="arm", lease_token=token), ANA))
     assert answer.device.name == "arm"
     assert servo_of(devices.device("arm")).asked == ["enable"]
 

@@ -63,21 +63,16 @@ def test_a_number_that_json_has_no_word_for_is_null():
 
 def test_samples_are_read_as_arrays():
     rng = np.random.default_rng(1)
-    rows = rng.normal(size=(5, 16)).tolist()
-    plan = pb.Plan(
-        samples=[
-            pb.MotionSample(
-                path_time=float(number),
-                q=quaternion(row[:4]),
-                omega_body=vector(row[4:7]),
-                alpha_body=vector(row[7:10]),
-                position=vector(row[10:13]),
-                velocity=vector(row[13:]),
-            )
-            for number, row in enumerate(rows)
-        ]
+    rows = rng.normal(size=(5, 16))
+    columns = pb.MotionColumns(
+        path_times=range(5),
+        q=rows[:, :4].ravel(),
+        omega_body=rows[:, 4:7].ravel(),
+        alpha_body=rows[:, 7:10].ravel(),
+        position=rows[:, 10:13].ravel(),
+        velocity=rows[:, 13:].ravel(),
     )
-    found = samples(plan)
+    found = samples(pb.Plan(samples=columns))
     table = [found.q, found.omega_body, found.alpha_body, found.position, found.velocity]
     np.testing.assert_array_equal(np.hstack(table), rows)
     np.testing.assert_array_equal(found.times, np.arange(5.0))

@@ -84,7 +84,7 @@ def test_every_field_that_sounds_like_a_secret_is_one():
 @pytest.mark.parametrize(
     ("request_", "told"),
     [
-        (pb.EnableRequest(lease_token="hush", device="arm"), {"device": "arm"}),
+        (pb.CommandRequest(lease_token="hush", device="arm"), {"device": "arm"}),
         (pb.RenewLeaseRequest(token="hush"), {}),
         (
             pb.TrackRequest(start=pb.TrackStart(lease_token="hush", device="arm")),
