@@ -34,9 +34,11 @@ Text = tuple[int, str]
 def paragraphs(text: str, first_line: int) -> Iterator[Text]:
     """Yield the paragraphs, entries of lists and table cells of a text, without code."""
     kept: list[str] = []
-    start, is_code = first_line, False
+    start, is_code, block = first_line, False, -1
     for number, line in enumerate([*text.splitlines(), ""], first_line):
-        fence = line.lstrip().startswith(("```", ":::", ">>>", ".. math", "\\[", "$$"))
+        indent = len(line) - len(line.lstrip())
+        block = block if not line.strip() or indent > block else -1
+        fence = line.lstrip().startswith(("```", ":::", ">>>", "\\[", "$$")) or block >= 0
         fence = fence or re.search(r"\w {3,}\w", line) is not None  # a table
         if not line.strip() or fence or is_code or LIST.match(line):
             if kept:
@@ -44,6 +46,8 @@ def paragraphs(text: str, first_line: int) -> Iterator[Text]:
             kept = []
         if line.lstrip().startswith(("```", "$$")):
             is_code = not is_code
+        if re.match(r"\s*\.\. (math|code-block)", line):
+            fence, block = True, indent
         if is_code or fence or not line.strip() or line.lstrip().startswith("..."):
             continue
         if line.lstrip().startswith("|"):

@@ -1,9 +1,9 @@
-"""The servos' bus through the vendor's SDK, with what has to be done around it.
+"""The servos' bus through the vendor's SDK, with workarounds for its defects.
 
-Everything the SDK is known to get wrong is dealt with here, once: its port that stays busy after
-any exception, its busy wait, its 34 ms timeouts on the wall clock, its stuffing that is lost on the
-way out and eats too much on the way in, its answers that are accepted without a look at their
-length, its versions that do not clear the input, and exceptions of four kinds for a pulled cable.
+This module handles all known defects of the SDK.  Its port stays busy after any exception.  It
+waits busily, with timeouts of 34 ms on the wall clock.  Its byte stuffing is missing in sent
+packets and removes too much in received ones.  It accepts answers of any length, and some versions
+do not clear the input.  A pulled cable raises four kinds of exceptions.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from orientd_dynamixel.tables import Register
 
 ALERT = 0x80
 ATTEMPTS = 4
-"""How often a servo is asked, outside the cycle, before it is said not to answer."""
+"""Attempts to ask a servo, outside the cycle, before it counts as silent."""
 PATIENT_ATTEMPTS = 12
-"""The same as the torque comes on and nothing else waits.
+"""The same while the torque comes on and nothing else waits.
 
-A machine that is busy for a fifth of a second need not have the user ask again.
+The user need not retry because a machine was busy for a fifth of a second.
 """
 READ_WAIT_S = 0.002
-"""How long one read of the port may wait; the SDK asks again until its timeout."""
+"""Longest single read of the port; the SDK repeats it until its timeout."""
 
 _BROADCAST = 0xFE
 _PING, _READ, _WRITE, _REBOOT = 0x01, 0x02, 0x03, 0x08
@@ -47,7 +47,7 @@ _ERRORS = {
 
 
 class Block(NamedTuple):
-    """What one servo answered: its id, its error byte (alert bit and a number), the content."""
+    """One answer of a servo: its id, its error byte (alert bit and a number), the content."""
 
     id: int
     error: int
@@ -55,7 +55,7 @@ class Block(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What one servo of a group is asked for: its id, the first address, how many bytes."""
+    """One servo's part of a group read: its id, the first address, the number of bytes."""
 
     id: int
     address: int
@@ -63,17 +63,17 @@ class Row(NamedTuple):
 
 
 class _Sender:
-    """A port as the SDK sees it when it sends, without its habit of clearing the input first."""
+    """A port for the SDK to send with, which does not clear the input first."""
 
     def __init__(self, port: Any) -> None:  # noqa: ANN401
         self.is_using = False
         self._port = port
 
     def clearPort(self) -> None:  # noqa: N802 - the SDK's name
-        """Clear nothing."""
+        """Do nothing, instead of clearing the input."""
 
     def writePort(self, packet: Sequence[int]) -> int:  # noqa: N802 - the SDK's name
-        """Send; return how many bytes were."""
+        """Send; return the number of bytes."""
         return int(self._port.writePort(packet))
 
 
@@ -81,9 +81,9 @@ class ServoBus:
     """The bus, owned by one thread.
 
     Args:
-        port: a PortHandler of the SDK, or something like it, already open.
+        port: an open PortHandler of the SDK, or an equivalent.
         handler: a Protocol2PacketHandler of the SDK.
-        wait_ms: how long an answer may take on top of its bytes; more than the adapter's latency.
+        wait_ms: time for an answer in addition to its bytes; more than the adapter's latency.
     """
 
     def __init__(self, port: Any, handler: Any, *, wait_ms: float = 16.0) -> None:  # noqa: ANN401
@@ -95,17 +95,17 @@ class ServoBus:
 
     @property
     def byte_ms(self) -> float:
-        """How long a byte takes."""
+        """Duration of a byte."""
         return float(self._port.tx_time_per_byte)
 
     @property
     def available(self) -> int:
-        """How many bytes have arrived."""
+        """Number of received bytes."""
         with self._owned("a look at the port"):
             return int(self._port.getBytesAvailable())
 
     def close(self) -> None:
-        """Let go of the port; never raises."""
+        """Release the port; never raises."""
         with suppress(*_GONE, AttributeError):
             self._port.closePort()
 
@@ -121,12 +121,12 @@ class ServoBus:
 
         Args:
             servo: its id.
-            register: which one.
-            attempts: how often to ask.
+            register: the register.
+            attempts: number of attempts.
 
         Raises:
-            LinkError: no answer, at any attempt.
-            DeviceFaultError: it answered that it cannot.
+            LinkError: no answer at any attempt.
+            DeviceFaultError: the servo answered with an error.
         """
         address, count, is_signed = register
         request = address.to_bytes(2, "little") + count.to_bytes(2, "little")
@@ -137,25 +137,25 @@ class ServoBus:
         """Write a register of *servo* and wait for its answer.
 
         Raises:
-            LinkError: no answer, at any attempt.
-            DeviceFaultError: it answered that it cannot.
+            LinkError: no answer at any attempt.
+            DeviceFaultError: the servo answered with an error.
         """
         address, count, is_signed = register
         content = value.to_bytes(count, "little", signed=is_signed)
         self._insist(servo, _WRITE, address.to_bytes(2, "little") + content, 0, ATTEMPTS)
 
     def reboot(self, servo: int) -> None:
-        """Ask *servo* to start again; it is silent for some 0.3 s after that."""
+        """Restart *servo*; it is then silent for some 0.3 s."""
         self._transact(servo, _REBOOT, b"", 0)
 
     def sync_write(self, values: Sequence[tuple[int, Register, int]]) -> None:
-        """Write a register of many servos; none of them answers, none reports an error.
+        """Write a register of many servos; none of them answers or reports an error.
 
-        What has arrived is left alone: it may be an answer that is not yet collected.
+        Received bytes stay in the port: they may be an answer that is still to be read.
 
         Args:
-            values: ``(id, register, value)`` of each servo; one packet goes to all whose registers
-                have the same address.
+            values: ``(id, register, value)`` of each servo; registers with the same address share
+                one packet.
         """
         parameters: dict[Register, list[int]] = {}
         for servo, register, value in values:
@@ -171,11 +171,11 @@ class ServoBus:
                 raise LinkError(f"a write of goals was not sent: {self._explain(result)}")
 
     def request(self, rows: Sequence[Row], *, is_fast: bool) -> None:
-        """Ask a group for a block each, without waiting for the answers.
+        """Request a block from each servo of a group, without waiting for the answers.
 
         Args:
-            rows: in the order in which the servos are to answer.
-            is_fast: whether one packet is to hold all answers.
+            rows: in the order in which the servos must answer.
+            is_fast: whether one packet holds all answers.
         """
         _, address, count = rows[0]
         with self._owned("a read request"):
@@ -196,15 +196,16 @@ class ServoBus:
     def collect(
         self, rows: Sequence[Row], wait_ms: float, *, is_fast: bool
     ) -> tuple[list[Block], int | None]:
-        """Take the answers to :meth:`request`.
+        """Read the answers to :meth:`request`.
 
         Args:
             rows: as requested.
-            wait_ms: how long the whole of them may still take.
+            wait_ms: remaining time for all of them.
             is_fast: as requested.
 
         Returns:
-            As many as came, in the order asked, and the id of the first that did not, if it shows.
+            The answers received, in the order of the request, and the id of the first missing
+            servo, if it is known.
         """
         with self._owned("the answers of a group"):
             self._port.setPacketTimeoutMillis(wait_ms)
@@ -228,7 +229,7 @@ class ServoBus:
             return blocks, None if len(blocks) == len(rows) else rows[len(blocks)].id
 
     def clear(self) -> None:
-        """Throw away what has arrived."""
+        """Discard the received bytes."""
         with self._owned("clearing the port"):
             self._port.clearPort()
 
@@ -246,7 +247,7 @@ class ServoBus:
     def _transact(
         self, servo: int, instruction: int, parameters: bytes, count: int
     ) -> bytes | None:
-        """Ask one servo and return the content of its answer, ``None`` if no whole one came."""
+        """Ask one servo and return the content of its answer, ``None`` without a complete one."""
         _check_stuffing(parameters)
         length = len(parameters) + 3
         packet = [0] * (length + 7)
@@ -263,7 +264,7 @@ class ServoBus:
                 answer, result = self._receive()
                 if result != 0:
                     return None
-                # What comes late answers an earlier question, mostly one of another size.
+                # A late answer belongs to an earlier request, usually one of another size.
                 content, number = _unstuffed(answer), answer[8] & ~ALERT
                 if answer[4] == servo and (number or len(content) == count):
                     break
@@ -275,7 +276,7 @@ class ServoBus:
         return content
 
     def _receive(self) -> tuple[list[int], int]:
-        # As a fast packet: any id is let through, and nothing is unstuffed, which the SDK gets
+        # Receive it like a fast packet: with any id and without unstuffing, which the SDK gets
         # wrong if two headers follow each other.
         packet, result = self._handler.rxPacket(self._port, True)
         return packet, result
@@ -289,7 +290,7 @@ class ServoBus:
         except _GONE as error:
             raise LinkError(f"{what} failed: {error or type(error).__name__}") from error
         finally:
-            # The SDK leaves its port marked busy when anything is raised, for ever.
+            # After any exception, the SDK leaves its port marked busy for ever.
             self._port.is_using = self._sender.is_using = False
             self._lock.release()
 
@@ -308,11 +309,11 @@ def open_bus(
     Args:
         port_name: path of the port.
         baud: line speed.
-        wait_ms: how long an answer may take on top of its bytes.
-        glance_s: how long one read of the port waits.
+        wait_ms: time for an answer in addition to its bytes.
+        glance_s: duration of one read of the port.
 
     Raises:
-        LinkError: the port or the SDK is not there, or somebody else has it.
+        LinkError: the port or the SDK is missing, or another process uses the port.
     """
     try:
         import dynamixel_sdk as sdk
@@ -331,22 +332,22 @@ def open_bus(
         raise LinkError(f"cannot open {port_name}: {error}") from error
     if not opened:
         raise LinkError(f"cannot open {port_name} at {baud} baud")
-    # Opening makes a new serial object, with reads that return at once: the SDK would spin.
+    # Opening creates a new serial object whose reads return at once: the SDK would spin.
     port.ser.timeout = glance_s
     with suppress(ValueError, OSError, AttributeError):
-        # An FTDI adapter then hands answers on after 1 ms; others know nothing of it.
+        # An FTDI adapter then passes answers on after 1 ms; others ignore this.
         port.ser.set_low_latency_mode(True)
     return ServoBus(port, sdk.Protocol2PacketHandler(), wait_ms=wait_ms)
 
 
 def _steady_ms(_port: object) -> float:
-    # The SDK's own clock is the wall clock: setting the time would make every answer late.
+    # The SDK uses the wall clock: setting the time would make every answer late.
     return time.monotonic_ns() / 1e6
 
 
 def _write_at_once(port: Any, packet: Sequence[int]) -> int:  # noqa: ANN401 - of the SDK
-    # pyserial asks the terminal afterwards whether it takes more, and that waits until the kernel
-    # has handed on what has come in: for a second if the processor is busy.
+    # After a write, pyserial asks the terminal whether it accepts more.  That waits until the
+    # kernel has passed on the received bytes, which takes a second on a busy processor.
     try:
         return os.write(port.ser.fileno(), bytes(packet))
     except BlockingIOError:
@@ -359,14 +360,14 @@ def _clear_input(port: Any) -> None:  # noqa: ANN401 - of the SDK
 
 
 def sendable(goal: int) -> int:
-    """Return the first goal from *goal* on whose bytes hold no packet header."""
+    """Return the first goal from *goal* on whose bytes contain no packet header."""
     while _HEADER in goal.to_bytes(4, "little", signed=True):
         goal += 1
     return goal
 
 
 def _check_stuffing(parameters: bytes) -> None:
-    # The SDK forgets to stuff what it sends; a servo would misread everything after it.
+    # The SDK does not stuff sent packets; a servo would misread the rest of the packet.
     if _HEADER in parameters:
         raise ValueError(f"cannot be sent: {parameters.hex()} holds a packet header")
 
@@ -387,7 +388,7 @@ def _first_missing(packet: Sequence[int], rows: Sequence[Row]) -> int | None:
 
 
 def _fast_blocks(packet: Sequence[int], rows: Sequence[Row]) -> list[Block]:
-    """Take the one answer to a fast read apart; its last CRC, over everything, has been checked."""
+    """Split the one answer to a fast read; its last CRC, over everything, is already checked."""
     blocks: list[Block] = []
     at = 8
     if packet[4] != _BROADCAST or len(packet) != 8 + sum(row.size + 4 for row in rows):

@@ -1,6 +1,6 @@
-"""Look at a deployment's bus: port, adapter, every servo, and the rate that the bus can hold.
+"""Inspect a deployment's bus: port, adapter, every servo, and the highest rate of the bus.
 
-Nothing is changed: every finding comes with what to do about it.
+It changes nothing; every finding comes with its remedy.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from orientd_dynamixel.tables import (
 SCAN_WAIT_MS = 4.0
 
 _IDS = 21
-"""Numbers asked besides those configured: 0 to 20."""
+"""Ids to ask in addition to the configured ones: 0 to 20."""
 _GOOD_TIMER_MS = 1.0
-"""The adapter's timer if the machine does not tell it: what it should be set to."""
+"""Assumed latency timer of an adapter that does not report it: the recommended value."""
 _GOOD_BAUD = 1_000_000
 _TURNAROUND_MS = 0.05
 _HOST_MS = 0.3
-"""What the host itself needs each cycle, on the safe side."""
+"""Time that the host needs in each cycle, with a margin."""
 _SAFE_SHARE = 0.57
-"""Share of a cycle that the bus may be busy; the model is about half as fast in the worst case."""
+"""Largest share of a cycle for the bus; the worst case takes about twice the calculated time."""
 _KINDS: dict[int, ServoModel] = {model.number: model for model in MODELS.values()}
 
 
@@ -49,8 +49,8 @@ class FoundServo(NamedTuple):
         model: its model number.
         firmware: its version.
         baud: the line speed at which it answered.
-        return_delay_us: how long it waits before it answers.
-        hardware_error: bits, 0 if all is well.
+        return_delay_us: its delay before an answer.
+        hardware_error: bits, 0 if there is no error.
     """
 
     id: int
@@ -62,12 +62,12 @@ class FoundServo(NamedTuple):
 
     @property
     def kind(self) -> ServoModel | None:
-        """What the driver knows of the model."""
+        """The driver's data of the model."""
         return _KINDS.get(self.model)
 
     @property
     def table(self) -> ControlTable:
-        """Its registers; those of most models if its own are not known."""
+        """Its registers; those of most models if the model is unknown."""
         return self.kind.family.table if self.kind else ControlTable()
 
     @property
@@ -78,7 +78,7 @@ class FoundServo(NamedTuple):
 
 
 def find_ports(root: Path = Path("/dev")) -> list[Path]:
-    """Return serial ports that may be an adapter, the names that stay the same first."""
+    """Return serial ports that may be an adapter, persistent names first."""
     named = sorted(root.glob("serial/by-id/*"))
     known = {path.resolve() for path in named}
     plain = sorted([*root.glob("ttyUSB*"), *root.glob("ttyACM*")])
@@ -107,13 +107,13 @@ def scan(
     Args:
         port: path of the serial port.
         bauds: line speeds to try.
-        ids: numbers to ask; each that is silent costs some milliseconds a line speed.
-        wanted: numbers that are asked again if they are silent.
-        wait_ms: how long an answer may take; more than the adapter's latency.
+        ids: numbers to ask; each silent one costs some milliseconds per line speed.
+        wanted: numbers to ask again if they are silent.
+        wait_ms: time for an answer; more than the adapter's latency.
         open_bus: for tests.
 
     Raises:
-        LinkError: the port is not there.
+        LinkError: the port does not exist.
     """
     found: list[FoundServo] = []
     for baud in bauds:
@@ -128,7 +128,7 @@ def scan(
 
 
 def _asked(bus: ServoBus, number: int, baud: int, attempts: int) -> FoundServo | None:
-    """Return what servo *number* is, ``None`` if it does not answer.
+    """Return the servo *number*, ``None`` if it does not answer.
 
     Raises:
         LinkError: it answers a ping and then no more, or the port is gone.
@@ -143,7 +143,7 @@ def _asked(bus: ServoBus, number: int, baud: int, attempts: int) -> FoundServo |
 
 
 def cycle_ms(servos: Sequence[FoundServo], baud: int, *, latency_ms: float = 1.0) -> float:
-    """Return how long a cycle of one write and one read takes, calculated.
+    """Return the calculated duration of a cycle with one write and one read.
 
     Args:
         servos: all on the bus; the driver sets their return delay to 0 when it starts.
@@ -165,7 +165,7 @@ def measure_cycle_ms(
     """Return the median time of a group read of current, velocity and position.
 
     Raises:
-        LinkError: the port is gone, or not one read came back whole.
+        LinkError: the port is gone, or no read was complete.
     """
     rows = [Row(servo.id, servo.table.current.address, 10) for servo in servos]
     is_fast = all(servo.is_fast for servo in servos)
@@ -182,7 +182,7 @@ def measure_cycle_ms(
 
 
 def diagnose(options: GimbalOptions, period: float, open_bus: OpenBus) -> list[Finding]:
-    """Return what there is to say of the bus that *options* name; changes nothing.
+    """Return the findings about the bus of *options*; changes nothing.
 
     Args:
         options: of the deployment.
@@ -200,7 +200,7 @@ def diagnose(options: GimbalOptions, period: float, open_bus: OpenBus) -> list[F
     wanted = {axis.id: axis for axis in options.axes}
     wait = max(SCAN_WAIT_MS, options.latency_ms, timer or 0.0)
     try:
-        # First at the speed that the daemon would use: a port in use is not touched further.
+        # First at the daemon's speed: a port in use is not touched further.
         servos = scan(
             options.port, bauds=[options.baud], ids=sorted({*range(_IDS), *wanted}),
             wanted=wanted, wait_ms=wait, open_bus=open_bus,
@@ -240,7 +240,7 @@ def _timer(timer_ms: int | None) -> Finding:
 
 
 def _servo(found: FoundServo, options: GimbalOptions, bus: ServoBus) -> Finding:
-    """Return what there is to say of a servo, and what to do first."""
+    """Return the finding about a servo, with the first remedy."""
     name = found.kind.name if found.kind else f"model {found.model}, which is not known"
     text = (
         f"{name}, firmware {found.firmware}, {found.baud} baud, return delay "
@@ -274,7 +274,7 @@ def _rate(
     servos: list[FoundServo], options: GimbalOptions, period: float, timer: int | None,
     bus: ServoBus,
 ) -> Finding:  # fmt: skip
-    """Return how quickly the bus can be read, beside the configured rate."""
+    """Return the highest rate of the bus, compared with the configured one."""
     cycle = cycle_ms(servos, options.baud, latency_ms=_GOOD_TIMER_MS if timer is None else timer)
     safe = 1e3 * _SAFE_SHARE / cycle
     text = (

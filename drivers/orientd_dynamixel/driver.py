@@ -1,12 +1,12 @@
-"""A gimbal on Dynamixel servos, behind the driver contract.
+"""A gimbal on Dynamixel servos, with the driver contract.
 
-A cycle takes in the answers to the read of the cycle before, then sends one write of all goals and
-the next read.  It waits for no servo, in a fault neither: at most :data:`CYCLE_SHARE` of a period
-for the end of an answer that has begun to arrive.
+A cycle reads the answers to the previous cycle's request, then sends one write of all goals and the
+next request.  It never waits for a servo, even in a fault.  It waits at most :data:`CYCLE_SHARE` of
+a period for the end of an answer that has begun to arrive.
 
-Readings are believed only if they can be (:mod:`orientd_dynamixel.servo`), and a write of goals is
-never acknowledged, so torque, hardware error, watchdog and the distance between goal and
-position are watched instead.
+Implausible readings are rejected (:mod:`orientd_dynamixel.servo`).  Writes of goals have no
+acknowledgement, so the driver watches torque, hardware error, watchdog and the distance between
+goal and position instead.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from orientd_dynamixel.start import engage_all, park, prepare
 from orientd_dynamixel.turns import Turns
 
 GLANCE_SHARE = 0.2
-"""Of the period, how long one look at the port may wait."""
+"""Share of the period for one read of the port."""
 CYCLE_SHARE = TAIL_SHARE + 2 * GLANCE_SHARE
-"""Of the period, how long a read and a write together may wait for the port."""
+"""Share of the period that a read and a write together may wait for the port."""
 
 
 class DynamixelDriver(Driver):
-    """Two or three servos that turn a tool; *advice* is what was noticed that costs speed."""
+    """Two or three servos that turn a tool; *advice* lists conditions that cost speed."""
 
     name: ClassVar[str] = "dynamixel"
     default_rate_hz: ClassVar[float] = 100.0
@@ -82,21 +82,21 @@ class DynamixelDriver(Driver):
         return self._gimbal
 
     def open(self) -> None:
-        """Find every servo, put its settings right, and begin to listen; nothing moves.
+        """Find every servo, correct its settings, and start reading; nothing moves.
 
         Raises:
-            LinkError: the port or a servo is not there.
-            DeviceFaultError: a servo is another model, or cannot be put right.
+            LinkError: the port or a servo does not answer.
+            DeviceFaultError: a servo is another model, or cannot be corrected.
         """
         self._connect()
 
     def enable(self) -> Feedback:
-        """Switch the torque on where the gimbal stands.
+        """Switch the torque on at the present angles.
 
         Raises:
             LinkError: the bus is gone.
-            DeviceFaultError: a servo refuses, the gimbal is outside its limits, or it is not known
-                on which turn it is.
+            DeviceFaultError: a servo refuses, the gimbal is outside its limits, or its turn is
+                unknown.
         """
         group = self._connected()
         if self._unknown:
@@ -109,7 +109,7 @@ class DynamixelDriver(Driver):
             for servo in self._servos:
                 servo.arm_watchdog(self.settings.watchdog_ms)
         except DeviceError:
-            # What held before goes on holding.
+            # Axes that held before keep holding.
             for servo in begun:
                 servo.release()
             raise
@@ -131,7 +131,7 @@ class DynamixelDriver(Driver):
         self._is_free = True
 
     def read(self) -> Feedback | None:
-        """Take in the answers to the last request.
+        """Read the answers to the last request.
 
         Raises:
             LinkError: the port is gone.
@@ -165,21 +165,21 @@ class DynamixelDriver(Driver):
             return
         for servo, angle in zip(self._servos, setpoint.joints, strict=True):
             servo.check_angle(angle)
-        # Those of axes that stand are their own.
+        # Axes that stand keep their own goals.
         for place, (servo, angle) in enumerate(zip(self._servos, setpoint.joints, strict=True)):
             servo.goal = self._standing.goals.get(place, servo.ticks(angle))
         group.bus.sync_write([(s.options.id, s.table.goal, s.goal) for s in self._servos])
         group.ask(self.clock.now_ns())
 
     def rest_in_fault(self) -> None:
-        """Let every axis stand where it is from now on.
+        """Hold every axis at its present angle from now on.
 
-        The driver looks again where each axis is if they stand already.
+        If they already stand, the driver reads their angles again.
         """
         self._standing.rest(self.clock.now_ns())
 
     def gaps(self) -> Sequence[AxisGap]:
-        """Return how far every servo is from its goal, and the current that it draws."""
+        """Return the distance of every servo from its goal, and its current."""
         found = []
         readings = () if self._group is None else self._group.readings
         for servo, reading in zip(self._servos, readings, strict=bool(readings)):
@@ -190,7 +190,7 @@ class DynamixelDriver(Driver):
         return found
 
     def disable(self) -> None:
-        """Hold the last goal, in a fault the position; watchdogs off."""
+        """Hold the last goal, or in a fault the position; switch the watchdogs off."""
         self._is_enabled = False
         if self._group is None or self._is_out_of_reach:
             return
@@ -200,15 +200,15 @@ class DynamixelDriver(Driver):
                 engage_all(self._servos)
                 self._is_free = False
         except DeviceError:
-            # The watchdogs stop what cannot be reached; asking again would only take time.
+            # The watchdogs stop unreachable servos; further attempts would only take time.
             self._is_out_of_reach = True
             raise
 
     def reset(self) -> None:
-        """Open the port again if it is gone, and start servos again that report an error.
+        """Reopen the port if it is gone, and restart servos that report an error.
 
         Raises:
-            LinkError: the port or a servo is not there.
+            LinkError: the port or a servo does not answer.
             DeviceFaultError: a servo still reports an error.
         """
         self._is_enabled = False
@@ -217,13 +217,13 @@ class DynamixelDriver(Driver):
         self._connect()
 
     def diagnose(self) -> Sequence[Finding]:
-        """Look at port, servos and the rate that the bus can hold."""
+        """Inspect port, servos and the highest rate of the bus."""
         diagnose = importlib.import_module("orientd_dynamixel.doctor").diagnose
         found: list[Finding] = diagnose(self.settings, self.period_ns * 1e-9, self._open_bus)
         return found
 
     def notices(self) -> Sequence[str]:
-        """Return which of the servos' own settings were overwritten, and what costs speed."""
+        """Return the overwritten settings of the servos, and conditions that cost speed."""
         return (*self._overwritten, *self.advice)
 
     def health(self) -> Sequence[PartHealth]:
@@ -249,13 +249,13 @@ class DynamixelDriver(Driver):
                 servo.release()
 
     def close(self) -> None:
-        """Leave the servos with their goals, watchdogs off, and let go of the port."""
+        """Leave the servos with their goals, watchdogs off, and release the port."""
         self._is_enabled = False
         group, self._group = self._group, None
         self._turns.close()
         if group is None:
             return
-        # The watchdogs stop what cannot be reached.
+        # The watchdogs stop unreachable servos.
         with suppress(DeviceError):
             if not self._is_out_of_reach:
                 self._hold(group)
@@ -290,7 +290,7 @@ class DynamixelDriver(Driver):
         group.settle(self.settings.latency_ms)
 
     def _hold(self, group: Group) -> None:
-        """Leave every servo where it is told to be; one that cannot be reached keeps none back."""
+        """Leave every servo at its goal; an unreachable one does not affect the others."""
         self._settle(group)
         now_ns = self.clock.now_ns()
         failure: DeviceError | None = None
@@ -317,7 +317,7 @@ class DynamixelDriver(Driver):
         )
 
     def _supervise(self, group: Group, *, is_new: bool) -> None:
-        """Raise what a servo newly shows to be wrong, having let its axis stand where it is."""
+        """Raise a new problem of a servo, after making its axis stand."""
         problems = [
             f"{self._servos[place]} has started again and lost its settings; was its supply "
             "interrupted?"

@@ -1,13 +1,13 @@
-"""The cyclic read of all servos: asked for in one cycle, taken in the next, never waited for.
+"""The cyclic read of all servos: requested in one cycle, received in the next, never waited for.
 
-An answer that is not there yet is taken in a later cycle; meanwhile goals are sent and nothing is
-asked.  One that has not come after the adapter's latency is lost, and the last good one grows old.
-The protocol cannot tell a late answer from the answer to a later question, so each block holds the
-servo's clock, which shows when it was measured.  A position at which the servo cannot be counts as
-lost, too.
+A missing answer is read in a later cycle.  Meanwhile the driver sends goals and requests nothing.
+An answer that is still missing after the adapter's latency is lost, and the last good one ages.
+The protocol does not distinguish a late answer from the answer to a later request.  So each block
+contains the servo's clock, which shows the time of the measurement.  A block with an impossible
+position counts as lost too.
 
-Now and then a block is asked for that holds voltage and temperature as well: three bytes more of
-each servo, in the place of the same question, so that no cycle waits for them.
+Now and then a request replaces the usual one and adds voltage and temperature: three more bytes per
+servo, so no cycle waits for them.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ from orientd_dynamixel.servo import Servo
 from orientd_dynamixel.tables import RETURN_LEVEL, TICK_RANGE
 
 STALE_MS = 8.0
-"""A block measured so much before it was asked for answers an earlier question."""
+"""A block measured this long before its request belongs to an earlier request."""
 DRIFT = 0.01
-"""By how much a servo's clock may run faster or slower than ours."""
+"""Largest relative drift of a servo's clock."""
 TAIL_SHARE = 0.2
-"""Of the period, the most that a cycle waits for the last bytes of an answer."""
+"""Share of the period that a cycle may wait for the last bytes of an answer."""
 HEALTH_NS = 500_000_000
-"""From one look at the servos' health to the next."""
+"""Interval between two health readings."""
 
 _TAIL_MS = 1.0
-"""Stuffing makes an answer longer than it must be; its last bytes are this close behind."""
+"""Stuffing makes an answer longer than the minimum; its last bytes follow this soon."""
 _FLOOD = 2
-"""So many times as many bytes as were asked for are noise."""
+"""This multiple of the requested bytes is noise."""
 _SOUNDINGS = 3
 _BUSY_SHARE = 0.8
 _BLOCK = struct.Struct("<BBBBHhii")
 _WHOLE = struct.Struct("<BBBBHhiiHB")
-"""With health."""
+"""Block with health."""
 
 
 class Reading(NamedTuple):
@@ -48,15 +48,15 @@ class Reading(NamedTuple):
 
     Attributes:
         torque: 1 if it drives.
-        return_level: :data:`RETURN_LEVEL`, unless the servo has forgotten what it was asked for.
+        return_level: :data:`RETURN_LEVEL`, unless the servo has forgotten the map of the read.
         hardware_error: its bits.
         watchdog: in units of 20 ms; 255 if it has tripped.
         tick: its clock, ms.
         current: in steps.
         velocity: in steps.
         position: ticks, unwrapped by the servo.
-        voltage: in steps of 0.1 V; 0 if it was not asked for.
-        temperature: degrees Celsius; 0 if it was not asked for.
+        voltage: in steps of 0.1 V; 0 if not requested.
+        temperature: degrees Celsius; 0 if not requested.
     """
 
     torque: int
@@ -72,25 +72,25 @@ class Reading(NamedTuple):
 
 
 def answer_bytes(count: int, *, is_fast: bool, size: int = _BLOCK.size) -> int:
-    """Return how long the answers of *count* servos are, with *size* bytes of content each."""
+    """Return the length of the answers of *count* servos with *size* bytes of content each."""
     return 8 + count * (size + 4) if is_fast else count * (size + 11)
 
 
 def cycle_bytes(count: int, *, is_fast: bool) -> int:
-    """Return how many bytes a cycle takes: goals out, request out, answers in."""
+    """Return the bytes of a cycle: goals out, request out, answers in."""
     return 14 + 5 * count + 14 + count + answer_bytes(count, is_fast=is_fast)
 
 
 def decode(content: bytes) -> Reading:
-    """Return what the bytes of a block say, with health or without."""
+    """Return the values of a block, with health or without."""
     return Reading(*(_WHOLE if len(content) == _WHOLE.size else _BLOCK).unpack(content))
 
 
 class ServoClock:
-    """How a servo's millisecond clock lies to ours.
+    """The offset between a servo's millisecond clock and ours.
 
-    Between a question and its measurement passes some time, never less than none, so the reading
-    that lies farthest behind the question is the one to go by.  The two clocks may drift apart.
+    The time between a request and its measurement is never negative.  So the reading farthest
+    behind its request gives the offset.  The two clocks may drift apart.
     """
 
     def __init__(self) -> None:
@@ -98,11 +98,11 @@ class ServoClock:
         self._asked_ns = 0
 
     def behind_ms(self, asked_ns: int, tick: int) -> float:
-        """Return by how much *tick* is behind what a prompt answer would show, at least."""
+        """Return the least time by which *tick* is behind a prompt answer."""
         return self._late_ms(asked_ns, tick) - self._drift_ms(asked_ns)
 
     def learn(self, asked_ns: int, tick: int) -> None:
-        """Take a believed reading into account."""
+        """Update the offset with an accepted reading."""
         if self._offset_ms is None:
             self._offset_ms = asked_ns * 1e-6 - tick
         self._offset_ms += max(self._late_ms(asked_ns, tick), -self._drift_ms(asked_ns))
@@ -123,20 +123,20 @@ class Group:
 
     Args:
         servos: of the gimbal, on one bus.
-        is_fast: whether they know fast reads.
-        max_losses: in a row, until they are a fault.
-        latency_ms: how long an answer may take.
+        is_fast: whether they support fast reads.
+        max_losses: losses in a row until a fault.
+        latency_ms: time for an answer.
         period_ns: of the cycle.
 
     Attributes:
         bus: that of the servos.
-        time_ns: when the newest good reading was asked for.
-        restarted: places of the servos that have started again: what they say is not their
-            position, and they are no longer asked.
-        lost: group reads so far that failed.
-        lost_in_a_row: since the last good one.
-        health: the newest readings that hold health, by axis.
-        health_ns: when they were asked for.
+        time_ns: time of the newest good reading's request.
+        restarted: places of the servos that have restarted; their reports are not positions, and
+            they are no longer read.
+        lost: number of failed group reads.
+        lost_in_a_row: number since the last good one.
+        health: the newest readings with health, by axis.
+        health_ns: time of their request.
     """
 
     def __init__(
@@ -168,22 +168,22 @@ class Group:
 
     @property
     def readings(self) -> tuple[Reading, ...]:
-        """The newest good readings by axis; empty before there is one of each."""
+        """The newest good readings by axis; empty until there is one of each."""
         if len(self._newest) < len(self._servos):
             return ()
         return tuple(self._newest[place] for place in range(len(self._servos)))
 
     @property
     def is_waiting(self) -> bool:
-        """Whether an answer is on its way."""
+        """Whether an answer is due."""
         return bool(self._asked)
 
     def ask(self, now_ns: int) -> None:
-        """Ask for the next reading, unless an answer is on its way."""
+        """Send the next request, unless an answer is due."""
         present = [place for place in range(len(self._servos)) if place not in self.restarted]
         if self._asked or not present:
             return
-        # Each request begins with another servo, so that a dead line is put down to all of them.
+        # Each request begins with another servo, so that a dead line is blamed on all of them.
         self._turn += 1
         first = self._turn % len(present)
         asked = present[first:] + present[:first]
@@ -195,7 +195,7 @@ class Group:
         self._asked, self._asked_ns = asked, now_ns
 
     def take(self, now_ns: int) -> bool:
-        """Take the answer in if it is there; return whether there is a new good reading of all.
+        """Read the answer if it has arrived; return whether there is a new good reading of all.
 
         Raises:
             FeedbackError: too many were lost in a row.
@@ -231,7 +231,7 @@ class Group:
         return bool(self.readings)
 
     def _believe(self, place: int, block: Block) -> str:
-        """Take one servo's block in, or return why it cannot be believed."""
+        """Accept one servo's block, or return why it is not plausible."""
         servo, clock = self._servos[place], self._clocks[place]
         if number := block.error & ~ALERT:
             return f"error {number} instead of a reading"
@@ -251,23 +251,23 @@ class Group:
         return ""
 
     def settle(self, wait_ms: float) -> None:
-        """Get the line free for single questions: await what is on its way, and throw it away."""
+        """Clear the line for single requests: await the answer that is due, and discard it."""
         if self._asked:
             self._asked = []
             self.bus.collect(self._rows, wait_ms, is_fast=self._is_fast)
         self.bus.clear()
 
     def forget(self) -> None:
-        """Begin anew: nothing read so far counts."""
+        """Start over: earlier readings do not count."""
         self._newest.clear()
         self.lost_in_a_row = 0
         self._culprits.clear()
 
     def synchronise(self, clock: Clock) -> None:
-        """Learn what every servo's clock says, by asking each a few times alone.
+        """Learn the offset of every servo's clock, by asking each one alone a few times.
 
         Raises:
-            LinkError: one does not answer.
+            LinkError: a servo does not answer.
         """
         for servo, learned in zip(self._servos, self._clocks, strict=True):
             for _ in range(_SOUNDINGS):
@@ -287,7 +287,7 @@ class Group:
             )
 
     def _blame(self) -> str:
-        """Return which servo was missing, or that it was not one alone; nothing if none was."""
+        """Return which servo was missing, or that it was more than one; empty if none was."""
         counts = self._culprits
         worst = max(self._servos, key=lambda servo: counts.get(servo.options.id, 0))
         if not counts:
@@ -301,7 +301,7 @@ class Group:
 def listen(
     servos: Sequence[Servo], options: GimbalOptions, period_ns: int, clock: Clock
 ) -> tuple[Group, list[str]]:
-    """Return the group of all servos, read as quickly as they can, and what keeps it from more.
+    """Return the group of all servos at its fastest reads, and the reasons if it could be faster.
 
     Args:
         servos: of the gimbal, identified.
@@ -310,7 +310,7 @@ def listen(
         clock: of the readings.
 
     Raises:
-        DeviceFaultError: fast reads are asked for that a servo does not know.
+        DeviceFaultError: fast reads are configured, but a servo does not support them.
         LinkError: the line is too slow for the rate, or a servo does not answer.
     """
     slow = list(filter(None, (servo.why_not_fast() for servo in servos)))

@@ -7,34 +7,34 @@
     order = "ZYX"              # axes from the base to the tool
     fast_read = "auto"         # auto, on or off; the servos' firmware decides
     watchdog_ms = 500          # servos stop by themselves after this silence
-    max_losses = 10            # answers lost in a row until it is a fault
+    max_losses = 10            # lost answers in a row until a fault
     at_end = "release"         # or "hold": leave the torque on
-    park_deg = [0, 0, 0]       # go here before the torque is switched off
-    pointing = true            # two axes: only the direction counts; false: the roll must fit, too
-    max_deviation_deg = 0.0    # by how much a path near the pole may be missed; 0 refuses it
-    turns_file = ""            # where whole turns are kept; by default in the XDG state directory
-    overwrite = false          # what of a servo's own settings may be overwritten: true, or a list
+    park_deg = [0, 0, 0]       # move here before the torque goes off
+    pointing = true            # two axes: only the direction counts; false: the roll counts too
+    max_deviation_deg = 0.0    # allowed deviation from a path near the pole; 0 refuses the path
+    turns_file = ""            # file for whole turns; default in the XDG state directory
+    overwrite = false          # settings of the servos that may be overwritten: true, or a list
                                # of "homing_offset", "drive_mode" and "operating_mode"
-    allow_slews = false        # whether the tool may stop and leave its path to change branch
+    allow_slews = false        # whether the tool may stop off its path to change branch
 
     [[axes]]                   # one for each letter of order
     id = 1
     name = "yaw"
     model = "xm430"            # or xl330, xm540-w270, ...: see MODELS
-    gear = 1.0                 # turns of the servo for one of the axis
+    gear = 1.0                 # turns of the servo per turn of the axis
     direction = 1              # or -1
-    zero_deg = 0.0             # angle of the axis where the servo's position is 2048
+    zero_deg = 0.0             # angle of the axis at servo position 2048
     limits_deg = [-170, 170]   # or "endless": as far as the servo counts, 255 turns or more
-    velocity_deg = 220         # degrees a second; 80 % of what the servo does without load
-    acceleration_deg = 2290    # degrees a second squared
-    current_limit = 0.8        # A, where the servo measures it; it gives way at more (mode 5)
+    velocity_deg = 220         # degrees/s; default 80 % of the servo's speed without load
+    acceleration_deg = 2290    # degrees/s^2
+    current_limit = 0.8        # A, if the servo measures it; it yields at more (mode 5)
 
-Of all that stops the gimbal the servos' own watchdog is the last: it ends in an error that has to
-be reset, and the stop is abrupt.  A lost answer costs two cycles or ``latency_ms``, so ten of them
-in a row, 0.2 s at 100 Hz, are a fault that names the servo; it comes before the feedback is too old
-for the daemon (0.3 s), and goals are sent all the while.  A servo that nobody talks to stands still
-at its last goal anyway, one cycle's step away, so half a second of silence until the watchdog does
-no harm, and a machine that is busy for less is ridden out.
+The servos' own watchdog is the last of all stops of the gimbal: it is abrupt and ends in an error
+that needs a reset.  A lost answer costs two cycles or ``latency_ms``.  Ten of them in a row, 0.2 s
+at 100 Hz, are a fault that names the servo.  It comes before the daemon's feedback timeout (0.3 s),
+and goals are sent meanwhile.  A servo without messages stands still at its last goal anyway, one
+cycle's step away.  So half a second of silence until the watchdog is harmless, and bridges a busy
+machine.
 """
 
 from __future__ import annotations
@@ -59,11 +59,11 @@ from orientd.mechanism import Gimbal
 from orientd_dynamixel.tables import BAUD_RATES, MODELS, ServoModel
 
 DEFAULT_ACCELERATION = 40.0
-"""rad/s^2 of an axis where nothing else is said; an XM430 with a camera on it can do that."""
+"""Default acceleration of an axis, rad/s^2; an XM430 with a camera can do that."""
 
 
 OWN_SETTINGS = frozenset({"homing_offset", "drive_mode", "operating_mode"})
-"""Of a servo, with a meaning beside orientd: what they are set to is said, or refused."""
+"""Settings of a servo that other software may use: orientd reports or refuses to change them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ class GimbalOptions:
     overwrite: frozenset[str]
 
     def gimbal(self) -> Gimbal:
-        """Return the gimbal that the servos turn."""
+        """Return the gimbal that the servos form."""
         limits = [
             AxisLimits(axis.name, axis.low, axis.high, axis.velocity, axis.acceleration)
             for axis in self.axes
@@ -150,10 +150,10 @@ _KEYS = {
 
 
 def parse(options: Mapping[str, Any]) -> GimbalOptions:
-    """Check *options* and put them into SI.
+    """Check *options* and convert them to SI.
 
     Raises:
-        ValueError: one is unknown, missing or not allowed; the message names it.
+        ValueError: one is unknown, missing or has a wrong value; the message names it.
     """
     check_names(options, _KEYS)
     order = options.get("order", "ZYX")
@@ -213,7 +213,7 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
 
 
 def _overwrite(given: object) -> frozenset[str]:
-    """Return the settings that *given* permits to overwrite."""
+    """Return the settings that *given* allows to overwrite."""
     if isinstance(given, bool):
         return OWN_SETTINGS if given else frozenset()
     if isinstance(given, (list, tuple)) and all(map([*OWN_SETTINGS].__contains__, given)):

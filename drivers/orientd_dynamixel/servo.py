@@ -1,10 +1,9 @@
-"""One servo, and the axis that it turns: units, what is believed of it, how it starts and stops.
+"""One servo and its axis: units, plausibility of readings, start and stop.
 
-A servo now and then reports a position at which it is not.  So a reading is believed only if the
-servo can be there: with its torque on it is between where it was last seen and where it was sent
-since, and with its torque off it has turned no faster than it can by hand.  Outside of the cycle it
-has to be reported twice as well.  A reading that is not believed changes nothing, and no goal ever
-comes from one.
+A servo now and then reports a wrong position.  So a reading is accepted only if the servo can be
+there. With its torque on, it is between its last known position and the goals since.  With its
+torque off, it has turned no faster than by hand.  Outside the cycle it must also report the
+position twice.  A rejected reading changes nothing, and no goal ever comes from one.
 """
 
 from __future__ import annotations
@@ -36,24 +35,24 @@ _BOOT_STEPS = 20
 _BOOT_STEP_S = 0.05
 _WATCHDOG_UNIT_MS = 20
 _PROFILE_MARGIN = 1.2
-"""Room for a servo to catch up with its goals."""
+"""Lag of a servo behind its goals that is still plausible."""
 _PLAY = math.radians(2.1)
 """Backlash, overshoot and rounding."""
 _HELD = math.radians(3.5)
 """A goal this close to the position is kept: the torque was on, and the load hangs on it."""
 _MARGIN = 1.5
 _AGE_S = 0.008
-"""How old a reading may be when it arrives."""
+"""Largest age of a reading at its arrival."""
 
 Sleep = Callable[[float], None]
 
 
 class DoubtError(DeviceFaultError):
-    """A servo reports a position at which it cannot be."""
+    """A servo reports an impossible position."""
 
 
 class Ratings(NamedTuple):
-    """What a servo bears, as its own settings say.
+    """The limits of a servo by its own settings.
 
     Attributes:
         temperature: degrees Celsius.
@@ -72,18 +71,18 @@ class Servo:
     """A servo on a bus.
 
     Attributes:
-        bus: its bus, set as the port is opened.
-        options: what it and its axis were configured as.
-        turns: whole turns by which its reading is short; it forgets them when it starts again.
-        position: where it is believed to be, in its ticks; ``None`` before it is known.
-        seen_ns: when it was last seen there.
-        apart_ns: since when it has been too far from its goal; 0 if it is not.
-        strained: looks in a row at which its current was large.
-        firmware: its version, asked as the port is opened.
-        bears: what it bears, asked then, too.
+        bus: its bus, set when the port is opened.
+        options: configuration of the servo and its axis.
+        turns: whole turns missing in its reading; a servo loses them when it restarts.
+        position: its accepted position, in its ticks; ``None`` before it is known.
+        seen_ns: time of that position.
+        apart_ns: time since which it has been too far from its goal; 0 if it is not.
+        strained: number of readings in a row with a large current.
+        firmware: its version, read when the port is opened.
+        bears: its limits, read when the port is opened.
         per_turn: ticks of one turn.
-        near: how far it may have moved while nobody watched, ticks: 45 degrees.
-        play: how far a reading may be from where it can be, ticks.
+        near: how far it may have moved unobserved, ticks: 45 degrees.
+        play: plausible error of a reading, ticks.
     """
 
     bus: ServoBus
@@ -137,7 +136,7 @@ class Servo:
 
     @property
     def goal(self) -> int:
-        """Ticks last sent, as the servo counts them."""
+        """Last sent goal, in the servo's ticks."""
         return self._goal
 
     @goal.setter
@@ -146,17 +145,17 @@ class Servo:
         self._low, self._high = min(self._low, goal), max(self._high, goal)
 
     def believe(self, position: int, now_ns: int) -> None:
-        """Take *position*, in ticks, as where the servo is."""
+        """Accept *position*, in ticks, as that of the servo."""
         self.position, self.seen_ns = position, now_ns
         self._low, self._high = min(position, self._goal), max(position, self._goal)
 
     def doubt(self, position: int, *, is_driven: bool, now_ns: int | None = None) -> str:
-        """Return why the servo cannot be at *position*; nothing if it can.
+        """Return why the servo cannot be at *position*, or an empty string.
 
         Args:
-            position: as it reports, ticks.
+            position: reported position, ticks.
             is_driven: whether its torque is on.
-            now_ns: when it was asked; ``None`` if it may have been turned by hand for any time.
+            now_ns: time of the request; ``None`` if it may have been turned by hand for any time.
         """
         ahead = position - self._goal
         if is_driven and self._is_turns_away(ahead):
@@ -170,7 +169,7 @@ class Servo:
             reach = self.play + self._most * max(0, now_ns - self.seen_ns) * 1e-9
             is_possible = abs(jump) <= min(reach, self.near)
         else:
-            # By hand it comes to any angle, but hardly to the same one after whole turns.
+            # By hand it reaches any angle, but hardly the same one after whole turns.
             is_possible = not self._is_turns_away(jump)
         return "" if is_possible else f"reports a jump of {abs(jump)} ticks"
 
@@ -187,15 +186,15 @@ class Servo:
         self.bus.write(self.options.id, register, value)
 
     def row(self, size: int) -> Row:
-        """Return what the servo is asked for in a group read of *size* bytes."""
+        """Return the servo's part of a group read of *size* bytes."""
         return Row(self.options.id, self.options.model.family.indirect_data, size)
 
     def present_position(self) -> int:
-        """Return where the servo is, in its ticks, outside of the cycle.
+        """Return the servo's position in its ticks, outside of the cycle.
 
         Raises:
             LinkError: it does not answer.
-            DoubtError: it reports a position at which it cannot be.
+            DoubtError: it reports an impossible position.
         """
         last, problem = None, "does not report the same position twice"
         for _ in range(PATIENT_ATTEMPTS):
@@ -214,7 +213,7 @@ class Servo:
         )
 
     def identify(self) -> None:
-        """Find the servo, and ask what it bears.
+        """Find the servo, and read its limits.
 
         Raises:
             LinkError: it does not answer.
@@ -238,7 +237,7 @@ class Servo:
         self.bears = Ratings(self.get(table.temperature_limit), lowest, highest, current)
 
     def why_not_fast(self) -> str:
-        """Return why the servo answers no fast reads; nothing if it does."""
+        """Return why the servo does not support fast reads, or an empty string."""
         needed = self.options.model.family.fast_firmware
         if needed is None:
             return f"servo {self.options.id} is not known to answer fast reads"
@@ -247,7 +246,7 @@ class Servo:
         return f"servo {self.options.id} has firmware {self.firmware}, fast reads need {needed}"
 
     def clear_error(self, sleep: Sleep) -> None:
-        """Start the servo again if it reports a hardware error.
+        """Restart the servo if it reports a hardware error.
 
         Raises:
             LinkError: it does not come back.
@@ -267,13 +266,13 @@ class Servo:
 
     @property
     def mode(self) -> int:
-        """The operating mode in which the servo counts turns, and its current is limited."""
+        """The operating mode that counts turns, with a current limit if configured."""
         return EXTENDED_POSITION if self.options.current_limit is None else CURRENT_POSITION
 
     def foreign(self) -> dict[str, tuple[int, int]]:
-        """Return which of the servo's own settings are what, and what they must be, by name.
+        """Return the servo's own settings that differ, with present and required values, by name.
 
-        These have a meaning beside orientd; those that are as they must be are left out.
+        These are settings that other software may use.
         """
         wanted = {"homing_offset": 0, "drive_mode": 0, "operating_mode": self.mode}
         table = self.table._asdict()
@@ -287,16 +286,16 @@ class Servo:
         return self.get(whole, PATIENT_ATTEMPTS) == int.from_bytes(mapped, "little")
 
     def has_kept_power(self) -> bool:
-        """Return whether the servo is known to have counted turns since it was configured."""
+        """Return whether the servo has counted turns since its configuration."""
         is_counting = self.get(self.table.operating_mode) == self.mode
         return self.options.model.family.forgets_map and is_counting and self._has_map()
 
     def configure(self) -> None:
-        """Put the servo's settings right, the permanent ones only if they differ.
+        """Correct the servo's settings; write permanent ones only if they differ.
 
         Raises:
-            DoubtError: it has stopped by itself, and reports a position at which it cannot be.
-            DeviceFaultError: it does not take a setting.
+            DoubtError: its watchdog has stopped it, and it reports an impossible position.
+            DeviceFaultError: it does not accept a setting.
         """
         table, options, family = self.table, self.options, self.options.model.family
         if self.get(table.return_level) != RETURN_LEVEL:
@@ -316,14 +315,15 @@ class Servo:
             if not self._has_map():
                 raise DeviceFaultError(f"{self} does not keep the map of its readings")
         self._set(table.profile_acceleration, 0)
-        # No more than what is asked of it, whatever lets go of it: a servo knows no other limit.
+        # The servo knows no limit but its profile: allow no more than orientd needs if an obstacle
+        # comes free.
         fastest = self.steps(_PROFILE_MARGIN * options.velocity * options.gear)
         self._set(table.profile_velocity, min(fastest, self.get(table.velocity_limit)))
         if options.current_limit is not None:
             most, unit = self.bears.current, options.model.current_unit
             if options.current_limit > most:
                 raise DeviceFaultError(
-                    f"{self} gives {most:.2f} A at the most, current_limit is "
+                    f"{self} gives {most:.2f} A at most, current_limit is "
                     f"{options.current_limit:g} A"
                 )
             self._set(table.goal_current, round(options.current_limit / unit))
@@ -333,10 +333,10 @@ class Servo:
         return self.table.block + self.table.health
 
     def _set(self, register: Register, value: int) -> None:
-        """Write a setting and look whether the servo has taken it.
+        """Write a setting and check it by reading it back.
 
         Raises:
-            DeviceFaultError: it has not.
+            DeviceFaultError: the servo has not accepted it.
         """
         self.put(register, value)
         if (kept := self.get(register)) != value:
@@ -347,16 +347,15 @@ class Servo:
     def quiet_watchdog(self) -> bool:
         """Switch the watchdog off; return whether it had tripped.
 
-        A tripped servo has stopped, but may keep its old goal and go there once it is allowed to:
-        its goal becomes where it is.
+        A tripped servo has stopped, but may keep its old goal and move there later.  So its goal
+        becomes its position.
 
         Raises:
-            DoubtError: it has tripped, and reports a position at which it cannot be; it stays
-                stopped.
+            DoubtError: it has tripped, and reports an impossible position; it stays stopped.
         """
         state = self.get(self.table.watchdog)
         if state == WATCHDOG_TRIPPED:
-            # Read first, so that nothing but the goal itself comes between the two writes.
+            # Read first, so that only the goal itself comes between the two writes.
             goal = sendable(self.present_position())
             self.put(self.table.watchdog, 0)
             self.put(self.table.goal, goal)
@@ -366,14 +365,14 @@ class Servo:
         return state == WATCHDOG_TRIPPED
 
     def arm_watchdog(self, milliseconds: int) -> None:
-        """Let the servo stop by itself after a silence; 0 switches that off."""
+        """Make the servo stop after a silence; 0 switches that off."""
         self.put(self.table.watchdog, -(-milliseconds // _WATCHDOG_UNIT_MS))
 
     def check(self) -> None:
         """Refuse a servo that reports an error, or whose axis is outside its limits.
 
         Raises:
-            DeviceFaultError: it does, it is, or it reports a position at which it cannot be.
+            DeviceFaultError: it does, it is, or it reports an impossible position.
         """
         if bits := self.get(self.table.hardware_error, PATIENT_ATTEMPTS):
             raise DeviceFaultError(f"{self} reports {explain_error(bits)}; reset it")
@@ -389,9 +388,9 @@ class Servo:
             )
 
     def engage(self) -> bool:
-        """Switch the torque on with the goal where the servo is; return whether it had been off.
+        """Switch the torque on with the goal at the position; return whether it had been off.
 
-        A servo that holds already goes on with its goal.
+        A servo that already holds keeps its goal.
         """
         position = self.present_position()
         goal = self.get(self.table.goal, PATIENT_ATTEMPTS)
@@ -415,10 +414,10 @@ class Servo:
         return not was_on
 
     def hold(self, *, stands: bool) -> None:
-        """Leave the servo where it is told to be, its watchdog off.
+        """Leave the servo at its goal, its watchdog off.
 
         Args:
-            stands: whether it is left where it is, wherever it was told to be.
+            stands: whether to hold its position instead.
 
         Raises:
             DeviceError: it could not be reached.
@@ -440,7 +439,7 @@ class Servo:
         self.put(self.table.goal, self.goal)
 
     def is_at_goal(self) -> bool:
-        """Return whether the servo is as good as where it was told to be."""
+        """Return whether the servo has nearly reached its goal."""
         return abs(self.get(self.table.position) - self.goal) <= self._held
 
     def let_go(self) -> None:

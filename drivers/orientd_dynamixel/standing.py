@@ -1,9 +1,8 @@
-"""What running servos report: faults, what the axes do in one, and how the servos are.
+"""Supervision of running servos: faults, held axes in a fault, and health.
 
-A servo whose torque is on goes to its goal as soon as what holds it lets go.  So an axis that has
-failed gets its own position as its goal at once, while the others are braked on the path; when they
-are at rest, all of them are looked at again.  Only positions that are believed become goals: an
-axis of which nothing is believed keeps the goal that it has.
+A servo with its torque on moves to its goal as soon as an obstacle comes free.  So the goal of a
+failed axis becomes its own position at once, while the others brake on the path.  At rest, all of
+them are read again. Only accepted positions become goals.  An axis without one keeps its goal.
 """
 
 from __future__ import annotations
@@ -21,22 +20,22 @@ from orientd_dynamixel.tables import VOLT, WATCHDOG_TRIPPED, explain_error
 _KEPT = math.radians(0.5)
 """A goal this close to the position is kept: the load hangs on the difference."""
 _FAR = math.radians(1.0)
-"""Farther away than this, an axis does not merely lag behind its goal."""
+"""Distance beyond which an axis does not merely lag behind its goal."""
 _SETTLING_NS = 100_000_000
-"""After this time at rest an axis no longer lags behind its goal."""
+"""Time at rest after which an axis no longer lags behind its goal."""
 
 _HEAT_MARGIN = 10
-"""K below the temperature at which a servo gives up."""
+"""K below the temperature at which a servo shuts down."""
 _VOLTAGE_MARGIN = 0.04
 """Share of the voltages at which a servo reports an error."""
 _CURRENT_SHARE = 0.9
-"""Of the current at which it gives no more; held for long it gives up."""
+"""Share of the largest current; if held for long, the servo shuts down."""
 _LONG = 3
-"""Looks in a row at which the current is that large."""
+"""Readings in a row with a current that large."""
 
 
 def complain(servo: Servo, reading: Reading, options: GimbalOptions, now_ns: int) -> str:
-    """Return what is wrong with a servo, as it was read at *now_ns*, or nothing."""
+    """Return what is wrong with a servo, as read at *now_ns*, or an empty string."""
     if reading.hardware_error:
         return f"{servo} reports {explain_error(reading.hardware_error)}"
     if reading.watchdog == WATCHDOG_TRIPPED:
@@ -57,7 +56,7 @@ def complain(servo: Servo, reading: Reading, options: GimbalOptions, now_ns: int
 
 
 class Standing:
-    """The axes that stand, and their goals.
+    """The held axes, and their goals.
 
     Attributes:
         goals: ticks, by the axis' place.
@@ -72,7 +71,7 @@ class Standing:
         self._since_ns = 0
 
     def fail(self, place: int) -> bool:
-        """Let the axis at *place* stand where it was last seen; return whether that is new."""
+        """Hold the axis at *place* at its last known position; return whether that is new."""
         if place in self.goals:
             return False
         servo = self._servos[place]
@@ -80,17 +79,17 @@ class Standing:
         return True
 
     def rest(self, now_ns: int) -> None:
-        """Let all axes stand, each where it is found to be from now on; again if asked again."""
+        """Hold all axes from now on, each at its present position; repeat if called again."""
         places = range(len(self._servos))
         self._pending = {n for n in places if self.is_at_rest or n not in self.goals}
         self.is_at_rest, self._since_ns = True, now_ns
 
     def stands(self, place: int, now_ns: int) -> bool:
-        """Return whether the axis at *place* stands by now, and does not merely lag behind."""
+        """Return whether the axis at *place* already stands, and does not merely lag behind."""
         return place in self.goals or (self.is_at_rest and now_ns - self._since_ns > _SETTLING_NS)
 
     def send(self, bus: ServoBus) -> None:
-        """Send the goals of axes at rest, after slow profiles, should one move all the same.
+        """Send the goals of axes at rest, after slow profiles in case one still moves.
 
         Raises:
             LinkError: the port is gone.
@@ -104,7 +103,7 @@ class Standing:
         bus.sync_write([(s.options.id, s.table.goal, s.goal) for s in self._servos])
 
     def _look(self, place: int) -> None:
-        """Take where the servo stands as its goal, if it was seen since and is not there."""
+        """Make the servo's position its goal, if it was read since and differs."""
         servo = self._servos[place]
         if servo.position is None or servo.seen_ns <= self._since_ns:
             return
@@ -118,11 +117,11 @@ class Standing:
 
 
 def judge(servo: Servo, reading: Reading, time_ns: int) -> PartHealth:
-    """Return how a servo is, as it was read at *time_ns*, with what is soon to go wrong."""
+    """Return the condition of a servo, as read at *time_ns*, with developing problems."""
     options, bears, unit = servo.options, servo.bears, servo.options.model.current_unit
     hot, volt = reading.temperature, VOLT * reading.voltage
     current = abs(reading.current) * unit
-    # An axis that speeds up needs all the current there is for a moment.
+    # An axis that speeds up needs the full current for a moment.
     servo.strained = servo.strained + 1 if current >= _CURRENT_SHARE * bears.current > 0.0 else 0
     found = {
         f"has {hot} degrees C, at {bears.temperature} it gives up":

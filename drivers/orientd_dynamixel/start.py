@@ -1,9 +1,9 @@
-"""Make the servos of a gimbal ready, switch their torque on and park them, all without a jerk.
+"""Prepare the servos of a gimbal, switch their torque on and park them, all without a jerk.
 
-The order of a start matters.  A servo is asked for model and firmware before anything is written;
-settings are written only if they differ, because the permanent ones need the torque off; the goal
-is where the servo is before the torque comes on; the watchdog is last, because from then on silence
-stops it.
+The order of a start matters.  Model and firmware are read before anything is written.  Settings are
+written only if they differ, because permanent ones need the torque off.  The goal is set to the
+position before the torque comes on.  The watchdog comes last, because from then on silence stops
+the servo.
 """
 
 from __future__ import annotations
@@ -22,14 +22,15 @@ _STEP_S = 0.05
 
 
 def overwritten(servos: Sequence[Servo], may_overwrite: Collection[str]) -> list[str]:
-    """Return what is about to be overwritten in the servos' own settings, a line a servo.
+    """Return which of the servos' own settings will be overwritten, one line a servo.
 
     Args:
         servos: of the gimbal.
-        may_overwrite: names of the settings that may be.
+        may_overwrite: names of the allowed settings.
 
     Raises:
-        DeviceFaultError: a servo has a setting of its own that may not be; nothing was written.
+        DeviceFaultError: a servo has another setting that may not be overwritten; nothing was
+            written.
     """
     own = {servo: servo.foreign() for servo in servos}
     refused = {name for settings in own.values() for name in settings} - set(may_overwrite)
@@ -58,19 +59,19 @@ def overwritten(servos: Sequence[Servo], may_overwrite: Collection[str]) -> list
 def prepare(
     servos: Sequence[Servo], options: GimbalOptions, turns: Turns, sleep: Sleep, clock: Clock
 ) -> tuple[list[str], str]:
-    """Put every servo right and find out on which turn it is; nothing moves.
+    """Correct the settings of every servo and find out its turn; nothing moves.
 
     Returns:
-        Which of the servos' own settings were overwritten, in words, and which servos are on an
-        unknown turn; nothing if none is.
+        The overwritten settings, in words, and the servos on an unknown turn; empty if there are
+        none.
 
     Raises:
-        LinkError: a servo is not there.
-        DeviceFaultError: one is another model, may not be put right, or cannot be.
+        LinkError: a servo does not answer.
+        DeviceFaultError: one is another model, may not be corrected, or cannot be.
     """
     for servo in servos:
         servo.identify()
-    turns.close()  # whoever deletes the file begins anew
+    turns.close()  # the user deletes the file to start over
     turns.open()
     changed = overwritten(servos, options.overwrite)
     unknown = []
@@ -90,14 +91,14 @@ def prepare(
 
 
 def engage_all(servos: Sequence[Servo]) -> list[Servo]:
-    """Switch the torque of all on where they stand, or of none; return which had it off.
+    """Switch the torque of all servos on at their positions, or of none; return which had it off.
 
     Raises:
-        DeviceError: one does not; those that held before go on holding.
+        DeviceError: one does not; those that held before keep holding.
     """
     begun: list[Servo] = []
     try:
-        # One at a time: what was begun has to be known when the next one fails.
+        # One at a time: when one fails, it must be known which were switched on.
         for servo in servos:
             begun += [servo] if servo.engage() else []
     except DeviceError:
@@ -108,7 +109,7 @@ def engage_all(servos: Sequence[Servo]) -> list[Servo]:
 
 
 def park(servos: Sequence[Servo], angles: Sequence[float], sleep: Sleep) -> None:
-    """Go to *angles* slowly; give up after some time."""
+    """Move to *angles* slowly; give up after some time."""
     for servo, angle in zip(servos, angles, strict=True):
         servo.go_slowly(angle)
     for _ in range(round(_PARK_LONGEST_S / _STEP_S)):

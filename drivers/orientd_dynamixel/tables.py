@@ -1,7 +1,7 @@
 """Models of servos and their registers, all as data: a new model is a row of :data:`MODELS`.
 
-Addresses, units and speeds are those of the vendor's manual, model numbers those of its own tables;
-none was tried on a real servo.
+Addresses, units and speeds are from the vendor's manual, model numbers from its own tables.  None
+was tried on a real servo.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 BAUD_RATES = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
-"""Those that both the servos and the vendor's SDK know."""
+"""Line speeds that both the servos and the vendor's SDK support."""
 
 EXTENDED_POSITION, CURRENT_POSITION = 4, 5
 """Operating modes that count turns; the second one limits the current as well."""
@@ -51,7 +51,7 @@ class Register(NamedTuple):
 
 
 class ControlTable(NamedTuple):
-    """The registers that the driver uses.  By default those of the X and MX series."""
+    """The registers of the driver.  The defaults are those of the X and MX series."""
 
     return_delay: Register = Register(9, 1)
     drive_mode: Register = Register(10, 1)
@@ -81,8 +81,8 @@ class ControlTable(NamedTuple):
     def block(self) -> tuple[int, ...]:
         """Addresses that are mapped together and read every cycle.
 
-        The return level is among them because it is never 0: a servo that has started again has
-        forgotten the map and answers with zeros, which would be a position.
+        The return level is among them because it is never 0.  A servo that has restarted has
+        forgotten the map and answers with zeros, which would otherwise be a position.
         """
         return _addresses(
             self.torque, self.return_level, self.hardware_error, self.watchdog, self.tick,
@@ -101,17 +101,17 @@ def _addresses(*registers: Register) -> tuple[int, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """What models have in common.
+    """Properties that several models share.
 
     Attributes:
         table: their registers.
         indirect_address: of the first entry of the map.
         indirect_data: address of the first mapped byte.
-        fast_firmware: the first version that answers fast reads; ``None`` if that is not known.
+        fast_firmware: the first version with fast reads; ``None`` if unknown.
         velocity_unit: rad/s of one step.
         acceleration_unit: rad/s^2 of one step.
         centre: position in ticks at which an axis is at its zero.
-        goal_limit: the farthest goal either way, ticks.
+        goal_limit: the farthest goal in either direction, ticks.
         permanent_end: registers below this address are permanent, and need the torque off.
         limits_current: whether there is the mode that counts turns and limits the current.
     """
@@ -129,7 +129,7 @@ class Family:
 
     @property
     def forgets_map(self) -> bool:
-        """Whether a servo that has started again has forgotten the map."""
+        """Whether a restarted servo has forgotten the map."""
         return self.indirect_address >= self.permanent_end
 
 
@@ -137,7 +137,7 @@ _RPM = 2 * math.pi / 60
 _RPM2 = 2 * math.pi / 3600
 _X = ControlTable()
 _P = ControlTable(*(r._replace(address=r.address + 448 * (r.address >= 64)) for r in _X))
-"""In the P series everything that is not permanent lies 448 bytes higher."""
+"""In the P series all registers that are not permanent lie 448 bytes higher."""
 
 X430 = Family(_X, 168, 224, 45, 0.229 * _RPM, 214.577 * _RPM2, 2048, 1_048_575)
 X330 = Family(_X, 168, 208, 46, 0.229 * _RPM, 214.577 * _RPM2, 2048, 1_048_575)
@@ -147,11 +147,11 @@ P = Family(_P, 168, 634, None, 0.01 * _RPM, 1.0 * _RPM2, 0, 2**31 - 1, 512, limi
 
 @dataclass(frozen=True, slots=True)
 class ServoModel:
-    """What the driver has to know of a kind of servo.
+    """The driver's data of a servo model.
 
     Attributes:
         name: as printed on it.
-        number: what it answers to a ping.
+        number: its answer to a ping.
         family: its registers and units.
         no_load_rpm: turns a minute without load, at its nominal voltage.
         current_unit: A of one step; 0 if the servo does not measure its current.
@@ -167,12 +167,12 @@ class ServoModel:
 
     @property
     def no_load_speed(self) -> float:
-        """The same in rad/s."""
+        """The no-load speed in rad/s."""
         return self.no_load_rpm * _RPM
 
     @property
     def most_turns(self) -> int:
-        """Whole turns that it counts, either way from its centre."""
+        """Whole turns that it counts, in either direction from its centre."""
         return self.family.goal_limit // self.ticks
 
 
@@ -197,4 +197,4 @@ MODELS: Mapping[str, ServoModel] = {
     "ph54-100": ServoModel("PH54-100-S500", 2010, P, 33.3, 0.001, 1_003_846),
     "ph54-200": ServoModel("PH54-200-S500", 2020, P, 33.1, 0.001, 1_003_846),
 }
-"""By the names of the option ``model``."""
+"""The models by the names of the option ``model``."""

@@ -1,8 +1,9 @@
 """The whole turns of every servo, kept in a file: a servo counts them only while it has power.
 
-A record of the file holds a servo's position over all its turns and the share of it that the servo
-itself has forgotten.  A servo that has kept its power is believed.  One that has started again must
-stand within 45 degrees of where it was last seen: nothing else tells one turn from another.
+A record of the file holds a servo's position over all its turns and the part of it that the servo
+itself has forgotten.  The count of a servo that has kept its power is accepted.  A restarted servo
+must stand within 45 degrees of its last known position, because nothing else distinguishes the
+turns.
 """
 
 from __future__ import annotations
@@ -19,25 +20,25 @@ from orientd_dynamixel.options import GimbalOptions
 from orientd_dynamixel.servo import Servo
 
 _RECORD = struct.Struct("<qqq")
-"""Id of the servo plus one, position over all turns and what it has forgotten of it, ticks."""
+"""Id of the servo plus one, position over all turns and its forgotten part, ticks."""
 
 
 class Turns:
-    """What is remembered of the servos.
+    """The remembered positions of the servos.
 
     Attributes:
         path: of the file; ``None`` if nothing is kept beyond the process.
     """
 
     def __init__(self, options: GimbalOptions, servos: Sequence[Servo]) -> None:
-        """Look at nothing yet."""
+        """Create it without reading the file."""
         self.path = _path(options)
         self._servos = servos
         self._records = [bytes(_RECORD.size)] * len(servos)
         self._file = -1
 
     def open(self) -> None:
-        """Open the file, or make it.
+        """Open the file, or create it.
 
         Raises:
             DeviceFaultError: it cannot be written.
@@ -49,7 +50,7 @@ class Turns:
             self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
             size = _RECORD.size * len(self._records)
             kept = os.pread(self._file, size, 0).ljust(size, b"\0")
-            os.pwrite(self._file, kept, 0)  # so that it has its room on the disk
+            os.pwrite(self._file, kept, 0)  # reserves its space on the disk
         except OSError as error:
             raise DeviceFaultError(
                 f"turns cannot be remembered in {self.path}: {error.strerror}; name another file "
@@ -58,42 +59,42 @@ class Turns:
         self._records = [kept[at : at + _RECORD.size] for at in range(0, size, _RECORD.size)]
 
     def close(self) -> None:
-        """Let go of the file; never raises."""
+        """Close the file; never raises."""
         if self._file >= 0:
             with suppress(OSError):
                 os.close(self._file)
             self._file = -1
 
     def note(self, place: int, position: int) -> None:
-        """Note what the servo of the axis at *place* reports, ticks."""
+        """Record the reported position of the servo of the axis at *place*, ticks."""
         servo = self._servos[place]
         forgotten = servo.turns * servo.per_turn
         record = _RECORD.pack(servo.options.id + 1, position + forgotten, forgotten)
         if record != self._records[place]:
             self._records[place] = record
             if self._file >= 0:
-                # To the kernel's memory, in a few us; it outlives the process, whatever ends that.
+                # Written to the kernel's memory in a few us, which survives any end of the process.
                 with suppress(OSError):
                     os.pwrite(self._file, record, place * _RECORD.size)
 
     def last(self, place: int) -> int | None:
-        """Return where the servo of the axis at *place* was last seen, in ticks as it counts them.
+        """Return the last known position of the servo of the axis at *place*, in its ticks.
 
-        ``None`` if it never was.
+        ``None`` if it was never read.
         """
         owner, seen, forgotten = _RECORD.unpack(self._records[place])
         return seen - forgotten if owner == self._servos[place].options.id + 1 else None
 
     def resolve(self, place: int, position: int, *, has_kept_power: bool) -> str:
-        """Find the turns that the servo of an axis has forgotten, and note where it is.
+        """Find the turns that the servo of an axis has forgotten, and record its position.
 
         Args:
-            place: of the axis; its turns are set.
-            position: what the servo reports, ticks.
-            has_kept_power: whether it still counts from where it was noted.
+            place: of the axis; sets its turns.
+            position: reported position, ticks.
+            has_kept_power: whether it still counts from the recorded position.
 
         Returns:
-            Why they are not known, or nothing.
+            Why the turns are unknown, or an empty string.
         """
         servo = self._servos[place]
         owner, seen, forgotten = _RECORD.unpack(self._records[place])

@@ -1,4 +1,4 @@
-"""The loopback driver: a device that is not there."""
+"""The loopback driver: a simulated device without hardware."""
 
 from __future__ import annotations
 

@@ -1,24 +1,23 @@
-"""A device that is not there: what is written comes back as feedback, some cycles later.
+"""A simulated device: each setpoint comes back as feedback, some cycles later.
 
 Options:
 
 ``delay_cycles``
     cycles from a setpoint to its feedback, 0 to 1000; default 2.
 ``orientation``
-    ``{w, x, y, z}`` at the start; default none turned.
+    ``{w, x, y, z}`` at the start; default the identity.
 ``position``
     ``[x, y, z]`` in metres at the start; default the origin.
 ``record``
-    path of a file to which every setpoint is appended as it is written
-    (:mod:`orientd_loopback.recording`).
+    path of a file to which the driver appends every setpoint (:mod:`orientd_loopback.recording`).
 ``model``
     ``module:Class`` of a body that follows the setpoints with lag and noise, for example
-    ``orientd_loopback.joint:LaggedBody``; named, not imported, so that this package needs no other.
+    ``orientd_loopback.joint:LaggedBody``.
 ``model_options``
     keyword arguments of the model.
 ``fault_file``
-    path that is looked at every cycle; while it holds ``link_lost``, ``feedback_stale`` or
-    ``device_fault``, the device is in that fault.
+    path of a file that the driver reads in every cycle; while it contains ``link_lost``,
+    ``feedback_stale`` or ``device_fault``, the device has that fault.
 """
 
 from __future__ import annotations
@@ -68,7 +67,7 @@ class BodyModel(Protocol):
 
 
 class LoopbackDriver(Driver):
-    """Return what was written, delayed."""
+    """Return the written setpoints with a delay."""
 
     name: ClassVar[str] = "loopback"
 
@@ -89,16 +88,16 @@ class LoopbackDriver(Driver):
         self._newest: Feedback | None = None
 
     def open(self) -> None:
-        """Begin the recording, where one is asked for."""
+        """Start the recording, if one is configured."""
         if self._record_path:
             try:
-                # Appended without a buffer: what was written survives the process.
+                # Appended without a buffer, so that the file survives the process.
                 self._recording = open(self._record_path, "ab", buffering=0)  # noqa: SIM115, PTH123
             except OSError as error:
                 raise LinkError(f"cannot record to {self._record_path}: {error}") from error
 
     def enable(self) -> Feedback:
-        """Stand where it stands."""
+        """Hold the present pose."""
         fault = self._fault()
         if fault:
             raise DeviceFaultError(f"injected fault: {fault}")
@@ -110,20 +109,20 @@ class LoopbackDriver(Driver):
         return self._newest
 
     def read(self) -> Feedback | None:
-        """Return the setpoint of ``delay_cycles`` cycles ago as what was measured."""
+        """Return the setpoint of ``delay_cycles`` cycles ago as the measurement."""
         fault = self._fault() if self._fault_path else ""
         if fault == "link_lost":
             raise LinkError("injected fault: link_lost")
         if fault == "device_fault":
             raise DeviceFaultError("injected fault: device_fault")
-        # What was written last goes on arriving once nothing more is written.
+        # The last setpoints still arrive once no more are written.
         kept = self._delay if self._is_enabled else 0
         if len(self._pending) > kept and fault != "feedback_stale":
             self._newest = self._pending.popleft()
         return self._newest
 
     def write(self, setpoint: Setpoint) -> None:
-        """Take *setpoint* as the new orientation."""
+        """Use *setpoint* as the new orientation."""
         self._q, self._omega, self._position = setpoint.q, setpoint.omega_body, setpoint.position
         if self._model is not None:
             self._q, self._omega = self._model.follow(setpoint.q, self.period_ns * 1e-9)
@@ -134,7 +133,7 @@ class LoopbackDriver(Driver):
             self._recording.write(pack_setpoint(setpoint))
 
     def disable(self) -> None:
-        """Stay."""
+        """Do nothing: the device stays."""
         self._is_enabled = False
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""A body that follows an orientation as a good servo does: with lag, and measured with noise."""
+"""A body that follows an orientation like a good servo: with lag and measurement noise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The loopback driver's recording: every setpoint, as it was written, in a plain binary file."""
+"""The loopback driver's recording: every written setpoint in a plain binary file."""
 
 from __future__ import annotations
 

@@ -2,13 +2,13 @@
 
 Sources:
 
-- link lengths: Universal Robots, "DH Parameters for calculations of kinematics and dynamics"; the
-  same figures as ``config/*/default_kinematics.yaml`` of Universal_Robots_ROS2_Description
-  (2221ec0).  UR7e and UR12e have the arms of UR5e and UR10e.  Those of the UR15 are from the first
-  source only; :math:`a_2 + a_3 + d_5` is its reach of 1.300 m, as it is for every other model;
-- speeds and ranges: the user manuals, by ``config/*/joint_limits.yaml`` there, without the elbow's
-  range of half a turn, which that file gives for a planner's sake.  The UR15's speeds are those of
-  its data sheet.
+- Link lengths: Universal Robots, "DH Parameters for calculations of kinematics and dynamics"; the
+  same values as ``config/*/default_kinematics.yaml`` of Universal_Robots_ROS2_Description
+  (2221ec0).  UR7e and UR12e have the arms of UR5e and UR10e.  The UR15's lengths are from the
+  first source only; :math:`a_2 + a_3 + d_5` is its reach of 1.300 m, as for every other model.
+- Speeds and ranges: the user manuals, through ``config/*/joint_limits.yaml`` of the same package,
+  without the half-turn range of the elbow, which that file has for planners.  The UR15's speeds are
+  those of its data sheet.
 """
 
 from __future__ import annotations
@@ -26,10 +26,12 @@ from orientd_ur.pose import Pose
 JOINT_NAMES = ("base", "shoulder", "elbow", "wrist 1", "wrist 2", "wrist 3")
 
 FASTEST_CHANGE = 40.0
-"""Largest acceleration of a joint, rad/s^2: the most that ``ur_rtde`` lets a program ask for, and
-what controllers say that they are set to."""
+"""Largest acceleration of a joint, rad/s^2.
 
-# Nearer than this a joint turns many times faster than the tool, whatever the present path asks.
+``ur_rtde`` accepts no more from a program, and controllers report this value.
+"""
+
+# Closer than this, a joint turns many times faster than the tool on any path.
 _LEAST = 0.02
 
 
@@ -39,10 +41,10 @@ class Arm(Mechanism):
 
     Attributes:
         name: of its model.
-        kinematics: of this very arm if its calibration is known, else of the model.
+        kinematics: of this individual arm if its calibration is known, otherwise of the model.
         axes: limits of its joints.
         tool: pose of the tool in the flange.
-        start: joints where plans begin that are made without the robot, rad.
+        start: start joints of plans made without the robot, rad.
     """
 
     name: str
@@ -54,7 +56,7 @@ class Arm(Mechanism):
     def seen(self, joints: Joints, pose: Pose) -> Arm:
         """Return this arm with the tool that is at *pose* with *joints*, rad.
 
-        Whatever the arm's own lengths differ by there is part of that tool.
+        A deviation of the arm's own lengths becomes part of that tool.
         """
         q, position = self.kinematics.forward(joints)
         offset = rotate_back(q, plus(pose[1], position, -1.0))
@@ -62,18 +64,18 @@ class Arm(Mechanism):
 
     @property
     def published(self) -> Arm:
-        """This arm with the lengths of its model, which is solved several times as quickly."""
+        """This arm with the lengths of its model, whose inverse is several times as fast."""
         return replace(self, kinematics=Kinematics(self.kinematics.links))
 
     def slower(self, acceleration: float) -> Arm:
-        """Return this arm with no joint that accelerates more, rad/s^2."""
+        """Return this arm with the acceleration of every joint limited, rad/s^2."""
         axes = (
             axis._replace(acceleration=min(axis.acceleration, acceleration)) for axis in self.axes
         )
         return replace(self, axes=tuple(axes))
 
     def home(self) -> Joints:
-        """Return where plans begin that are made without the robot, rad."""
+        """Return the start joints of plans made without the robot, rad."""
         return self.start
 
     def forward(self, joints: Joints) -> tuple[Quaternion, Vector3]:
@@ -83,18 +85,18 @@ class Arm(Mechanism):
         return multiply(q, turn), _beside(position, q, offset)
 
     def solutions(self, q: Quaternion, position: Vector3) -> Sequence[Joints]:
-        """Return the joints of every branch, rad; wrist 3 is at 0 where wrist 2 is straight."""
+        """Return the joints of every branch, rad; wrist 3 is at 0 if wrist 2 is straight."""
         return self.kinematics.solutions(self._flange(q, position))
 
     def nearest(self, q: Quaternion, position: Vector3, near: Joints) -> Joints | None:
-        """Return the joints on the branch of *near* if they are close by, else the nearest, rad."""
+        """Return the joints on the branch of *near* if close, otherwise the nearest, rad."""
         return self.kinematics.inverse(self._flange(q, position), near)
 
     def reserve(self, joints: Joints) -> Sequence[Reserve]:
-        """Return how far *joints* are from each kind of singularity; 0 is singular.
+        """Return the distance of *joints* from each kind of singularity; 0 is singular.
 
-        ``wrist`` and ``elbow`` are sines of the bend there; ``shoulder`` is how far the fifth frame
-        is from the cylinder about the base axis that it cannot enter, in m.
+        ``wrist`` and ``elbow`` are sines of their bend.  ``shoulder`` is the distance of the fifth
+        frame from the cylinder about the base axis that it cannot enter, in m.
         """
         links, (_, q2, q3, q4, q5, _) = self.kinematics.links, joints
         along = (
@@ -131,7 +133,7 @@ class ArmModel:
         name: in lower case, as in ``ur10e``.
         links: its lengths.
         speeds: largest speed of each joint, rad/s.
-        ranges: how far each joint turns either way, rad.
+        ranges: how far each joint turns in either direction, rad.
     """
 
     name: str
@@ -140,7 +142,7 @@ class ArmModel:
     ranges: Six
 
     def arm(self) -> Arm:
-        """Return the arm as it is published."""
+        """Return the arm with its published values."""
         limits = zip(JOINT_NAMES, self.ranges, self.speeds, strict=True)
         axes = (AxisLimits(name, -most, most, v, FASTEST_CHANGE) for name, most, v in limits)
         return Arm(self.name, Kinematics(self.links), tuple(axes))

@@ -1,4 +1,4 @@
-"""What a controller says of itself, in words: its software, its modes, its program.
+"""The state of a controller in words: its software, its modes, its program.
 
 Versions are tuples that begin with major and minor: 3 is CB3, 5 the e-Series, 10 PolyScope X.
 """
@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import IntEnum
 
-# Feature: the first version that has it, of CB3, of the e-Series, of PolyScope X; None for none.
-# Client library: its registers, and its script; remote control: `dashboard_client.cpp` of
-# Universal_Robots_Client_Library.
+# Feature: the first version with it, of CB3, of the e-Series, of PolyScope X; None for none.
+# Sources: the client library's registers and script; `dashboard_client.cpp` of
+# Universal_Robots_Client_Library for remote control.
 _SINCE: dict[str, dict[int, tuple[int, ...] | None]] = {
     "the client library": {3: (3, 4), 5: (5, 4), 10: (10, 10)},
     "a dashboard server": {3: (3,), 5: (5,), 10: None},
@@ -24,7 +24,7 @@ NO_DASHBOARD = (
 
 
 def software(version: Sequence[int]) -> str:
-    """Return how to call the software."""
+    """Return the name of the software."""
     return "PolyScope " + ".".join(str(part) for part in version[:3])
 
 
@@ -35,7 +35,7 @@ def has(feature: str, version: Sequence[int]) -> bool:
 
 
 def version_problem(version: Sequence[int]) -> str:
-    """Return why the client library cannot drive this version; nothing if it can."""
+    """Return why the client library cannot drive this version, or an empty string."""
     if has("the client library", version):
         return ""
     needed = ".".join(map(str, _first("the client library", version) or ()))
@@ -43,12 +43,12 @@ def version_problem(version: Sequence[int]) -> str:
 
 
 def tick_ns(version: Sequence[int]) -> int:
-    """Return the cycle of a controller with the software *version*, ns: CB3 robots have 8 ms."""
+    """Return the cycle of a controller with the software *version*, ns; CB3 robots have 8 ms."""
     return 8_000_000 if version[0] < 5 else 2_000_000
 
 
 def rate_problem(version: Sequence[int], period_ns: int) -> str:
-    """Return why a robot takes no setpoint every *period_ns*; nothing if it does."""
+    """Return why a robot cannot take a setpoint every *period_ns*, or an empty string."""
     cycle_ns = tick_ns(version)
     if period_ns >= cycle_ns:
         return ""
@@ -64,7 +64,7 @@ def _first(feature: str, version: Sequence[int]) -> tuple[int, ...] | None:
 
 
 class RuntimeState(IntEnum):
-    """What the program is doing."""
+    """State of the program."""
 
     STOPPING = 0
     STOPPED = 1
@@ -107,7 +107,7 @@ _SAFETY = {
 
 
 def obstacle(robot_mode: int, safety_mode: int) -> str:
-    """Return why the arm may not move, in words for a user; nothing where it may."""
+    """Return why the arm may not move, for users, or an empty string."""
     if safety_mode in _SAFETY:
         return _SAFETY[safety_mode]
     if robot_mode != RUNNING:
@@ -117,7 +117,7 @@ def obstacle(robot_mode: int, safety_mode: int) -> str:
 
 
 def interruption(runtime_state: int) -> str:
-    """Return why the control program does not follow; nothing while it plays."""
+    """Return why the control program does not follow setpoints, or an empty string."""
     if runtime_state == RuntimeState.PLAYING:
         return ""
     if runtime_state in (RuntimeState.PAUSED, RuntimeState.PAUSING):

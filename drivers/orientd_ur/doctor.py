@@ -1,4 +1,4 @@
-"""What `orientd doctor` says of a robot: each look is a finding with what to do about it."""
+"""Findings of `orientd doctor` about a robot, each with its remedy."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _PACKAGES = 100
 
 
 def inspect(options: UrOptions, period_ns: int, *, timeout: float = 2.0) -> list[Finding]:
-    """Look at the robot at ``options.host``; nothing on it is changed.
+    """Inspect the robot at ``options.host``; nothing on it changes.
 
     Args:
         options: of the driver.
-        period_ns: from one setpoint to the next.
-        timeout: s that each answer of the robot may take.
+        period_ns: time between two setpoints.
+        timeout: s for each answer of the robot.
     """
     robot = Robot(options)
     first = REGISTERS[options.registers]
@@ -51,7 +51,7 @@ def inspect(options: UrOptions, period_ns: int, *, timeout: float = 2.0) -> list
 
 
 def _judged(name: str, found: str, mend: str) -> Finding:
-    """Return a finding that is a problem if there is something to mend."""
+    """Return a finding that is a problem if it has a remedy."""
     return Finding(name, found, Verdict.PROBLEM if mend else Verdict.OK, mend)
 
 

@@ -1,7 +1,7 @@
-"""A Universal Robots arm, streamed to with ``servoL`` through the client library ``ur-rtde``.
+"""A Universal Robots arm, driven with ``servoL`` through the client library ``ur-rtde``.
 
-See :mod:`orientd_ur.options` for the options and :mod:`orientd_ur.link` for what the library may
-do to the process.  World coordinates are those of the robot's base; the tool is the active tool
+:mod:`orientd_ur.options` has the options.  :mod:`orientd_ur.link` describes how the library can
+harm the process.  World coordinates are those of the robot's base; the tool is the active tool
 centre point.
 """
 
@@ -53,17 +53,17 @@ from orientd_ur.timing import ControllerClock, TickListener, TickPhase, WriteSil
 
 _LOOKING = 0.5
 _FIRST_PACKAGES = 1.0
-# After this many looks the receiving thread has had its turn, however busy the machine.
+# After this many polls the receiving thread has run, however busy the machine is.
 _LOOKS_BEFORE_STALE = 3
 _REASON_TIMEOUT = 0.02
-# A setpoint takes some 30 us to send, and a tenth of a second when the library connects anew.
+# Sending a setpoint takes some 30 us, and a tenth of a second when the library reconnects.
 _SLOW_CALL_NS = 20_000_000
-# The library can hang in any call, when it connects anew at the wrong moment.
+# The library can hang in any call if it reconnects at the wrong moment.
 _LONGEST_CYCLE = 0.9
 _REACH = 1.0
-"""m at which an angle of the tool is compared with a distance."""
+"""Lever arm, m, that converts an angle of the tool to a distance."""
 _COMPARE_EVERY_NS = 1_000_000_000
-# The packages that are listened to come every 40 ms.
+# The received packages come every 40 ms.
 _NEARLY_IN_TIME_NS = 60_000_000
 _ENDS = {
     6: "the client library ended it, as it does for data that are no RTDE packages: see what the "
@@ -106,24 +106,24 @@ class UrDriver(Driver):
         self._phase = TickPhase(tick_ns((5,)), period_ns)
 
     def diagnose(self) -> Sequence[Finding]:
-        """Look at the robot with plain sockets: what it is, whether it will move, the link."""
+        """Inspect the robot with plain sockets: model, readiness and link."""
         return inspect(self._options, self.period_ns)
 
     @property
     def speed_scaling(self) -> float:
-        """The speed slider times what the controller's own limiter leaves, 0 to 1."""
+        """The speed slider times the share that the controller's own limiter leaves, 0 to 1."""
         return self._speed_scaling
 
     def tune(self, options: Mapping[str, Any]) -> None:
-        """Take the lookahead, gain and servo time of the motions to come."""
+        """Set the lookahead, gain and servo time of the next motions."""
         self._tuned = ur_options.tuned(self._options, options)
 
     def mechanism(self, *, may_ask: bool) -> Mechanism | None:
-        """Return the arm; ``None`` if its joints are not to be checked.
+        """Return the arm; ``None`` if its joints are not checked.
 
         Raises:
-            LinkError: the robot does not answer, or does not say which arm it has.
-            PlanError: the options do not say which arm it is.
+            LinkError: the robot does not answer, or does not report its arm.
+            PlanError: the options do not name the arm.
         """
         if not self._options.check_joints:
             return None
@@ -132,11 +132,11 @@ class UrDriver(Driver):
         return self._robot.look()[0] if may_ask else self._robot.named()
 
     def offline_start(self, *, from_device: bool) -> Feedback:
-        """Return where the arm stands: by the options, or as the robot says.
+        """Return the pose of the arm: from the options, or from the robot.
 
         Raises:
             LinkError: the robot does not answer.
-            PlanError: the options do not say which arm it is.
+            PlanError: the options do not name the arm.
         """
         if from_device:
             _, place = self._robot.look()
@@ -146,7 +146,7 @@ class UrDriver(Driver):
         return Feedback(0, q, position=position, joints=joints)
 
     def why_stale(self) -> str:
-        """Return whether the controller's packages came late, or were not taken in here."""
+        """Return whether the controller's packages came late, or were received late here."""
         if self._listener is None or (silent_ns := self._listener.silence_ns()) is None:
             return ""
         since = f"the newest package arrived {silent_ns * 1e-6:.0f} ms ago"
@@ -155,15 +155,15 @@ class UrDriver(Driver):
         return f"{since}, so the controller or the network is late"
 
     def why_ended(self, signal: int) -> str:
-        """Return what the client library's ends are known to come from."""
+        """Return the known causes of a crash of the client library."""
         return _ENDS.get(signal, "").format(host=self._options.host)
 
     def open(self) -> None:
-        """Look at the robot, then connect; the arm need not be running yet.
+        """Inspect the robot, then connect; the arm need not be running yet.
 
         Raises:
-            LinkError: it does not answer, is held by another client, or has a version that the
-                client library cannot drive; or there is no client library.
+            LinkError: the robot does not answer, another client holds it, or the client library
+                cannot drive its version or is not installed.
         """
         require_library()
         host, address = self._options.host, self._robot.address
@@ -182,7 +182,7 @@ class UrDriver(Driver):
         self._awaited(SpentLinkError(f"{host} sends no data packages"))
 
     def enable(self) -> Feedback:
-        """Have the control program play and the tool, payload and watchdog be set.
+        """Make the control program play, and set the tool, payload and watchdog.
 
         Raises:
             DeviceFaultError: the robot may not move, or is not in remote control.
@@ -193,21 +193,21 @@ class UrDriver(Driver):
         self._clock.reset()
         measured = self._awaited(FeedbackError(f"{self._options.host} sends no data packages"))
         now_ns = self.clock.now_ns()
-        # Where the controller commands the arm to be: what it measures differs by the arm's load.
+        # The commanded pose: the measured one differs by the load of the arm.
         joints, numbers = self._link.commanded()
         q, position = self._sent = pose_of(numbers)
         self._rotation = (numbers[3], numbers[4], numbers[5])
         start = Feedback(now_ns, q, position=position, joints=measured.joints)
         self._feedback = start
         if self._arm is not None:
-            # The servo looks ahead with it in every cycle.
+            # The servo predicts the joints with it in every cycle.
             self._arm = self._arm.published.seen(joints, (q, position))
         self._is_enabled, self._is_muted, self._is_in_fault = True, False, False
         self._silence.begin(now_ns)
         return start
 
     def free(self) -> None:
-        """Switch the controller's freedrive on; the payload must be right, or the arm sinks.
+        """Switch on the controller's freedrive; the payload must be right, or the arm sinks.
 
         Raises:
             DeviceFaultError: as for :meth:`enable`.
@@ -218,12 +218,12 @@ class UrDriver(Driver):
         self._awaited(FeedbackError(f"{self._options.host} sends no data packages"))
 
     def read(self) -> Feedback | None:
-        """Return what the controller measured last.
+        """Return the controller's last measurement.
 
         Raises:
-            LinkError: the connection is closed, or the controller's clock has stood still for the
+            LinkError: the connection is closed, or the controller's clock stood still for the
                 link's timeout.
-            FeedbackError: the controller's clock has stood still for the feedback's timeout.
+            FeedbackError: the controller's clock stood still for the feedback's timeout.
             DeviceFaultError: a stop, a fault, or the end of the control program.
         """
         link, now_ns = self._link, self.clock.now_ns()
@@ -239,27 +239,28 @@ class UrDriver(Driver):
                 self._compared_ns = now_ns
                 link.require_same()
             if self._is_in_fault:
-                # Nothing may feed the watchdog now, nor be left for a program that is played on.
+                # From now on nothing may feed the watchdog, or remain for a program that is played
+                # again.
                 if link.has_control and not self._is_stale():
                     self._program.end(now_ns)
             elif self._is_enabled:
                 if reason := self._reason(now_ns):
-                    # The library stops the program itself when it connects anew.
+                    # The library stops the program itself when it reconnects.
                     link.require_same()
                     raise DeviceFaultError(reason)
             elif link.has_control and now_ns - self._kicked_ns > 0.2e9 / self._options.watchdog_hz:
-                # No setpoint keeps the watchdog quiet now, and the program is to go on.
+                # Without setpoints, something must feed the watchdog so that the program continues.
                 self._kicked_ns = now_ns
                 if link.modes()[2] == RuntimeState.PLAYING:
                     link.tell("kickWatchdog")
         return self._feedback
 
     def write(self, setpoint: Setpoint) -> None:
-        """Send the pose of *setpoint* with ``servoL``; nothing more once feedback was missing.
+        """Send the pose of *setpoint* with ``servoL``; stop sending once feedback was missing.
 
         Raises:
             LinkError: the connection is closed.
-            DeviceFaultError: the control program does not take it.
+            DeviceFaultError: the control program does not accept it.
         """
         link, chosen, begun_ns = self._link, self._tuned, self.clock.now_ns()
         with alarm_after(_LONGEST_CYCLE):
@@ -276,7 +277,7 @@ class UrDriver(Driver):
                 link.require_same()
             if is_taken:
                 return
-            # The program's end is known here before the state that explains it has arrived.
+            # The program's end is known here before the state that explains it arrives.
             ends = time.monotonic() + _REASON_TIMEOUT
             while not (reason := self._reason(begun_ns)) and time.monotonic() < ends:
                 link.require()
@@ -285,14 +286,14 @@ class UrDriver(Driver):
             raise DeviceFaultError(reason or "the control program takes no setpoints")
 
     def gaps(self) -> Sequence[AxisGap]:
-        """Return how far the commanded tool is from the last setpoint, and each joint behind it."""
+        """Return the distance of the commanded tool from the last setpoint, and the joints' lag."""
         allowed = radians(self._options.arrival_tolerance_deg)
         wanted, numbers = self._link.commanded()
         commanded, at = pose_of(numbers)
         q, position = self._sent
         off, turned = dist(position, at) / _REACH, norm(difference(q, commanded))
         measured = self._feedback.joints if self._feedback is not None else wanted
-        # As long as the controller smooths, and longer while it runs slowly.
+        # As long as the controller smooths, and longer if it runs slowly.
         patience = max(0.5, 5.0 * self._tuned.lookahead) / max(self._speed_scaling, 1e-3)
         tool = "the tool that the controller commands"
         return [
@@ -304,7 +305,7 @@ class UrDriver(Driver):
         ]
 
     def deadline_shift_ns(self, deadline_ns: int) -> int:
-        """Keep the deadlines clear of the moment at which the controller takes setpoints."""
+        """Keep the deadlines away from the moment at which the controller takes setpoints."""
         listener = self._listener
         if listener is None:
             return 0
@@ -313,7 +314,7 @@ class UrDriver(Driver):
         return self._phase.shift_ns(deadline_ns)
 
     def disable(self) -> None:
-        """Leave servo mode, the arm standing still, where there is still somebody to tell."""
+        """Leave servo mode with the arm standing still, if the robot can still be reached."""
         was_enabled, self._is_enabled = self._is_enabled, False
         link = self._link
         is_to_stop = was_enabled or self._program.is_free
@@ -324,28 +325,28 @@ class UrDriver(Driver):
             return
         self._program.hold()
         link.order("servoStop", self._options.stop_deceleration, limit=_LONGEST_CYCLE)
-        # That has fed the watchdog too; a kick now could meet a program that is just being stopped.
+        # That has fed the watchdog too; another message could meet a program that is just stopping.
         self._kicked_ns = self.clock.now_ns()
 
     def rest_in_fault(self) -> None:
-        """Take the stream back: the control program is ended in the cycles to come."""
+        """Withdraw from the stream: the next cycles end the control program."""
         if not self._is_in_fault:
             self._is_in_fault = True
             self._program.give_up()
 
     def health(self) -> Sequence[PartHealth]:
-        """Return nothing: the controller watches its joints itself."""
+        """Do nothing: the controller watches its joints itself."""
         return ()
 
     def notices(self) -> Sequence[str]:
-        """Return what the robot's software lacks, and what was done to it during a fault."""
+        """Return which features the robot's software lacks, and actions on it during a fault."""
         return (*self._notices, *self._program.notices)
 
     def reset(self) -> None:
         """Unlock, power up if so configured, and play the control program again.
 
         Raises:
-            DeviceFaultError: what is wrong needs a person: a button, a safeguard, the pendant.
+            DeviceFaultError: a person must act: a button, a safeguard, the pendant.
             LinkError: the link is lost; a new process is needed.
         """
         self._link.require()
@@ -364,10 +365,10 @@ class UrDriver(Driver):
             self._listener.close()
 
     def _identified(self) -> Arm | None:
-        """Return the arm; ``None`` if it is not to be checked, or nobody says which it is.
+        """Return the arm; ``None`` if it is not checked, or unknown.
 
         Raises:
-            LinkError: it is another than the options name.
+            LinkError: it differs from the model in the options.
         """
         if not self._options.check_joints:
             return None
@@ -379,7 +380,7 @@ class UrDriver(Driver):
             return None
 
     def _reason(self, now_ns: int) -> str:
-        """Return why the robot does not follow; its own watchdog where it heard too little."""
+        """Return why the robot does not follow; its watchdog if it received too little."""
         reason = self._program.reason()
         if reason and self._link.modes()[2] == RuntimeState.STOPPED:
             return self._silence.reason(now_ns) or reason
@@ -405,7 +406,7 @@ class UrDriver(Driver):
                 f"the controller's clock at {host} has stood still for {age:.3f} s"
             )
         if age > chosen.feedback_timeout:
-            # What is sent from now on would pile up, and reach the arm as one jump.
+            # Further setpoints would pile up, and reach the arm as one jump.
             self._is_muted = True
             reason = self.why_stale()
             late = f"; {reason}" if reason else ""
@@ -420,7 +421,7 @@ class UrDriver(Driver):
         return (self.clock.now_ns() - self._changed_ns) * 1e-9 > self._options.feedback_timeout
 
     def _awaited(self, error: LinkError | FeedbackError) -> Feedback:
-        """Wait until the controller's clock has moved twice; return what it measured then."""
+        """Wait until the controller's clock has advanced twice; return its measurement then."""
         ends = time.monotonic() + _FIRST_PACKAGES
         before = self._link.timestamp()
         for _ in range(2):

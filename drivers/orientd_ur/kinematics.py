@@ -1,19 +1,19 @@
 r"""Forward and inverse kinematics of a UR arm's flange, on plain floats.
 
-The published arm is solved as geometry, joint by joint:
+The published arm has a geometric solution, joint by joint:
 
-- the fifth frame lies :math:`d_6` behind the flange, and off the plane of shoulder and elbow by
-  :math:`d_4`, which gives the base angle;
-- the tool's axis against that plane gives the second wrist angle, and the plane seen from the tool
-  the third;
-- what is left is a triangle of upper arm and forearm in the plane.
+- The fifth frame lies :math:`d_6` behind the flange, and off the plane of shoulder and elbow by
+  :math:`d_4`, which gives the base angle.
+- The tool's axis relative to that plane gives the second wrist angle.  The plane seen from the
+  tool gives the third.
+- The rest is a triangle of upper arm and forearm in the plane.
 
 Two choices each at shoulder, wrist and elbow make eight solutions.  At a straight second wrist the
 first and third turn about the same axis; there the third keeps its angle.
 
 An arm's own calibration differs from the published table by some tenths of a millimetre, and its
-axes are not quite parallel.  Its joints are found by solving the published arm for the pose that
-differs by as much, again and again: each round is a thousand times closer.
+axes are not quite parallel.  Its joints come from an iteration: solve the published arm for a pose
+shifted by the present error.  Each round is a thousand times closer.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ _Axes = tuple[Vector3, Vector3, Vector3]
 
 _STRAIGHT = 1e-7
 _SAME_BRANCH = 0.1
-# A calibration of tenths of a millimetre needs three rounds, away from singularities; what moved by
-# this much last is a thousand times closer now.
+# A calibration of tenths of a millimetre needs three rounds, away from singularities.  After a last
+# change of this size the error is a thousand times smaller.
 _ROUNDS = 25
 _SETTLED = 1e-10
 _NONE: Six = (0.0,) * 6
@@ -92,16 +92,16 @@ class Kinematics:
         return ZERO, *(position for _, position in _frames(self._published, joints))
 
     def inverse(self, pose: Pose, near: Sequence[float]) -> Six | None:
-        """Return the joints that bring the flange to *pose*, nearest to *near*, rad.
+        """Return the joints for the flange at *pose*, nearest to *near*, rad.
 
-        The solution on the branch of *near* is taken when it is close by, else the nearest of all.
+        This is the solution on the branch of *near* if it is close, otherwise the nearest of all.
 
         Returns:
             Angles beyond the joints' range if only a jump would lead back into it; ``None`` if the
-            arm does not reach.
+            arm does not reach the pose.
         """
         best, least = None, inf
-        # Close to *near* its own table differs from the published one by as much as there.
+        # Near *near*, the error of the published table is nearly constant.
         goal = self._goal(pose, near)
         for found in self._branches(goal, self._branch(goal, near), near[5]):
             found = nearest_turns(found, near)
@@ -113,13 +113,13 @@ class Kinematics:
         return best and self._settled(pose, best)
 
     def solutions(self, pose: Pose) -> list[Six]:
-        """Return the joints of every branch that bring the flange to *pose*, rad."""
+        """Return the joints of every branch for the flange at *pose*, rad."""
         every = self._branches(pose, (1.0, 1.0, 1.0), 0.0)
         own = (self._settled(pose, one) for one in every)
         return [one for one in own if one is not None]
 
     def _goal(self, pose: Pose, joints: Sequence[float]) -> Pose:
-        """Return what the published arm has to reach near *joints* for this one to reach *pose*."""
+        """Return the pose of the published arm for which this arm reaches *pose* near *joints*."""
         if not self.is_calibrated:
             return pose
         (own_q, own), (q, position) = _flange(self._own, joints), _flange(self._published, joints)
@@ -128,7 +128,7 @@ class Kinematics:
         return multiply(turn, q), plus(pose[1], moved, 1.0)
 
     def _settled(self, pose: Pose, found: Six) -> Six | None:
-        """Return the joints of this very arm, from those of the published one."""
+        """Return the joints of this individual arm, from those of the published one."""
         for _ in range(_ROUNDS if self.is_calibrated else 0):
             goal = self._goal(pose, found)
             better = self._solve(goal, self._branch(goal, found), found[5])
@@ -142,7 +142,7 @@ class Kinematics:
         return found
 
     def _branch(self, pose: Pose, near: Sequence[float]) -> Vector3:
-        """Return the signs of shoulder, wrist and elbow with which *near* would reach *pose*."""
+        """Return the signs of shoulder, wrist and elbow of the branch of *near* at *pose*."""
         x, y, _ = _wrist(pose, self.links.d6)
         return (
             1.0 if sin(near[0] - 0.5 * pi - atan2(y, x)) >= 0.0 else -1.0,
@@ -151,7 +151,7 @@ class Kinematics:
         )
 
     def _branches(self, pose: Pose, first: Vector3, last_q6: float) -> Iterator[Six]:
-        """Yield the joints of the published arm on every branch, that of *first* signs first."""
+        """Yield the joints of the published arm on every branch, the *first* signs first."""
         for flips in product((1.0, -1.0), repeat=3):
             shoulder, wrist, elbow = (s * flip for s, flip in zip(first, flips, strict=True))
             found = self._solve(pose, (shoulder, wrist, elbow), last_q6)
@@ -181,7 +181,7 @@ class Kinematics:
         bend = atan2(-outward, az)
         px = (x * c1 + y * s1) + d5 * outward
         pz = z - d1 + d5 * az
-        # The third side of the triangle, against its two sides stretched and folded.
+        # The third side of the triangle, compared with the two others extended and folded.
         side = hypot(px, pz)
         stretched, folded = upper_arm + forearm, upper_arm - forearm
         above, below = (stretched - side) * (stretched + side), (side - folded) * (side + folded)
@@ -193,14 +193,14 @@ class Kinematics:
 
 
 def nearest_turns(angles: Sequence[float], near: Sequence[float]) -> Six:
-    """Return *angles* with the whole turns that bring each one nearest to that of *near*, rad."""
+    """Return *angles* plus the whole turns that bring each nearest to that of *near*, rad."""
     return tuple(  # type: ignore[return-value] # six of them, from six
         angle + tau * round((seed - angle) / tau) for angle, seed in zip(angles, near, strict=True)
     )
 
 
 def _axes(q: Quaternion) -> _Axes:
-    """Return where *q* turns the axes of the world: the columns of its matrix."""
+    """Return the world axes rotated by *q*: the columns of its matrix."""
     w, x, y, z = q
     return (
         (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)),
@@ -210,7 +210,7 @@ def _axes(q: Quaternion) -> _Axes:
 
 
 def _quaternion(axes: _Axes) -> Quaternion:
-    """Return the unit quaternion that turns the axes of the world there; from its largest part."""
+    """Return the unit quaternion that rotates the world axes to these, by its largest component."""
     (r00, r10, r20), (r01, r11, r21), (r02, r12, r22) = axes
     four = (1 + r00 + r11 + r22, 1 + r00 - r11 - r22, 1 - r00 + r11 - r22, 1 - r00 - r11 + r22)
     largest = four.index(max(four))
@@ -244,7 +244,7 @@ def _frames(
     """Yield the frame of each joint in the base, by its Denavit-Hartenberg parameters."""
     xx, xy, xz, yx, yy, yz, zx, zy, zz = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
     px = py = pz = 0.0
-    # Component by component: a calibrated arm is solved for every record of a path.
+    # Component by component for speed: a calibrated arm is solved for every record of a path.
     for (theta, a, d, ca, sa), joint in zip(columns, joints, strict=True):
         c, s = cos(theta + joint), sin(theta + joint)
         vx, vy, vz = yx * c - xx * s, yy * c - xy * s, yz * c - xz * s

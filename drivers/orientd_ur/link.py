@@ -1,12 +1,12 @@
-"""The client library's objects, and every way in which they may be called.
+"""The client library's objects, and safe ways to call them.
 
-The library (``ur-rtde``) reconnects by itself, and then may crash the process; after a loss some
+The library (``ur-rtde``) reconnects by itself, and then may crash the process.  After a loss some
 of its calls last five minutes, and its destructors may abort.  Three rules follow, and this module
-keeps them: look whether the link lives before each call; never call again once it does not; put a
-bound on every call that can wait.  All of it happens on the thread that calls.
+enforces them.  Check that the link lives before each call.  Never call again once it does not.  Put
+a bound on every call that can wait.  All calls run on the caller's thread.
 
-Its constructors hold the interpreter's lock, so no Python thread nor signal handler could end a
-call that hangs: a thread of C or a timer of the kernel ends the process.
+Its constructors hold the interpreter's lock, so no Python thread or signal handler could end a
+hanging call.  A C thread or a kernel timer ends the process instead.
 """
 
 from __future__ import annotations
@@ -46,16 +46,16 @@ _CONSTRUCTION_LIMIT = 8.0
 _CALL_LIMIT = 3.0
 _REGISTER_RETRIES = 10
 
-# What was once connected is never destroyed: its destructor may hang or abort.  The process ends
-# without it.
+# Connected objects are never destroyed, because their destructors may hang or abort.  The process
+# ends without them.
 _KEPT: list[Any] = []
 
 
 @contextlib.contextmanager
 def process_ends_after(seconds: float) -> Iterator[None]:
-    """End the process, exit status 1, when the block takes longer than *seconds*.
+    """End the process, exit status 1, if the block takes longer than *seconds*.
 
-    Whoever supervises the process sees its end; its traceback goes to standard error.
+    The supervising process sees its end; the traceback goes to standard error.
     """
     faulthandler.dump_traceback_later(seconds, exit=True, file=sys.__stderr__ or sys.stderr)
     try:
@@ -66,10 +66,10 @@ def process_ends_after(seconds: float) -> Iterator[None]:
 
 @contextlib.contextmanager
 def alarm_after(seconds: float) -> Iterator[None]:
-    """Have the kernel end the process when the block takes longer; for calls made every cycle.
+    """Have the kernel end the process if the block takes longer; for calls in every cycle.
 
-    A timer of the kernel costs a microsecond.  Its signal, SIGALRM, ends the process unless
-    somebody handles it, whatever the library is doing.
+    A kernel timer costs a microsecond.  Its signal, SIGALRM, ends the process unless it is handled,
+    whatever the library is doing.
     """
     before = signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
@@ -79,7 +79,7 @@ def alarm_after(seconds: float) -> Iterator[None]:
 
 
 class OpenSocket(NamedTuple):
-    """A socket of this process: its descriptor, and the kernel's number for what is behind it."""
+    """A socket of this process: its descriptor, and the kernel's inode number."""
 
     descriptor: int
     inode: int
@@ -88,15 +88,15 @@ class OpenSocket(NamedTuple):
 def send_at_once(address: str) -> frozenset[OpenSocket]:
     """Set ``TCP_NODELAY`` on every connection to the robot's RTDE and script ports.
 
-    The library sets it and then connects in a way that opens the socket anew, which loses it: then
-    a setpoint waits for the acknowledgement of the one before.
+    The library sets it, but then connects in a way that reopens the socket and loses it.  A
+    setpoint then waits for the acknowledgement of the previous one.
 
     Returns:
-        These connections, by which they can be told from later ones.
+        These connections, for comparison with later ones.
     """
     found: set[OpenSocket] = set()
     for entry in os.listdir("/proc/self/fd"):  # noqa: PTH208 - names are all that is needed
-        # What is no socket, or gone since it was listed, is none of ours.
+        # Ignore descriptors that are no sockets or were closed meanwhile.
         with contextlib.suppress(OSError):
             if not str(Path("/proc/self/fd", entry).readlink()).startswith("socket:"):
                 continue
@@ -109,7 +109,7 @@ def send_at_once(address: str) -> frozenset[OpenSocket]:
 
 
 def are_open(sockets: frozenset[OpenSocket]) -> bool:
-    """Whether these are still the sockets they were; asks the kernel, a microsecond each."""
+    """Whether these are still the same sockets; asks the kernel, a microsecond each."""
     try:
         return all(os.fstat(one.descriptor).st_ino == one.inode for one in sockets)
     except OSError:
@@ -117,7 +117,7 @@ def are_open(sockets: frozenset[OpenSocket]) -> bool:
 
 
 def require_library() -> None:
-    """Do nothing where the client library is installed.
+    """Do nothing if the client library is installed.
 
     Raises:
         LinkError: it is not.
@@ -131,12 +131,12 @@ class Link:
 
     Args:
         host: the robot's name, for messages.
-        registers: which the control program uses, ``lower`` or ``upper``.
+        registers: registers of the control program, ``lower`` or ``upper``.
 
     Attributes:
-        is_lost: whether the library must not be touched any more.
-        address: the robot's, known before it is connected to: the library looks names up in calls
-            that are made every cycle.
+        is_lost: whether the library must no longer be called.
+        address: the robot's, resolved before connecting: the library resolves names in calls of
+            every cycle.
     """
 
     def __init__(self, host: str, registers: str = "lower") -> None:
@@ -150,11 +150,11 @@ class Link:
 
     @property
     def has_control(self) -> bool:
-        """Whether the controlling connection was made."""
+        """Whether the controlling connection exists."""
         return self._control is not None
 
     def connect(self, address: str) -> None:
-        """Make the receiving connection.
+        """Open the receiving connection.
 
         Args:
             address: of the robot, as numbers.
@@ -173,11 +173,11 @@ class Link:
         self._sockets = send_at_once(self.address)
 
     def take_control(self) -> None:
-        """Make the controlling connection, which uploads the control program and plays it.
+        """Open the controlling connection, which uploads the control program and plays it.
 
         Raises:
             LinkError: another client holds the registers.
-            DeviceFaultError: the robot does not take the program.
+            DeviceFaultError: the robot does not accept the program.
         """
         module = importlib.import_module("rtde_control")
         for attempt in range(_REGISTER_RETRIES):
@@ -204,13 +204,13 @@ class Link:
                         "program with RTDE, or a fieldbus of the installation; end it, or set the "
                         f"option `registers` to {other}"
                     ) from error
-                # A controller gives registers back a moment after their holder has gone.
+                # A controller releases registers a moment after their holder has gone.
                 time.sleep(0.1)
         _KEPT.append(self._control)
         self._sockets = send_at_once(self.address)
 
     def problem(self) -> str:
-        """Return why the link counts as lost; nothing while it lives."""
+        """Return why the link counts as lost, or an empty string."""
         if self.is_lost:
             return f"the connection to {self.host} was lost"
         if self._receive is None:
@@ -222,10 +222,10 @@ class Link:
         return ""
 
     def require(self) -> None:
-        """Do nothing while the link lives.
+        """Do nothing if the link lives.
 
         Raises:
-            SpentLinkError: it does not any more; the library is not touched again.
+            SpentLinkError: it no longer does; the library is not called again.
             LinkError: nothing is connected.
         """
         problem = self.problem()
@@ -236,22 +236,22 @@ class Link:
             raise SpentLinkError(problem)
 
     def require_same(self) -> None:
-        """Do nothing while the connections are those that were made.
+        """Do nothing if the connections are still the original ones.
 
-        The library may have connected anew within one slow call, and uploaded and played its
-        program again, without a word: without our watchdog, and with the arm anywhere.
+        Within one slow call, the library may reconnect, and upload and play its program again,
+        without a report.  The program then runs without our watchdog, with the arm anywhere.
 
         Raises:
-            LinkError: it has.
+            LinkError: it has reconnected.
         """
         if not are_open(self._sockets):
             self.is_lost = True
             raise SpentLinkError(f"{self.host} closed the connection, and the library made another")
 
-    # What the controller says; called every cycle.
+    # Reports of the controller; called in every cycle.
 
     def timestamp(self) -> float:
-        """Return the controller's clock at its newest package, s."""
+        """Return the controller's time of its newest package, s."""
         return float(self._receive.getTimestamp())
 
     def modes(self) -> tuple[int, int, int]:
@@ -274,10 +274,10 @@ class Link:
         )
 
     def commanded(self) -> tuple[tuple[float, ...], list[float]]:
-        """Return the joint angles and the pose that the controller commands."""
+        """Return the commanded joint angles and pose."""
         return tuple(self._receive.getTargetQ()), self._receive.getTargetTCPPose()
 
-    # Orders; each asks whether the link lives, and each is bounded.
+    # Commands; each checks that the link lives, and each is bounded.
 
     def tell(self, name: str, *arguments: Any) -> bool:  # noqa: ANN401 - the library's own
         """Call a method of the controlling connection that does not wait for the robot.
@@ -287,7 +287,7 @@ class Link:
             arguments: its arguments.
 
         Returns:
-            Whether the program took it.
+            Whether the program accepted it.
 
         Raises:
             LinkError: the connection is closed.
@@ -298,7 +298,7 @@ class Link:
             raise self._loss(error) from error
 
     def _loss(self, error: RuntimeError) -> SpentLinkError:
-        """Return what it means that the library failed to connect anew, which it says once."""
+        """Return the cause of a failed reconnection, which the library reports once."""
         self.is_lost = True
         return SpentLinkError(f"{self.host} closed the connection: {' '.join(str(error).split())}")
 
@@ -324,7 +324,7 @@ class Link:
                 raise DeviceFaultError(f"{self.host}: {error}") from error
 
     def play(self, timeout: float = 2.0) -> None:
-        """Upload the control program anew and wait until it plays.
+        """Upload the control program again and wait until it plays.
 
         Raises:
             LinkError: the link is lost.
@@ -352,7 +352,7 @@ class Link:
                     self._control.disconnect()
                 self._receive.disconnect()
         except RuntimeError:
-            # The link went in this very moment; nothing of it may be touched again.
+            # The link was lost just now; do not call any of it again.
             self.is_lost = True
             return
         self._control = self._receive = None

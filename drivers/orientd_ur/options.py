@@ -1,58 +1,57 @@
 """The options of the UR driver, checked.
 
-A motion may have a ``lookahead``, ``gain`` and ``servo_time`` of its own, its ``device_options``.
+A motion may set its own ``lookahead``, ``gain`` and ``servo_time`` in its ``device_options``.
 
 ``host``
     the robot's address; required.  The ports are fixed by the client library.
 ``lookahead``
-    s, 0.03 to 0.2, default 0.1: how far the controller smooths; the arm lags behind by about as
-    much.
+    s, 0.03 to 0.2, default 0.1: smoothing time of the controller; the arm lags by about as much.
 ``gain``
     100 to 2000, default 300: how hard the controller pulls the arm to the setpoint.
 ``servo_time``
-    s, 0.002 to 0.1, default one period: for how long one setpoint commands the arm.
+    s, 0.002 to 0.1, default one period: duration for which one setpoint commands the arm.
 ``model``
-    which arm it is, as in ``ur10e``; default what the controller says, which must agree with it.
-    Plans made without the robot need it.
+    model of the arm, as in ``ur10e``; by default as the controller reports, which must agree. Plans
+    made without the robot need it.
 ``start_joints``
-    rad, six of them: where plans made without the robot begin; default elbow up, tool down.
+    six angles in rad: start of plans made without the robot; default elbow up, tool down.
 ``joint_acceleration_deg``
-    degrees/s^2, 10 to 4584, default 2291.8 (40 rad/s^2): how much any joint may accelerate, in
-    motions, stops and pauses.  The default is the most that ``ur_rtde`` lets a program ask for, and
-    what controllers say that their joints are set to; with a heavy tool an arm can do less.
+    degrees/s^2, 10 to 4584, default 2291.8 (40 rad/s^2): largest acceleration of any joint, in
+    motions, stops and pauses.  ``ur_rtde`` accepts no more than the default, and controllers report
+    it as the setting of their joints.  With a heavy tool an arm can do less.
 ``check_joints``
     whether to refuse motions that the arm's joints cannot follow; default true.
 ``tcp_offset``
-    ``[x, y, z, rx, ry, rz]`` of the tool in the flange, m and rad; default what the robot has.
+    ``[x, y, z, rx, ry, rz]`` of the tool in the flange, m and rad; by default as set on the robot.
 ``payload_mass``, ``payload_cog``
-    kg, and the centre of gravity ``[x, y, z]`` in m; default what the robot has.
+    kg, and the centre of gravity ``[x, y, z]`` in m; by default as set on the robot.
 ``registers``
-    which RTDE registers the control program uses: ``lower`` (0 to 23, default) or ``upper`` (24 to
-    47, from PolyScope 3.9 and 5.3 on), where a fieldbus holds the lower ones.
+    RTDE registers of the control program: ``lower`` (0 to 23, default) or ``upper`` (24 to 47, from
+        PolyScope 3.9 and 5.3 on), for example if a fieldbus holds the lower ones.
 ``watchdog_hz``
-    1 to 100, default 10: the robot ends the program when it hears less often.
+    1 to 100, default 10: the robot ends the program if it receives messages less often.
 ``feedback_timeout``
-    s, 0.01 to 1, default 0.1: how long the controller's clock may stand still before feedback
-    counts as missing.
+    s, 0.01 to 1, default 0.1: feedback counts as missing once the controller's clock has stood
+    still for this long.
 ``link_timeout``
-    s, up to 2, default 0.5: how long before the link counts as lost.  The client library closes
+    s, up to 2, default 0.5: the link counts as lost after this time.  The client library closes
     frozen connections after 2.5 s and may then crash or hang.
 ``stop_deceleration``
-    m/s^2 and rad/s^2, default 10, with which the robot leaves servo mode.
+    m/s^2 and rad/s^2, default 10: deceleration when the robot leaves servo mode.
 ``unlock_timeout``
-    s, default 8: how long a reset tries to unlock a protective stop; a robot refuses for 5 s.
+    s, default 8: how long a reset tries to unlock a protective stop; robots refuse it for 5 s.
 ``release_brakes``
     whether a reset powers the arm and releases its brakes; default true.
 ``arrival_tolerance_deg``
     degrees, 0.05 to 10, default 0.5: a motion is done once every joint, and the tool that the
-    controller commands, is as near to its end; where that takes longer than half a second (longer
-    with a lookahead above 0.1 s or a slow speed slider), it is a fault.  A millimetre of the tool
+    controller commands, is this close to its end.  If that takes longer than half a second, it is a
+    fault (later with a lookahead above 0.1 s or a slow speed slider).  A millimetre of the tool
     counts as a milliradian.
 ``keep_phase``
-    whether to move the deadlines slowly to where the controller's cycle takes every setpoint;
+    whether to shift the deadlines slowly so that the controller's cycle uses every setpoint;
     default true.
 ``check_remote_control``
-    whether to insist on remote control; default true.  CB3 robots and PolyScope X do not tell.
+    whether to require remote control; default true.  CB3 robots and PolyScope X do not report it.
 """
 
 from __future__ import annotations
@@ -83,7 +82,7 @@ _NUMBERS: dict[str, tuple[float, float, float]] = {
 REGISTERS = {"lower": 0, "upper": 24}
 """The first register of each range."""
 TUNABLE = ("lookahead", "gain", "servo_time")
-"""What a motion may have otherwise than the configuration says."""
+"""Options that a motion may set."""
 _SWITCHES = ("release_brakes", "keep_phase", "check_remote_control", "check_joints")
 _HEAVIEST = 50.0
 _START_JOINTS = (0.0, -pi / 2, 4 * pi / 9, -4 * pi / 9, -pi / 2, 0.0)
@@ -91,7 +90,7 @@ _START_JOINTS = (0.0, -pi / 2, 4 * pi / 9, -4 * pi / 9, -pi / 2, 0.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UrOptions:
-    """What the module's text describes, each a checked value."""
+    """The options that the module describes, each with its checked value."""
 
     host: str
     model: ArmModel | None
@@ -122,14 +121,14 @@ class UrOptions:
 
 
 def check(given: Mapping[str, Any], *, period: float) -> UrOptions:
-    """Return the options in *given*, the defaults for the rest.
+    """Return the options in *given*, with defaults for the rest.
 
     Args:
         given: the driver's table of the configuration.
         period: cycle period, s.
 
     Raises:
-        ValueError: an option is unknown, missing or not allowed; the message names it.
+        ValueError: an option is unknown, missing or has a wrong value; the message names it.
     """
     check_names(given, {field.name for field in fields(UrOptions)})
     host = given.get("host")
@@ -140,7 +139,7 @@ def check(given: Mapping[str, Any], *, period: float) -> UrOptions:
         for name, (lowest, highest, default) in _NUMBERS.items()
     }
     if "servo_time" not in given:
-        # Commanding for exactly a period leaves the arm without orders in no tick.
+        # A setpoint for exactly a period would leave the arm without a command in some cycles.
         settings["servo_time"] = number("servo_time", max(period, 0.002), 0.002, 0.1)
     if settings["link_timeout"] < settings["feedback_timeout"]:
         raise ValueError(
@@ -165,10 +164,11 @@ def check(given: Mapping[str, Any], *, period: float) -> UrOptions:
 
 
 def tuned(chosen: UrOptions, given: Mapping[str, Any]) -> UrOptions:
-    """Return *chosen* with what one motion has otherwise, of :data:`TUNABLE`.
+    """Return *chosen* with the options of one motion, a subset of :data:`TUNABLE`.
 
     Raises:
-        ValueError: an option in *given* is none of these, or not allowed; the message names it.
+        ValueError: an option in *given* is not among these, or has a wrong value; the message names
+            it.
     """
     settings: dict[str, Any] = {}
     for name, value in given.items():

@@ -1,11 +1,11 @@
-"""Between poses and the rotation vectors that a UR controller says and takes.
+"""Convert between poses and the rotation vectors of a UR controller.
 
-A rotation vector has a seam: where the turn reaches pi the shortest vector jumps to the opposite
-side.  Both sides are the same orientation, and a controller that reads all six numbers of a pose
-at once does not mind.  One that read half of them before and half after the jump would be sent
-somewhere else altogether.  So the vector is carried on beyond pi, continuously, and changes sides
-only when it is longer than 1.5 pi, half-way to 2 pi, near which its axis is not defined: an
-orientation that trembles about pi never jumps at all.
+A rotation vector has a seam: where the turn reaches pi, the shortest vector jumps to the opposite
+side.  Both sides are the same orientation, so a controller that reads all six numbers of a pose at
+once is not affected.  A controller that read half of them before and half after the jump would go
+somewhere else.  So the vector continues beyond pi.  It changes sides only when it is longer than
+1.5 pi, half-way to 2 pi, where its axis is undefined.  An orientation that oscillates about pi thus
+never causes a jump.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LONGEST = 1.5 * pi
 
 
 def pose_of(numbers: Sequence[float]) -> Pose:
-    """Return the pose that a controller says as position, m, and rotation vector, rad."""
+    """Return the controller's form of a pose as position, m, and rotation vector, rad."""
     x, y, z, rx, ry, rz = numbers
     return exp((rx, ry, rz)), (x, y, z)
 
@@ -34,7 +34,7 @@ def continued(q: Quaternion, last: Vector3) -> Vector3:
     rx, ry, rz = r
     angle = norm(r)
     if angle < tau - LONGEST:
-        # The vector on the other side would be longer than is allowed.
+        # The vector on the other side would exceed the allowed length.
         return r
     other = 1.0 - tau / angle
     ox, oy, oz = rx * other, ry * other, rz * other

@@ -1,10 +1,9 @@
-"""Which arm a controller has, as it says at its primary interface.
+"""The arm of a controller, read from its primary interface.
 
-That is its model, its own calibration, and its joints' speeds, accelerations and ranges.  A model
-that is not among the published ones is taken as the controller describes it, if it is built like
-the others.
+This gives its model, its own calibration, and its joints' speeds, accelerations and ranges.  An
+unknown model is accepted as the controller describes it, if it has the usual geometry.
 
-Big endian: ``i32 size, u8 type`` and, of a robot state message, sub-packages that begin alike.
+Big endian: ``i32 size, u8 type`` and, in a robot state message, sub-packages with the same header.
 Layout: Universal Robots, "Client Interfaces", 3.14 and 5.9 and newer, which append only.
 """
 
@@ -28,14 +27,14 @@ _LARGEST = 1 << 16
 _KINEMATICS_CONTENTS = struct.Struct(">6I 6d 6d 6d 6d")
 # Lowest and highest angle of each joint; speed and acceleration; five defaults; the table; numbers.
 _CONFIGURATION_CONTENTS = struct.Struct(">12d 12d 5d 6d 6d 6d 6d 4i")
-# Messages come ten times a second, and not each one tells everything.
+# Messages come ten times a second, and some have only parts.
 _MESSAGES = 3
 
 _SAME_TABLE = 0.002
-"""How near a table is to a published one of the same model, m; others differ by 10 mm."""
+"""Largest distance from the published table of the same model, m; others differ by 10 mm."""
 _SAME_ANGLE = 0.02
 _CALIBRATED = 1e-9
-"""By how much calibrated parameters differ from published ones at least, rad and m."""
+"""Least difference of calibrated parameters from published ones, rad and m."""
 _ENDLESS = 10.0 * tau
 
 
@@ -47,7 +46,7 @@ def ask(address: str, timeout: float) -> Arm:
         timeout: s for the whole answer.
 
     Raises:
-        LinkError: it does not say, or describes an arm that is not built like the known ones.
+        LinkError: the controller gives no description, or one of an arm with unusual geometry.
     """
     with Connection(address, PRIMARY_PORT, "primary interface", timeout, total=timeout) as link:
         configuration, own = link.receive(_find, "a description of its arm")
@@ -55,7 +54,7 @@ def ask(address: str, timeout: float) -> Arm:
 
 
 def _find(stream: bytes) -> tuple[tuple[bytes, Table | None], bytes] | None:
-    """Return the configuration in a stream, and the arm's own table if it is told in time."""
+    """Return the configuration in a stream, and the arm's own table if it comes in time."""
     configuration, heard = b"", 0
     while (taken := take(stream, _HEADER, _LARGEST)) is not None:
         kind, message, stream = taken
@@ -90,7 +89,7 @@ def _parts(message: bytes) -> dict[int, bytes]:
 
 
 def _described(numbers: tuple[float, ...], own: Table | None) -> Arm:
-    """Return the arm of which a controller tells in the *numbers* of its configuration."""
+    """Return the arm that the *numbers* of a controller's configuration describe."""
     a, d, alpha = numbers[29:35], numbers[35:41], numbers[41:47]
     kind = int(numbers[55])
     lengths = Links(d[0], -a[1], -a[2], d[3], d[4], d[5])
@@ -106,7 +105,7 @@ def _described(numbers: tuple[float, ...], own: Table | None) -> Arm:
         low, high = numbers[2 * k], numbers[2 * k + 1]
         speed, acceleration = numbers[12 + 2 * k], numbers[13 + 2 * k]
         if model is not None:
-            # Never more than is published; less if the installation says so.
+            # At most the published values; less if the installation limits them.
             most = model.ranges[k]
             low, high = (max(-most, low), min(most, high)) if low < high else (-most, most)
             speed = min(model.speeds[k], speed) if speed > 0.0 else model.speeds[k]

@@ -1,8 +1,8 @@
-"""A look at a controller before the client library is let near it.
+"""Inspect a controller before the client library connects to it.
 
-The library waits for ever, the interpreter's lock in its hand, for a controller that accepts and
-says nothing, and ends the process on versions it does not know.  This looks with plain sockets and
-time limits and says what is wrong; it changes nothing on the robot.
+If a controller accepts a connection and sends nothing, the library waits for ever with the
+interpreter's lock.  For versions that it does not know, it ends the process.  This probe uses plain
+sockets with timeouts and reports problems; it changes nothing on the robot.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ _PLACE = ("target_q", "target_TCP_pose", _TOOL)
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """What a look at a controller found.
+    """Results of the probe.
 
     Attributes:
         version: of its software.
-        is_remote: whether it is in remote control; ``None`` if the software does not say.
+        is_remote: whether it is in remote control; ``None`` if the software does not report it.
         robot_mode, safety_mode, runtime_state: the controller's numbers.
-        registers_are_free: whether the registers of the control script can be had.
+        registers_are_free: whether the registers of the control script are available.
         round_trip: s from a request to its answer, the median of a few.
-        jitter: s, the largest departure of packages from their even spacing.
+        jitter: s, the largest deviation of packages from their even spacing.
     """
 
     version: tuple[int, ...]
@@ -47,16 +47,16 @@ class Probe:
 
 
 def look(host: str, *, timeout: float = 2.0, packages: int = 5, first_register: int = 0) -> Probe:
-    """Look at the controller at *host*.
+    """Inspect the controller at *host*.
 
     Args:
         host: its address.
-        timeout: s that each answer may take.
-        packages: how many data packages to wait for, 2 or more.
-        first_register: of those that the control program uses.
+        timeout: s for each answer.
+        packages: number of data packages to wait for, 2 or more.
+        first_register: first register of the control program.
 
     Raises:
-        LinkError: something does not answer; the message says what.
+        LinkError: a server does not answer; the message names it.
     """
     is_remote, missing = None, None
     try:
@@ -76,7 +76,7 @@ def look(host: str, *, timeout: float = 2.0, packages: int = 5, first_register: 
             trips.append(time.monotonic() - begun)
         if missing is not None and controller.has("a dashboard server", version):
             raise missing
-        # Only asked for, and given back with the connection's end.
+        # Only requested, and released when the connection ends.
         kinds = ("int", "double")
         is_free = client.claim(*(f"input_{kind}_register_{first_register}" for kind in kinds))
         client.subscribe(500.0 if version[0] > 3 else 125.0, _STATE)
@@ -98,12 +98,13 @@ def look(host: str, *, timeout: float = 2.0, packages: int = 5, first_register: 
 
 
 class Place(NamedTuple):
-    """Where a controller commands its arm to be.
+    """The commanded pose of an arm.
 
     Attributes:
         joints: rad.
         pose: of the tool in the base.
-        tool: pose of the tool in the flange, as the controller has it; ``None`` if it does not say.
+        tool: pose of the tool in the flange, as set in the controller; ``None`` if it does not
+            report it.
     """
 
     joints: Joints
@@ -112,14 +113,14 @@ class Place(NamedTuple):
 
 
 def whereabouts(address: str, *, timeout: float = 0.5) -> Place:
-    """Return where the controller at *address* commands its arm to be.
+    """Return the commanded pose of the arm from the controller at *address*.
 
     Args:
         address: of the controller.
-        timeout: s for the whole of it.
+        timeout: s in total.
 
     Raises:
-        LinkError: it does not answer, or does not say what is needed.
+        LinkError: it does not answer, or lacks a variable.
     """
     with RtdeClient(address, timeout, total=timeout) as client:
         client.subscribe(125.0, _PLACE, optional=_TOOL)

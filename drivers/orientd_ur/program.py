@@ -1,7 +1,7 @@
-"""The control program on the robot: have it play, and end it in a fault; the way out of stops.
+"""The control program on the robot: play it, end it in a fault, recover from stops.
 
-What the program cannot be asked for is asked for at the dashboard server.  PolyScope X has none:
-there the pendant is the only way, and what would be asked for is said instead.
+Commands that the program cannot take go to the dashboard server.  PolyScope X has none: there only
+the pendant works, and messages tell the user what to do.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ class ControlProgram:
     Attributes:
         version: of the robot's software.
         is_free: whether the arm can be moved by hand.
-        notices: what somebody did to the program during a fault, in words.
+        notices: actions of users on the program during a fault, in words.
     """
 
     def __init__(self, link: Link, options: UrOptions) -> None:
-        # The version is not known before the robot was looked at, which tells it.
+        # The version is known once the robot was probed.
         self.version: tuple[int, ...] = (5, 4)
         self.is_free = False
         self.notices: tuple[str, ...] = ()
@@ -63,12 +63,12 @@ class ControlProgram:
         return controller.has("a dashboard server", self.version)
 
     def reason(self) -> str:
-        """Return why the robot does not carry out orders; nothing if it should."""
+        """Return why the robot does not carry out commands, or an empty string."""
         robot_mode, safety_mode, runtime_state = self._link.modes()
         return obstacle(robot_mode, safety_mode) or interruption(runtime_state)
 
     def play(self) -> None:
-        """Have it play, with the tool, payload and watchdog set; the arm holds.
+        """Play it, with the tool, payload and watchdog set; the arm holds.
 
         Raises:
             DeviceFaultError: the robot may not move, or is not in remote control.
@@ -111,10 +111,10 @@ class ControlProgram:
             self.is_free = False
 
     def clear(self) -> None:
-        """Unlock, power up if so configured, and play anew.
+        """Unlock, power up if so configured, and play again.
 
         Raises:
-            DeviceFaultError: what is wrong needs a person: a button, a safeguard, the pendant.
+            DeviceFaultError: a person must act: a button, a safeguard, the pendant.
             LinkError: the link is lost, or the dashboard server does not answer.
         """
         link = self._link
@@ -132,8 +132,8 @@ class ControlProgram:
                     dashboard.ask("power on")
                     dashboard.ask("brake release")
                     self._await(lambda: link.modes()[0] == RUNNING, _POWER_UP)
-                # Anew, not resumed: a program that was paused would go on to the setpoint it was
-                # stopped at.
+                # Start it again rather than resume: a paused program would continue to the setpoint
+                # at which it stopped.
                 dashboard.ask("stop")
                 self._await(lambda: link.modes()[2] == RuntimeState.STOPPED, _STOPPING)
         self._require_readiness()
@@ -142,16 +142,17 @@ class ControlProgram:
         self.notices = ()
 
     def give_up(self) -> None:
-        """Begin to end whatever plays: it holds the last setpoint, and *play* would go on to it."""
+        """Start to end the running program; *play* would continue to its last setpoint."""
         self._has_ended = self._was_held = False
         self._asked_ns = 0
 
     def end(self, now_ns: int) -> None:
-        """Do in this cycle what can be done to end it.
+        """Take the next step in this cycle to end it.
 
-        A program that plays takes the order to end from its registers.  One that is paused, or that
-        a safety stop holds, takes none: the dashboard server ends it, asked on a thread of its own,
-        since it may be slow to answer.  Without one the program ends as soon as somebody plays it.
+        A playing program receives the command to end in its registers.  A paused program, or one
+        held by a safety stop, receives nothing: the dashboard server ends it, in a thread of its
+        own, because it may be slow to answer.  Without a dashboard server the program ends as soon
+        as a user plays it.
 
         Raises:
             LinkError: the link is lost.
@@ -187,7 +188,7 @@ class ControlProgram:
     def _stop_by_dashboard(self) -> None:
         with contextlib.suppress(LinkError), Dashboard(self._link.address) as dashboard:
             if dashboard.ask("stop").startswith("Stopped"):
-                # Whatever plays from now on is another program.
+                # Anything that plays from now on is another program.
                 self._has_ended = self._was_held = True
 
     @property
@@ -219,7 +220,7 @@ class ControlProgram:
         dashboard.ask("close safety popup")
 
     def _await(self, is_so: Callable[[], bool], seconds: float) -> None:
-        """Wait for a while until something is so, the link being alive."""
+        """Wait for a limited time until a condition holds, while the link lives."""
         ends = time.monotonic() + seconds
         while not is_so() and time.monotonic() < ends:
             self._link.require()

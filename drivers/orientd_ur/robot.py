@@ -1,7 +1,7 @@
-"""Which arm a robot has and where it stands, without being in command of it.
+"""The arm of a robot and its pose, without taking control.
 
-The controller is asked for where it commands the arm to be each time, for which arm it has once,
-and again when the two do not agree.
+Each time, the controller is asked for the commanded pose.  It is asked for its arm once, and again
+if the two do not agree.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from orientd_ur.probe import Place, whereabouts
 from orientd_ur.wire import numeric_address
 
 _TIMEOUT = 0.8
-"""s that the controller has for all that is asked of it in one plan."""
+"""Time for all answers of the controller in one plan, s."""
 
-# If an arm's own calibration is not known, its pose is off by some millimetres.
+# Without an arm's own calibration, its pose is off by some millimetres.
 _FARTHEST = 0.01
 _FURTHEST_TURN = 0.02
 
 
 class Robot:
-    """One robot, as the options and its controller describe it.
+    """One robot, as its options and its controller describe it.
 
     Args:
         options: of the driver.
@@ -40,23 +40,23 @@ class Robot:
 
     @cached_property
     def address(self) -> str:
-        """Its address, for whose name a resolver is asked once.
+        """Its address; the resolver is asked once.
 
         Raises:
-            LinkError: nobody knows the name.
+            LinkError: the name is unknown.
         """
         return numeric_address(self._options.host)
 
     def look(self) -> tuple[Arm, Place]:
-        """Return the robot's arm with its tool, and where it is commanded to be.
+        """Return the robot's arm with its tool, and its commanded pose.
 
         Raises:
-            LinkError: it does not answer in time, or what it says does not fit together.
+            LinkError: it does not answer in time, or its answers do not agree.
         """
         ends = time.monotonic() + _TIMEOUT
         place = whereabouts(self.address, timeout=_TIMEOUT)
         if self._arm is None or not _fits(self._arm, place):
-            # Another robot may have taken the place of the one that was asked.
+            # Another robot may have replaced the previous one.
             self._arm = self.identify(max(ends - time.monotonic(), 0.05))
             if not _fits(self._arm, place):
                 raise LinkError(
@@ -67,10 +67,10 @@ class Robot:
         return self._arm.seen(place.joints, place.pose), place
 
     def identify(self, timeout: float = _TIMEOUT) -> Arm:
-        """Return the arm that the controller has, without a tool.
+        """Return the controller's arm, without a tool.
 
         Raises:
-            LinkError: it does not say and the options do not either, or they disagree.
+            LinkError: neither the controller nor the options name it, or they disagree.
         """
         model, chosen = self._options.model, self._options
         try:
@@ -90,10 +90,10 @@ class Robot:
         return arm.slower(chosen.joint_acceleration)
 
     def named(self) -> Arm:
-        """Return the arm and the tool that the options name.
+        """Return the arm and the tool in the options.
 
         Raises:
-            PlanError: they do not say which arm it is.
+            PlanError: they do not name the arm.
         """
         model, tool = self._options.model, self._options.tcp_offset
         if model is None:
@@ -107,7 +107,7 @@ class Robot:
 
 
 def _fits(arm: Arm, place: Place) -> bool:
-    """Whether joints and pose make the tool that the controller says it has."""
+    """Whether joints and pose are consistent with the tool that the controller reports."""
     if place.tool is None:
         return True
     turn, offset = arm.seen(place.joints, place.pose).tool

@@ -1,4 +1,4 @@
-"""The controller's clock and cycle in terms of ours: when its packages come, when to send."""
+"""The controller's clock and cycle in our time: arrival of its packages, time to send."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from orientd.errors import LinkError
 from orientd_ur.wire import RtdeClient
 
 AIM = 0.25
-"""Share of a cycle from the arrival of the controller's data to the deadline."""
+"""Share of a cycle between the arrival of the controller's data and the deadline."""
 
 _FREQUENCY = 25.0
-"""Packages a second that are listened to; a divisor of every controller's rate."""
+"""Received packages per second; a divisor of every controller's rate."""
 
 _SHARE = 16
 _HALF_WINDOW_NS = 500_000_000
@@ -23,26 +23,26 @@ _MANY = 25
 _RECENT_NS = 100_000_000
 _NEARLY = 0.95
 
-# Not named by Python's socket module; the same on every architecture that robots are driven from.
+# Python's socket module lacks this constant; it is the same on every relevant architecture.
 _SO_TIMESTAMPNS = 35
 _TIME = struct.Struct("@qq")
 _SPACE = socket.CMSG_SPACE(_TIME.size)
 
 
 class ControllerClock:
-    """Translate the controller's timestamps into monotonic nanoseconds.
+    """Convert the controller's timestamps to monotonic nanoseconds.
 
-    A package that took the least time on its way tells the offset between the two clocks best, so
-    the offset is the smallest seen in the last half to whole second.  What a package was late
-    beyond that is the age of its contents.  Late ones in a row, and many of them, mean that the
-    controller's clock has stood still for a while: then the offset is theirs.
+    The package with the shortest delay gives the best offset between the two clocks.  So the offset
+    is the smallest one of the last half to whole second, and the extra delay of a package is the
+    age of its contents.  Many late packages in a row mean that the controller's clock has stood
+    still for a while. Their offset then becomes the new one.
     """
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything; the controller may have been frozen or started again."""
+        """Reset: the controller may have been frozen or restarted."""
         self._current = self._previous = 0
         self._window_ends_ns = -1
         self._late = 0
@@ -50,9 +50,9 @@ class ControllerClock:
         self._last_ns = 0
 
     def measured_ns(self, timestamp: float, now_ns: int) -> int:
-        """Return when *timestamp* (s, the controller's) was, given that it was just read.
+        """Return our time of *timestamp* (s, the controller's), which was just read.
 
-        Never later than *now_ns*, never earlier than the last answer.
+        Never later than *now_ns*, never earlier than the last result.
         """
         stamp_ns = round(timestamp * 1e9)
         offset = now_ns - stamp_ns
@@ -81,16 +81,17 @@ class ControllerClock:
 class TickPhase:
     """The phase of the controller's cycle, and how to keep to it.
 
-    A controller takes, once a cycle, the setpoint that came last.  One that is sent close to that
-    moment comes now before it, now after: then two meet in one cycle and the first is lost, and the
-    next cycle has none.  Clocks drift, so that sooner or later this happens to whoever keeps to its
-    own clock.  So the deadlines are moved, slowly, until they are a quarter of a cycle behind the
-    arrival of the controller's data, which it sends as it takes setpoints: feedback is fresh then,
-    setpoints may be late by almost three quarters of a cycle, and early by most of a quarter.
+    Once a cycle, a controller takes the last setpoint that came.  A setpoint sent close to that
+    moment arrives sometimes before it and sometimes after.  Then two meet in one cycle, so that the
+    first is lost, and the next cycle has none.  Clocks drift, so this happens sooner or later to
+    every sender with its own clock.  So the deadlines shift slowly until they are a quarter of a
+    cycle after the arrival of the controller's data, which it sends when it takes setpoints.
+    Feedback is then fresh.  Setpoints may be late by almost three quarters of a cycle, and early by
+    almost a quarter.
 
     Args:
         tick_ns: the controller's cycle.
-        period_ns: ours; where it is no multiple of the controller's there is no phase to keep.
+        period_ns: ours; if it is no multiple of the controller's, there is no phase to keep.
     """
 
     def __init__(self, tick_ns: int, period_ns: int) -> None:
@@ -100,18 +101,18 @@ class TickPhase:
         self._arrived_ns: int | None = None
 
     def hear(self, timestamp: float, arrived_ns: int) -> None:
-        """Take note of a package.
+        """Record a package.
 
         Args:
             timestamp: the controller's, s.
-            arrived_ns: when it arrived, our clock.  Those that took the least time count.
+            arrived_ns: its arrival by our clock.  The packages with the shortest delay count.
         """
         self._arrived_ns = self._clock.measured_ns(timestamp, arrived_ns)
 
     def shift_ns(self, deadline_ns: int) -> int:
-        """Return by how much deadlines should move, seeing the one at *deadline_ns*.
+        """Return the shift for deadlines, given the one at *deadline_ns*.
 
-        A sixteenth of what is missing, by the shorter way round; 0 before anything was heard.
+        It is a sixteenth of the difference, in the shorter direction; 0 before the first package.
         """
         if self._arrived_ns is None or not self._has_phase:
             return 0
@@ -122,14 +123,14 @@ class TickPhase:
 
 
 class TickListener:
-    """A connection that is told the controller's time, alive until :meth:`close`.
+    """A connection that receives the controller's time, alive until :meth:`close`.
 
-    The client library says what came, not when.  So a connection of our own asks for nothing but
-    the timestamp, and the kernel writes down when each package came in, whatever the scheduling.
+    The client library does not report arrival times.  So a separate connection receives only the
+    timestamp, and the kernel records when each package arrived, independent of scheduling.
 
     Args:
         host: the robot's address.
-        timeout: s that connecting and each answer may take.
+        timeout: s for connecting and for each answer.
 
     Raises:
         LinkError: the robot does not answer.
@@ -148,9 +149,9 @@ class TickListener:
         self._arrived_ns: int | None = None
 
     def heard(self) -> tuple[float, int] | None:
-        """Return a new timestamp (s) and when it arrived (ns, monotonic clock), if there is one.
+        """Return a new timestamp (s) and its arrival (ns, monotonic clock), if there is one.
 
-        Never waits, never raises: once the connection is gone there is nothing new.
+        Never waits, never raises; without a connection there is nothing new.
         """
         if self._is_deaf:
             return None
@@ -172,7 +173,7 @@ class TickListener:
         return samples[-1]["timestamp"][0], self._arrived_ns
 
     def silence_ns(self) -> int | None:
-        """Return how long ago the newest package arrived, by the kernel; ``None`` before any."""
+        """Return the age of the newest package's arrival, by the kernel; ``None`` before any."""
         while self.heard() is not None:
             continue
         return None if self._arrived_ns is None else time.monotonic_ns() - self._arrived_ns
@@ -187,7 +188,7 @@ class WriteSilence:
     """The last long pause between two setpoints.
 
     Args:
-        watchdog_hz: how often the robot is to hear.
+        watchdog_hz: rate of messages that the robot requires.
     """
 
     def __init__(self, watchdog_hz: float) -> None:
@@ -195,16 +196,16 @@ class WriteSilence:
         self._written_ns = self._pause_ns = self._ended_ns = 0
 
     def begin(self, now_ns: int) -> None:
-        """Count from now."""
+        """Restart the measurement."""
         self._written_ns, self._pause_ns = now_ns, 0
 
     def note(self, now_ns: int) -> None:
-        """Note that a setpoint is written now."""
+        """Record that a setpoint is written now."""
         self._look(now_ns)
         self._written_ns = now_ns
 
     def reason(self, now_ns: int) -> str:
-        """Return that the robot's watchdog has ended the program, where it has reason to."""
+        """Return that the robot's watchdog has ended the program, if the pause was too long."""
         self._look(now_ns)
         if not self._pause_ns or now_ns - self._ended_ns > _RECENT_NS:
             return ""

@@ -1,7 +1,7 @@
-"""Connections to a controller that give up in time: to its RTDE server, to its dashboard server.
+"""Connections to a controller with timeouts: to its RTDE server and to its dashboard server.
 
-The client library waits for ever for a controller that accepts and says nothing.  What is asked of
-a controller beside it goes over these.
+The client library waits for ever for a controller that accepts a connection and sends nothing.  All
+other requests to a controller use these connections.
 
 RTDE is version 2 of the protocol, big endian: ``u16 size, u8 kind, payload``.
 """
@@ -41,12 +41,12 @@ def numeric_address(host: str) -> str:
     """Return the IPv4 address of *host*.
 
     Raises:
-        LinkError: nobody knows the name.
+        LinkError: the name is unknown.
     """
     try:
         return str(socket.getaddrinfo(host, None, socket.AF_INET)[0][4][0])
     except (OSError, UnicodeError) as error:
-        # The latter for names that cannot be asked for: with an empty or too long part.
+        # UnicodeError is for invalid names, with an empty or too long part.
         raise LinkError(f"{host}: the name cannot be resolved: {error}") from error
 
 
@@ -56,12 +56,12 @@ class Connection:
     Args:
         host: the controller's address.
         port: of the controller.
-        server: what answers there, for messages.
-        timeout: s that connecting and each whole answer may take, however many bytes come of it.
-        total: s that all of it may take.
+        server: name of the server, for messages.
+        timeout: s for connecting and for each whole answer, in however many pieces.
+        total: s in total.
 
     Raises:
-        LinkError: nothing answers there.
+        LinkError: no server answers.
 
     Attributes:
         sock: the socket.
@@ -97,14 +97,15 @@ class Connection:
             raise LinkError(f"{self._server} is gone: {error}") from error
 
     def receive(self, find: Callable[[bytes], tuple[_T, bytes] | None], awaited: str) -> _T:
-        """Return what *find* finds in the bytes that have arrived.
+        """Return the result of *find* in the received bytes.
 
         Args:
-            find: returns it and the bytes that follow, or ``None`` so far; raises ``ValueError``.
-            awaited: what it is, for messages.
+            find: returns the result and the remaining bytes, or ``None`` so far; raises
+                ``ValueError``.
+            awaited: name of the result, for messages.
 
         Raises:
-            LinkError: it did not come in time, or the bytes are something else.
+            LinkError: it did not arrive in time, or the bytes are something else.
         """
         ends = min(time.monotonic() + self._timeout, self._ends)
         try:
@@ -124,11 +125,11 @@ class Connection:
 
 
 def take(stream: bytes, header: struct.Struct, largest: int) -> tuple[int, bytes, bytes] | None:
-    """Return kind and payload of the first message and what follows it, or ``None`` so far.
+    """Return kind and payload of the first message and the remaining bytes, or ``None`` so far.
 
     Args:
         stream: the bytes.
-        header: of size and kind; the size counts it.
+        header: of size and kind; the size includes it.
         largest: size of a message.
 
     Raises:
@@ -147,11 +148,11 @@ class RtdeClient(Connection):
 
     Args:
         host: the controller's address.
-        timeout: s that connecting and each answer may take.
-        total: s that all of it may take.
+        timeout: s for connecting and for each answer.
+        total: s in total.
 
     Raises:
-        LinkError: nothing answers, or something that does not speak the protocol.
+        LinkError: no server answers, or it does not speak the protocol.
     """
 
     def __init__(self, host: str, timeout: float, *, total: float = math.inf) -> None:
@@ -168,7 +169,7 @@ class RtdeClient(Connection):
         """Return the four numbers of the controller's version.
 
         Raises:
-            LinkError: the controller does not say them.
+            LinkError: the controller does not report them.
         """
         answer = self._ask(_CONTROLLER_VERSION)
         if len(answer) != 16:
@@ -176,7 +177,7 @@ class RtdeClient(Connection):
         return struct.unpack(">4I", answer)
 
     def claim(self, *registers: str) -> bool:
-        """Return whether this connection may write *registers* from now on: nobody else does.
+        """Return whether this connection has the exclusive right to write *registers* from now on.
 
         Raises:
             LinkError: the controller does not answer.
@@ -184,15 +185,15 @@ class RtdeClient(Connection):
         return b"IN_USE" not in self._ask(_INPUTS, ",".join(registers).encode())
 
     def subscribe(self, frequency: float, names: Sequence[str], *, optional: str = "") -> None:
-        """Ask for the variables *names*, *frequency* times a second; those that came before end.
+        """Request the variables *names*, *frequency* times a second, in place of earlier ones.
 
         Args:
             frequency: Hz.
             names: of the variables.
-            optional: one of them, which older software does not know.
+            optional: a variable that older software does not know.
 
         Raises:
-            LinkError: the controller does not know one of them.
+            LinkError: the controller does not know a variable.
         """
         answer = self._ask(_OUTPUTS, struct.pack(">d", frequency) + ",".join(names).encode())
         types = dict(zip(names, answer[1:].decode("ascii", "replace").split(","), strict=False))
@@ -209,7 +210,7 @@ class RtdeClient(Connection):
         """Return the next data package.
 
         Raises:
-            LinkError: none comes, or not what was asked for.
+            LinkError: none arrives, or a different one.
         """
         payload = self.receive(_finder(_DATA), "data packages")
         try:
@@ -218,10 +219,10 @@ class RtdeClient(Connection):
             raise LinkError(f"{self._server} does not answer what was asked: {error}") from error
 
     def samples_in(self, chunk: bytes) -> list[Sample]:
-        """Return the data packages that are whole with *chunk*, which was read from the socket.
+        """Return the data packages that are complete with *chunk*, just read from the socket.
 
         Raises:
-            ValueError: the bytes are not what was asked for.
+            ValueError: the bytes do not match the request.
         """
         self._pending += chunk
         found = []
@@ -252,10 +253,10 @@ class Dashboard(Connection):
 
     Args:
         host: the robot's address.
-        timeout: s that connecting and each whole answer may take.
+        timeout: s for connecting and for each whole answer.
 
     Raises:
-        LinkError: nothing answers there.
+        LinkError: no server answers.
     """
 
     def __init__(self, host: str, *, timeout: float = 0.4) -> None:
@@ -277,7 +278,7 @@ class Dashboard(Connection):
 
     @property
     def is_remote(self) -> bool | None:
-        """Whether the robot is in remote control; ``None`` if it does not know the question."""
+        """Whether the robot is in remote control; ``None`` if it does not know the command."""
         answer = self.ask("is in remote control").lower()
         return True if "true" in answer else False if "false" in answer else None
 
@@ -288,7 +289,7 @@ def _line(stream: bytes) -> tuple[str, bytes] | None:
 
 
 def _finder(wanted: int) -> Callable[[bytes], tuple[bytes, bytes] | None]:
-    """Return what finds the next RTDE package of a kind; those of others are left out."""
+    """Return a function that finds the next RTDE package of a kind and skips others."""
 
     def find(stream: bytes) -> tuple[bytes, bytes] | None:
         while (taken := take(stream, _HEADER, _LARGEST)) is not None:
