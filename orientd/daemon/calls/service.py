@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import gc
 import logging
 import os
 import time
@@ -60,9 +59,6 @@ _LOOKS = 10
 _BATCH = 256
 """Cycles made into messages at a time: other calls get their turn before a watcher far behind."""
 
-_LARGE_REQUESTS = 4 * 2**20
-"""Bytes of motions after which garbage is collected."""
-
 _RENEWALS = 3
 """Renewals within the time of a lease that a move has taken itself, until it has begun."""
 
@@ -89,7 +85,6 @@ class Service:
         self._devices, self._leases = devices, devices.leases
         self._socket, self._configuration, self._began = socket, configuration, began
         self._closing = asyncio.Event()
-        self._taken = 0
         self._turns: defaultdict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
 
     def methods(self) -> Mapping[str, Method]:
@@ -266,11 +261,6 @@ class Service:
             raise RequestError("keyframes", f"expected at most {self.keyframes}, got {count}")
         # The planner reads the rest: that takes as long as planning a small motion.
         content = motion.SerializeToString()
-        # An error holds the request of its call, by its traceback, until Python looks for circles.
-        self._taken += len(content)
-        if self._taken > _LARGE_REQUESTS:
-            self._taken = 0
-            gc.collect()
         return PlanCall(content, caller.key, timeout, rate_hz)
 
     @contextlib.contextmanager

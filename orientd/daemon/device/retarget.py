@@ -310,7 +310,11 @@ class Retargeting:
                 return chosen, SplicePoint(leave.number, record), found[record]
             is_of_lead_in = isinstance(refusal, LimitError) and refusal.is_in_lead_in
             if refusal is not None and not (is_shaped or is_of_lead_in):
-                raise refusal
+                try:
+                    raise refusal
+                finally:
+                    # An error has this frame in its traceback: with names in it, both are kept.
+                    del refusal, motion
             chosen, now = time.monotonic(), self._choose(queued, kind, late)
             if now is None:
                 break

@@ -200,9 +200,13 @@ class Planners:
             raise DaemonError(GOING_DOWN) if self._is_closing else error from None
         rest: Future[Rest] = Future()
         self._spawn(self._finish(planner, rest))
-        if isinstance(answer, OrientdError):
-            raise answer
-        return answer, rest
+        try:
+            if isinstance(answer, OrientdError):
+                raise answer
+            return answer, rest
+        finally:
+            # An error has this frame in its traceback: with a name in it, both would be kept.
+            del answer
 
     async def _finish(self, planner: PlannerProcess, rest: Future[Rest]) -> None:
         """Hear what follows an answer; then the planner may serve somebody else."""

@@ -1,6 +1,8 @@
 """Planner processes: real ones, asked, given up, killed and replaced."""
 
 import asyncio
+import contextlib
+import gc
 import os
 import signal
 import time
@@ -96,6 +98,20 @@ def test_what_is_wrong_with_a_request_is_raised_where_it_was_asked():
             await planners.plan(job(b"nonsense"), PlanCall(b"nonsense"))
 
     run(test)
+
+
+def test_a_refused_request_is_not_kept_by_its_error():
+    async def test(planners):
+        gc.disable()
+        try:
+            with contextlib.suppress(RequestError):
+                await planners.plan(job(b"nonsense"), PlanCall(b"nonsense"))
+            kept = [one for one in gc.get_objects() if isinstance(one, PlanInput)]
+            return [one for one in kept if one.motion == b"nonsense"]
+        finally:
+            gc.enable()
+
+    assert run(test) == []
 
 
 def test_doubts_about_a_request_are_in_the_certificate():
