@@ -1,4 +1,4 @@
-"""ROS 2 bags as ROS 2 leaves them: a folder with ``metadata.yaml``, or one ``.db3`` file out of it.
+"""Read ROS 2 bags: a folder with ``metadata.yaml``, or one ``.db3`` file of it.
 
 Needs the extra ``bags``: ``rosbags``, which reads both storages, sqlite3 and MCAP, compressed or
 not, without ROS.
@@ -16,15 +16,15 @@ from orientd.recorder.writer import RecordingError
 
 
 def is_bag(path: Path) -> bool:
-    """Return whether *path* is to be read as a bag."""
+    """Return whether *path* has the form of a bag."""
     return path.is_dir() or path.suffix == ".db3"
 
 
 def messages(path: Path) -> Iterator[tuple[str, int, Any]]:
-    """Yield topic, time at which it was recorded in ns, and content of every message that is known.
+    """Yield topic, recording time (ns) and content of every message of a known type.
 
-    Up to Humble a bag does not hold the definitions of its messages: then those that come with
-    Humble are known, and topics of others are left out.
+    A bag of Humble or older holds no definitions.  For these the definitions of Humble count, and
+    topics of other types are left out.
 
     Raises:
         OrientdError: the library is not there.
@@ -48,7 +48,7 @@ def messages(path: Path) -> Iterator[tuple[str, int, Any]]:
             # An empty list would mean all of them.
             for connection, time, content in reader.messages(readable) if readable else ():
                 yield connection.topic, time, reader.deserialize(content, connection.msgtype)
-    # What comes of damage is a matter of four libraries.
+    # Four libraries raise their own exceptions for damage.
     except Exception as error:
         text = " ".join(str(error).split())[:200] or type(error).__name__
         raise RecordingError(f"{path}: not a ROS 2 bag that can be read: {text}") from error

@@ -151,7 +151,7 @@ def schema() -> str:
     plain = [one for one in COLUMNS if one.path and "." not in one.path]
     lines = ["# A cycle of a device. Without feedback, what was measured is NaN.\n\n"]
     lines += [_field(one) for one in plain if one.type not in ("uint32", "string")]
-    # Four bytes and four truth values, so that all of what follows is at a multiple of eight.
+    # Three numbers of four bytes and four truth values keep the next field at a multiple of eight.
     lines += [_field(one) for one in plain if one.type == "uint32"]
     lines += [f"# {doc}\nbool {name}\n" for name, (_, doc) in FLAGS.items()]
     lines += [f"{kind} {group}\n" for group, kind in _GROUPS.items()]

@@ -1,7 +1,7 @@
 """The process that writes a file of the flight recorder: ``python -m orientd.recorder.flight``.
 
-It reads from standard input a line of JSON, events and slots of cycles as they stood in memory,
-keeps the slots that hold whole records of the time asked for, and prints the path of the file.
+It reads a line of JSON, events and slots of cycles from standard input, as they were in memory.  It
+keeps whole records of the wanted time, and prints the path of the file.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _STRIDE = RecordRing.stride(CYCLE_RECORD)
 
 
 def main() -> None:
-    """Write what standard input says; one line on standard error where that is not possible."""
+    """Write the file that standard input asks for, or one line on standard error."""
     with contextlib.suppress(OSError):
         os.nice(_NICENESS)
     try:
@@ -89,10 +89,10 @@ def whole_cycles(slots: bytes, *, since_ns: int) -> Table:
 
 
 def make_room(directory: Path, files: int, size: int) -> None:
-    """Remove the oldest of the flight recorder's files until there are no more than that.
+    """Remove the oldest files of the flight recorder until the rest is within both limits.
 
     Args:
-        directory: with nobody else's files of that name.
+        directory: in which only the flight recorder has files of that name.
         files: how many may stay.
         size: bytes that they may take together; the newest stays in any case.
     """

@@ -1,8 +1,8 @@
-"""Orientations over time, out of whatever they were recorded in: MCAP, ROS 2 bags, csv, TUM.
+"""Read orientations over time from recordings: MCAP, ROS 2 bags, csv, TUM.
 
-Of our own recordings every cycle is taken, from ``/DEVICE/measured`` or ``/DEVICE/sent``.
-Elsewhere a topic may hold anything with a quaternion in it, by the field names of Foxglove and of
-ROS: poses, odometry, transforms, inertial measurements; as protobuf, JSON or ROS 2 messages.
+Recordings of orientd give every cycle, from ``/DEVICE/measured`` or ``/DEVICE/sent``.
+In other files a topic may hold any message with a quaternion, by the field names of Foxglove and
+ROS: poses, odometry, transforms, inertial measurements, as protobuf, JSON or ROS 2 messages.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ _DECODERS = ("mcap_protobuf.decoder", "mcap_ros2.decoder")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Orientations:
-    """What a topic holds.
+    """The orientations of a topic.
 
     Attributes:
         topic: its name.
-        times: s, the first one 0, exact to the nanosecond, shape ``(n,)``; not a number where a
-            sample has none.
-        q: orientations ``(w, x, y, z)``, norms from 0.5 to 2 scaled to one, shape ``(n, 4)``; not
-            numbers where a norm is another.
-        notes: what there is to say of times, norms and what is missing, a line each.
+        times: s, the first one 0, exact to the nanosecond, NaN for a sample without one, shape
+            ``(n,)``.
+        q: orientations ``(w, x, y, z)``, norms from 0.5 to 2 scaled to one, NaN for other norms,
+            shape ``(n, 4)``.
+        notes: one line for each irregularity of times, norms and the file.
     """
 
     topic: str
@@ -50,15 +50,14 @@ class Orientations:
 
 
 def read_orientations(path: Path, topic: str = "", *, partial: bool = False) -> Orientations:
-    """Return the orientations of a topic; of the one that is meant where none is named.
+    """Return the orientations of a topic, by default of the only or the measured one.
 
     Args:
         path: a .mcap file, a .csv file (also of EuRoC), a TUM trajectory (.tum, .txt), or a ROS 2
             bag: its folder or its .db3 file.
-        topic: in an MCAP file or a bag, the topic, with ``#CHILD`` for one frame where its
-            transforms are of several; in a csv file, which has no topics, what stands before
-            ``_qw`` or ``_w`` in the names of columns, if anything does.
-        partial: whether to take what is whole of a cut or damaged MCAP file.
+        topic: of an MCAP file or a bag, with ``#CHILD`` for one frame of several.  In a csv file,
+            the part of the column names before ``_qw`` or ``_w``.
+        partial: whether to read the rest of a cut or damaged MCAP file.
 
     Raises:
         RecordingError: the file cannot be read, has no such topic or several, is damaged, or its
@@ -100,7 +99,7 @@ Rows = dict[str, "tuple[array[int], array[float]]"]
 
 
 def _meant(path: Path, tables: Mapping[str, object]) -> str:
-    """Return the topic that is meant where none is named: the only one, or what was measured."""
+    """Return the topic to read by default: the only one, or the measured one."""
     names = list(tables)
     if len(names) > 1:
         names = [name for name in tables if name.split("/")[-1] == "measured"]
@@ -114,7 +113,7 @@ def _listed(tables: Mapping[str, object]) -> str:
 
 
 def _from_mcap(path: Path, *, partial: bool) -> tuple[Tables, Recording]:
-    """Return what an MCAP file holds, and what there is to know of the file."""
+    """Return the orientations in an MCAP file, and the recording with its damages."""
     try:
         recording = load_recording(path, partial=partial)
     except NotOursError:
@@ -158,7 +157,7 @@ def _from_bag(path: Path) -> Tables:
 
 
 def _add(rows: Rows, topic: str, time_ns: int, message: object) -> None:
-    """Add what a message has of orientations; *time_ns* counts where it has no time of its own."""
+    """Add the orientations in a message, at *time_ns* unless it has a time of its own."""
     for child, stamp, q in _orientations(message):
         name = f"{topic}#{child}" if child else topic
         times, components = rows.setdefault(name, (array("q"), array("d")))
@@ -181,7 +180,7 @@ def _decoder(channel: Any, schema: Any, factories: Sequence[Any]) -> Any:  # noq
 
 
 def _orientations(message: object) -> Iterator[tuple[str, int | None, tuple[float, ...]]]:
-    """Yield child frame, time stamp and quaternion of everything in a message that has one."""
+    """Yield child frame, time stamp and quaternion of each part of a message with a quaternion."""
     many = _field(message, "transforms")
     if many is not None:
         for one in many:
@@ -207,7 +206,7 @@ def _quaternion(message: object, depth: int = 0) -> tuple[float, ...] | None:
 
 
 def _stamp(message: object) -> int | None:
-    """Return the time that a message says it is of, ns."""
+    """Return the time stamp of a message, ns."""
     header = _field(message, "header")
     holders = ((header, "stamp"), (message, "stamp"), (message, "timestamp"))
     for holder, name in holders:

@@ -15,12 +15,12 @@ from orientd.rotation import Floats
 def planned_orientations(recording: Recording, device: str) -> tuple[Floats, Floats]:
     """Return path time and planned orientation of every cycle of *device*.
 
-    The path is known at its samples, with its angular velocity; between them it is a cubic
-    quaternion segment.  A cycle's place on it is what the servo has said.
+    An event has samples of the path with angular velocity, and a cubic quaternion segment connects
+    them.  The cycle has the place of the setpoint on it.
 
     Returns:
-        Path times, s, shape ``(n,)``, and orientations ``(w, x, y, z)``, shape ``(n, 4)``; not a
-        number where no motion with a known path runs.
+        Path times, s, shape ``(n,)``, and orientations ``(w, x, y, z)``, shape ``(n, 4)``.  Both
+        are NaN if no motion with a known path runs.
     """
     cycles = recording.cycles[device]
     times: Floats = np.full(len(cycles), np.nan)
@@ -41,11 +41,11 @@ def planned_orientations(recording: Recording, device: str) -> tuple[Floats, Flo
 
 
 _EARLY_NS = 5_000_000_000
-"""A motion is under way before it is told, by less; numbers begin anew at a restart."""
+"""The event of a motion follows its first cycle by less.  A restart counts motions from 1."""
 
 
 def _path_times(cycles: Table, first: int, period: float) -> Floats:
-    """Return how far along its path each cycle of one motion is, s."""
+    """Return the path time of each cycle of one motion, s."""
     records: Floats = cycles["path_index"] - first + cycles["path_fraction"]
     return records * period
 
@@ -53,8 +53,8 @@ def _path_times(cycles: Table, first: int, period: float) -> Floats:
 def _first_index(event: pb.Event, cycles: Table, period: float) -> int:
     """Return the path index of a motion's first record.
 
-    A motion that had to wait for its turn did not know it yet: its first cycle is at that record,
-    or at the one after it, whichever is nearer to what was sent.
+    The event of a queued motion does not have it.  Its first cycle is at that record or at the one
+    after it.  The index with the path nearer to the setpoints is taken.
     """
     if event.HasField("path_index"):
         return event.path_index

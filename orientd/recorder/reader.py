@@ -1,4 +1,4 @@
-"""Reads recordings back: cycles and events; of a cut or damaged one only where it is asked for."""
+"""Read the cycles and events of a recording, of a damaged one on request."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ _AT_ONCE = 4096
 
 @dataclass(eq=False)
 class Recording:
-    """What of a file is read back.
+    """The content of a recording.
 
     Attributes:
         cycles: of every device, in order, by name; of a cell ``DAEMON/DEVICE``.
         events: of all devices, in order.
         facts: the metadata ``orientd``.
         offset_ns: from the monotonic clock to the time of day.
-        damages: what of the file cannot be read.
+        damages: the parts that cannot be read.
     """
 
     cycles: dict[str, Table] = field(default_factory=dict)
@@ -49,7 +49,7 @@ class Recording:
         return not self.damages
 
     def device(self, name: str = "") -> str:
-        """Return the device called *name*; the only one where it is empty.
+        """Return the device called *name*, the only one if *name* is empty.
 
         Raises:
             RecordingError: there is none of that name, or there are several.
@@ -72,14 +72,14 @@ class Recording:
 
 @contextlib.contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Make a :class:`RecordingError` of whatever goes wrong with the content of *path*."""
+    """Turn each error about the content of *path* into a :class:`RecordingError`."""
     try:
         yield
     except OrientdError:
         raise
     except OSError as error:
         raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
-    # What decoders of others make of damaged bytes is told nowhere.
+    # The decoders do not document their exceptions for damaged bytes.
     except Exception as error:
         text = " ".join(str(error).split())[:200]
         raise RecordingError(f"{path}: a damaged recording: {text or 'no message'}") from error
@@ -90,14 +90,14 @@ class NotOursError(RecordingError):
 
 
 def load_recording(path: Path, *, partial: bool = False) -> Recording:
-    """Read a recording of ours.
+    """Read a recording of orientd.
 
     Args:
         path: of the file.
-        partial: whether to take what is whole of a cut or damaged one.
+        partial: whether to read the rest of a cut or damaged one.
 
     Raises:
-        RecordingError: it cannot be read, is not one of ours, or is damaged.
+        RecordingError: it cannot be read, is not of orientd, or is damaged.
     """
     with reading(path):
         return _load(path, partial=partial)
@@ -167,7 +167,7 @@ def _not_whole(path: Path, recording: Recording) -> RecordingError:
 
 
 def _to_go(recording: Recording) -> Iterator[str]:
-    """Yield how much of a motion is missing that ran when a recording was cut."""
+    """Yield the missing part of each motion that ran when the recording was cut."""
     for device, cycles in recording.cycles.items() if recording.damages.is_cut else ():
         last = cycles[-1]
         begun = [
@@ -191,12 +191,12 @@ def messages(
 
     Args:
         path: of the file.
-        recording: is told what is missing, and what the file says of itself.
-        partial: whether to leave it at what is whole of a cut or damaged file.
+        recording: receives the damages and the facts.
+        partial: whether to read the rest of a cut or damaged file.
 
     Raises:
         OSError: the file cannot be read.
-        RecordingError: it is no MCAP file, or, behind its last message, it is damaged.
+        RecordingError: it is no MCAP file, or, after its last message, it is damaged.
     """
     damages = recording.damages
     schemas: dict[int, Schema] = {}

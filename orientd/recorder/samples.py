@@ -1,4 +1,4 @@
-"""Samples of an orientation as they were recorded, and what is to be said of them."""
+"""Recorded samples of an orientation, and notes on their irregularities."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from orientd.rotation import Floats
 from orientd.tolerances import NORM_TOLERANCE
 
 NO_TIME = -(2**63)
-"""In place of a time that is none."""
+"""Stands for a missing time."""
 
 _NORMS = (0.5, 2.0)
-"""Of what is taken for a quaternion that lacks its scale."""
+"""Norms of a quaternion that only lacks its scale."""
 
 _RESTART = 20.0
-"""Times the usual step, by which a clock that was set back is behind."""
+"""A clock was set back if it steps back by more than this many usual steps."""
 
 _MIXED = 2
-"""Samples from before that are among those from after it, from which on it is one."""
+"""Fewest samples from before such a step that the later ones would mix with."""
 
 Stamps = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """What was found under one name.
+    """The samples under one name.
 
     Attributes:
-        times_ns: :data:`NO_TIME` where there is none, shape ``(n,)``.
+        times_ns: :data:`NO_TIME` for a sample without one, shape ``(n,)``.
         q: orientations ``(w, x, y, z)``, shape ``(n, 4)``.
-        lines: of a text, in which line each stands, shape ``(n,)``; ``None`` elsewhere.
+        lines: line of each sample in a text file, shape ``(n,)``.
     """
 
     times_ns: Stamps
@@ -43,13 +43,13 @@ class Samples:
     lines: NDArray[np.int64] | None = None
 
     def place(self, index: int) -> str:
-        """Return where a sample stands, in words."""
+        """Return the place of a sample in words."""
         if self.lines is not None:
             return f"line {self.lines[index]}"
         return f"sample {index}"
 
     def seconds(self) -> Floats:
-        """Return the times from the first one on, s; not a number where there is none."""
+        """Return the times from the first one on, s, NaN for a missing one."""
         known = np.flatnonzero(self.times_ns != NO_TIME)
         times: Floats = np.full(len(self.times_ns), np.nan)
         if len(known):
@@ -58,9 +58,9 @@ class Samples:
 
 
 def scaled(samples: Samples) -> tuple[Floats, list[str]]:
-    """Return the orientations with norms of one, and what there is to say of those that had not.
+    """Return the orientations with norms of one, and notes on those that were scaled.
 
-    What is no quaternion by far becomes not a number.
+    Numbers far from a quaternion become NaN.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         norms = np.sqrt(np.sum(samples.q * samples.q, axis=1))
@@ -87,11 +87,11 @@ def scaled(samples: Samples) -> tuple[Floats, list[str]]:
 
 
 def check_order(path: Path, samples: Samples) -> list[str]:
-    """Return what there is to say of times that are missing, repeated or step back.
+    """Return notes on times that are missing, repeat or step back.
 
     Raises:
-        RecordingError: a clock was set back in the middle: what comes after it would be mixed with
-            what was before.
+        RecordingError: a clock was set back in the middle, which would mix later samples with
+            earlier ones.
     """
     notes = []
     is_known = (samples.times_ns != NO_TIME) & ~np.isnan(samples.q).any(axis=1)

@@ -1,4 +1,4 @@
-"""Records what a daemon does, as a client of its control socket."""
+"""Record a daemon as a client of its control socket."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ _POLL = 0.1
 
 
 class LiveRecording:
-    """A recording that grows while devices move, and how much there is in it so far.
+    """A recording that grows while devices move, with its counts so far.
 
     Attributes:
         cycles: by device.
         lost: cycles that the daemon had forgotten before they were read, by device.
         events: of all devices.
-        ending: is set once it is to be completed.
+        ending: is set to end it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -42,7 +42,7 @@ class LiveRecording:
         self.events = 0
 
     def end(self) -> None:
-        """Have the recording completed; may be called from any thread, or a signal's handler."""
+        """End the recording, from any thread or signal handler."""
         self.ending.set()
 
     def _begin_file(self, offset_ns: int) -> RecordingWriter:
@@ -50,7 +50,7 @@ class LiveRecording:
 
 
 class DaemonRecorder:
-    """Puts into a file what one daemon says of its devices; others may write there too.
+    """Writes the devices of one daemon to a file, which may have other writers.
 
     Attributes:
         observer: of the daemon.
@@ -68,8 +68,8 @@ class DaemonRecorder:
 
         Args:
             robot: whose devices.
-            devices: their names; all, where none is named.
-            daemon: its name in the file of a cell, which stands before those of its devices.
+            devices: their names, by default all.
+            daemon: its name in the file of a cell, which precedes the names of its devices.
             shift_ns: returns how far the daemon's monotonic clock is ahead of the file's.
 
         Raises:
@@ -93,12 +93,12 @@ class DaemonRecorder:
         *,
         on_state: Callable[[], None] = lambda: None,
     ) -> None:
-        """Record until *recording* is to be completed, or the daemon ends.
+        """Record until *recording* ends, or the daemon.
 
         Args:
             writer: of the file.
             configuration: of the daemon.
-            recording: is told how much there is, and says when to end.
+            recording: receives the counts, and says when to end.
             on_state: called before each report of the state, from this thread.
 
         Raises:
@@ -159,7 +159,7 @@ class DaemonRecorder:
 
 
 class RecordingSession(LiveRecording):
-    """The recording of some devices of a daemon, from :meth:`run` until it is told to end."""
+    """The recording of some devices of a daemon, from :meth:`run` until :meth:`end`."""
 
     def __init__(self, robot: Robot, path: Path, devices: Sequence[str] = ()) -> None:
         """Prepare to record.
@@ -167,7 +167,7 @@ class RecordingSession(LiveRecording):
         Args:
             robot: whose devices.
             path: of the file.
-            devices: their names; all, where none is named.
+            devices: their names, by default all.
 
         Raises:
             UnknownNameError: there is no such device.

@@ -1,4 +1,4 @@
-"""Orientations in text: csv tables with names of columns, EuRoC's among them, and TUM trajectories.
+"""Read orientations from text: csv tables with column names (also EuRoC), TUM trajectories.
 
 Times are read digit by digit, as whole nanoseconds: a double of the time of day has steps of
 hundreds of them.
@@ -33,7 +33,7 @@ _HEADING = re.compile(r"#?\s*([^\[\]]*?)\s*(?:\[([^\]]*)\])?\s*")
 _NO_SECONDS = 10**17
 """A whole number of seconds from here on is one of nanoseconds."""
 _FAR_APART = 1e3
-"""s between two rows that nobody records: the numbers are in another unit."""
+"""Two rows so many seconds apart mean that the numbers are in another unit."""
 _LATEST = 2**62
 _LONGEST_ROW = MEBIBYTE
 """Bytes of a row of a table; of a wide one, some thousand."""
@@ -173,7 +173,7 @@ class _Lines:
 
 
 def _unit(row: Sequence[str], place: int) -> str:
-    """Return the unit of times of which one is given, where nothing says another than seconds."""
+    """Return the unit of times in seconds, which may be nanoseconds, from the first of them."""
     return "ns" if place < len(row) and _number(row, place) >= _NO_SECONDS else "s"
 
 

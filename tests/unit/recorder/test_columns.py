@@ -99,6 +99,18 @@ def test_a_decoder_of_others_reads_every_quantity_by_its_name():
         assert cycle.measured.tracking_error == pytest.approx(error, abs=1e-8)
 
 
+def test_messages_are_as_ros_2_packs_them_byte_for_byte():
+    typesys = pytest.importorskip("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    types = typesys.get_types_from_msg(schema(), SCHEMA_NAME)
+    store.register({name: told for name, told in types.items() if name.startswith("orientd/")})
+    table = moving(len(ServoState), joints=2)
+    table["state"], table["fault"][::2] = list(ServoState), Fault.DEVICE_FAULT
+    for message in to_messages(table):
+        again = store.serialize_cdr(store.deserialize_cdr(message, SCHEMA_NAME), SCHEMA_NAME)
+        assert bytes(again) == message
+
+
 def test_states_and_faults_are_names():
     table = moving(len(ServoState))
     table["state"] = list(ServoState)
