@@ -307,20 +307,28 @@ class Limits:
             linear_acceleration=speed**2,
         )
 
+    # A plan needs the same few again and again, of limits that are as good as constants.
+    @lru_cache(maxsize=256)  # noqa: B019 - bounded
     def at_period(self, period: float) -> Limits:
         """Return the limits for timings of a device that gets a setpoint every *period* seconds.
 
         A rate that rises too fast exceeds its limit between two setpoints.  The velocity must take
-        at
-        least two cycles to rise to its limit, and the acceleration a twentieth of one.  For very
-        low
-        limits the servo cannot detect the acceleration steps, so they need more.
+        at least two cycles to rise to its limit, and the acceleration a twentieth of one.  For very
+        low limits the servo cannot detect the acceleration steps, so they need more.
         """
-        return _at_period(self, period)
+        own = self.numbers()
+        speeds = (min(own[0], math.pi / period), *own[1:4])
+        is_slow = min(speeds) * period < _SLOWLY * _LEAST_STEP
+        rise = (_SLOWLY if is_slow else _CYCLES_TO_RISE) * period
+        most = [min(a, v / rise) for a, v in zip(own[4:8], speeds, strict=True)]
+        jerks = [min(j, _STEEPEST / period * a) for j, a in zip(own[8:12], most, strict=True)]
+        return _of((*speeds, *most, *jerks, own[12], min(own[13], own[12] / rise)))
 
+    @lru_cache(maxsize=256)  # noqa: B019 - bounded
     def times(self, **factors: float) -> Limits:
         """Return the limits multiplied by factors, given by the names of :data:`UNITS`."""
-        return _times(self, tuple(factors.items()))
+        numbers = zip(_TABLE, self.numbers(), strict=True)
+        return _of([factors.get(name, 1.0) * limit for (name, _), limit in numbers])
 
 
 def _of(numbers: Sequence[float]) -> Limits:
@@ -328,27 +336,6 @@ def _of(numbers: Sequence[float]) -> Limits:
     v, a, j = numbers[:4], numbers[4:8], numbers[8:12]
     axes: list[Any] = [tuple(one[1:]) for one in (v, a, j)]
     return Limits(v[0], a[0], j[0], numbers[12], numbers[13], *axes)
-
-
-@lru_cache(maxsize=256)
-def _times(limits: Limits, factors: tuple[tuple[str, float], ...]) -> Limits:
-    # A plan needs the same few again and again.
-    by = dict(factors)
-    numbers = limits.numbers()
-    return _of(
-        [by.get(name, 1.0) * limit for (name, _), limit in zip(_TABLE, numbers, strict=True)]
-    )
-
-
-@lru_cache(maxsize=256)
-def _at_period(limits: Limits, period: float) -> Limits:
-    own = limits.numbers()
-    speeds = (min(own[0], math.pi / period), *own[1:4])
-    is_slow = min(speeds) * period < _SLOWLY * _LEAST_STEP
-    rise = (_SLOWLY if is_slow else _CYCLES_TO_RISE) * period
-    most = [min(a, v / rise) for a, v in zip(own[4:8], speeds, strict=True)]
-    jerks = [min(j, _STEEPEST / period * a) for j, a in zip(own[8:12], most, strict=True)]
-    return _of((*speeds, *most, *jerks, own[12], min(own[13], own[12] / rise)))
 
 
 DEFAULT_LIMITS = Limits(
