@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from generators import (
+    cases,
     command_line,
     decisions,
     families,
@@ -26,6 +27,7 @@ def _write(source: Path) -> None:
         command_line,
         schemas,
         messages,
+        cases,
         protocol,
         python_names,
         families,

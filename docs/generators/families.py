@@ -37,7 +37,7 @@ def pages(source: Path) -> Iterator[tuple[str, str]]:
         ["| family | what it is | smooth | meets keyframes | meets end velocities | effort |",
          "|---|---|---|---|---|---|", *rows]
     )  # fmt: skip
-    contents = "\n".join(["```{toctree}", ":hidden:", "", *METHODS, "```"])
+    contents = "\n".join(["```{toctree}", ":hidden:", "", "cases", *METHODS, "```"])
     text = (source / FOLDER / "overview.txt").read_text(encoding="utf-8")
     yield f"{FOLDER}/index.md", text.replace("@made@", table) + "\n" + contents + "\n"
 
