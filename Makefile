@@ -8,7 +8,7 @@ BIN = $(VENV)/bin
 ROUNDS ?= 50
 SEED ?= 1
 
-.PHONY: demo test runs calculates check docs follow bench peers sanitize soak events chaos storm standard proto lock clean
+.PHONY: demo test runs calculates check docs follow bench peers sanitize soak events hours chaos storm standard proto lock clean
 
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
@@ -17,7 +17,7 @@ demo: $(VENV)/.user
 # run next to them at a low priority, and report at the end.  A machine that stands still for some seconds
 # can fail a test of real processes.  So each failed test is repeated once, alone.  If it passes then, the
 # summary counts it as flaky.  Longer tests have the markers of `make soak`, `chaos`, `storm` and `bench`.
-CALCULATES = tests/unit tests/docs orientd drivers sim
+CALCULATES = tests/unit tests/emulated tests/docs orientd drivers sim
 RUNS = tests/system tests/drivers tests/chaos tests/storm tests/bench
 AT_ONCE ?= 4
 
@@ -86,6 +86,13 @@ EVENTS ?= 1000000
 
 events: $(VENV)/.dev
 	ORIENTD_FUZZ_EVENTS=$(EVENTS) $(BIN)/python -m pytest -m slow --timeout=0 -s tests/unit/servo/test_fuzz.py
+
+# Daemon, planner, servo, device and clients under one virtual clock, with faults of every kind.  A
+# round of ten minutes again: HOURS=0.1 SEED=17.
+HOURS ?= 10
+
+hours: $(VENV)/.dev
+	ORIENTD_HOURS=$(HOURS) ORIENTD_HOURS_SEED=$(SEED) $(BIN)/python -m pytest -m slow --timeout=0 -s tests/emulated
 
 # Real processes killed, stopped, starved and lied to; one round again: ORIENTD_CHAOS_ONLY=17.
 chaos: $(VENV)/.dev

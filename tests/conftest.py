@@ -38,6 +38,7 @@ for folder in (
     "unit/dynamixel_bus",
     "system",
     "chaos",
+    "emulated",
     "storm",
     "unit/driver_dynamixel",
     "drivers/ur",

@@ -1,0 +1,553 @@
+"""Who uses the system, and what happens to it: clients, weather, and somebody who mends.
+
+Every choice is the seed's.  What must hold is written where it can be seen: a client expects an
+answer or an error of orientd's, a stop to stop, the weather that whatever was left alone has come
+to rest.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from types import SimpleNamespace
+
+from orientd.config import Role
+from orientd.daemon.access import Caller, Identity
+from orientd.errors import OrientdError
+from orientd.protocol import control_pb2 as pb
+from orientd.stream import ServoState
+
+PATIENCE = 75.0
+"""s within which every command has its answer: a driver may take 60."""
+
+AT_REST = 4.0
+"""s within which whatever is to stop does."""
+
+_DRIVEN = (ServoState.STREAMING, ServoState.TRACKING, ServoState.STOPPING)
+
+
+HARMLESS = ("disk", "wall_clock")
+"""What no device may feel."""
+
+
+class GoneError(Exception):
+    """There is no daemon to ask."""
+
+
+class Client:
+    """Somebody with an identity, who asks for one thing after the other."""
+
+    def __init__(self, system, name, user):
+        self.system, self.name, self.random = system, name, system.random
+        identity = Identity(f"user:{user}", user, Role.OPERATOR)
+        self.caller = Caller(SimpleNamespace(), name, identity)
+        self.token = ""
+        self.moves = []
+        self._planned = ""
+
+    # Asking
+
+    def wait_for(self, what, patience=PATIENCE):
+        """Return what a coroutine of the service returns, or raise what it does.
+
+        Raises:
+            GoneError: the daemon ends first, or there is none.
+        """
+        daemon, scheduler = self.system.daemon, self.system.scheduler
+        future, task = self.begin(what), scheduler.current()
+        future.add_done_callback(lambda _: scheduler.wake(task))
+        daemon.callers.append(task)
+        until_ns = scheduler.now_ns + round(patience * 1e9)
+        while not future.done():
+            scheduler.wait(until_ns)
+            if daemon is not self.system.daemon or not daemon.is_serving:
+                raise GoneError
+            if scheduler.now_ns >= until_ns and not future.done():
+                if not daemon.was_frozen:
+                    self.system.tell(f"{self.name}: no answer within {patience:g} s")
+                raise GoneError
+        daemon.callers.remove(task)
+        return future.result()
+
+    def begin(self, what):
+        daemon = self.system.daemon
+        if daemon is None or not daemon.is_serving:
+            raise GoneError
+        return daemon.call(what(daemon.service))
+
+    def ask(self, method, request):
+        return self.wait_for(lambda service: getattr(service, method)(request, self.caller))
+
+    def live(self):
+        """Do one thing after the other, and now and then leave it to somebody else."""
+        kinds = (
+            *["move"] * 6, *["queue"] * 3, *["replace"] * 4, "track", "stop", "stop_one", "halt",
+            "pause", "resume", "set_speed", "look", "plan", "run_plan", "leave", "lease",
+            "release", "disable", "enable", "timed",
+        )  # fmt: skip
+        while True:
+            kind = self.random.choice(kinds)
+            self.system.counts[kind] += 1
+            self.attempt(getattr(self, kind))
+            self.system.scheduler.sleep(self.random.expovariate(1.0 / 1.5))
+            if self.random.random() < 0.1:
+                if self.token:
+                    self.attempt(self.release)
+                self.system.scheduler.sleep(self.random.expovariate(0.1))
+
+    def keep(self):
+        """Renew the lease in time, but for now and then."""
+        while True:
+            self.system.scheduler.sleep(0.5 if self.random.random() < 0.95 else 5.0)
+            if self.token:
+                self.attempt(self.renew)
+
+    def attempt(self, act):
+        """Do something that may be refused; return what comes of it."""
+        try:
+            return act()
+        except GoneError:
+            self.token, self.moves = "", []
+        except OrientdError as error:
+            self.refused(error)
+        except Exception as error:  # noqa: BLE001 - whatever else it is, it must not be
+            self.system.tell(f"{self.name}: {act.__name__}: {error!r}")
+        return None
+
+    def refused(self, error):
+        self.system.counts[f"refused: {type(error).__name__}"] += 1
+
+    # Moving
+
+    def motion(self):
+        random = self.random
+        keyframes = [self._keyframe() for _ in range(random.choice((1, 1, 1, 2, 4)))]
+        motion = pb.MotionRequest(keyframes=keyframes, approach=True)
+        if random.random() < 0.3:
+            motion.end_velocity.CopyFrom(self._vector(0.4))
+            motion.velocity_frame = pb.FRAME_BODY
+        if random.random() < 0.4:
+            motion.limits.velocity = random.choice((0.05, 0.2, 1.0, 2.5))
+        return motion
+
+    def _keyframe(self):
+        keyframe = pb.Keyframe(rotation_vector=self._vector(random_size(self.random)))
+        if self.random.random() < 0.3:
+            keyframe.position.CopyFrom(self._vector(0.3))
+        return keyframe
+
+    def _vector(self, size):
+        x, y, z = (self.random.gauss(0.0, size) for _ in range(3))
+        return pb.Vector3(x=x, y=y, z=z)
+
+    def move(self, **options):
+        """Run a motion, and listen to how it goes until it is over or this client leaves."""
+        request = pb.MoveRequest(device="arm", lease_token=self.token, **options)
+        request.progress_rate_hz = self.random.choice((1.0, 20.0))
+        if not request.motion_id:
+            request.motion.CopyFrom(self.motion())
+        if not self.token:
+            request.holder, request.beside = self.name, self.random.random() < 0.5
+        if self.random.random() < 0.2:
+            request.on_target.CopyFrom(
+                pb.OnTarget(tolerance=0.01, rate=0.05, settle_time=0.1, timeout=2.0)
+            )
+        self.begin_move(request)
+
+    def begin_move(self, request):
+        answers = []
+
+        async def listen(service):
+            async with contextlib.aclosing(service.Move(request, self.caller)) as stream:
+                async for answer in stream:
+                    answers.append(answer)
+                    if answer.HasField("started") and answer.started.lease.token:
+                        self.token = answer.started.lease.token
+
+        future = self.begin(listen)
+        self.moves = [one for one in self.moves if not one.done()] + [future]
+        future.add_done_callback(lambda one: self._look_at(one, answers))
+
+    def _look_at(self, future, answers):
+        """Check how a motion ended, which somebody may have left."""
+        if future.cancelled():
+            return
+        error = future.exception()
+        if error is None:
+            summary = answers[-1].summary if answers else pb.MoveSummary()
+            self.system.counts[pb.Outcome.Name(summary.outcome).lower()] += 1
+            if not summary.outcome:
+                self.system.tell(f"{self.name}: a motion without an outcome: {summary}")
+        elif isinstance(error, OrientdError):
+            self.refused(error)
+        else:
+            self.system.tell(f"{self.name}: move: {error!r}")
+
+    def queue(self):
+        self.move(queue=True, blend_tolerance=self.random.choice((0.0, 0.05, 0.3)))
+
+    def replace(self):
+        for _ in range(self.random.choice((1, 1, 2, 4))):
+            self.move()
+            self.system.scheduler.sleep(self.random.choice((0.0, 0.01, 0.1, 0.5)))
+
+    def timed(self):
+        ahead = self.random.choice((0.001, 0.1, 1.0))
+        self.move(start_ns=self.system.scheduler.now_ns + round(ahead * 1e9))
+
+    def leave(self):
+        """Go away from a motion, as a program that is killed does."""
+        if self.moves:
+            self.moves.pop(self.random.randrange(len(self.moves))).cancel()
+
+    def plan(self):
+        request = pb.PlanRequest(device="arm", motion=self.motion())
+        answer = pb.PlanResponse.FromString(self.ask("Plan", request))
+        self._planned = answer.plan.motion_id
+
+    def run_plan(self):
+        if self._planned:
+            self.move(motion_id=self._planned)
+
+    def track(self):
+        """Follow targets, some of which are late, wild, or none."""
+        random, scheduler = self.random, self.system.scheduler
+        self.lease()
+        count, pause = random.randrange(1, 60), random.choice((0.01, 0.05, 0.2))
+        swing, rate, start = self._vector(0.3), random.uniform(0.2, 3.0), scheduler.now_ns
+
+        async def targets():
+            from asyncio import sleep
+
+            yield pb.TrackRequest(start=pb.TrackStart(device="arm", lease_token=self.token))
+            for _ in range(count):
+                if random.random() < 0.05:
+                    await sleep(random.expovariate(1.0))
+                angle = math.sin(rate * (scheduler.now_ns - start) * 1e-9)
+                half = 0.5 * angle * math.hypot(swing.x, swing.y, swing.z)
+                if random.random() < 0.05:
+                    half += random.uniform(-2.0, 2.0)
+                target = pb.TrackTarget(time_to_live=random.choice((0.1, 0.5)))
+                target.orientation.w, target.orientation.z = math.cos(half), math.sin(half)
+                if random.random() < 0.02:
+                    target.orientation.w = random.choice((math.nan, 3.0))
+                yield pb.TrackRequest(target=target)
+                await sleep(pause)
+
+        async def follow(service):
+            async with contextlib.aclosing(service.Track(targets(), self.caller)) as reports:
+                async for _ in reports:
+                    pass
+
+        self.wait_for(follow, patience=PATIENCE + 120.0)
+
+    # Commands
+
+    def commanded(self, method, kind, **fields):
+        self.lease()
+        self.ask(method, kind(device="arm", lease_token=self.token, **fields))
+
+    def pause(self):
+        self.commanded("Pause", pb.CommandRequest)
+        self.system.scheduler.sleep(self.random.expovariate(1.0))
+        self.attempt(self.resume)
+
+    def resume(self):
+        self.commanded("Resume", pb.CommandRequest)
+
+    def set_speed(self):
+        speed = self.random.choice((0.1, 0.5, 0.9, 1.0, 1.0, 1.5))
+        self.commanded("SetSpeed", pb.SetSpeedRequest, speed=speed)
+
+    def disable(self):
+        self.commanded("Disable", pb.DisableRequest, by_hand=self.random.random() < 0.3)
+
+    def enable(self):
+        self.commanded("Enable", pb.CommandRequest)
+
+    def look(self):
+        self.ask("GetState", pb.GetStateRequest())
+
+    def stop(self):
+        self._stop("Stop", pb.StopRequest())
+
+    def stop_one(self):
+        self._stop("Stop", pb.StopRequest(device="arm", motion_number=self._present()[1]))
+
+    def halt(self):
+        self._stop("Halt", pb.StopRequest())
+
+    def _present(self):
+        """Return in which state the device is, and on which motion."""
+        daemon = self.system.daemon
+
+        async def look(_service):
+            cycle = daemon.devices.device("arm").snapshot().cycle
+            return (None, 0) if cycle is None else (cycle.state, cycle.motion)
+
+        return self.wait_for(look)
+
+    def _stop(self, method, request):
+        """Stop, and see that what moved is at rest soon, unless the machine stands still."""
+        state, motion = self._present()
+        self.ask(method, request)
+        self.system.scheduler.sleep(AT_REST)
+        if not self.system.is_calm:
+            return
+        now = self._present()
+        if state in _DRIVEN and now[0] in _DRIVEN and now[1] == motion:
+            self.system.tell(f"{method}: motion {motion} still moves after {AT_REST:g} s: {now}")
+
+    # Leases
+
+    def lease(self):
+        if not self.token:
+            request = pb.AcquireLeaseRequest(holder=self.name, devices=["arm"])
+            request.beside = self.random.random() < 0.5
+            self.token = self.ask("AcquireLease", request).lease.token
+
+    def renew(self):
+        try:
+            self.ask("RenewLease", pb.RenewLeaseRequest(token=self.token))
+        except OrientdError:
+            self.token = ""
+            raise
+
+    def release(self):
+        """Give the lease back, if there is one, or try to."""
+        token, self.token = self.token, ""
+        self.ask("ReleaseLease", pb.ReleaseLeaseRequest(token=token))
+
+    def seize(self):
+        request = pb.SeizeLeaseRequest(holder=self.name, devices=["arm"], reason="to mend it")
+        self.token = self.ask("SeizeLease", request).lease.token
+
+
+def random_size(random):
+    return random.choice((1e-6, 0.1, 0.5, 1.5, 3.0))
+
+
+class Mender(Client):
+    """Resets what is in a fault, as an operator would."""
+
+    def live(self):
+        while True:
+            self.system.scheduler.sleep(self.random.uniform(1.0, 4.0))
+            self.attempt(self.mend)
+
+    def mend(self):
+        state, _ = self._present()
+        if state in (None, ServoState.FAULT, ServoState.IDLE):
+            self.system.counts["mended"] += 1
+            self.seize()
+            method = ("Enable", pb.CommandRequest) if state is ServoState.IDLE else None
+            try:
+                self.commanded(*(method or ("Reset", pb.CommandRequest)))
+            finally:
+                self.attempt(self.release)
+
+    def audit(self):
+        """See that nothing moves for long under a lease that nobody holds."""
+        lost = {}
+        while True:
+            self.system.scheduler.sleep(0.5)
+            left = self.attempt(self._without_lease) or set()
+            now_ns, before = self.system.scheduler.now_ns, lost
+            lost = {number: before.get(number, now_ns) for number in left}
+            for number, since_ns in lost.items():
+                if now_ns - since_ns > 2e9 and self.system.is_calm:
+                    self.system.tell(f"motion {number} runs though its lease is lost")
+
+    def _without_lease(self):
+        daemon = self.system.daemon
+
+        async def look(_service):
+            held = {lease.token for lease in daemon.devices.leases.held()}
+            runs = daemon.devices.device("arm").unfinished()
+            return {run.number for run in runs if run.begun_ns and run.token not in held}
+
+        return self.wait_for(look)
+
+    def see_to_the_end(self):
+        """Mend what is left, move once more, and end the daemon in good order."""
+        system = self.system
+        for _ in range(20):
+            system.scheduler.sleep(2.0)
+            self.attempt(self.mend)
+            if self._present()[0] is ServoState.HOLDING:
+                break
+        else:
+            system.tell(f"the device cannot be mended: {self._present()}")
+        daemon = system.daemon
+        device = daemon.devices.device("arm")
+        left = [run.number for run in device.unfinished()]
+        if left:
+            system.tell(f"the motions {left} have no end")
+        self.token, before = "", system.counts["outcome_done"]
+        self.seize()
+        self.move_home()
+        system.scheduler.sleep(1.0)
+        self.commanded("SetSpeed", pb.SetSpeedRequest, speed=1.0)
+        system.scheduler.sleep(AT_REST + 10.0)
+        if system.counts["outcome_done"] != before + 1:
+            system.tell("the device does not move any more")
+        servo = system.servo
+        daemon.end()
+        system.scheduler.sleep(AT_REST)
+        if not daemon.has_ended or servo.returncode != 0:
+            system.tell(f"no orderly end: {daemon.has_ended}, {servo.returncode}")
+
+    def move_home(self):
+        keyframe = pb.Keyframe(quaternion=pb.Quaternion(w=1.0), position=pb.Vector3())
+        motion = pb.MotionRequest(keyframes=[keyframe], approach=True)
+        self.begin_move(pb.MoveRequest(device="arm", lease_token=self.token, motion=motion))
+        self.system.scheduler.spawn(self.keep, "keep")
+
+
+class Weather:
+    """What happens to the device, the processes, the disk and the clock."""
+
+    def __init__(self, system, every):
+        self.system, self.random, self.every = system, system.random, every
+        self.is_over = False
+
+    def live(self):
+        kinds = (
+            "link", "stale", "fault", "write", "kill_servo", "stop_servo", "stop_daemon",
+            "kill_daemon", "restart_daemon", "disk", "wall_clock", "lateness",
+        )  # fmt: skip
+        while not self.is_over:
+            self.system.scheduler.sleep(self.random.expovariate(1.0 / self.every))
+            kind = self.random.choice(kinds)
+            self.system.counts[kind] += 1
+            if kind in HARMLESS:
+                getattr(self, kind)()
+                continue
+            self.system.trouble = kind
+            getattr(self, kind)()
+            self.system.trouble, self.system.trouble_ns = "", self.system.scheduler.now_ns
+
+    def last(self, *longest):
+        seconds = self.random.choice((0.005, 0.05, 0.3, 1.2, *(longest or (3.0,))))
+        self.system.scheduler.sleep(seconds)
+        return seconds
+
+    def _of_device(self, fault):
+        self.system.device.fault = fault
+        self.last()
+        self.system.device.fault = ""
+
+    def link(self):
+        self._of_device("link")
+
+    def stale(self):
+        self._of_device("stale")
+
+    def fault(self):
+        self._of_device("fault")
+
+    def write(self):
+        self._of_device("write")
+
+    def kill_servo(self):
+        if self.system.servo is not None:
+            self.system.servo.kill()
+
+    def stop_servo(self):
+        servo = self.system.servo
+        if servo is not None:
+            self.system.scheduler.freeze(servo.group)
+            self.last()
+            self.system.scheduler.thaw(servo.group)
+
+    def stop_daemon(self):
+        """Let the daemon stand still: the servo stops by itself."""
+        system, daemon = self.system, self.system.daemon
+        daemon.was_frozen = True
+        system.scheduler.freeze(daemon.group)
+        if self.last(*[AT_REST + 1.0] * 3) > AT_REST and system.is_moving:
+            system.tell("the device moves though its daemon stands still")
+        system.scheduler.thaw(daemon.group)
+        system.scheduler.sleep(0.1)
+        daemon.was_frozen = False
+
+    def kill_daemon(self):
+        """Kill the daemon: the servo stops on the path and ends."""
+        system, servo = self.system, self.system.servo
+        system.kill_daemon()
+        is_early = self.random.random() < 0.5
+        if not is_early:
+            system.scheduler.sleep(AT_REST)
+            if system.is_moving:
+                system.tell("the device moves though its daemon was killed")
+            if servo is not None and servo.returncode is None:
+                system.tell("the servo of a killed daemon has not ended")
+        elif servo is not None:
+            # Nothing but the link keeps two servos apart; a robot takes one client.
+            servo.wait()
+        system.start_daemon()
+
+    def restart_daemon(self):
+        """End the daemon in good order, and start another."""
+        system, daemon = self.system, self.system.daemon
+        if not daemon.is_serving:
+            return
+        daemon.end()
+        for _ in range(4000):
+            if daemon.has_ended:
+                break
+            system.scheduler.sleep(0.01)
+        else:
+            system.tell("the daemon does not end")
+        if system.is_moving:
+            system.tell("the device moves though its daemon has ended")
+        system.start_daemon()
+
+    def disk(self):
+        self.system.is_disk_full = True
+        self.last(20.0)
+        self.system.is_disk_full = False
+
+    def wall_clock(self):
+        self.system.scheduler.wall_ns += round(self.random.gauss(0.0, 3600.0) * 1e9)
+
+    def lateness(self):
+        self.system.lateness = self.random.choice((0.005, 0.05, 0.3))
+        self.last(10.0)
+        self.system.lateness = 0.0
+
+
+def play(system, seconds, *, every=10.0):
+    """Let everybody do what they do for a while, then see that nothing is left of it.
+
+    Args:
+        system: see :func:`emulated_system.emulated`.
+        seconds: how long trouble lasts.
+        every: mean time from one trouble to the next, s.
+    """
+    scheduler = system.scheduler
+    system.start_daemon()
+    system.run(1.0)
+    crowd = [Client(system, "ana", "ana"), Client(system, "tool", "ana")]
+    crowd.append(Client(system, "ben", "ben"))
+    for client in crowd:
+        scheduler.spawn(client.live, client.name, "crowd")
+        scheduler.spawn(client.keep, client.name, "crowd")
+    mender = Mender(system, "op", "op")
+    scheduler.spawn(mender.live, "op", "crowd")
+    scheduler.spawn(mender.audit, "audit", "crowd")
+    weather = Weather(system, every)
+    task = scheduler.spawn(weather.live, "weather", "weather")
+    system.run(seconds)
+    weather.is_over = True
+    while not task.is_over:
+        system.run(1.0)
+    scheduler.kill("crowd")
+    task = scheduler.spawn(mender.see_to_the_end, "end", "end")
+    for _ in range(round(4.0 * PATIENCE)):
+        system.run(1.0)
+        if task.is_over:
+            break
+    else:
+        system.tell("it does not come to an end")
+    scheduler.kill(system.daemon.group)

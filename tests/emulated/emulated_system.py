@@ -1,0 +1,326 @@
+"""A whole system in virtual time: daemon, planner, servo, driver, device and clients, one seed.
+
+The daemon's own classes run unchanged, from the calls of its service down to the rings.  So does
+the servo process with its loop of cycles.  Each process is a group of tasks of one scheduler.  The
+sockets and processes between them are left out: a client calls the service itself, and the plan is
+made in place, after a time that the seed decides.  The seed also decides on faults:
+
+* link: it is lost, feedback goes stale, a setpoint is not taken, the device has a fault;
+* process: the servo or the daemon is killed, stands still or is late;
+* disk: nothing can be written any more;
+* clock: somebody sets the wall clock.
+
+Meanwhile every setpoint keeps the limits, every refusal is an error of orientd's own, every call
+has its answer in time, and what is stopped or left alone comes to rest.  Afterwards no motion is
+left unfinished, the device can be mended and moves, and everything ends in good order.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import os
+import signal
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from unittest import mock
+
+from direct_planners import DirectPlanners
+from emulated_device import EmulatedDevice, EmulatedDriver
+from virtual_time import BEGIN_NS, Scheduler, VirtualLoop, virtual_time
+
+from orientd import config
+from orientd.clock import MonotonicClock
+from orientd.daemon import server
+from orientd.daemon.calls import Service
+from orientd.daemon.device import EventKind
+from orientd.daemon.device import device as device_module
+from orientd.daemon.device.servo_process import ServoProcess
+from orientd.daemon.devices import Devices
+from orientd.daemon.observe import flight_recorder
+from orientd.errors import OrientdError
+from orientd.servo import process as servo_module
+
+RATE_HZ = 50.0
+LIMITS = {
+    "velocity": 2.0,
+    "acceleration": 8.0,
+    "jerk": 200.0,
+    "linear_velocity": 0.5,
+    "linear_acceleration": 2.0,
+}
+SETTINGS = {
+    "daemon": {"lease_seconds": 2.0},
+    "recorder": {"seconds": 5.0},
+    "devices": {"arm": {"driver": "loopback", "rate_hz": RATE_HZ, "limits": LIMITS}},
+}
+SERVO_PID = 99
+
+CALM_NS = 5_000_000_000
+"""How long what has been the matter may still be felt."""
+
+
+class EmulatedProcess:
+    """What the daemon has of a servo process."""
+
+    stdin = None
+
+    def __init__(self, system, group):
+        self.group, self.pid, self.returncode = group, SERVO_PID, None
+        self._system = system
+
+    def poll(self):
+        return self.returncode
+
+    def wait(self, timeout=None):
+        while self.returncode is None:
+            self._system.scheduler.sleep(0.001)
+        return self.returncode
+
+    def end(self, code):
+        self.returncode = code
+
+    def kill(self):
+        self.send_signal(signal.SIGKILL)
+
+    def send_signal(self, number):
+        scheduler = self._system.scheduler
+        if self.returncode is not None:
+            return
+        if number == signal.SIGCONT:
+            scheduler.thaw(self.group)
+        elif number == signal.SIGSTOP:
+            scheduler.freeze(self.group)
+        else:
+            scheduler.kill(self.group)
+            self.returncode = -number
+
+
+class EmulatedServoProcess(ServoProcess):
+    """A servo process that is a group of tasks."""
+
+    system: System = None
+
+    def _begin(self, settings, descriptor):
+        return self.system.start_servo(settings, os.dup(descriptor))
+
+    def _is_stopped(self, process):
+        return self.system.scheduler.is_frozen(process.group)
+
+
+class EmulatedPlanners(DirectPlanners):
+    """Planners that take their time."""
+
+    def __init__(self, settings, random):
+        super().__init__(settings)
+        self._random = random
+
+    def start(self):
+        pass
+
+    async def close(self):
+        pass
+
+    async def plan(self, plan_input, call, *, rank=None):
+        await asyncio.sleep(self._random.choice((0.002, 0.01, 0.03, 0.3)))
+        return await super().plan(plan_input, call, rank=rank)
+
+
+class Daemon:
+    """One life of the daemon: what serves, and its loop."""
+
+    def __init__(self, system, number):
+        self.system, self.group = system, f"daemon {number}"
+        self.loop = VirtualLoop(system.scheduler)
+        self.is_serving = self.has_ended = self.was_frozen = False
+        self.devices = self.service = None
+        self.callers = []
+        system.scheduler.spawn(self._run, "daemon", self.group)
+
+    def _run(self):
+        self.loop.set_exception_handler(self._note)
+        self.loop.run_until_complete(self._serve())
+        self.has_ended = True
+
+    def end(self):
+        """End in good order, as at SIGTERM."""
+        self.loop.call_soon_threadsafe(self._ending.set)
+
+    def leave(self):
+        """Let every caller know that there is nobody to answer."""
+        for task in self.callers:
+            self.system.scheduler.wake(task)
+
+    def _note(self, _loop, context):
+        error = context.get("exception")
+        if not isinstance(error, OrientdError):
+            self.system.problems.append(f"event loop: {context['message']}: {error!r}")
+
+    async def _serve(self):
+        system = self.system
+        settings = config.parse(SETTINGS, source="emulated")
+        planners = EmulatedPlanners(settings.devices.values(), system.random)
+        self.devices = Devices(
+            settings, planners=planners, clock=MonotonicClock(), on_event=self._hear
+        )
+        self.service = Service(
+            self.devices, keyframes=100, socket=Path("/run/x"), configuration="", began=0.0
+        )
+        await asyncio.to_thread(self.devices.launch)
+        expiring = asyncio.create_task(server._expire_leases(self.devices))
+        self._ending = asyncio.Event()
+        self.is_serving = True
+        await self._ending.wait()
+        self.is_serving = False
+        self.leave()
+        expiring.cancel()
+        await asyncio.to_thread(self.devices.shutdown)
+        self.service.end_calls()
+        self.devices.close()
+
+    def _hear(self, event, _device):
+        """Wonder about what goes wrong while nothing is the matter."""
+        system = self.system
+        if event.kind in (EventKind.FAULT, EventKind.SERVO_DIED) and system.is_calm:
+            system.tell(f"{event.kind.value}: {event.text}")
+        if event.kind is EventKind.RECORDING_FAILED and not system.is_disk_full:
+            system.tell(f"{event.kind.value}: {event.text}")
+
+    def call(self, what):
+        """Have a coroutine run in the loop, and return its future."""
+        return asyncio.run_coroutine_threadsafe(what, self.loop)
+
+
+class System:
+    """Everything, for as long as somebody wants to see it.
+
+    Attributes:
+        problems: what must never happen, and did.
+        counts: how often what happened.
+    """
+
+    def __init__(self, seed):
+        self.seed = seed
+        self.scheduler = Scheduler(seed)
+        self.random = self.scheduler.random
+        self.problems = self.scheduler.problems
+        self.counts = Counter()
+        self.device = EmulatedDevice(LIMITS, 1.0 / RATE_HZ, self.tell)
+        self.is_disk_full = False
+        self.lateness = 0.0
+        self.trouble = ""
+        self.trouble_ns = 0
+        self.servo: EmulatedProcess | None = None
+        self.parents = {}
+        self._servo_count = self._daemon_count = 0
+        self.daemon: Daemon | None = None
+
+    # Processes
+
+    def start_daemon(self):
+        self._daemon_count += 1
+        self.daemon = Daemon(self, self._daemon_count)
+
+    def kill_daemon(self):
+        self.scheduler.kill(self.daemon.group)
+        asyncio._set_running_loop(None)
+        killed, self.daemon = self.daemon, None
+        killed.leave()
+
+    def start_servo(self, settings, descriptor):
+        self._servo_count += 1
+        process = self.servo = EmulatedProcess(self, f"servo {self._servo_count}")
+        daemon = self.daemon
+        # What another process would be started with.
+        settings = replace(settings, driver="emulated_device:EmulatedDriver", options={})
+
+        def run():
+            self.parents[process.group] = daemon
+            process.end(servo_module.run(descriptor, settings))
+
+        self.scheduler.spawn(run, process.group, process.group)
+        return process
+
+    def parent_pid(self):
+        """Return what ``getppid`` is in a servo: 1 once its daemon is gone."""
+        daemon = self.parents[self.scheduler.current().group]
+        return os.getpid() if daemon is self.daemon else 1
+
+    # What a test does
+
+    def run(self, seconds):
+        """Let the time pass."""
+        self.scheduler.run(self.scheduler.now_ns + round(seconds * 1e9))
+
+    @property
+    def is_calm(self):
+        """Whether nothing is the matter, and has not been for a while."""
+        return not self.trouble and self.scheduler.now_ns - self.trouble_ns > CALM_NS
+
+    @property
+    def is_moving(self):
+        """Whether the device moves."""
+        return self.device.is_moving(self.scheduler.now_ns)
+
+    def tell(self, problem):
+        """Note what must never happen."""
+        at = (self.scheduler.now_ns - BEGIN_NS) * 1e-9
+        self.problems.append(f"seed {self.seed}, {at:.3f} s: {problem}")
+
+
+class _Timer:
+    """Wait for deadlines; now and then the machine is late."""
+
+    system: System = None
+
+    def __init__(self, spin_ns=0):
+        pass
+
+    def wait(self, deadline_ns):
+        scheduler, late = self.system.scheduler, 0
+        if self.system.lateness and scheduler.random.random() < 0.05:
+            late = round(scheduler.random.expovariate(1.0 / self.system.lateness) * 1e9)
+        scheduler.wait(deadline_ns + late)
+        return scheduler.now_ns
+
+
+@contextlib.contextmanager
+def emulated(seed):
+    """Give a :class:`System` that has not started, and the clock to it."""
+    system = System(seed)
+    signals = SimpleNamespace(
+        signal=lambda *_: None, SIGINT=2, SIGTERM=15, SIGTTOU=22, SIG_IGN=None
+    )
+
+    def write_report(path, report):
+        if system.is_disk_full:
+            raise OSError(errno.ENOSPC, "no space left on device", str(path))
+
+    def write_recording(_recorder, _file):
+        system.scheduler.sleep(0.2)
+        if system.is_disk_full:
+            raise OSError(errno.ENOSPC, "no space left on device")
+        return EventKind.RECORDED, "recorded"
+
+    replaced = [
+        (device_module, "ServoProcess", EmulatedServoProcess),
+        (EmulatedServoProcess, "system", system),
+        (EmulatedDriver, "device", system.device),
+        (_Timer, "system", system),
+        (servo_module, "DeadlineTimer", _Timer),
+        (servo_module, "os", SimpleNamespace(getppid=system.parent_pid)),
+        (servo_module, "signal", signals),
+        (servo_module, "lock_memory", lambda: True),
+        (servo_module, "set_scheduling", lambda _priority: "virtual"),
+        (servo_module, "freeze_garbage", lambda: None),
+        (Path, "write_text", write_report),
+        (flight_recorder.FlightRecorder, "_written", write_recording),
+    ]
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(virtual_time(system.scheduler))
+        for owner, name, value in replaced:
+            stack.enter_context(mock.patch.object(owner, name, value))
+        yield system

@@ -1,0 +1,65 @@
+"""Hours of a whole system in virtual time: a seed says all of what happens, and says it again.
+
+``make hours SEED=1 HOURS=10`` plays rounds of ten minutes each, from a seed on.  A problem names
+its seed and when it was; ``make hours SEED=17 HOURS=0.1`` plays that round again.
+"""
+
+import logging
+import multiprocessing
+import os
+import time
+from collections import Counter
+from functools import partial
+
+import pytest
+from clients_and_faults import play
+from emulated_system import emulated
+
+HOURS = float(os.environ.get("ORIENTD_HOURS", "1"))
+SEED = int(os.environ.get("ORIENTD_HOURS_SEED", "1"))
+ROUND = 600.0
+
+
+def played(seed, seconds):
+    """Return the problems of a round, what happened in it, and what it sent."""
+    logging.disable(logging.CRITICAL)
+    try:
+        with emulated(seed) as system:
+            play(system, seconds)
+            return list(system.problems), system.counts, system.device.digest
+    finally:
+        logging.disable(logging.NOTSET)
+
+
+def processes(count):
+    """Return processes for one round each, which take with them what a killed daemon held."""
+    return multiprocessing.get_context("fork").Pool(count, maxtasksperchild=1)
+
+
+def test_whatever_happens_limits_are_kept_and_nothing_is_left_over():
+    with processes(1) as pool:
+        problems, counts, _ = pool.apply(played, (1, 90.0))
+    assert not problems
+    assert counts["outcome_done"]
+
+
+def test_a_seed_says_all_of_what_happens():
+    with processes(1) as pool:
+        (_, *once), (_, *again) = (pool.apply(played, (3, 20.0)) for _ in range(2))
+    assert once == again
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(86_400)
+def test_hours():
+    counts, begun, problems = Counter(), time.monotonic(), []
+    seeds = range(SEED, SEED + max(1, round(HOURS * 3600.0 / ROUND)))
+    with processes(os.cpu_count()) as pool:
+        rounds = pool.imap(partial(played, seconds=ROUND), seeds)
+        for done, (found, counted, _) in enumerate(rounds, 1):
+            problems += found
+            counts += counted
+            hours, took = done * ROUND / 3600.0, (time.monotonic() - begun) / 3600.0
+            print(f"{hours:.1f} hours at {hours / took:.0f} times real time, {found or 'well'}")
+    print(dict(counts))
+    assert not problems

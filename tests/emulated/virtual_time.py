@@ -1,0 +1,299 @@
+"""One clock and one seed for threads, processes and event loops, each of which is a greenlet.
+
+A task runs until it waits: in ``time.sleep``, for a lock, an event or a queue of ``threading``, or
+in the ``select`` of an event loop.  Then the task that is due next runs.  The seed decides between
+tasks that are due at the same instant.  Calculation takes no time.  The code under test does not
+change: :func:`virtual_time` replaces the primitives of which all the others are made.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import heapq
+import itertools
+import logging
+import math
+import queue
+import random
+import threading
+import time
+import traceback
+from collections import deque
+from unittest import mock
+
+from greenlet import getcurrent, greenlet
+
+from orientd.clock import MonotonicClock
+
+BEGIN_NS = 10**12
+
+
+class Task:
+    """What runs by itself: a thread, or a process that has one."""
+
+    def __init__(self, scheduler, work, name, group):
+        self.name, self.group = name, group
+        self.greenlet = greenlet(self._run, parent=scheduler.hub)
+        self.scheduler, self._work = scheduler, work
+        self.turn = 0
+        self.is_over = False
+        self.joining = []
+
+    def _run(self, _woken):
+        try:
+            self._work()
+        except Exception:  # noqa: BLE001 - whatever it is, the test fails by it
+            self.scheduler.problems.append(f"{self.name}: {traceback.format_exc()}")
+        self.is_over = True
+        for other in self.joining:
+            self.scheduler.wake(other)
+
+
+class Scheduler:
+    """Run tasks in virtual time.
+
+    Attributes:
+        now_ns: the time.
+        wall_ns: by how much the wall clock is ahead of it.
+        random: decides whatever is left open.
+        problems: what a task ended by that was no orderly end.
+    """
+
+    def __init__(self, seed):
+        self.now_ns = BEGIN_NS
+        self.wall_ns = 1_700_000_000 * 10**9
+        self.random = random.Random(seed)
+        self.problems = []
+        self.hub = getcurrent()
+        self._due = []
+        self._count = itertools.count()
+        self._of = {}
+        self._frozen = {}
+        self._buried = []
+
+    def spawn(self, work, name, group=None):
+        """Have *work* done from now on, in the group of the present task by default."""
+        present = self.current()
+        task = Task(self, work, name, group or (present.group if present else "world"))
+        self._of[task.greenlet] = task
+        self._put(task, self.now_ns, woken=False)
+        return task
+
+    def current(self):
+        return self._of.get(getcurrent())
+
+    def _put(self, task, at_ns, *, woken):
+        entry = (at_ns, self.random.random(), next(self._count), task, task.turn, woken)
+        heapq.heappush(self._due, entry)
+
+    def wait(self, until_ns=None):
+        """Let others run until an instant; return whether :meth:`wake` came before it."""
+        task = self.current()
+        if task is None:
+            raise RuntimeError("only a task can wait")
+        if until_ns is not None:
+            self._put(task, max(until_ns, self.now_ns), woken=False)
+        return self.hub.switch()
+
+    def sleep(self, seconds):
+        until_ns = self.now_ns + max(0, math.ceil(seconds * 1e9))
+        while self.wait(until_ns):
+            pass  # woken for the sake of what it has waited for before
+
+    def wake(self, task):
+        """End the wait of *task* at this instant."""
+        self._put(task, self.now_ns, woken=True)
+
+    def freeze(self, group):
+        """Stop a process, as SIGSTOP does."""
+        self._frozen.setdefault(group, [])
+
+    def thaw(self, group):
+        for entry in self._frozen.pop(group, []):
+            heapq.heappush(self._due, (max(entry[0], self.now_ns), *entry[1:]))
+
+    def is_frozen(self, group):
+        return group in self._frozen
+
+    def kill(self, group):
+        """End a process in the midst of what it does; nothing of it runs any more."""
+        self.thaw(group)
+        for task in [one for one in self._of.values() if one.group == group]:
+            del self._of[task.greenlet]
+            task.is_over = True
+            task.turn += 1
+            self._buried.append(task)  # a greenlet that is collected would run its `finally`
+            for other in task.joining:
+                self.wake(other)
+
+    def stacks(self):
+        """Return where every task waits, for whoever looks for one that does not end."""
+        lines = []
+        for task in self._of.values():
+            lines.append(f"{task.group}: {task.name}\n")
+            lines += traceback.format_stack(task.greenlet.gr_frame)
+        return "".join(lines)
+
+    def run(self, until_ns):
+        """Run whatever is due until an instant, or until nothing is."""
+        while self._due and self._due[0][0] <= until_ns:
+            entry = heapq.heappop(self._due)
+            at_ns, _, _, task, turn, woken = entry
+            if turn != task.turn or task.is_over:
+                continue  # it has been woken since, or killed
+            if task.group in self._frozen:
+                self._frozen[task.group].append(entry)
+                continue
+            self.now_ns = max(self.now_ns, at_ns)
+            task.turn += 1
+            task.greenlet.switch(woken)
+            if task.is_over:
+                self._of.pop(task.greenlet, None)
+        self.now_ns = max(self.now_ns, until_ns)
+
+
+class VirtualLock:
+    """``threading.Lock``, for tasks."""
+
+    def __init__(self, scheduler):
+        self._scheduler, self._is_locked, self._waiting = scheduler, False, deque()
+
+    def acquire(self, blocking=True, timeout=-1):
+        scheduler = self._scheduler
+        until_ns = None if timeout < 0 else scheduler.now_ns + math.ceil(timeout * 1e9)
+        while self._is_locked:
+            if not blocking or (until_ns is not None and scheduler.now_ns >= until_ns):
+                return False
+            task = scheduler.current()
+            self._waiting.append(task)
+            scheduler.wait(until_ns)
+            with contextlib.suppress(ValueError):
+                self._waiting.remove(task)
+        self._is_locked = True
+        return True
+
+    def release(self):
+        if not self._is_locked:
+            raise RuntimeError("release unlocked lock")
+        self._is_locked = False
+        # Whoever died or stands still while it waits is no reason for others to.
+        for task in self._waiting:
+            self._scheduler.wake(task)
+
+    def locked(self):
+        return self._is_locked
+
+    def __enter__(self):
+        return self.acquire()
+
+    def __exit__(self, *_):
+        self.release()
+
+
+class VirtualThread:
+    """``threading.Thread``, as a task."""
+
+    scheduler = None
+
+    def __init__(self, group=None, target=None, name="", args=(), kwargs=None, *, daemon=None):
+        self.name, self.daemon, self._task = name, daemon, None
+        self._work = lambda: target(*args, **(kwargs or {}))
+
+    def start(self):
+        self._task = self.scheduler.spawn(self._work, self.name)
+
+    def is_alive(self):
+        return self._task is not None and not self._task.is_over
+
+    def join(self, timeout=None):
+        scheduler = self.scheduler
+        present = None if scheduler is None else scheduler.current()
+        if present is None:
+            return  # the interpreter ends, long after the tasks
+        until_ns = None if timeout is None else scheduler.now_ns + math.ceil(timeout * 1e9)
+        self._task.joining.append(present)
+        while self.is_alive() and (until_ns is None or scheduler.now_ns < until_ns):
+            scheduler.wait(until_ns)
+
+
+class _Selector:
+    """What an event loop waits in."""
+
+    def __init__(self, scheduler):
+        self._scheduler, self._task, self._is_woken = scheduler, None, False
+
+    def select(self, timeout):
+        if not self._is_woken and timeout != 0:
+            scheduler = self._scheduler
+            self._task = scheduler.current()
+            until_ns = None if timeout is None else scheduler.now_ns + math.ceil(timeout * 1e9)
+            scheduler.wait(until_ns)
+            self._task = None
+        self._is_woken = False
+        return ()
+
+    def wake(self):
+        self._is_woken = True
+        if self._task is not None:
+            self._scheduler.wake(self._task)
+
+
+class VirtualLoop(asyncio.BaseEventLoop):
+    """An event loop without sockets, in virtual time."""
+
+    def __init__(self, scheduler):
+        super().__init__()
+        self._scheduler, self._selector = scheduler, _Selector(scheduler)
+
+    def time(self):
+        return self._scheduler.now_ns * 1e-9
+
+    def _process_events(self, events):
+        pass
+
+    def _write_to_self(self):
+        self._selector.wake()
+
+
+@contextlib.contextmanager
+def virtual_time(scheduler):
+    """Make every thread, lock and clock one of *scheduler*'s."""
+
+    def monotonic():
+        return scheduler.now_ns * 1e-9
+
+    def monotonic_ns():
+        return scheduler.now_ns
+
+    def identity():
+        return id(scheduler.current())
+
+    def lock():
+        return VirtualLock(scheduler)
+
+    replaced = [
+        (time, "monotonic", monotonic),
+        (time, "monotonic_ns", monotonic_ns),
+        (time, "time", lambda: (scheduler.now_ns + scheduler.wall_ns) * 1e-9),
+        (time, "time_ns", lambda: scheduler.now_ns + scheduler.wall_ns),
+        (time, "sleep", scheduler.sleep),
+        (MonotonicClock, "now_ns", staticmethod(monotonic_ns)),
+        (threading, "_time", monotonic),
+        (threading, "_allocate_lock", lock),
+        (threading, "Lock", lock),
+        (threading, "RLock", threading._PyRLock),
+        (threading, "get_ident", identity),
+        (threading, "Thread", VirtualThread),
+        (queue, "time", monotonic),
+        (queue, "SimpleQueue", queue._PySimpleQueue),
+        (logging, "logThreads", False),
+        (VirtualThread, "scheduler", scheduler),
+    ]
+    with contextlib.ExitStack() as stack:
+        for owner, name, value in replaced:
+            stack.enter_context(mock.patch.object(owner, name, value))
+        for module in ("journal", "flight_recorder"):
+            of = f"orientd.daemon.observe.{module}.SimpleQueue"
+            stack.enter_context(mock.patch(of, queue._PySimpleQueue))
+        yield
