@@ -30,6 +30,8 @@ CHOSEN = {
         "Robot",
         "MoveHandle",
         "Tracking",
+        "Playing",
+        "PlayTiming",
         "Teaching",
         "MeasuredPose",
         "RequestFields",

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from orientd.client.motion_request import RequestFields
     from orientd.client.move_handle import MoveHandle
     from orientd.client.observer import Configuration, Observer
+    from orientd.client.playing import Playing, PlayTiming
     from orientd.client.robot import Robot, after_stop, connect
     from orientd.client.stop_call import ask_to_stop
     from orientd.client.teaching import MeasuredPose, Teaching
@@ -34,6 +35,7 @@ __getattr__ = lazily(
         "orientd.client.motion_request": ("RequestFields",),
         "orientd.client.move_handle": ("MoveHandle",),
         "orientd.client.observer": ("Configuration", "Observer"),
+        "orientd.client.playing": ("PlayTiming", "Playing"),
         "orientd.client.robot": ("Robot", "after_stop", "connect"),
         "orientd.client.stop_call": ("ask_to_stop",),
         "orientd.client.teaching": ("MeasuredPose", "Teaching"),

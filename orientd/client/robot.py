@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from orientd.client.endless_turn import EndlessTurn
     from orientd.client.motion_request import RequestFields
     from orientd.client.move_handle import MoveHandle
+    from orientd.client.playing import Playing
     from orientd.client.teaching import Teaching
     from orientd.client.tracking import Tracking
     from orientd.planner import MotionRequest
@@ -503,15 +504,45 @@ class Robot:
             report_rate_hz: reports a second, 0.1 to 100.
 
         Raises:
-            LeaseError: somebody else holds the lease.
+            LeaseError: another user holds the lease.
             StateError: the device cannot follow targets.
         """
         from orientd.client.tracking import Tracking
+
+        return Tracking(self._connection, self._track_start(device, limits, report_rate_hz))
+
+    def play(
+        self,
+        *,
+        device: str = "",
+        limits: Mapping[str, float | Sequence[float]] | None = None,
+        report_rate_hz: float = 50.0,
+    ) -> Playing:
+        """Have a device play chunks of poses, which the :class:`Playing` that is returned takes.
+
+        Args:
+            device: what is to move; at rest or in motion.
+            limits: narrower than the device's own, as for a motion.
+            report_rate_hz: reports a second, 0.1 to 100.
+
+        Raises:
+            LeaseError: another user holds the lease.
+            StateError: the device cannot follow poses.
+        """
+        from orientd.client.playing import Playing
+
+        return Playing(self._connection, self._track_start(device, limits, report_rate_hz))
+
+    def _track_start(
+        self,
+        device: str,
+        limits: Mapping[str, float | Sequence[float]] | None,
+        report_rate_hz: float,
+    ) -> pb.TrackStart:
         from orientd.protocol import limits_message
 
         start = pb.TrackStart(device=device, report_rate_hz=report_rate_hz)
         if limits is not None:
             start.limits.CopyFrom(limits_message(limits))
-
         start.lease_token = self._leases.needed(device)
-        return Tracking(self._connection, start)
+        return start

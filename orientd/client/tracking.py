@@ -108,9 +108,25 @@ class Tracking:
         Raises:
             OrientdError: the following has ended.
         """
+        self.send(pb.TrackRequest(target=message))
+
+    def send(self, request: pb.TrackRequest) -> None:
+        """Send a message of the call; returns at once.
+
+        Raises:
+            OrientdError: the following has ended.
+        """
+        self.raise_if_ended()
+        self._outgoing.put(request)
+
+    def raise_if_ended(self) -> None:
+        """Raise the error that has ended the following, if it has ended.
+
+        Raises:
+            OrientdError: it has.
+        """
         if self._ended.is_set():
             raise self._error or OrientdError("the device follows targets no more")
-        self._outgoing.put(pb.TrackRequest(target=message))
 
     def close(self, timeout: float = 10.0) -> None:
         """Give no more targets, and wait until the device has come to rest.
@@ -159,7 +175,7 @@ def target_message(
     if not isinstance(time_to_live, int | float):
         raise RequestError("target.time_to_live", f"expected a number, got {time_to_live!r}")
     message = pb.TrackTarget(time_ns=time_ns, time_to_live=time_to_live)
-    message.orientation.CopyFrom(quaternion(_orientation(target)))
+    message.orientation.CopyFrom(quaternion(orientation_of(target)))
     if angular_velocity is not None:
         message.angular_velocity.CopyFrom(_vector("angular_velocity", angular_velocity))
         message.velocity_frame = pb.FRAME_WORLD if velocity_frame == "world" else pb.FRAME_BODY
@@ -176,16 +192,26 @@ def _vector(name: str, given: object) -> pb.Vector3:
     return pb.Vector3(x=x, y=y, z=z)
 
 
-def _orientation(target: object) -> Orientation:
+def orientation_of(target: object, place: str = "target") -> Orientation:
+    """Return the quaternion ``(w, x, y, z)`` of an orientation in any form.
+
+    Args:
+        target: a ``Rotation`` of SciPy, a :class:`~orientd.Quaternion`, or a mapping with an
+            orientation as in a motion file.
+        place: what messages call it.
+
+    Raises:
+        RequestError: it is none of these.
+    """
     if isinstance(target, Quaternion):
         return (float(target.w), float(target.x), float(target.y), float(target.z))
     mapping = keyframe_mappings([target])[0]
     for key in sorted(set(mapping) - set(FORMS)):
         if key in TARGET_KEYS:
-            raise RequestError(f"target.{key}", "expected beside the orientation, not among it")
+            raise RequestError(f"{place}.{key}", "expected next to the orientation, not among it")
         near = did_you_mean(key, [*FORMS, *TARGET_KEYS])
-        raise RequestError("target", f"unknown key {key!r}{near}")
+        raise RequestError(place, f"unknown key {key!r}{near}")
     try:
         return read_keyframe(mapping).q
     except RequestError as error:
-        raise RequestError(joined("target", error.field), error.problem) from None
+        raise RequestError(joined(place, error.field), error.problem) from None

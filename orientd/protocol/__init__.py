@@ -27,7 +27,7 @@ if TYPE_CHECKING:
         word,
     )
     from orientd.protocol.status import DETAILS_KEY, from_status, to_status
-    from orientd.protocol.targets import target_from_message
+    from orientd.protocol.targets import poses_from_message, target_from_message
     from orientd.protocol.values import quaternion, to_quaternion, to_vector, vector
 
 __getattr__ = lazily(
@@ -53,7 +53,7 @@ __getattr__ = lazily(
             "word",
         ),
         "orientd.protocol.status": ("DETAILS_KEY", "from_status", "to_status"),
-        "orientd.protocol.targets": ("target_from_message",),
+        "orientd.protocol.targets": ("poses_from_message", "target_from_message"),
         "orientd.protocol.values": ("quaternion", "to_quaternion", "to_vector", "vector"),
     },
 )

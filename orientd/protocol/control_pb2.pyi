@@ -986,16 +986,54 @@ class TrackTarget(_message.Message):
     position: Vector3
     def __init__(self, orientation: _Optional[_Union[Quaternion, _Mapping]] = ..., angular_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., time_ns: _Optional[int] = ..., time_to_live: _Optional[float] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
+class TrackChunk(_message.Message):
+    __slots__ = ("times_ns", "orientations", "positions", "angular_velocities", "velocity_frame")
+    TIMES_NS_FIELD_NUMBER: _ClassVar[int]
+    ORIENTATIONS_FIELD_NUMBER: _ClassVar[int]
+    POSITIONS_FIELD_NUMBER: _ClassVar[int]
+    ANGULAR_VELOCITIES_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_FRAME_FIELD_NUMBER: _ClassVar[int]
+    times_ns: _containers.RepeatedScalarFieldContainer[int]
+    orientations: _containers.RepeatedScalarFieldContainer[float]
+    positions: _containers.RepeatedScalarFieldContainer[float]
+    angular_velocities: _containers.RepeatedScalarFieldContainer[float]
+    velocity_frame: Frame
+    def __init__(self, times_ns: _Optional[_Iterable[int]] = ..., orientations: _Optional[_Iterable[float]] = ..., positions: _Optional[_Iterable[float]] = ..., angular_velocities: _Optional[_Iterable[float]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ...) -> None: ...
+
 class TrackRequest(_message.Message):
-    __slots__ = ("start", "target")
+    __slots__ = ("start", "target", "chunk")
     START_FIELD_NUMBER: _ClassVar[int]
     TARGET_FIELD_NUMBER: _ClassVar[int]
+    CHUNK_FIELD_NUMBER: _ClassVar[int]
     start: TrackStart
     target: TrackTarget
-    def __init__(self, start: _Optional[_Union[TrackStart, _Mapping]] = ..., target: _Optional[_Union[TrackTarget, _Mapping]] = ...) -> None: ...
+    chunk: TrackChunk
+    def __init__(self, start: _Optional[_Union[TrackStart, _Mapping]] = ..., target: _Optional[_Union[TrackTarget, _Mapping]] = ..., chunk: _Optional[_Union[TrackChunk, _Mapping]] = ...) -> None: ...
+
+class ChunkReport(_message.Message):
+    __slots__ = ("chunks", "live", "stale", "skipped", "starved", "largest_seam", "behind", "largest_behind", "least_left")
+    CHUNKS_FIELD_NUMBER: _ClassVar[int]
+    LIVE_FIELD_NUMBER: _ClassVar[int]
+    STALE_FIELD_NUMBER: _ClassVar[int]
+    SKIPPED_FIELD_NUMBER: _ClassVar[int]
+    STARVED_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_SEAM_FIELD_NUMBER: _ClassVar[int]
+    BEHIND_FIELD_NUMBER: _ClassVar[int]
+    LARGEST_BEHIND_FIELD_NUMBER: _ClassVar[int]
+    LEAST_LEFT_FIELD_NUMBER: _ClassVar[int]
+    chunks: int
+    live: int
+    stale: int
+    skipped: int
+    starved: int
+    largest_seam: float
+    behind: float
+    largest_behind: float
+    least_left: float
+    def __init__(self, chunks: _Optional[int] = ..., live: _Optional[int] = ..., stale: _Optional[int] = ..., skipped: _Optional[int] = ..., starved: _Optional[int] = ..., largest_seam: _Optional[float] = ..., behind: _Optional[float] = ..., largest_behind: _Optional[float] = ..., least_left: _Optional[float] = ...) -> None: ...
 
 class TrackResponse(_message.Message):
-    __slots__ = ("state", "q", "omega_body", "time_ns", "targets", "left_out", "refused", "refusal", "error")
+    __slots__ = ("state", "q", "omega_body", "time_ns", "targets", "left_out", "refused", "refusal", "error", "chunks")
     STATE_FIELD_NUMBER: _ClassVar[int]
     Q_FIELD_NUMBER: _ClassVar[int]
     OMEGA_BODY_FIELD_NUMBER: _ClassVar[int]
@@ -1005,6 +1043,7 @@ class TrackResponse(_message.Message):
     REFUSED_FIELD_NUMBER: _ClassVar[int]
     REFUSAL_FIELD_NUMBER: _ClassVar[int]
     ERROR_FIELD_NUMBER: _ClassVar[int]
+    CHUNKS_FIELD_NUMBER: _ClassVar[int]
     state: State
     q: Quaternion
     omega_body: Vector3
@@ -1014,7 +1053,8 @@ class TrackResponse(_message.Message):
     refused: int
     refusal: str
     error: float
-    def __init__(self, state: _Optional[_Union[State, str]] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ...) -> None: ...
+    chunks: ChunkReport
+    def __init__(self, state: _Optional[_Union[State, str]] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ..., chunks: _Optional[_Union[ChunkReport, _Mapping]] = ...) -> None: ...
 
 class CommandRequest(_message.Message):
     __slots__ = ("lease_token", "device")

@@ -232,8 +232,8 @@ class ControlServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def Track(self, request_iterator, context):
-        """Follow targets as they arrive, within the limits. The first message begins it; the end of the
-        caller's messages, or of the call, brings the device to rest.
+        """Follow targets, or chunks of poses, as they arrive, within the limits. The first message begins
+        it; the end of the caller's messages, or of the call, brings the device to rest.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

@@ -38,6 +38,7 @@ class Guard:
         alpha: angular acceleration of the last two steps, rad/s^2.
         position: last written position, m.
         velocity: its velocity over the last step, m/s.
+        acceleration: its acceleration over the last two steps, m/s^2.
         axes: limits of the device's axes; empty if unknown.
         joints: last written angles of the axes, rad; empty if the setpoint had none.
         joint_rates: their velocities over the last step, rad/s; empty if unknown.
@@ -69,7 +70,7 @@ class Guard:
     def anchor(self, q: Quaternion, position: Vector3, joints: Joints = ()) -> None:
         """Begin at rest at *q*, *position* and *joints*."""
         self.q, self.omega, self.alpha = q, ZERO, ZERO
-        self.position, self.velocity = position, ZERO
+        self.position, self.velocity, self.acceleration = position, ZERO, ZERO
         self.joints = joints
         self.joint_rates = self.joint_changes = (0.0,) * len(joints)
 
@@ -84,7 +85,9 @@ class Guard:
         if x or y or z or self.alpha != ZERO:
             h = self.period
             self.alpha, self.omega = (-x / h, -y / h, -z / h), ZERO
-        self.velocity = ZERO
+        if self.velocity != ZERO or self.acceleration != ZERO:
+            self.acceleration = plus(ZERO, self.velocity, -1.0 / self.period)
+            self.velocity = ZERO
         if any(self.joint_rates) or any(self.joint_changes):
             self.joint_rates, self.joint_changes = self._joint_steps(self.joints)
 
@@ -92,6 +95,7 @@ class Guard:
         """Accept a setpoint of a stop off the path, which keeps the limits as well as it can."""
         omega, velocity = self.rates(q, position)
         self.alpha = combine(omega, 1.0 / self.period, self.omega, -1.0 / self.period)
+        self.acceleration = combine(velocity, 1.0 / self.period, self.velocity, -1.0 / self.period)
         self.q, self.omega, self.position, self.velocity = q, omega, position, velocity
         self.joint_rates, self.joint_changes = self._joint_steps(joints)
         self.joints = joints
@@ -132,7 +136,7 @@ class Guard:
             problem = self._beyond_axes(rates, changes)
             if problem:
                 return problem
-        if position != self.position or self.velocity != ZERO:
+        if position != self.position or self.velocity != ZERO or self.acceleration != ZERO:
             problem = self._admit_position(position, servo_limits)
             if problem:
                 return problem
@@ -187,13 +191,18 @@ class Guard:
     def _admit_position(self, position: Vector3, servo_limits: ServoLimits) -> str:
         h, rounding = self.period, _ROUNDING / self.period
         velocity = combine(position, 1.0 / h, self.position, -1.0 / h)
-        speed, change = norm(velocity), norm(plus(velocity, self.velocity, -1.0)) / h
-        problem = _beyond("velocity", "m/s", speed, servo_limits.linear_velocity, rounding)
-        problem = problem or _beyond(
-            "acceleration", "m/s^2", change, servo_limits.linear_acceleration, rounding / h
+        acceleration = combine(velocity, 1.0 / h, self.velocity, -1.0 / h)
+        problem = _beyond(
+            "velocity", "m/s", norm(velocity), servo_limits.linear_velocity, rounding
+        ) or _beyond(
+            "acceleration",
+            "m/s^2",
+            norm(acceleration),
+            servo_limits.linear_acceleration,
+            rounding / h,
         )
         if not problem:
-            self.position, self.velocity = position, velocity
+            self.position, self.velocity, self.acceleration = position, velocity, acceleration
         return problem
 
     def rates(self, q: Quaternion, position: Vector3) -> tuple[Vector3, Vector3]:

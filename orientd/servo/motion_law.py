@@ -43,6 +43,9 @@ EVENLY = 2.0
 LEAST = 1e-9
 """Smallest value of a limit, to avoid division by zero."""
 
+NO_LIMITS = ServoLimits(LEAST, LEAST, LEAST, LEAST, LEAST, 1.0)
+"""Limits before the first motion."""
+
 _STRAIGHT = 1e-6  # sine of an angle
 _STILL = 1e-12
 """Angular velocity that counts as zero, rad/s: a thousandth of the guard's rounding."""
@@ -107,6 +110,19 @@ def limits_of(servo_limits: ServoLimits, period: float) -> tuple[TrackingLimits,
         period, velocity, acceleration, jerk, approach, RATIO * approach, 0.8, 0.0
     )
     return limits, units
+
+
+def linear_limits_of(servo_limits: ServoLimits, period: float) -> TrackingLimits:
+    """Return the limits of the position for the law.
+
+    No limit of a device speaks of the jerk of its position: the acceleration is built up in the
+    same time as that of the orientation.
+    """
+    acceleration = servo_limits.linear_acceleration
+    jerk = acceleration * servo_limits.jerk / max(servo_limits.acceleration, LEAST)
+    velocity = servo_limits.linear_velocity
+    limits, _ = limits_of(ServoLimits(velocity, acceleration, jerk, 0.0, 0.0, 0.0), period)
+    return limits
 
 
 def softened(limits: TrackingLimits, delay: float) -> TrackingLimits:

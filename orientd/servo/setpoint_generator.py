@@ -14,6 +14,7 @@ from orientd.errors import DeviceFaultError, Fault, NotYetError
 from orientd.floats import combine, difference, norm
 from orientd.mechanism import Following, Foresight, Mechanism
 from orientd.servo.guard import Guard
+from orientd.servo.motion_law import NO_LIMITS, linear_limits_of, loosened
 from orientd.servo.path import (
     PathFollower,
     PathPart,
@@ -33,7 +34,6 @@ _STREAMING, _STOPPING, _TRACKING = ServoState.STREAMING, ServoState.STOPPING, Se
 _MOVING = (_STREAMING, _STOPPING, _TRACKING)
 _NO_FAULT = Fault.NONE
 
-_NO_LIMITS = ServoLimits(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0)
 _START_TOLERANCE = 1e-9
 _STILL = 1e-6  # rad/s
 _BY_POSES = 0.99
@@ -79,10 +79,10 @@ class SetpointGenerator:
         self.last = PathPoint(IDENTITY, ZERO, ZERO, ZERO, ZERO)
         self.is_from_rest = False
         self.time_scaling = TimeScaling(period)
-        self.follower = PathFollower(memory.path, period, _NO_LIMITS)
+        self.follower = PathFollower(memory.path, period, NO_LIMITS)
         self._guard = Guard(period)
         self._quick_stop = QuickStop(self.time_scaling, self.follower, self._guard)
-        self.pursuit = TargetFollower(memory.targets, self._guard)
+        self.pursuit = TargetFollower(memory.targets, memory.chunks, self._guard)
         self._takes_joints = driver.takes == "joints"
         self._mechanism: Mechanism | None = None
         self._following: Following | None = None
@@ -90,7 +90,7 @@ class SetpointGenerator:
         self._on_fault = on_fault
         self._period_ns, self._stall_ns = period_ns, stall_ns
         self._gap_ns = longest_gap_ns(period_ns)
-        self._servo_limits = _NO_LIMITS
+        self._servo_limits = NO_LIMITS
         self._speed = 0.0
         self._start_ns = UNKNOWN
         self._is_waiting = self._is_off_path = False
@@ -209,7 +209,9 @@ class SetpointGenerator:
         following = advance(self.state, Command.TRACK)
         self.time_scaling.halt()
         # If a narrower limit is already broken, reduce the excess.
-        speed = max(part.servo_limits.linear_velocity, norm(self._guard.velocity))
+        guard = self._guard
+        linear = linear_limits_of(part.servo_limits, guard.period)
+        speed = loosened(linear, guard.velocity, guard.acceleration).velocity
         servo_limits = replace(part.servo_limits, linear_velocity=speed)
         self._pursue(servo_limits, joints, is_off_path=False)
         self.motion = part.number

@@ -11,8 +11,11 @@ from orientd.stream.memory import (
     tuning_text,
 )
 from orientd.stream.records import (
+    CHUNK_POSES,
+    CHUNK_RECORD,
     CYCLE_RECORD,
     JOINTS,
+    KNOT_FLOATS,
     MOVING,
     NO_JOINTS,
     NOT_GIVEN,
@@ -24,6 +27,7 @@ from orientd.stream.records import (
     CycleFlag,
     Note,
     NoteKind,
+    Sample,
     ServoLimits,
     ServoState,
     Stop,

@@ -20,6 +20,7 @@ from typing import Any
 
 from orientd.driver import PartHealth
 from orientd.stream.records import (
+    CHUNK_RECORD,
     COMMAND_RECORD,
     CYCLE_RECORD,
     HEALTH_RECORD,
@@ -37,6 +38,7 @@ PAGE = 4096
 COMMANDS = 16
 NOTES = 64
 TARGETS = 4096
+CHUNKS = 4
 TUNINGS = 4
 HEALTHS = 4
 STOPS = 64
@@ -52,7 +54,7 @@ Of the commands below it, the servo still carries out only stops.
 
 
 class SharedMemory:
-    """The eight rings between daemon and servo, and the heartbeat.
+    """The nine rings between daemon and servo, and the heartbeat.
 
     ========  ===============  ==========================================================
     ring      written by       holds
@@ -104,7 +106,7 @@ class SharedMemory:
             self._rings.append(RecordRing(self._view[offset : offset + size], layout, count))
             offset += size
         self.path, self.commands, self.cycles, self.notes, *others = self._rings
-        self.targets, self.tunings, self.health, self.stops = others
+        self.targets, self.chunks, self.tunings, self.health, self.stops = others
 
     @classmethod
     def create(cls, path_capacity: int, cycle_capacity: int) -> SharedMemory:
@@ -160,6 +162,7 @@ def _rings(path_capacity: int, cycle_capacity: int) -> list[tuple[Struct, int, i
         (CYCLE_RECORD, cycle_capacity),
         (NOTE_RECORD, NOTES),
         (TARGET_RECORD, TARGETS),
+        (CHUNK_RECORD, CHUNKS),
         (TUNING_RECORD, TUNINGS),
         (HEALTH_RECORD, HEALTHS),
         (STOP_RECORD, STOPS),

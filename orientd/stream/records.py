@@ -94,6 +94,14 @@ TARGET_RECORD = struct.Struct("@Qqq10d")
 NOT_GIVEN: Vector3 = (math.nan, math.nan, math.nan)
 """Velocity or position of a target that has none."""
 
+CHUNK_POSES = 64
+"""Poses of a chunk, at most."""
+
+KNOT_FLOATS = 19
+# index, poses, whether they have positions | times_ns, of each q(4) omega(3) alpha(3) position(3)
+# velocity(3) acceleration(3)
+CHUNK_RECORD = struct.Struct(f"@QI?{CHUNK_POSES}q{CHUNK_POSES * KNOT_FLOATS}d")
+
 # index, command index, kind, code, length of the text, text
 NOTE_TEXT_BYTES = 400
 NOTE_RECORD = struct.Struct(f"@QQIII{NOTE_TEXT_BYTES}s")
@@ -110,6 +118,22 @@ HEALTH_RECORD = struct.Struct(f"@QI{HEALTH_TEXT_BYTES}s")
 
 STOP_RECORD = struct.Struct("@Q?III")
 """A :class:`Stop`."""
+
+
+class Sample(NamedTuple):
+    """One pose of a chunk.
+
+    Attributes:
+        time_ns: when the device should be there, monotonic clock.
+        q: orientation ``(w, x, y, z)``; its sign does not matter.
+        omega: angular velocity in the body frame, rad/s; all samples of a chunk have one, or none.
+        position: m; all samples of a chunk have one, or none.
+    """
+
+    time_ns: int
+    q: Quaternion
+    omega: Vector3 | None = None
+    position: Vector3 | None = None
 
 
 class NoteKind(IntEnum):

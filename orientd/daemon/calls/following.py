@@ -1,4 +1,4 @@
-"""The targets of one caller that a device follows, and a report of how that goes."""
+"""The targets and chunks of one caller that a device follows, and a report of how that goes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from orientd.driver import Quaternion
 from orientd.errors import OrientdError
 from orientd.floats import difference, norm
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import quaternion, target_from_message, vector
+from orientd.protocol import poses_from_message, quaternion, target_from_message, vector
 
 
 class Following:
@@ -19,8 +19,9 @@ class Following:
     def __init__(self, device: Device) -> None:
         """Begin without a target on *device*, whose servo follows from now on."""
         self._device = device
-        self._given, self._left_out = device.targets
-        self._refused = 0
+        self._given, self._left_out = device.targets.written
+        self._chunks, _ = device.targets.chunks
+        self._refused = self._skipped = 0
         self._refusal = ""
         self._newest: Quaternion | None = None
 
@@ -28,11 +29,22 @@ class Following:
         """Give the servo a target; count one that is not well formed."""
         try:
             target = target_from_message(message, time.monotonic_ns())
-            self._device.aim(*target)
+            self._device.targets.aim(*target)
         except OrientdError as error:
             self.refuse(str(error))
         else:
             self._newest = target.q
+
+    def take_chunk(self, message: pb.TrackChunk) -> None:
+        """Give the servo a chunk; count one that is not well formed, and poses that are none."""
+        try:
+            samples, skipped = poses_from_message(message, time.monotonic_ns())
+            left_out, problem = self._device.targets.play(samples)
+        except OrientdError as error:
+            self.refuse(str(error))
+            return
+        self._skipped += skipped + left_out
+        self._refusal = problem or self._refusal
 
     def refuse(self, problem: str) -> None:
         """Count a message that has no target."""
@@ -44,8 +56,23 @@ class Following:
         cycle = self._device.snapshot().cycle
         if cycle is None:
             return None
-        given, left_out = self._device.targets
+        given, left_out = self._device.targets.written
+        chunks, found = self._device.targets.chunks
+        chunks -= self._chunks
         return pb.TrackResponse(
+            chunks=pb.ChunkReport(
+                chunks=chunks,
+                live=found.live,
+                stale=found.stale,
+                skipped=self._skipped,
+                starved=found.starved,
+                largest_seam=found.seam,
+                behind=found.behind,
+                largest_behind=found.farthest,
+                least_left=found.least_left,
+            )
+            if chunks
+            else None,
             state=f"STATE_{cycle.state.name}",
             q=quaternion(cycle.q),
             omega_body=vector(cycle.omega_body),
@@ -61,7 +88,10 @@ class Following:
 async def read_targets(requests: AsyncIterator[pb.TrackRequest], following: Following) -> None:
     """Take the targets of *requests* until there are no more."""
     async for request in requests:
-        if request.WhichOneof("what") == "target":
-            following.take(request.target)
-        else:
-            following.refuse("target: expected in every message after the first")
+        match request.WhichOneof("what"):
+            case "target":
+                following.take(request.target)
+            case "chunk":
+                following.take_chunk(request.chunk)
+            case _:
+                following.refuse("target: expected one, or a chunk, after the first message")

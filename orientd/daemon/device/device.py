@@ -24,20 +24,19 @@ from orientd.daemon.device.queued_motion import AT_ONCE, Ended, MoveOptions, Que
 from orientd.daemon.device.retarget import Retargeting
 from orientd.daemon.device.servo_process import ServoProcess, servo_limits_of
 from orientd.daemon.device.snapshot import DeviceSnapshot, take_snapshot
+from orientd.daemon.device.target_writer import TargetWriter
 from orientd.daemon.leases import Lease, Leases
 from orientd.daemon.planners import PlanCall, PlannedMotion, Planners
-from orientd.driver import Explaining, Quaternion, Vector3, make_driver
+from orientd.driver import Explaining, Vector3, make_driver
 from orientd.errors import (
     GOING_DOWN,
     DaemonError,
     Fault,
-    RequestError,
     StateError,
 )
 from orientd.planner import Limits
 from orientd.protocol import control_pb2 as pb
-from orientd.servo import LEFT_OUT_WORD
-from orientd.stream import NOT_GIVEN, UNKNOWN, Command, Cycle, ServoState, unpack_cycle
+from orientd.stream import UNKNOWN, Command, Cycle, ServoState, unpack_cycle
 
 if TYPE_CHECKING:
     from orientd.daemon.stops import StopFolder
@@ -84,6 +83,7 @@ class Device:
         lead: how long before its time each setpoint is sent, s.
         phase: where in a period its cycles begin, as a share of it.
         limits: what no motion of it may exceed.
+        targets: hands targets and chunks of poses to the servo while it follows them.
         is_free: whether it was let go when it was disabled, to be moved by hand.
     """
 
@@ -137,6 +137,7 @@ class Device:
         self._retargeting = Retargeting(
             self._servo, self._queue, planners, name=self.name, period=self.period_ns * 1e-9
         )
+        self.targets = TargetWriter(self._servo, self._axes)
         self._lock = threading.RLock()
         self._resetting = threading.Lock()
         self._threads: list[threading.Thread] = []
@@ -321,7 +322,7 @@ class Device:
     # Following targets
 
     def track(self, limits: Limits, *, token: str = "") -> QueuedMotion:
-        """Follow targets from now on, whatever moves at present; see :meth:`aim`.
+        """Follow targets from now on, whatever moves at present; see :attr:`targets`.
 
         Args:
             limits: narrower than the device's own; infinite ones are left to it.
@@ -344,36 +345,6 @@ class Device:
                 self._number = queued.number
                 self._note_begun(queued, lease, "following targets")
         return queued
-
-    def aim(
-        self,
-        q: Quaternion,
-        omega_body: Vector3 | None,
-        time_ns: int,
-        expires_ns: int,
-        position: Vector3 | None = None,
-    ) -> None:
-        """Hand the servo a target; waits for nothing.  To be called by one thread at a time.
-
-        Raises:
-            RequestError: the device cannot be there.
-            StateError: there is no servo.
-        """
-        memory, cycle = self._servo.running(), self._servo.newest()
-        if cycle is not None and cycle.joints:
-            at = cycle.position if position is None else position
-            problem = self._axes.refusal(q, at, cycle.joints)
-            if problem:
-                raise RequestError("target", problem)
-        memory.targets.publish(
-            time_ns, expires_ns, *q, *(omega_body or NOT_GIVEN), *(position or NOT_GIVEN)
-        )
-
-    @property
-    def targets(self) -> tuple[int, int]:
-        """How many targets the servo process was given so far, and how many it left out."""
-        ring = self._servo.running().targets
-        return ring.head, ring.words[LEFT_OUT_WORD]
 
     # Stops
 

@@ -20,7 +20,7 @@ late, as networks make them, lies between its neighbours and is inserted.
 from __future__ import annotations
 
 from collections import deque
-from math import dist
+from math import dist, inf
 
 from orientd.driver import ZERO, Vector3
 from orientd.floats import combine, difference, exp, multiply, norm, normalize, plus
@@ -104,6 +104,11 @@ class Arrivals:
             return
         self._gap_ns += (USUAL if self._gap_ns else 1.0) * (gap_ns - self._gap_ns)
         self._longest_ns = max(gap_ns, self._longest_ns - FORGETTING * gap_ns)
+
+    @property
+    def next_ns(self) -> float:
+        """Expected time of the next target, ns; infinity if it is not known yet."""
+        return self._arrived_ns + self._gap_ns if self._gap_ns else inf
 
     @property
     def are_uneven(self) -> bool:

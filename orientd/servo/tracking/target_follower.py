@@ -1,8 +1,7 @@
 """Follow targets: from the ring where they arrive to the setpoint of the cycle.
 
-The position follows its target by its own law.  The velocity of the next step is the target's plus
-as much as still allows a stop relative to it.  A change larger than the acceleration allows is cut,
-so no limit is ever exceeded.
+The position follows its target by the law of the orientation (:mod:`orientd.servo.motion_law`),
+with the linear limits.
 
 For a device with a mechanism the axes are predicted (:class:`~orientd.mechanism.Foresight`).  If
 they cannot follow a step and a stop from it, the servo tries a part of the step, and finally
@@ -12,33 +11,40 @@ brakes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import ceil, dist, sqrt
+from math import ceil, dist
 
 from orientd.driver import ZERO, Joints, Quaternion, Vector3
-from orientd.floats import combine, exp, multiply, norm, plus
+from orientd.floats import combine, dot, exp, multiply, norm, plus
 from orientd.mechanism import ComingPose, Foresight
 from orientd.servo.guard import Guard
+from orientd.servo.motion_law import (
+    NO_LIMITS,
+    advance,
+    linear_limits_of,
+    loosened,
+    softened,
+    stopping_angle,
+)
+from orientd.servo.tracking.chunks import (
+    Chunk,
+    clear_report,
+    read_chunk,
+    write_distance,
+    write_report,
+)
+from orientd.servo.tracking.steering import position_command
 from orientd.servo.tracking.targets import Target
-from orientd.servo.tracking.tracker import AxisStop, Tracker, TrackPoint
+from orientd.servo.tracking.tracker import AxisStop, Place, Tracker, TrackPoint
 from orientd.stream import RecordRing, ServoLimits
 
 TARGETS_PER_CYCLE = 8
 """Targets accepted in one cycle; the others wait."""
 
+AHEAD_NS = 500_000_000
+"""How long before its first pose a chunk is taken; until then the poses before it count."""
+
 LEFT_OUT_WORD = 1
 """Word of the ring of targets: number of skipped targets."""
-
-CLOSING = 10.0
-"""Closing speed per remaining distance in the final approach, 1/s."""
-
-SETTLE = 60.0
-"""Acceleration per velocity error, 1/s: smooths steps of the targets."""
-
-BRAKING = 0.7
-"""Share of the acceleration for the stopping distance.
-
-The rest is for the motion of the target meanwhile.
-"""
 
 MOST = 12
 """Most times of a stop at which the axes are checked: every cycle of a short one."""
@@ -51,7 +57,7 @@ They apply to orientation and position if the axes cannot follow the whole chang
 
 
 class TargetFollower:
-    """Follow the targets of one ring.
+    """Follow targets and chunks as they arrive.
 
     Attributes:
         is_on: whether targets are followed, or their following is coming to rest.
@@ -60,17 +66,19 @@ class TargetFollower:
         foresight: prediction of the axes; ``None`` if the device follows any pose.
     """
 
-    def __init__(self, ring: RecordRing, guard: Guard) -> None:
-        """Create it for the targets of *ring*, following nothing yet."""
+    def __init__(self, ring: RecordRing, chunks: RecordRing, guard: Guard) -> None:
+        """Create it for the targets of *ring* and the chunks of *chunks*, following nothing yet."""
         self.is_on = False
         self.hindrance = ""
         self.tracker = Tracker(guard.period)
-        self._ring = ring
+        self._ring, self._chunks = ring, chunks
         self._guard = guard
         self.foresight: Foresight | None = None
-        self._next = ring.head
+        self._next, self._next_chunk = ring.head, chunks.head
+        self._waiting: Chunk | None = None
         self._left_out = 0
         self._landing: Target | None = None
+        self._linear = self._soft_linear = linear_limits_of(NO_LIMITS, guard.period)
 
     def begin(self, servo_limits: ServoLimits, joints: Joints = ()) -> None:
         """Begin from the last written setpoint; earlier targets do not count.
@@ -84,12 +92,17 @@ class TargetFollower:
             q = multiply(guard.q, exp(plus(ZERO, guard.omega, -h)))
             before = q, plus(guard.position, guard.velocity, -h)
             self.foresight.begin(before, (guard.q, guard.position), joints)
-        self._next = self._ring.head
+        self._linear = linear_limits_of(servo_limits, h)
+        self._soft_linear = softened(self._linear, 0.0)
+        self._next, self._next_chunk = self._ring.head, self._chunks.head
+        self._waiting = None
+        clear_report(self._chunks)
         self.is_on, self.hindrance = True, ""
 
     def cease(self) -> None:
         """Forget every target, and come to rest."""
         self.tracker.cease()
+        self._waiting = None
         self.hindrance = ""
 
     def end(self) -> None:
@@ -106,8 +119,11 @@ class TargetFollower:
         guard = self._guard
         if not is_stopping:
             self._take_targets(now_ns)
+            self._take_chunks(now_ns)
         point = self.tracker.step(now_ns)
-        position = self._position(servo_limits) or guard.braked_position(servo_limits)
+        if self.tracker.preview.is_on:
+            write_distance(self._chunks, self.tracker.behind)
+        position = self._position() or guard.braked_position(servo_limits)
         if is_stopping or self.foresight is None:
             return point, position
         self.hindrance = self._look_ahead(point.q, position, servo_limits)
@@ -133,25 +149,38 @@ class TargetFollower:
         coming = _coming(q, position, velocity, stop, acceleration, guard.period)
         return self.foresight.look((guard.q, guard.position), coming)
 
-    def _position(self, servo_limits: ServoLimits) -> Vector3 | None:
+    def _position(self) -> Vector3 | None:
         """Return the next position, m; ``None`` if it must come to rest anywhere."""
-        place = self.tracker.place
+        place, tracker = self.tracker.place, self.tracker
         if place is None:
             return None
-        guard, h = self._guard, self._guard.period
-        goal, goal_velocity = place
-        if self.tracker.end is not None:
-            target, left = self.tracker.end
-            if target.position is not None:
-                speed = norm(guard.velocity)
-                stop = stopping_distance(speed, servo_limits.linear_acceleration) + 2.0 * h * speed
+        guard, limits, h = self._guard, self._linear, self._guard.period
+        if tracker.end is not None and tracker.end[0].position is not None:
+            target, left = tracker.end
+            speed = norm(guard.velocity)
+            if speed > 0.0 and target != self._landing and target.position is not None:
+                rate = dot(guard.acceleration, guard.velocity) / speed
+                stop = stopping_angle(speed, rate, limits.acceleration, limits.jerk)
+                stop += 2.0 * h * speed
                 if dist(guard.position, target.position) <= stop >= 0.5 * left * speed:
                     self._landing = target
-                if self._landing is target:
-                    goal, goal_velocity = target.position, ZERO
-        velocity = approach(
-            plus(goal, guard.position, -1.0), guard.velocity, goal_velocity, servo_limits, h
+            if self._landing == target and target.position is not None:
+                place = Place(target.position, ZERO)
+        is_moving = place.velocity != ZERO or place.next_acceleration != ZERO
+        way = plus(place.position, guard.position, -1.0)
+        wanted, is_linear = position_command(
+            way,
+            guard.velocity,
+            guard.acceleration,
+            place.velocity,
+            place.acceleration,
+            self._soft_linear if is_moving else limits,
         )
+        if is_linear:
+            wanted = plus(wanted, plus(place.next_acceleration, place.acceleration, -1.0), 1.0)
+        loose = loosened(limits, guard.velocity, guard.acceleration)
+        acceleration = advance(guard.velocity, guard.acceleration, wanted, loose)
+        velocity = plus(guard.velocity, acceleration, h)
         return plus(guard.position, velocity, h)
 
     def _take_targets(self, now_ns: int) -> None:
@@ -175,41 +204,27 @@ class TargetFollower:
             self._left_out += 1
             ring.words[LEFT_OUT_WORD] = self._left_out
 
+    def _take_chunks(self, now_ns: int) -> None:
+        """Take the chunks that have arrived; one whose poses are far ahead waits for its time."""
+        ring = self._chunks
+        while self._next_chunk < ring.head:
+            self._next_chunk = ring.oldest(self._next_chunk)
+            fields = ring.read(self._next_chunk)
+            if fields is None:
+                return  # still being written, or just overwritten
+            self._next_chunk += 1
+            self._waiting = read_chunk(fields) or self._waiting
+            self._take_chunk(now_ns)
+        self._take_chunk(now_ns)
 
-def approach(
-    way: Vector3,
-    velocity: Vector3,
-    goal_velocity: Vector3,
-    servo_limits: ServoLimits,
-    period: float,
-) -> Vector3:
-    """Return the velocity of the next step towards a target, m/s.
-
-    Args:
-        way: from the position to the target's, m.
-        velocity: of the last step, m/s; inside the limits.
-        goal_velocity: the target's, m/s.
-        servo_limits: the limits.
-        period: of a cycle, s.
-    """
-    left, fastest = norm(way), servo_limits.linear_velocity
-    brake = BRAKING * servo_limits.linear_acceleration
-    # Linear near the target, along the parabola of constant deceleration farther away.
-    linear = brake / (CLOSING * CLOSING)
-    speed = CLOSING * left if left < linear else sqrt(brake * (2.0 * left - linear))
-    goal = plus(goal_velocity, way, speed / left if left > 0.0 else 0.0)
-    size = norm(goal)
-    change = combine(goal, fastest / size if size > fastest else 1.0, velocity, -1.0)
-    s = min(SETTLE * period, 1.0)
-    size, most = s * norm(change), servo_limits.linear_acceleration * period
-    return plus(velocity, change, s * most / size if size > most else s)
-
-
-def stopping_distance(speed: float, acceleration: float) -> float:
-    """Return the distance from which :func:`approach` brakes for a target at rest, m."""
-    brake = BRAKING * acceleration
-    linear = brake / (CLOSING * CLOSING)
-    return speed / CLOSING if speed < CLOSING * linear else 0.5 * (speed * speed / brake + linear)
+    def _take_chunk(self, now_ns: int) -> None:
+        chunk, guard = self._waiting, self._guard
+        if chunk is None or chunk.knots[0].time_ns > now_ns + AHEAD_NS:
+            return
+        self._waiting = None
+        moving = guard.position, guard.velocity, guard.acceleration
+        self.tracker.take_chunk(chunk.knots, now_ns, moving, has_positions=chunk.has_positions)
+        write_report(self._chunks, self.tracker.preview)
 
 
 def _coming(

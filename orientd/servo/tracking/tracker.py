@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import inf
 from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.floats import combine, difference, dot, exp, multiply, norm, normalize, plus
 from orientd.servo.motion_law import (
+    NO_LIMITS,
     TrackingLimits,
     advance,
     divided,
     halt,
     halt_inside,
     limits_of,
+    linear_limits_of,
     loosened,
     saturated,
     softened,
@@ -21,6 +24,8 @@ from orientd.servo.motion_law import (
     stopping_angle,
     times,
 )
+from orientd.servo.tracking.preview import Motion, Preview, PreviewState
+from orientd.servo.tracking.quintic import Knot
 from orientd.servo.tracking.reference import Reference
 from orientd.servo.tracking.steering import AccelerationCap, position_command
 from orientd.servo.tracking.targets import JUMP, FilteredTarget, ReferenceState, Target
@@ -42,6 +47,22 @@ class TrackPoint(NamedTuple):
     q: Quaternion
     omega_body: Vector3
     alpha_body: Vector3
+
+
+class Place(NamedTuple):
+    """Where the position should be at the last setpoint, and how it continues.
+
+    Attributes:
+        position: m.
+        velocity: of the last step, m/s.
+        acceleration: of the last two steps, m/s^2.
+        next_acceleration: with the next step, m/s^2.
+    """
+
+    position: Vector3
+    velocity: Vector3
+    acceleration: Vector3 = ZERO
+    next_acceleration: Vector3 = ZERO
 
 
 class AxisStop:
@@ -71,7 +92,7 @@ class AxisStop:
 
 
 class Tracker:
-    """Follow targets with bounded angular velocity, acceleration and jerk.
+    """Follow targets or chunks with bounded angular velocity, acceleration and jerk.
 
     The bounds are those of the guard: norms of backward differences.  A target with steady motion
     is followed without lag.  When targets end, the motion comes to rest at the last one.  It does
@@ -81,8 +102,10 @@ class Tracker:
 
     Attributes:
         is_at_rest: whether nothing turns, no target lives and none waits for its time.
-        place: position and velocity of the target at the last setpoint, m and m/s, if it has any.
+        place: where the position should be, if the target says so.
         end: the target that is known to be the last, and the time until then, s.
+        preview: the chunks.
+        behind: angle from the last setpoint to the poses of the chunks, rad; zero at their end.
     """
 
     def __init__(self, period: float) -> None:
@@ -91,7 +114,7 @@ class Tracker:
         self._period_ns = round(period * 1e9)
         self._reference = Reference(period)
         self._cap = AccelerationCap(period)
-        self.begin(IDENTITY, ZERO, ZERO, ServoLimits(1e-9, 1e-9, 1e-9, 1e-9, 1e-9, 1.0))
+        self.begin(IDENTITY, ZERO, ZERO, NO_LIMITS)
 
     def begin(
         self,
@@ -111,6 +134,8 @@ class Tracker:
         self._omega = divided(omega_body, self._units)
         self._alpha = divided(alpha_body, self._units)
         self._reference.clear()
+        linear = linear_limits_of(servo_limits, self._period)
+        self.preview = Preview(self._period, self._limits, self._units, linear)
         self._cap.release()
         self._before, self._wish = (self._q, self._omega, self._alpha), self._alpha
         self._forget()
@@ -125,26 +150,64 @@ class Tracker:
 
     def take(self, target: Target, now_ns: int) -> str:
         """Accept a target; return an empty string, or why it was refused."""
-        return self._reference.take(target, now_ns)
+        problem = self._reference.take(target, now_ns)
+        if not problem and self.preview.is_on:
+            self.preview.clear()
+        return problem
+
+    def take_chunk(
+        self,
+        knots: Sequence[Knot],
+        now_ns: int,
+        moving: tuple[Vector3, Vector3, Vector3],
+        *,
+        has_positions: bool,
+    ) -> str:
+        """Take a chunk that arrived in the cycle that is due at *now_ns*.
+
+        Args:
+            knots: its curve, times ascending.
+            now_ns: when the next setpoint is due.
+            moving: position (m), velocity (m/s) and acceleration (m/s^2) at the last setpoint.
+            has_positions: whether the chunk says where to be.
+
+        Returns:
+            An empty string, or why it was refused.
+        """
+        units, sent_ns = self._units, now_ns - self._period_ns
+        sent = Motion(self._q, times(self._omega, units), times(self._alpha, units), *moving)
+        problem = self.preview.take(
+            knots, sent, sent_ns, has_positions=has_positions, is_fresh=self._is_concluded
+        )
+        if not problem:
+            self._reference.clear()
+            self._forget()
+        return problem
 
     def cease(self) -> None:
         """Forget every target, and come to rest."""
         self._reference.clear()
+        self.preview.clear()
         self._forget()
 
     def _forget(self) -> None:
-        self.place: tuple[Vector3, Vector3] | None = None
+        self.place: Place | None = None
         self.end: tuple[Target, float] | None = None
         self._last: FilteredTarget | None = None
         self._home: Target | None = None
-        self._has_met = False
+        self._has_met = self._is_concluded = False
+        self.behind = 0.0
 
     def step(self, now_ns: int) -> TrackPoint:
         """Return the setpoint of the cycle with deadline *now_ns*."""
         if self._loose is not self._limits:
             self._loose = loosened(self._limits, self._omega, self._alpha)
         # State and target at the same time, that of the last setpoint.
-        found = self._found(now_ns - self._period_ns)
+        found: ReferenceState | PreviewState | None
+        if self.preview.is_on:
+            found = self._previewed(now_ns)
+        else:
+            found = self._found(now_ns - self._period_ns)
         if found is None:
             if self._omega == ZERO == self._alpha:
                 self.is_at_rest = not self._reference.awaits
@@ -153,7 +216,11 @@ class Tracker:
             omega, self._wish = self._stopped()
             return self._move(omega, self._wish)
         self.is_at_rest = False
-        alpha = advance(self._omega, self._alpha, self._wanted(found), self._loose)
+        if isinstance(found, PreviewState):
+            wanted = self._wanted_ahead(found)
+        else:
+            wanted = self._wanted(found)
+        alpha = advance(self._omega, self._alpha, wanted, self._loose)
         self._wish = alpha
         return self._move(plus(self._omega, alpha, self._period), alpha)
 
@@ -204,10 +271,11 @@ class Tracker:
         self.end = reference.end(now_ns)
         if found is None:
             return self._expired()
-        if self.end is not None and self._must_brake(*self.end):
+        if self.end is not None and self._must_brake(self.end[0].q, self.end[1]):
             reference.conclude()
             found = reference.at(now_ns) or found
-        self.place = reference.position_at(now_ns)
+        where = reference.position_at(now_ns)
+        self.place = None if where is None else Place(*where)
         last = reference.last
         if last is not None:
             self._note(last, found)
@@ -231,17 +299,40 @@ class Tracker:
         if home is None:
             return None
         if home.position is not None:
-            self.place = (home.position, ZERO)
+            self.place = Place(home.position, ZERO)
         if norm(self._omega) < _ARRIVED and norm(difference(self._q, home.q)) < _ARRIVED:
             return None
         return ReferenceState(home.q, ZERO, ZERO)
 
-    def _must_brake(self, end: Target, left: float) -> bool:
-        """Whether a stop that begins later would pass the last target, *left* s before its time."""
+    def _previewed(self, now_ns: int) -> ReferenceState | PreviewState:
+        """Return what to follow of the chunks, on the way to the setpoint due at *now_ns*."""
+        preview = self.preview
+        found, end = preview.at(now_ns), preview.end
+        left_ns = end.time_ns - now_ns + self._period_ns
+        position = end.position if preview.has_positions else None
+        last = Target(end.q, None, end.time_ns, end.time_ns, position)
+        self.end = (last, left_ns * 1e-9) if left_ns > 0 else None
+        if position is None:
+            self.place = None
+        else:
+            moving = found.position, found.velocity, found.acceleration, found.next_acceleration
+            self.place = Place(*moving)
+        if not self._is_concluded:
+            self._is_concluded = left_ns <= 0 or (
+                not preview.is_continued(now_ns) and self._must_brake(end.q, left_ns * 1e-9)
+            )
+        if self._is_concluded:
+            self.behind = 0.0
+            return ReferenceState(end.q, ZERO, ZERO)
+        self.behind = norm(difference(self._q, found.q))
+        return found
+
+    def _must_brake(self, q: Quaternion, left: float) -> bool:
+        """Whether a stop that begins later would pass the end *q*, *left* s before its time."""
         speed = norm(self._omega)
         if speed < _ARRIVED:
             return False
-        way = divided(difference(self._q, end.q), self._units)
+        way = divided(difference(self._q, q), self._units)
         along, rate = dot(way, self._omega) / speed, dot(self._alpha, self._omega) / speed
         # The next setpoint continues to turn for two cycles.
         stop = stopping_angle(speed, rate, self._limits.acceleration, self._limits.jerk)
@@ -267,6 +358,16 @@ class Tracker:
             turn, self._omega, self._alpha, middle, alpha, limits, margin
         )
         return cap.capped(wanted, is_linear=is_linear)
+
+    def _wanted_ahead(self, found: PreviewState) -> Vector3:
+        """Return the acceleration to aim at, to follow what is known ahead, in the law's units."""
+        units = self._units
+        turn, omega = divided(difference(self._q, found.q), units), divided(found.omega, units)
+        alpha, following = divided(found.alpha, units), divided(found.next_alpha, units)
+        limits = self._limits if found.omega == ZERO == found.next_alpha else self._softened()
+        wanted, is_linear = position_command(turn, self._omega, self._alpha, omega, alpha, limits)
+        # Close to the reference the next step is that of the reference.
+        return plus(wanted, combine(following, 1.0, alpha, -1.0), 1.0) if is_linear else wanted
 
     def _softened(self) -> TrackingLimits:
         """Return the limits and gains for a moving target, at the present delay."""

@@ -21,7 +21,7 @@ def followed(device, at, seconds, *, position=None):
     while (t := time.monotonic() - begin) < seconds:
         now = time.monotonic_ns()
         try:
-            device.aim(at(t), None, now, now + 300_000_000, position)
+            device.targets.aim(at(t), None, now, now + 300_000_000, position)
         except RequestError as error:
             refused.add(error.problem)
         time.sleep(0.02)
@@ -58,7 +58,7 @@ def test_targets_beyond_the_end_of_a_joint_are_refused_and_the_arm_stops_before_
 
             def is_there(goal=goal):
                 now = time.monotonic_ns()
-                device.aim(goal, ZERO, now, now + 300_000_000)
+                device.targets.aim(goal, ZERO, now, now + 300_000_000)
                 return norm(difference(device.snapshot().cycle.q, goal)) < 0.01
 
             try:

@@ -20,7 +20,7 @@ Q = (1.0, 0.0, 0.0, 0.0)
 def stop_off_path(guard, servo_limits):
     """Yield the setpoints of a stop from what the guard has taken, without path or targets."""
     rig = Rig()
-    follower = TargetFollower(rig.memory.targets, guard)
+    follower = TargetFollower(rig.memory.targets, rig.memory.chunks, guard)
     follower.begin(servo_limits)
     while not (follower.tracker.is_at_rest and guard.velocity == ZERO):
         point, position = follower.step(0, servo_limits, is_stopping=True)

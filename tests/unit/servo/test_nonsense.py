@@ -19,7 +19,7 @@ ROUNDS = 32
 def scribble(memory, chance):
     """Write nonsense over one part of the memory, as a program of the same user could."""
     ring = chance.choice(
-        (memory.path, memory.commands, memory.cycles, memory.notes, memory.targets)
+        (memory.path, memory.commands, memory.cycles, memory.notes, memory.targets, memory.chunks)
     )
     match chance.randrange(4):
         case 0:

@@ -1,0 +1,254 @@
+"""Play the chunks of poses that a policy infers, while it infers the next ones."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, get_args
+
+from orientd.client.tracking import Frame, Tracking, orientation_of
+from orientd.driver import Quaternion as Orientation
+from orientd.errors import RequestError
+from orientd.model import to_plain
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import to_vector
+from orientd.rotation import Quaternion, is_rotation
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+_NONE: Orientation = (math.nan, math.nan, math.nan, math.nan)
+"""A pose that the daemon skips and counts."""
+
+_STILL = 1e-6
+"""Angular velocity below which the device rests, rad/s."""
+
+_LOOK = 0.01
+"""Seconds from one look at the newest report to the next."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlayTiming:
+    """How the chunks of a session were followed so far.
+
+    Attributes:
+        chunks: how many the servo was given.
+        live: poses of the newest one that were still to come when the servo took it.
+        stale: poses of all chunks that had passed by then.
+        skipped: poses that were not finite, not of unit norm, or out of reach.
+        starved: chunks that came after the poses had run out.
+        largest_seam: largest angle by which a chunk contradicted the one before, rad.
+        behind: angle from the newest setpoint to the poses, rad: what the limits cut off.
+        largest_behind: the largest that it has been, rad.
+        inference: longest time from the first pose of a chunk to its handing over, s.
+        longest_inference: how long that may be before the poses run out, s; infinite before the
+            second chunk.
+    """
+
+    chunks: int
+    live: int
+    stale: int
+    skipped: int
+    starved: int
+    largest_seam: float
+    behind: float
+    largest_behind: float
+    inference: float
+    longest_inference: float
+
+
+class Playing(Tracking):
+    """A device that plays chunks of poses.
+
+    A context manager: its end waits until the poses have been played, unless an exception ends it.
+    """
+
+    _last_ns = 0
+    _inference = -math.inf
+    _sent = 0
+
+    def chunk(
+        self,
+        poses: Sequence[object],
+        *,
+        rate: float | None = None,
+        start: float | None = None,
+        times: ArrayLike | None = None,
+        positions: ArrayLike | None = None,
+        angular_velocities: ArrayLike | None = None,
+        velocity_frame: Frame = "body",
+    ) -> None:
+        """Hand a chunk of poses over; returns at once.
+
+        It replaces everything at and after its first pose that is still to come.  Poses that are
+        late by then are left out, and so is a pose that is not finite or not of unit norm.
+
+        Args:
+            poses: 1 to 64 orientations, each in a form that :meth:`.Robot.move` takes, or a
+                ``Rotation`` of SciPy with as many rotations.  A mapping may have a ``position``.
+            rate: poses a second.
+            start: when the first pose is due, s, on the clock of :func:`time.monotonic` of the
+                daemon's machine; ``None`` for a period of *rate* from now.
+            times: when each pose is due, s, on that clock; in place of *rate* and *start*.
+            positions: where the device is at each pose, shape ``(n, 3)``, m; ``None`` for those of
+                the mappings, or for a position that comes to rest.
+            angular_velocities: at each pose, shape ``(n, 3)``, rad/s; ``None`` for those that the
+                poses tell.
+            velocity_frame: the frame of these.
+
+        Raises:
+            RequestError: the chunk is not well formed.
+            OrientdError: the device plays no more.
+        """
+        if velocity_frame not in get_args(Frame):
+            raise RequestError(
+                "velocity_frame", f"expected 'body' or 'world', got {velocity_frame!r}"
+            )
+        orientations, places = _poses(poses)
+        stamps = _stamps(len(orientations), rate, start, times)
+        if positions is not None:
+            if places:
+                raise RequestError("positions", "given twice, in the poses too")
+            places = _rows("positions", positions, len(orientations))
+        message = pb.TrackChunk(times_ns=stamps)
+        message.orientations.extend(number for q in orientations for number in q)
+        message.positions.extend(number for place in places for number in place)
+        if angular_velocities is not None:
+            rows = _rows("angular_velocities", angular_velocities, len(orientations))
+            message.angular_velocities.extend(number for row in rows for number in row)
+            message.velocity_frame = pb.FRAME_WORLD if velocity_frame == "world" else pb.FRAME_BODY
+        self.send(pb.TrackRequest(chunk=message))
+        self._sent += 1
+        self._last_ns = max(stamps)
+        self._inference = max(self._inference, 1e-9 * (time.monotonic_ns() - min(stamps)))
+
+    def timing(self) -> PlayTiming:
+        """Return how the chunks were followed so far, as of the newest report."""
+        found = self.report.chunks
+        left = found.least_left if found.HasField("least_left") else math.inf
+        inference = max(self._inference, 0.0)
+        return PlayTiming(
+            chunks=found.chunks,
+            live=found.live,
+            stale=found.stale,
+            skipped=found.skipped,
+            starved=found.starved,
+            largest_seam=found.largest_seam,
+            behind=found.behind,
+            largest_behind=found.largest_behind,
+            inference=inference,
+            longest_inference=max(inference + left, 0.0),
+        )
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Wait until the poses have run out and the device rests; return whether it does.
+
+        Args:
+            timeout: how long to wait at most, s; ``None`` for as long as it takes.
+
+        Raises:
+            OrientdError: the device plays no more.
+        """
+        give_up = math.inf if timeout is None else time.monotonic() + timeout
+        while not self._has_played():
+            if time.monotonic() > give_up:
+                return False
+            self.raise_if_ended()
+            time.sleep(_LOOK)
+        return True
+
+    def _has_played(self) -> bool:
+        report = self.report
+        if not self._sent:
+            return True
+        is_taken = report.chunks.chunks + report.refused >= self._sent
+        speed = math.hypot(*to_vector(report.omega_body))
+        return is_taken and report.time_ns > self._last_ns and speed < _STILL
+
+    def __exit__(self, *of: object) -> None:
+        if of[0] is None:
+            self.wait()
+        self.close()
+
+
+def _poses(poses: Sequence[object]) -> tuple[list[Orientation], list[list[float]]]:
+    """Return the orientations of *poses*, and their positions if all have one."""
+    if is_rotation(poses):
+        # SciPy's own order is scalar last.
+        rows = poses.as_quat(canonical=False).tolist()  # type: ignore[attr-defined]
+        rows = [rows] if poses.single else rows  # type: ignore[attr-defined]
+        return [(w, x, y, z) for x, y, z, w in rows], []
+    if isinstance(poses, Mapping | str) or not hasattr(poses, "__len__"):
+        raise RequestError("poses", f"expected a sequence, got {type(poses).__name__}")
+    orientations: list[Orientation] = []
+    places: list[list[float]] = []
+    for k, pose in enumerate(poses):
+        turn = pose
+        if isinstance(pose, Mapping) and "position" in pose:
+            places.extend(_rows(f"poses[{k}].position", [pose["position"]], 1))
+            turn = {key: entry for key, entry in pose.items() if key != "position"}
+        if isinstance(turn, Mapping) and set(turn) == {"quaternion"}:
+            turn = _components(turn["quaternion"]) or turn
+        try:
+            orientations.append(orientation_of(turn, f"poses[{k}]"))
+        except RequestError:
+            if not _is_no_pose(turn):
+                raise
+            orientations.append(_NONE)
+    if places and len(places) != len(orientations):
+        raise RequestError("poses", "expected a position in every pose, or in none")
+    return orientations, places
+
+
+def _components(given: object) -> Quaternion | None:
+    """Return a quaternion as it is, whatever its norm; ``None`` if it is not well formed."""
+    mapping = to_plain(given)
+    if not isinstance(mapping, Mapping) or set(mapping) != set("wxyz"):
+        return None
+    if not all(isinstance(number, int | float) for number in mapping.values()):
+        return None
+    return Quaternion(**mapping)
+
+
+def _is_no_pose(pose: object) -> bool:
+    """Whether a pose has numbers that are not finite or all zero, and is well formed otherwise."""
+    numbers: list[float] = []
+    left = [to_plain(pose)]
+    while left:
+        entry = left.pop()
+        if isinstance(entry, Mapping):
+            left.extend(entry.values())
+        elif isinstance(entry, list):
+            left.extend(entry)
+        elif isinstance(entry, int | float):
+            numbers.append(entry)
+    return bool(numbers) and (not any(numbers) or not all(map(math.isfinite, numbers)))
+
+
+def _stamps(
+    count: int, rate: float | None, start: float | None, times: ArrayLike | None
+) -> list[int]:
+    if times is not None:
+        if rate is not None or start is not None:
+            raise RequestError("times", "expected either times, or rate and start")
+        seconds = [row[0] for row in _rows("times", [[one] for one in to_plain(times)], count, 1)]
+    elif rate is None or not 0.0 < rate < math.inf:
+        raise RequestError("rate", f"expected poses a second, or times, got {rate!r}")
+    else:
+        first = time.monotonic() + 1.0 / rate if start is None else start
+        seconds = [first + k / rate for k in range(count)]
+    if not all(map(math.isfinite, seconds)):
+        raise RequestError("times", f"expected finite seconds, got {seconds}")
+    return [round(1e9 * when) for when in seconds]
+
+
+def _rows(name: str, given: object, count: int, width: int = 3) -> list[list[float]]:
+    try:
+        rows = [[float(number) for number in row] for row in to_plain(given)]
+    except (TypeError, ValueError):
+        rows = []
+    if len(rows) != count or any(len(row) != width for row in rows):
+        raise RequestError(name, f"expected {count} rows of {width} numbers, got {given!r}")
+    return rows

@@ -1,0 +1,116 @@
+"""The ring of chunks: a chunk is one record, so that the servo never sees a part of one.
+
+The words of the ring tell how the servo follows them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import isfinite
+from typing import Any, NamedTuple, cast
+
+from orientd.driver import Vector3
+from orientd.servo.tracking.preview import Preview
+from orientd.servo.tracking.quintic import Knot
+from orientd.servo.tracking.spline import knots_of
+from orientd.stream import CHUNK_POSES, KNOT_FLOATS, RecordRing, Sample
+from orientd.tolerances import NORM_TOLERANCE
+
+LIVE_WORD, STALE_WORD, STARVED_WORD, SEAM_WORD, BEHIND_WORD, FARTHEST_WORD, LEFT_WORD = range(1, 8)
+"""Words of the ring; angles in nanoradians."""
+
+_ZERO_LEFT = 1 << 63
+"""No time left of a chunk, in the word for that, which has no sign; 0 if it is not known."""
+
+
+class ChunkReport(NamedTuple):
+    """How chunks have been followed since the following began.
+
+    Attributes:
+        live: poses of the newest chunk that were still to come when the servo took it.
+        stale: poses of all chunks that were not, so far.
+        starved: how many chunks came after the poses had run out.
+        seam: largest angle by which a chunk contradicted the one before, rad.
+        behind: angle from the last setpoint to the poses, rad: the limits cut it off.
+        farthest: the largest that it has been, rad.
+        least_left: least time that was left of a chunk when the next one came, s; negative if the
+            poses had run out, ``None`` before the second one.
+    """
+
+    live: int
+    stale: int
+    starved: int
+    seam: float
+    behind: float
+    farthest: float
+    least_left: float | None
+
+
+class Chunk(NamedTuple):
+    """A chunk as the servo takes it.
+
+    Attributes:
+        knots: the curve through its poses.
+        has_positions: whether it says where to be.
+    """
+
+    knots: Sequence[Knot]
+    has_positions: bool
+
+
+def publish_chunk(ring: RecordRing, samples: Sequence[Sample]) -> None:
+    """Write a chunk of 1 to :data:`~orientd.stream.CHUNK_POSES` samples, whose times ascend."""
+    knots = knots_of(samples)
+    spare = CHUNK_POSES - len(knots)
+    times = [knot.time_ns for knot in knots] + [0] * spare
+    floats = [number for knot in knots for part in knot[1:] for number in cast(Vector3, part)]
+    floats += [0.0] * (spare * KNOT_FLOATS)
+    ring.publish(len(knots), samples[0].position is not None, *times, *floats)
+
+
+def read_chunk(fields: Sequence[Any]) -> Chunk | None:
+    """Return the chunk of a record; ``None`` if it makes no sense."""
+    _, count, has_positions, *numbers = fields
+    times, floats = numbers[:count], numbers[CHUNK_POSES : CHUNK_POSES + count * KNOT_FLOATS]
+    if not 1 <= count <= CHUNK_POSES or not isfinite(sum(map(abs, floats))):
+        return None
+    knots = []
+    for k, time_ns in enumerate(times):
+        w, x, y, z, *rates = floats[k * KNOT_FLOATS : (k + 1) * KNOT_FLOATS]
+        if not abs(w * w + x * x + y * y + z * z - 1.0) <= 2.0 * NORM_TOLERANCE:
+            return None
+        vectors = [cast(Vector3, tuple(rates[place : place + 3])) for place in range(0, 15, 3)]
+        knots.append(Knot(time_ns, (w, x, y, z), *vectors))
+    if any(a >= b for a, b in pairwise(times)):
+        return None
+    return Chunk(knots, has_positions)
+
+
+def read_report(ring: RecordRing) -> ChunkReport:
+    """Return how chunks have been followed."""
+    live, stale, starved, seam, behind, farthest, left = ring.words[1:8]
+    least_left = 1e-9 * (left - _ZERO_LEFT) if left else None
+    return ChunkReport(
+        live, stale, starved, 1e-9 * seam, 1e-9 * behind, 1e-9 * farthest, least_left
+    )
+
+
+def write_report(ring: RecordRing, preview: Preview) -> None:
+    """Write how a chunk was taken."""
+    words, left_ns = ring.words, preview.least_left_ns
+    words[LIVE_WORD], words[STALE_WORD] = preview.live, preview.stale
+    words[STARVED_WORD], words[SEAM_WORD] = preview.starved, round(1e9 * preview.seam)
+    words[LEFT_WORD] = 0 if left_ns is None else _ZERO_LEFT + left_ns
+
+
+def write_distance(ring: RecordRing, behind: float) -> None:
+    """Write how far what was sent is *behind* the poses, rad."""
+    ring.words[BEHIND_WORD] = size = round(1e9 * behind)
+    ring.words[FARTHEST_WORD] = max(ring.words[FARTHEST_WORD], size)
+
+
+def clear_report(ring: RecordRing) -> None:
+    """Begin again."""
+    for word in range(LIVE_WORD, LEFT_WORD + 1):
+        ring.words[word] = 0

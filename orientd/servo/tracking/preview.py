@@ -1,0 +1,306 @@
+"""The reference of chunks: poses that are known ahead, and the seams between chunks.
+
+A chunk is a curve through its poses (:mod:`orientd.servo.tracking.spline`).  It replaces everything
+from its first live pose on; poses whose time has passed only shape the curve.  The seam is one
+quintic.  It begins at the last setpoint, or at the last pose that is left of the chunk before.  It
+ends at the first knot that it can reach within the limits.  So the reference is continuous up to
+the acceleration, and equal to the last setpoint after every chunk.
+
+The motion of the next cycle is known, so it is fed forward as the difference that the guard will
+see.  The device follows without lag as long as the limits allow.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from orientd.driver import ZERO, Quaternion, Vector3
+from orientd.floats import combine, difference, norm, plus
+from orientd.servo.motion_law import TrackingLimits, divided
+from orientd.servo.tracking.quintic import Knot, Piece
+from orientd.servo.tracking.reference import Arrivals
+
+BRIDGE_NS = 100_000_000
+"""How long a seam takes at least, if the chunk reaches so far.  Two chunks of one policy differ by
+its noise, and the acceleration for a gap falls with the square of this time."""
+
+SHARE = 0.95
+"""Part of the limits that a seam uses, so that some is left to follow it."""
+
+AGREEING = 0.02
+"""Up to which angle, rad, a chunk is where a seam under way leads: then that seam stays as it is.
+If every chunk began it again, a long one would never end."""
+
+_LOOKS = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Where a seam is held against the limits."""
+
+
+class Motion(NamedTuple):
+    """Orientation and position at a setpoint, and backward differences as the guard has them.
+
+    Attributes:
+        q: orientation ``(w, x, y, z)``.
+        omega: angular velocity of the last step, rad/s.
+        alpha: angular acceleration of the last two steps, rad/s^2.
+        position: m.
+        velocity: of the last step, m/s.
+        acceleration: of the last two steps, m/s^2.
+    """
+
+    q: Quaternion
+    omega: Vector3
+    alpha: Vector3
+    position: Vector3
+    velocity: Vector3
+    acceleration: Vector3
+
+
+class PreviewState(NamedTuple):
+    """The reference at the last setpoint, as a :class:`Motion`, and how it continues.
+
+    Attributes:
+        q: orientation.
+        omega: rad/s.
+        alpha: rad/s^2.
+        position: m.
+        velocity: m/s.
+        acceleration: m/s^2.
+        next_alpha: angular acceleration with the next step, rad/s^2.
+        next_acceleration: acceleration with the next step, m/s^2.
+    """
+
+    q: Quaternion
+    omega: Vector3
+    alpha: Vector3
+    position: Vector3
+    velocity: Vector3
+    acceleration: Vector3
+    next_alpha: Vector3
+    next_acceleration: Vector3
+
+
+class Preview:
+    """The curve of the chunks that have come.
+
+    Attributes:
+        has_positions: whether the newest chunk says where to be.
+        live: poses of the newest chunk that were still to come when it arrived.
+        stale: poses of all chunks that were not.
+        seam: largest angle by which a chunk contradicted the one before, rad: at its first live
+            pose.
+        least_left_ns: least time that was left of a chunk when the next one came.
+        starved: how many chunks came after the poses had run out.
+    """
+
+    def __init__(
+        self, period: float, limits: TrackingLimits, units: Vector3, linear: TrackingLimits
+    ) -> None:
+        """Know nothing yet.
+
+        Args:
+            period: of a cycle, s.
+            limits: of the orientation, in *units* along the axes.
+            units: see :func:`~orientd.servo.motion_law.limits_of`.
+            linear: limits of the position.
+        """
+        self._period = period
+        self._limits, self._units, self._linear = limits, units, linear
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget every chunk."""
+        self._knots: list[Knot] = []
+        self._piece: Piece | None = None
+        self._state: Motion | None = None
+        self._joins: Knot | None = None
+        self._arrivals = Arrivals(1e9 * self._period)
+        self.has_positions = False
+        self.live = self.stale = self.starved = 0
+        self.least_left_ns: int | None = None
+        self.seam = 0.0
+
+    @property
+    def is_on(self) -> bool:
+        """Whether there is a chunk."""
+        return bool(self._knots)
+
+    @property
+    def end(self) -> Knot:
+        """The last pose."""
+        return self._knots[-1]
+
+    def is_continued(self, now_ns: int) -> bool:
+        """Whether the next chunk is expected before the poses run out, and not overdue."""
+        arrivals = self._arrivals
+        return arrivals.next_ns <= self.end.time_ns and not arrivals.have_ceased(now_ns)
+
+    def take(
+        self,
+        knots: Sequence[Knot],
+        sent: Motion,
+        sent_ns: int,
+        *,
+        has_positions: bool,
+        is_fresh: bool,
+    ) -> str:
+        """Take a chunk.
+
+        Args:
+            knots: its curve, times ascending.
+            sent: the last setpoint.
+            sent_ns: the time of that.
+            has_positions: whether the chunk says where to be.
+            is_fresh: whether nothing is left of the curve before.
+
+        Returns:
+            An empty string, or why the chunk is refused: all of it has passed.
+        """
+        first = bisect_right(knots, sent_ns, key=_time_of)
+        self.stale += first
+        if first == len(knots):
+            return "every pose of the chunk has passed"
+        self._arrivals.note(self.end.time_ns if self._knots else None, sent_ns)
+        knots = [self._eased(knot) for knot in knots[first:]]
+        self.live = len(knots)
+        self._compare(knots[0], sent, sent_ns)
+        kept: list[Knot] = []
+        if self._knots and not is_fresh and has_positions == self.has_positions:
+            kept = self._kept(self._left_ns(knots), sent_ns)
+        self.has_positions = has_positions
+        if kept:
+            start = kept.pop()
+        else:
+            half = 0.5 * self._period
+            velocity = plus(sent.velocity, sent.acceleration, half)
+            omega = plus(sent.omega, sent.alpha, half)
+            more = sent.position, velocity, sent.acceleration
+            start = Knot(sent_ns, sent.q, omega, sent.alpha, *more)
+            self._state = sent
+        piece = self._seam(start, knots)
+        self._joins = piece.there
+        after = bisect_right(knots, piece.there.time_ns, key=_time_of)
+        self._knots = [*kept, start, piece.there, *knots[after:]]
+        self._piece = None if kept else piece
+        return ""
+
+    def _eased(self, knot: Knot) -> Knot:
+        """Return a knot no faster than the limits: a curve through an outlier swings less."""
+        limits = self._limits
+        speed = norm(divided(knot.omega, self._units)) / limits.velocity
+        change = norm(divided(knot.alpha, self._units)) / limits.acceleration
+        if max(speed, change) <= 1.0:
+            return knot
+        return knot._replace(
+            omega=plus(ZERO, knot.omega, 1.0 / max(speed, 1.0)),
+            alpha=plus(ZERO, knot.alpha, 1.0 / max(change, 1.0)),
+        )
+
+    def _compare(self, knot: Knot, sent: Motion, sent_ns: int) -> None:
+        """Note by how much a chunk contradicts the one before, and how late it comes."""
+        if not self._knots:
+            return
+        left_ns = self.end.time_ns - sent_ns
+        if self.least_left_ns is None or left_ns < self.least_left_ns:
+            self.least_left_ns = left_ns
+        if left_ns <= 0:
+            self.starved += 1
+        q = sent.q if left_ns <= 0 else self._piece_at(knot.time_ns).at(knot.time_ns)[0]
+        self.seam = max(self.seam, norm(difference(q, knot.q)))
+
+    def _left_ns(self, knots: Sequence[Knot]) -> int:
+        """Return until when the old curve stays: to the end of its seam if *knots* go by there."""
+        until_ns, joins = knots[0].time_ns - BRIDGE_NS, self._joins
+        if joins is None or not knots[0].time_ns <= joins.time_ns < knots[-1].time_ns:
+            return until_ns
+        place = bisect_right(knots, joins.time_ns, key=_time_of)
+        piece = Piece(knots[place - 1], knots[place])
+        ahead = piece.at(joins.time_ns)[0], piece.at(joins.time_ns + 1_000_000)[0]
+        omega = plus(ZERO, difference(*ahead), 1e3)
+        gap = norm(difference(ahead[0], joins.q))
+        gap += 1e-9 * BRIDGE_NS * norm(plus(omega, joins.omega, -1.0))
+        return joins.time_ns if gap < AGREEING else until_ns
+
+    def _kept(self, until_ns: int, sent_ns: int) -> list[Knot]:
+        """Return the knots that stay of the old curve before *until_ns*, from that before now on.
+
+        Empty if none of them is still to come: the seam begins at what was sent then.
+        """
+        knots = self._knots
+        begin = max(bisect_right(knots, sent_ns, key=_time_of) - 1, 0)
+        end = bisect_right(knots, until_ns, key=_time_of)
+        return knots[begin:end] if end - begin > 1 else []
+
+    def _seam(self, start: Knot, knots: Sequence[Knot]) -> Piece:
+        """Return the piece from *start* to the first knot from which on the limits are kept."""
+        earliest_ns = start.time_ns + BRIDGE_NS
+        place = min(bisect_right(knots, earliest_ns - 1, key=_time_of), len(knots) - 1)
+        found: tuple[float, Piece] | None = None
+        for knot in knots[place:]:
+            piece = Piece(start, knot)
+            excess = self._excess(piece)
+            if found is None or excess < found[0]:
+                found = excess, piece
+            if excess <= 1.0:
+                break
+        if found is None:
+            raise ValueError("a chunk has at least one pose")
+        return found[1]
+
+    def _excess(self, piece: Piece) -> float:
+        """Return how many times a seam needs what it may use of any limit."""
+        span, units = piece.span, self._units
+        turning = _most(self._limits, span)
+        moving = _most(self._linear, span) if self.has_positions else None
+        excess = 0.0
+        for u in _LOOKS:
+            for rate, most in zip(piece.turn.derivatives(u), turning, strict=True):
+                excess = max(excess, norm(divided(rate, units)) / most)
+            if moving is not None:
+                for rate, most in zip(piece.way.derivatives(u), moving, strict=True):
+                    excess = max(excess, norm(rate) / most)
+        return excess
+
+    def _piece_at(self, time_ns: int) -> Piece:
+        """Return the piece of the curve at an instant, or the first or last one beyond its ends."""
+        piece, knots = self._piece, self._knots
+        if piece is not None and piece.here.time_ns <= time_ns < piece.there.time_ns:
+            return piece
+        place = bisect_right(knots, time_ns, key=_time_of)
+        place = min(max(place, 1), len(knots) - 1)
+        return Piece(knots[place - 1], knots[place])
+
+    def at(self, now_ns: int) -> PreviewState:
+        """Return the reference at the setpoint before *now_ns*, and how it continues to there.
+
+        To be asked once for every setpoint, in order.
+        """
+        before, h = self._state, self._period
+        if before is None:
+            raise ValueError("no chunk has come")
+        end = self.end
+        if now_ns >= end.time_ns:
+            q, position = end.q, end.position
+        else:
+            self._piece = piece = self._piece_at(now_ns)
+            q, position = piece.at(now_ns)
+        omega = plus(ZERO, difference(before.q, q), 1.0 / h)
+        alpha = combine(omega, 1.0 / h, before.omega, -1.0 / h)
+        velocity = combine(position, 1.0 / h, before.position, -1.0 / h)
+        acceleration = combine(velocity, 1.0 / h, before.velocity, -1.0 / h)
+        self._state = Motion(q, omega, alpha, position, velocity, acceleration)
+        return PreviewState(*before, alpha, acceleration)
+
+
+def _most(limits: TrackingLimits, span: float) -> tuple[float, float, float]:
+    """Return the largest derivatives of a seam by the share of its *span*, s."""
+    return (
+        SHARE * limits.velocity * span,
+        SHARE * limits.acceleration * span**2,
+        limits.jerk * span**3,
+    )
+
+
+def _time_of(knot: Knot) -> int:
+    return knot.time_ns

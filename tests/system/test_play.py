@@ -1,0 +1,138 @@
+"""Chunks of poses through a real daemon: from the client to the setpoints that the driver got."""
+
+import math
+import threading
+import time
+
+import numpy as np
+import pytest
+from harness import DaemonProcess, until
+from scipy.spatial.transform import Rotation
+
+import orientd
+from orientd.errors import OrientdError, RequestError
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import to_vector
+
+Q = orientd.Quaternion
+RATE = 30.0
+
+
+@pytest.fixture(scope="module")
+def process(tmp_path_factory):
+    with DaemonProcess(tmp_path_factory.mktemp("daemon")) as process:
+        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
+        yield process
+
+
+@pytest.fixture
+def before(process):
+    """How many setpoints the driver got before the test, but for those that differences take."""
+    return max(0, len(process.sent()) - 3)
+
+
+@pytest.fixture
+def robot(process, before):
+    with orientd.connect(process.socket) as robot:
+        robot.move([Q(w=1, x=0, y=0, z=0)], approach=True).wait(20.0)
+        yield robot
+
+
+def about_z(angles):
+    return Rotation.from_rotvec([[0.0, 0.0, angle] for angle in angles])
+
+
+def angle_of(report):
+    return 2.0 * math.atan2(report.q.z, report.q.w)
+
+
+def test_a_chunk_is_played_to_its_last_pose(process, robot, before):
+    with robot.play() as play:
+        play.chunk(about_z(0.01 * np.arange(30)), rate=RATE)
+    assert angle_of(play.report) == pytest.approx(0.29, abs=1e-5)
+    timing = play.timing()
+    assert (timing.chunks, timing.live, timing.stale, timing.starved) == (1, 30, 0, 0)
+    process.assert_limits_kept(before)
+
+
+def test_chunks_of_a_policy_make_one_motion(process, robot, before):
+    begin = time.monotonic()
+
+    def pose(t):
+        return 0.3 * math.sin(2.0 * t)
+
+    with robot.play() as play:
+        for _ in range(8):
+            observed = time.monotonic()
+            time.sleep(0.1)  # infers
+            stamps = observed + np.arange(16) / RATE
+            play.chunk(about_z([pose(t - begin) for t in stamps]), times=stamps)
+        until(lambda: play.timing().chunks == 8, "the last chunk")
+        timing = play.timing()
+        assert timing.stale >= 8 * 3
+        assert 0.1 <= timing.inference < math.inf > timing.longest_inference
+    process.assert_limits_kept(before)
+
+
+def test_every_form_of_a_pose_is_taken_and_no_pose_is_skipped(robot):
+    poses = [
+        Q(w=1, x=0, y=0, z=0),
+        Rotation.from_rotvec([0.0, 0.0, 0.02]),
+        {"rotation_vector": [0.0, 0.0, 0.04]},
+        Q(w=math.nan, x=0, y=0, z=0),
+        {"quaternion": {"w": 0.0, "x": 0.0, "y": 0.0, "z": 0.0}},
+        Q(w=0.5, x=0, y=0, z=0),
+        {"rotation_vector": [math.nan, 0.0, 0.0]},
+        {"rotation_vector": [0.0, 0.0, 0.1]},
+    ]
+    with robot.play() as play:
+        play.chunk(poses, rate=RATE)
+    assert angle_of(play.report) == pytest.approx(0.1, abs=1e-5)
+    assert play.timing().skipped == 4
+
+
+def test_positions_are_played_too(robot):
+    with robot.play() as play:
+        positions = np.column_stack([np.linspace(0.0, 0.03, 30), np.zeros(30), np.zeros(30)])
+        play.chunk(about_z(np.linspace(0.0, 0.1, 30)), rate=RATE, positions=positions)
+        play.wait(10.0)
+        play.chunk(
+            [{"rotation_vector": [0, 0, 0.1], "position": [0.03, 0.01 * k, 0]} for k in (0, 1, 2)],
+            rate=10.0,
+        )
+    (device,) = robot.state().devices.values()
+    assert to_vector(device.cycle.position) == pytest.approx((0.03, 0.02, 0.0), abs=1e-4)
+
+
+def test_a_chunk_that_is_not_well_formed_is_refused_at_once(robot):
+    wrong = [
+        ({}, "rate"),
+        ({"rate": 30.0, "times": [0.1, 0.2]}, "times"),
+        ({"times": [0.1]}, "times"),
+        ({"rate": 30.0, "positions": [[0, 0, 0]]}, "positions"),
+        ({"rate": 30.0, "angular_velocities": [[0, 0]] * 2}, "angular_velocities"),
+        ({"rate": 30.0, "velocity_frame": "tool"}, "velocity_frame"),
+    ]
+    with robot.play() as play:
+        for options, field in wrong:
+            with pytest.raises(RequestError, match=field):
+                play.chunk(about_z([0.0, 0.1]), **options)
+
+
+def test_a_chunk_that_the_daemon_refuses_is_counted(robot):
+    with robot.play() as play:
+        play.chunk(about_z(np.zeros(65)), rate=RATE)
+        play.chunk(about_z([0.0]), times=[time.monotonic() + 20.0])
+        play.send(pb.TrackRequest(chunk=pb.TrackChunk(times_ns=[1], orientations=[1.0, 0.0])))
+        until(lambda: play.report.refused == 3, "the refusals")
+        assert "chunk.orientations" in play.report.refusal
+
+
+def test_a_stop_ends_the_playing(process, robot, before):
+    play = robot.play()
+    play.chunk(about_z(0.02 * np.arange(60)), rate=RATE)
+    threading.Timer(0.3, robot.stop).start()
+    with pytest.raises(OrientdError, match="no more"):
+        play.wait(10.0)
+    play.close()
+    process.assert_limits_kept(before)

@@ -1,0 +1,23 @@
+"""Chunks of poses for a tracker in virtual time."""
+
+from tracking_world import NS, World
+
+from orientd.driver import ZERO
+from orientd.servo.tracking import knots_of
+from orientd.stream import Sample
+
+
+class ChunkWorld(World):
+    """A world that plays chunks of orientations."""
+
+    def chunk(self, samples):
+        """Hand over (time_ns, q) or (time_ns, q, omega) at the next cycle; return the answer."""
+        knots = knots_of([Sample(*sample) for sample in samples])
+        at_rest = (ZERO, ZERO, ZERO)
+        due_ns = self.now_ns + self.period_ns
+        return self.tracker.take_chunk(knots, due_ns, at_rest, has_positions=False)
+
+    def poses(self, begin_ns, count, hz, motion):
+        """Return *count* samples of *motion*, a function of seconds since the world began."""
+        stamps = [begin_ns + round(k / hz * NS) for k in range(count)]
+        return [(stamp, motion((stamp - NS) / NS)) for stamp in stamps]
