@@ -116,7 +116,7 @@ def _parameter(name: str, annotation: Any, default: Any) -> click.Parameter:  # 
         return click.Argument([name], **settings)
     spelt = name.replace("_", "-")
     flag = f"--{spelt}/--no-{spelt}" if kind is bool else f"--{spelt}"
-    settings["is_flag"] = kind is bool
+    settings["is_flag"] = True if kind is bool else None  # False lets Click omit a value
     settings["multiple"] = is_list
     settings["show_default"] = default not in (None, "") and default is not False
     return click.Option([*(said.names or (flag,)), name], **settings)
