@@ -102,11 +102,11 @@ _ROS = {
     VECTOR: "float64 x\nfloat64 y\nfloat64 z\n",
 }
 _NUMPY: Mapping[str, Any] = {
-    "bool": ("?",), "uint32": ("<u4",), "int64": ("<i8",), "float64": ("<f8",),
-    "string": ("<u4",), QUATERNION: ("<f8", (4,)), VECTOR: ("<f8", (3,)), AXES: ("<f8", (JOINTS,)),
+    "bool": "?", "uint32": "<u4", "int64": "<i8", "float64": "<f8", "string": "<u4",
+    QUATERNION: ("<f8", 4), VECTOR: ("<f8", 3), AXES: ("<f8", JOINTS),
 }  # fmt: skip
 
-CYCLES = np.dtype([(one.name, *_NUMPY[one.type]) for one in COLUMNS if one.name])
+CYCLES = np.dtype([(one.name, _NUMPY[one.type]) for one in COLUMNS if one.name])
 """The servo's cycle record, byte for byte; states and faults are numbers of their enumerations."""
 
 Table = NDArray[np.void]
@@ -117,6 +117,7 @@ _NAMES: Mapping[str, Mapping[int, str]] = {
 }
 _CDR = b"\x00\x01\x00\x00"
 """Head of a message: little-endian, plain."""
+_LENGTH = struct.Struct("<I")
 
 
 def named(name: str, numbers: NDArray[Any]) -> list[str]:
@@ -150,9 +151,7 @@ def schema() -> str:
     """Return the definition of a cycle's message."""
     plain = [one for one in COLUMNS if one.path and "." not in one.path]
     lines = ["# A cycle of a device. Without feedback, what was measured is NaN.\n\n"]
-    lines += [_field(one) for one in plain if one.type not in ("uint32", "string")]
-    # Three numbers of four bytes and four truth values keep the next field at a multiple of eight.
-    lines += [_field(one) for one in plain if one.type == "uint32"]
+    lines += [_field(one) for one in plain if one.type != "string"]
     lines += [f"# {doc}\nbool {name}\n" for name, (_, doc) in FLAGS.items()]
     lines += [f"{kind} {group}\n" for group, kind in _GROUPS.items()]
     lines += [_field(one) for one in plain if one.type == "string"]
@@ -189,8 +188,20 @@ class Layout:
         main, *others = re.split(r"^=+\nMSG: (.*)\n", definition, flags=re.MULTILINE)
         bodies = dict(zip(others[::2], others[1::2], strict=True))
         fields = list(_fields(main, bodies, ""))
-        self.fixed = np.dtype([(name, *_NUMPY[kind]) for name, kind in fields if kind != "string"])
         self.strings = [name for name, kind in fields if kind == "string"]
+        names, formats, offsets, end = [], [], [], 0
+        for name, kind in fields:
+            if kind != "string":
+                one = np.dtype(_NUMPY[kind])
+                end += -end % one.base.itemsize
+                names.append(name)
+                formats.append(one)
+                offsets.append(end)
+                end += one.itemsize
+        end += -end % _LENGTH.size
+        self.fixed = np.dtype(
+            {"names": names, "formats": formats, "offsets": offsets, "itemsize": end}
+        )
 
     def cycles(self, messages: Sequence[bytes]) -> Table:
         """Return the cycles of messages; a quantity that they lack is zero, NaN for axis angles.
@@ -209,8 +220,8 @@ class Layout:
                 is_q = column.type == QUATERNION
                 table[column.name] = content[:, [3, 0, 1, 2]] if is_q else content
         table["feedback_time_ns"] = table["deadline_ns"] - table["feedback_time_ns"]
-        for name, (flag, _) in FLAGS.items():
-            table["flags"] |= np.where(fixed[name], np.uint32(flag), np.uint32(0))
+        for name in FLAGS.keys() & (self.fixed.names or ()):
+            table["flags"] |= np.where(fixed[name], np.uint32(FLAGS[name][0]), np.uint32(0))
         table["feedback_time_ns"][(table["flags"] & CycleFlag.FEEDBACK) == 0] = 0
         tails = {one[end:] for one in messages}
         told = {tail: self._strings(tail) for tail in tails}
@@ -221,8 +232,8 @@ class Layout:
     def _strings(self, tail: bytes) -> dict[str, str]:
         found, at = {}, 0
         for name in self.strings:
-            at += -at % 4
-            (length,) = struct.unpack_from("<I", tail, at)
+            at += -at % _LENGTH.size
+            (length,) = _LENGTH.unpack_from(tail, at)
             found[name] = tail[at + 4 : at + 3 + length].decode()
             at += 4 + length
         return found
@@ -283,5 +294,5 @@ def _tail(strings: tuple[str, ...]) -> bytes:
     tail = b""
     for text in strings:
         content = text.encode() + b"\0"
-        tail += bytes(-len(tail) % 4) + struct.pack("<I", len(content)) + content
+        tail += bytes(-len(tail) % _LENGTH.size) + _LENGTH.pack(len(content)) + content
     return tail

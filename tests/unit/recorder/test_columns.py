@@ -170,17 +170,23 @@ def test_no_cycles_are_no_messages():
 
 def test_a_schema_of_another_version_is_read_by_its_names():
     text = schema()
-    without = text.replace("float64[8] joints\n", "").replace("uint32 missed\n", "")
+    without = (
+        text.replace("float64[8] joints\n", "")
+        .replace("uint32 missed\n", "")
+        .replace("bool is_arriving\n", "")
+    )
     added = without.replace("int64 index\n", "int64 index\nfloat64 power_w\n")
     fixed = Layout(added).fixed
     rows = np.zeros(2, fixed)
     rows["index"], rows["sent.q"], rows["power_w"] = [4, 5], [0.0, 0.0, 0.6, 0.8], 3.0
+    rows["is_written"] = True
     tail = b"\5\0\0\0idle\0\0\0\0\5\0\0\0none\0"
     messages = [b"\0\1\0\0" + row.tobytes() + tail for row in rows]
     found = Layout(added).cycles(messages)
     assert found["index"].tolist() == [4, 5]
     assert found["sent_q"].tolist() == [[0.8, 0.0, 0.0, 0.6]] * 2
     assert found["missed"].tolist() == [0, 0]
+    assert found["flags"].tolist() == [CycleFlag.WRITTEN] * 2
     assert np.isnan(found["sent_joints"]).all()
     with pytest.raises(ValueError, match="the unknown type 'lab/Thing' of thing"):
         Layout(f"lab/Thing thing\n{text}")
