@@ -3,6 +3,7 @@
 import json
 import os
 import subprocess
+import time
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from gimbal_bench import EmulatedGimbal
 from harness import DEVICE, DaemonProcess, peaks, until
 
 from orientd.protocol import control_pb2 as pb
-from orientd.rotation import conjugate, log, multiply
+from orientd.rotation import angle, conjugate, exp, log, multiply
+from orientd_loopback import read_recording
 
 RATE = 0.8
 
@@ -70,6 +72,33 @@ def test_a_motion_is_done_on_target_as_it_is_asked(daemon, tmp_path):
     words = ("move", file, "--socket", daemon.socket, "--on-target")
     assert told(*words, "1,1,0.05")["summary"]["outcome"] == "done"
     assert inside(*words, "1,1").returncode == 2
+
+
+def test_a_motion_starts_after_the_delay_that_is_given(daemon, tmp_path):
+    file = tmp_path / "there.json"
+    file.write_text(json.dumps({"keyframes": [{"rotation_vector": [0, 0, -0.2]}]}))
+    asked_ns, begun = time.monotonic_ns(), len(daemon.sent())
+    told("move", file, "--start-in", "5", "--socket", daemon.socket)
+    sent = read_recording(daemon.recording)[begun:]
+    first = next(one for one in sent if one.q != sent[0].q)
+    assert first.time_ns >= asked_ns + 5_000_000_000
+
+
+def test_a_queued_motion_is_blended_by_at_most_what_is_given(daemon, tmp_path):
+    there, on = tmp_path / "there.json", tmp_path / "on.json"
+    there.write_text(
+        json.dumps({"keyframes": [{"rotation_vector": [0, 0, 1.5]}], "limits": {"velocity": 0.5}})
+    )
+    keyframes = [{"rotation_vector": [0, 0, 1.5]}, {"rotation_vector": [0.6, 0, 1.5]}]
+    on.write_text(json.dumps({"keyframes": keyframes, "approach": True}))
+    with begin("move", there, "--socket", daemon.socket, "--json", env=environment()) as first:
+        until(lambda: daemon.device().path_time > 0.3, "the first motion")
+        words = ("--queue", "--blend", "5", "--lease", "--socket", daemon.socket)
+        assert told("move", on, *words)["summary"]["outcome"] == "done"
+        output, _ = first.communicate(timeout=30)
+    assert json.loads(output)["summary"]["outcome"] == "passed"
+    corner = exp([0.0, 0.0, 1.5])
+    assert 1e-3 < angle(daemon.sent(), corner).min() <= np.radians(5.0) + 1e-9
 
 
 def test_emulated_servos_listen_at_the_line_speed_that_is_given(tmp_path):
