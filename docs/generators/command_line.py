@@ -56,7 +56,7 @@ def _command(command: Any, above: Any, name: str, *, level: int) -> Iterator[str
 
 def _rows(command: Any, context: Any) -> Iterator[str]:  # noqa: ANN401 - Click's
     for parameter in command.get_params(context):
-        if parameter.name == "help" or getattr(parameter, "hidden", False):
+        if "--help" in parameter.opts or getattr(parameter, "hidden", False):
             continue
         record = parameter.get_help_record(context)
         if not record or not record[1].partition("[")[0].strip():

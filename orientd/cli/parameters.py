@@ -113,6 +113,8 @@ def _parameter(name: str, annotation: Any, default: Any) -> click.Parameter:  # 
     if not settings["required"] and not is_list:
         settings["default"] = default
     if isinstance(said, Argument):
+        if not settings["required"]:
+            settings["metavar"] = f"[{settings['metavar']}]"
         return click.Argument([name], **settings)
     spelt = name.replace("_", "-")
     flag = f"--{spelt}/--no-{spelt}" if kind is bool else f"--{spelt}"
