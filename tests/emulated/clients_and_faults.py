@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+from functools import partial
 from types import SimpleNamespace
 
 from orientd.config import Role
@@ -95,10 +96,10 @@ class Client:
                     self.attempt(self.release)
                 self.system.scheduler.sleep(self.random.expovariate(0.1))
 
-    def keep(self):
-        """Renew the lease in time, but for now and then."""
+    def keep(self, lapses=0.05):
+        """Renew the lease in time, or too late in a share of *lapses*."""
         while True:
-            self.system.scheduler.sleep(0.5 if self.random.random() < 0.95 else 5.0)
+            self.system.scheduler.sleep(5.0 if self.random.random() < lapses else 0.5)
             if self.token:
                 self.attempt(self.renew)
 
@@ -378,6 +379,7 @@ class Mender(Client):
                 break
         else:
             system.tell(f"the device cannot be mended: {self._present()}")
+        system.scheduler.sleep(1.0)  # until the device's thread has heard of the rest
         daemon = system.daemon
         device = daemon.devices.device("arm")
         left = [run.number for run in device.unfinished()]
@@ -401,7 +403,7 @@ class Mender(Client):
         keyframe = pb.Keyframe(quaternion=pb.Quaternion(w=1.0), position=pb.Vector3())
         motion = pb.MotionRequest(keyframes=[keyframe], approach=True)
         self.begin_move(pb.MoveRequest(device="arm", lease_token=self.token, motion=motion))
-        self.system.scheduler.spawn(self.keep, "keep")
+        self.system.scheduler.spawn(partial(self.keep, lapses=0.0), "keep")
 
 
 class Weather:
@@ -526,6 +528,7 @@ def play(system, seconds, *, every=10.0):
         every: mean time from one trouble to the next, s.
     """
     scheduler = system.scheduler
+    scheduler.preemption = system.random.choice((0.0, 0.01, 0.1))
     system.start_daemon()
     system.run(1.0)
     crowd = [Client(system, "ana", "ana"), Client(system, "tool", "ana")]

@@ -58,6 +58,7 @@ class Scheduler:
         wall_ns: by how much the wall clock is ahead of it.
         random: decides whatever is left open.
         problems: what a task ended by that was no orderly end.
+        preemption: how likely a task is to wait before it takes a lock that is free.
     """
 
     def __init__(self, seed):
@@ -65,6 +66,7 @@ class Scheduler:
         self.wall_ns = 1_700_000_000 * 10**9
         self.random = random.Random(seed)
         self.problems = []
+        self.preemption = 0.0
         self.hub = getcurrent()
         self._due = []
         self._count = itertools.count()
@@ -100,6 +102,11 @@ class Scheduler:
         until_ns = self.now_ns + max(0, math.ceil(seconds * 1e9))
         while self.wait(until_ns):
             pass  # woken for the sake of what it has waited for before
+
+    def give_way(self):
+        """Let others run first, now and then, as a thread does whose time is over."""
+        if self.current() is not None and self.random.random() < self.preemption:
+            self.sleep(self.random.choice((0.0, 0.0, 0.001, 0.02)))
 
     def wake(self, task):
         """End the wait of *task* at this instant."""
@@ -161,6 +168,8 @@ class VirtualLock:
 
     def acquire(self, blocking=True, timeout=-1):
         scheduler = self._scheduler
+        if blocking:
+            scheduler.give_way()
         until_ns = None if timeout < 0 else scheduler.now_ns + math.ceil(timeout * 1e9)
         while self._is_locked:
             if not blocking or (until_ns is not None and scheduler.now_ns >= until_ns):
