@@ -51,18 +51,6 @@ def endless_motion(keyframes: int = 6000) -> pb.MotionRequest:
     return pb.MotionRequest(keyframes=frames, method="min_acceleration", approach=True)
 
 
-def deaf_motion() -> pb.MotionRequest:
-    """Return what is planned in one call of a kernel, which hears nothing until it is done.
-
-    The records of a whole day are held against the limits: seconds, longer at higher rates.
-    """
-    frames = [
-        pb.Keyframe(time=43_200.0 * k, rotation_vector=pb.Vector3(x=x, y=0.0, z=z))
-        for k, (x, z) in enumerate([(0.0, 0.0), (1.3, 0.0), (0.0, 1.5)])
-    ]
-    return pb.MotionRequest(keyframes=frames, approach=True)
-
-
 def raw_channel(socket: str) -> grpc.Channel:
     """Return a connection of its own."""
     return grpc.insecure_channel(

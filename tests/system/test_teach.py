@@ -45,10 +45,6 @@ def measured_ns(cycle):
     return cycle.deadline_ns - cycle.feedback_age_ns
 
 
-def measured_at(robot):
-    return measured_ns(robot.state().devices["arm"].cycle)
-
-
 @contextlib.contextmanager
 def cycles_of(daemon):
     """Gather every cycle, by a client of its own."""

@@ -17,7 +17,6 @@ from orientd.tolerances import GUARD_TOLERANCE
 
 CASES = int(os.environ.get("ORIENTD_CASES", "12"))
 _SLOW_CASES = ((8, 8, 0), (2, None, 3), (1, 8, 3))
-_TICK = 2 * np.pi / 4096
 _ORDERS = ("ZYX", "ZXY", "XYZ", "YZX")
 
 

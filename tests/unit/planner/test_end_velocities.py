@@ -236,9 +236,6 @@ def test_it_takes_no_longer_than_single_moves(name):
     check(motion, keys, ends, LIMITS[limits])
 
 
-BEND = [ORIGIN, [0.1, 0.3, 0.8], [0.5, 0.3, 0.8]]
-
-
 @pytest.mark.parametrize("duration", [0.71, 0.75, 0.9, 1.0, 1.4])
 def test_a_duration_keeps_the_velocity_at_the_end(duration):
     keys, ends = (

@@ -19,8 +19,6 @@ quaternions = (
     .map(rotation.normalize)
 )
 vectors = arrays(np.float64, 3, elements=st.floats(-10.0, 10.0, allow_subnormal=False))
-short_vectors = arrays(np.float64, 3, elements=st.floats(-1.0, 1.0, allow_subnormal=False))
-
 LENGTHS = [0.0, 1e-300, 1e-160, 1e-20, 1e-9, 1e-8, 1e-4, 0.1, 1.0, 3.0]
 NEAR_PI = [np.pi - d for d in (1.0, 1e-3, 1e-8, 1e-12, 1e-15)]
 AXIS = np.array([2.0, -3.0, 6.0]) / 7.0
