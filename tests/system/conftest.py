@@ -3,6 +3,17 @@
 import pytest
 from access_cell import Cell
 from gimbal_bench import EmulatedGimbal
+from harness import DaemonProcess
+
+from orientd.protocol import control_pb2 as pb
+
+
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory):
+    """Return a daemon with a loopback device whose lease is free, while a module's tests run."""
+    with DaemonProcess(tmp_path_factory.mktemp("daemon")) as process:
+        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
+        yield process
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ import sys
 
 import pytest
 from command_line import assert_refused, begin, inside, orientd
-from harness import DaemonProcess, is_alive, until
+from harness import is_alive, until
 
 import orientd as package
 from orientd.errors import OrientdError, RequestError
@@ -89,13 +89,6 @@ ON_THE_WIRE = set(BAD_MOTIONS) - {
 each = pytest.mark.parametrize(
     ("bad", "line"), BAD_MOTIONS.values(), ids=[name.replace(" ", "_") for name in BAD_MOTIONS]
 )
-
-
-@pytest.fixture(scope="module")
-def daemon(tmp_path_factory):
-    with DaemonProcess(tmp_path_factory.mktemp("daemon")) as process:
-        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
-        yield process
 
 
 @pytest.fixture(autouse=True)

@@ -9,20 +9,13 @@ import numpy as np
 import pytest
 from command_line import begin, environment, inside
 from gimbal_bench import EmulatedGimbal
-from harness import DEVICE, DaemonProcess, peaks, until
+from harness import DEVICE, peaks, until
 
 from orientd.protocol import control_pb2 as pb
 from orientd.rotation import angle, conjugate, exp, log, multiply
 from orientd_loopback import read_recording
 
 RATE = 0.8
-
-
-@pytest.fixture(scope="module")
-def daemon(tmp_path_factory):
-    with DaemonProcess(tmp_path_factory.mktemp("daemon")) as process:
-        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
-        yield process
 
 
 def told(*words):

@@ -22,13 +22,6 @@ TURN = (
 
 
 @pytest.fixture(scope="module")
-def daemon(tmp_path_factory):
-    with DaemonProcess(tmp_path_factory.mktemp("daemon")) as process:
-        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
-        yield process
-
-
-@pytest.fixture(scope="module")
 def view(daemon):
     with view_of(daemon.socket) as process:
         yield process

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from browser import CHROMIUM, open_browser, page_of, view_of
 from gimbal_bench import SLOW_MACHINE, ExampleDaemon, await_hold
-from harness import DaemonProcess, spin, until
+from harness import spin, until
 
 from emulated_ur import EmulatedRobot
 from orientd import motion_file
@@ -26,13 +26,6 @@ pytestmark = pytest.mark.skipif(
 TURN = (
     b"keyframes: [{rotation_vector: [0.1, 0, 0]}, {rotation_vector: [0, 0, 0.2]}]\napproach: true\n"
 )
-
-
-@pytest.fixture(scope="module")
-def daemon(tmp_path_factory):
-    with DaemonProcess(tmp_path_factory.mktemp("daemon")) as process:
-        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
-        yield process
 
 
 @pytest.fixture(scope="module")
