@@ -32,6 +32,7 @@ CHOSEN = {
         "Tracking",
         "Playing",
         "PlayTiming",
+        "Clutch",
         "Teaching",
         "MeasuredPose",
         "RequestFields",

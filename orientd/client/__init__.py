@@ -8,6 +8,7 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.client.channel import Way, certificate_files, default_socket, found_socket, target
+    from orientd.client.clutch import Clutch
     from orientd.client.connection import Connection, StartAt
     from orientd.client.endless_turn import EndlessTurn
     from orientd.client.motion_request import RequestFields
@@ -16,8 +17,9 @@ if TYPE_CHECKING:
     from orientd.client.playing import Playing, PlayTiming
     from orientd.client.robot import Robot, after_stop, connect
     from orientd.client.stop_call import ask_to_stop
+    from orientd.client.target_messages import TARGET_KEYS, target_message
     from orientd.client.teaching import MeasuredPose, Teaching
-    from orientd.client.tracking import TARGET_KEYS, Tracking, target_message
+    from orientd.client.tracking import Tracking
     from orientd.client.trust import check_folder
 
 __getattr__ = lazily(
@@ -30,6 +32,7 @@ __getattr__ = lazily(
             "found_socket",
             "target",
         ),
+        "orientd.client.clutch": ("Clutch",),
         "orientd.client.connection": ("Connection", "StartAt"),
         "orientd.client.endless_turn": ("EndlessTurn",),
         "orientd.client.motion_request": ("RequestFields",),
@@ -38,8 +41,9 @@ __getattr__ = lazily(
         "orientd.client.playing": ("PlayTiming", "Playing"),
         "orientd.client.robot": ("Robot", "after_stop", "connect"),
         "orientd.client.stop_call": ("ask_to_stop",),
+        "orientd.client.target_messages": ("TARGET_KEYS", "target_message"),
         "orientd.client.teaching": ("MeasuredPose", "Teaching"),
-        "orientd.client.tracking": ("TARGET_KEYS", "Tracking", "target_message"),
+        "orientd.client.tracking": ("Tracking",),
         "orientd.client.trust": ("check_folder",),
     },
 )

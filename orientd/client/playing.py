@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, get_args
 
-from orientd.client.tracking import Frame, Tracking, orientation_of
+from orientd.client.target_messages import Frame, orientation_of
+from orientd.client.tracking import Tracking
 from orientd.driver import Quaternion as Orientation
 from orientd.errors import RequestError
 from orientd.model import to_plain

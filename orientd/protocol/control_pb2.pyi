@@ -1033,7 +1033,7 @@ class ChunkReport(_message.Message):
     def __init__(self, chunks: _Optional[int] = ..., live: _Optional[int] = ..., stale: _Optional[int] = ..., skipped: _Optional[int] = ..., starved: _Optional[int] = ..., largest_seam: _Optional[float] = ..., behind: _Optional[float] = ..., largest_behind: _Optional[float] = ..., least_left: _Optional[float] = ...) -> None: ...
 
 class TrackResponse(_message.Message):
-    __slots__ = ("state", "q", "omega_body", "time_ns", "targets", "left_out", "refused", "refusal", "error", "chunks")
+    __slots__ = ("state", "q", "omega_body", "time_ns", "targets", "left_out", "refused", "refusal", "error", "chunks", "position")
     STATE_FIELD_NUMBER: _ClassVar[int]
     Q_FIELD_NUMBER: _ClassVar[int]
     OMEGA_BODY_FIELD_NUMBER: _ClassVar[int]
@@ -1044,6 +1044,7 @@ class TrackResponse(_message.Message):
     REFUSAL_FIELD_NUMBER: _ClassVar[int]
     ERROR_FIELD_NUMBER: _ClassVar[int]
     CHUNKS_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
     state: State
     q: Quaternion
     omega_body: Vector3
@@ -1054,7 +1055,8 @@ class TrackResponse(_message.Message):
     refusal: str
     error: float
     chunks: ChunkReport
-    def __init__(self, state: _Optional[_Union[State, str]] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ..., chunks: _Optional[_Union[ChunkReport, _Mapping]] = ...) -> None: ...
+    position: Vector3
+    def __init__(self, state: _Optional[_Union[State, str]] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ..., chunks: _Optional[_Union[ChunkReport, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
 class CommandRequest(_message.Message):
     __slots__ = ("lease_token", "device")

@@ -136,3 +136,20 @@ def test_a_stop_ends_the_playing(process, robot, before):
         play.wait(10.0)
     play.close()
     process.assert_limits_kept(before)
+
+
+def test_a_hand_moves_the_device_and_letting_go_moves_nothing(process, robot, before):
+    with robot.play() as play:
+        with play.engage(scale=0.5) as clutch:
+            for k in range(20):
+                clutch.move(Rotation.from_rotvec([0.0, 1.0, 0.02 * k]))
+                time.sleep(0.02)
+        until(lambda: math.hypot(*to_vector(play.report.omega_body)) < 1e-9, "rest")
+        rest = angle_of(play.report)
+        assert rest > 0.1
+        with play.engage() as clutch:
+            for _ in range(10):
+                clutch.move(Rotation.from_rotvec([2.0, 0.0, 0.0]))
+                time.sleep(0.02)
+        assert angle_of(play.report) == pytest.approx(rest, abs=1e-6)
+    process.assert_limits_kept(before)

@@ -75,6 +75,7 @@ class Following:
             else None,
             state=f"STATE_{cycle.state.name}",
             q=quaternion(cycle.q),
+            position=vector(cycle.position),
             omega_body=vector(cycle.omega_body),
             time_ns=cycle.deadline_ns,
             targets=given - self._given,

@@ -1,0 +1,85 @@
+"""Targets as people write them in Python, and as messages."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+from orientd.client.motion_request import keyframe_mappings
+from orientd.driver import Quaternion as Orientation
+from orientd.driver import Vector3
+from orientd.errors import RequestError
+from orientd.model import FORMS, joined, read_keyframe
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import quaternion
+from orientd.rotation import Quaternion
+from orientd.spelling import did_you_mean
+
+Frame = Literal["body", "world"]
+
+TARGET_KEYS = ("angular_velocity", "velocity_frame", "time_ns", "time_to_live", "position")
+"""What a target may say beside its orientation."""
+
+
+def target_message(
+    target: object,
+    *,
+    angular_velocity: Vector3 | None = None,
+    velocity_frame: Frame = "body",
+    time_ns: int = 0,
+    time_to_live: float = 0.0,
+    position: Vector3 | None = None,
+) -> pb.TrackTarget:
+    """Return a target as a message; see :meth:`Tracking.aim`.
+
+    Raises:
+        RequestError: the target is not well formed.
+    """
+    if velocity_frame not in get_args(Frame):
+        raise RequestError(
+            "target.velocity_frame", f"expected 'body' or 'world', got {velocity_frame!r}"
+        )
+    if not isinstance(time_ns, int):
+        raise RequestError("target.time_ns", f"expected a whole number, got {time_ns!r}")
+    if not isinstance(time_to_live, int | float):
+        raise RequestError("target.time_to_live", f"expected a number, got {time_to_live!r}")
+    message = pb.TrackTarget(time_ns=time_ns, time_to_live=time_to_live)
+    message.orientation.CopyFrom(quaternion(orientation_of(target)))
+    if angular_velocity is not None:
+        message.angular_velocity.CopyFrom(_vector("angular_velocity", angular_velocity))
+        message.velocity_frame = pb.FRAME_WORLD if velocity_frame == "world" else pb.FRAME_BODY
+    if position is not None:
+        message.position.CopyFrom(_vector("position", position))
+    return message
+
+
+def _vector(name: str, given: object) -> pb.Vector3:
+    try:
+        x, y, z = map(float, given)  # type: ignore[call-overload] # whatever came
+    except (TypeError, ValueError):
+        raise RequestError(f"target.{name}", f"expected three numbers, got {given!r}") from None
+    return pb.Vector3(x=x, y=y, z=z)
+
+
+def orientation_of(target: object, place: str = "target") -> Orientation:
+    """Return the quaternion ``(w, x, y, z)`` of an orientation in any form.
+
+    Args:
+        target: a ``Rotation`` of SciPy, a :class:`~orientd.Quaternion`, or a mapping with an
+            orientation as in a motion file.
+        place: what messages call it.
+
+    Raises:
+        RequestError: it is none of these.
+    """
+    if isinstance(target, Quaternion):
+        return (float(target.w), float(target.x), float(target.y), float(target.z))
+    mapping = keyframe_mappings([target])[0]
+    for key in sorted(set(mapping) - set(FORMS)):
+        if key in TARGET_KEYS:
+            raise RequestError(f"{place}.{key}", "expected next to the orientation, not among it")
+        near = did_you_mean(key, [*FORMS, *TARGET_KEYS])
+        raise RequestError(place, f"unknown key {key!r}{near}")
+    try:
+        return read_keyframe(mapping).q
+    except RequestError as error:
+        raise RequestError(joined(place, error.field), error.problem) from None

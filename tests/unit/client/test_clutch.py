@@ -1,0 +1,117 @@
+"""A hand moves the device relative to where it is; letting go and engaging again moves nothing."""
+
+import math
+
+import pytest
+
+import orientd
+from orientd.client import Clutch
+from orientd.driver import ZERO
+from orientd.errors import RequestError
+from orientd.floats import difference, exp, multiply, norm, plus
+
+TOOL = exp((0.3, -0.2, 0.5))
+PLACE = (0.4, 0.1, 0.3)
+
+
+class Targets:
+    """A session of which only the targets are kept."""
+
+    def __init__(self):
+        self.aimed = []
+
+    def aim(self, q, **options):
+        self.aimed.append(((q.w, q.x, q.y, q.z), options))
+
+
+def engaged(scale=1.0, frame="world", start=(TOOL, PLACE)):
+    targets = Targets()
+    return targets, Clutch(targets, start, scale=scale, frame=frame, time_to_live=0.2)
+
+
+def hand(q):
+    w, x, y, z = q
+    return orientd.Quaternion(w=w, x=x, y=y, z=z)
+
+
+def apart(p, q):
+    return norm(difference(p, q))
+
+
+HAND = exp((1.0, 2.0, -0.5))
+
+
+def test_the_first_pose_of_the_hand_moves_nothing():
+    targets, clutch = engaged()
+    clutch.move(hand(HAND), position=(9.0, 9.0, 9.0))
+    ((q, options),) = targets.aimed
+    assert apart(q, TOOL) < 1e-12
+    assert options["position"] == PLACE
+
+
+def test_the_tool_turns_as_the_hand_does_about_the_axes_of_the_world():
+    targets, clutch = engaged()
+    turn = exp((0.0, 0.0, 0.4))
+    clutch.move(hand(HAND))
+    clutch.move(hand(multiply(turn, HAND)))
+    assert apart(targets.aimed[-1][0], multiply(turn, TOOL)) < 1e-12
+    assert targets.aimed[-1][1]["position"] is None
+
+
+def test_the_tool_turns_as_the_hand_does_about_the_axes_of_its_body():
+    targets, clutch = engaged(frame="body")
+    turn = exp((0.0, 0.3, 0.4))
+    clutch.move(hand(HAND), position=(0.0, 0.0, 0.0))
+    clutch.move(hand(multiply(HAND, turn)), position=(0.0, 0.0, 0.0))
+    assert apart(targets.aimed[-1][0], multiply(TOOL, turn)) < 1e-12
+
+
+def test_turn_and_way_are_scaled_and_whole_turns_count():
+    targets, clutch = engaged(scale=0.25)
+    for k in range(101):
+        turn = exp((0.0, 0.0, 0.08 * k))
+        clutch.move(hand(multiply(turn, HAND)), position=(0.01 * k, 0.0, 0.0))
+    q, options = targets.aimed[-1]
+    assert apart(q, multiply(exp((0.0, 0.0, 2.0)), TOOL)) < 1e-9
+    assert options["position"] == pytest.approx((0.65, 0.1, 0.3))
+
+
+def test_letting_go_and_engaging_elsewhere_moves_nothing():
+    targets, clutch = engaged()
+    clutch.move(hand(HAND))
+    clutch.move(hand(multiply(exp((0.2, 0.0, 0.0)), HAND)))
+    clutch.release()
+    rest = targets.aimed[-1]
+    assert rest[1]["angular_velocity"] == ZERO
+    assert clutch.holds
+    again = Clutch(targets, (clutch.q, clutch.position), scale=1.0, frame="world", time_to_live=0.2)
+    again.move(hand(exp((-2.0, 0.0, 1.0))))
+    assert apart(targets.aimed[-1][0], rest[0]) < 1e-12
+
+
+def test_a_hand_that_is_no_pose_is_left_out():
+    targets, clutch = engaged()
+    clutch.move(hand(HAND))
+    clutch.move(orientd.Quaternion(w=math.nan, x=0.0, y=0.0, z=0.0))
+    clutch.move(hand(HAND), position=(math.inf, 0.0, 0.0))
+    assert len(targets.aimed) == 1
+
+
+def test_the_sign_of_the_hand_does_not_matter():
+    targets, clutch = engaged()
+    clutch.move(hand(HAND))
+    clutch.move(hand(tuple(-x for x in HAND)))
+    assert apart(targets.aimed[-1][0], TOOL) < 1e-12
+
+
+def test_nobody_who_did_not_move_is_released():
+    targets, clutch = engaged()
+    clutch.release()
+    assert targets.aimed == []
+    assert plus(ZERO, clutch.position, 1.0) == PLACE
+
+
+@pytest.mark.parametrize("options", [{"scale": 0.0}, {"scale": math.nan}, {"frame": "hand"}])
+def test_settings_out_of_range_are_refused(options):
+    with pytest.raises(RequestError):
+        engaged(**options)
