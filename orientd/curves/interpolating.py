@@ -124,9 +124,8 @@ class C2Cumulative(Product, WithEndStates):
     * ``"natural"``: no acceleration, :math:`\tilde B_1'' w_1 + \tilde B_2'' w_2 = 0`;
     * ``"clamped"``: the angular velocity given, :math:`2 \tilde B_1' w_1 = \Omega`;
     * ``"state"``: angular velocity and acceleration both given.  One more knot in the middle of the
-    end
-      interval adds the unknown for this (an extension of the paper).  With two keyframes and both
-      ends in this state, the knots divide the interval in three.
+      end interval adds the unknown for this (an extension of the paper).  With two keyframes and
+      both ends in this state, the knots divide the interval in three.
 
     The conditions at the end are the mirror image.  Moving a keyframe changes the curve everywhere,
     by an amount that decays quickly with distance.

@@ -130,8 +130,7 @@ class MinimumEffort(Product, WithEndStates):
     are no minimum and would unwind.
 
     * ``"natural"``: free velocity and no acceleration.  With an inertia both are free, and the
-    torque
-      there is small; the best possible curve ends without torque.
+      torque there is small; the best possible curve ends without torque.
     * ``"clamped"``: the angular velocity given;
     * ``"state"``: angular velocity and acceleration given.
 

@@ -296,7 +296,7 @@ class SchlagBSpline(TriangleCurve, DrawnOverKnots):
     first one of the base, :math:`(t - t_{q-2})/(t_{q+1} - t_{q-2})`, is missing, and the last
     control point is :math:`P_0`; in the uniform triangle *t* counts from the segment's start.
     Unlike in the plane the cubic is not C2: the acceleration jumps by 0.2 % of its size at steps of
-        45 degrees and by 2 % at 170.  Kim, Kim and Shin (1995) mention this without figures.
+    45 degrees and by 2 % at 170.  Kim, Kim and Shin (1995) mention this without figures.
 
     Picture: ``orientd plot schlag_bspline``.
     """
