@@ -141,7 +141,8 @@ def test_a_fault_leaves_a_file_with_its_cycle_and_all_before(tmp_path):
     (at,) = np.flatnonzero(np.diff(np.minimum(cycles["fault"], 1).astype(int)) == 1)
     assert cycles["fault"][at] == 0
     assert cycles["fault"][at + 1] == 3  # Fault.DEVICE_FAULT
-    assert len(cycles) - at > 400
+    # The second after it, of which a busy machine may have missed some cycles.
+    assert cycles["deadline_ns"][-1] - cycles["deadline_ns"][at] > 800_000_000
     kinds = [event.kind for event in recording.events]
     assert pb.EVENT_KIND_FAULT in kinds
     assert pb.EVENT_KIND_MOTION_STARTED in kinds
