@@ -137,5 +137,5 @@ def test_current_limit_keeps_the_turns(rig):
 
 
 def test_current_limit_above_what_the_servo_gives_is_refused(rig):
-    with pytest.raises(DeviceFaultError, match=r"servo 1 \(yaw\) gives 3.21 A at the most"):
+    with pytest.raises(DeviceFaultError, match=r"servo 1 \(yaw\) gives 3.21 A at most"):
         limited(rig, 3.5)

@@ -54,7 +54,7 @@ def test_turns_that_no_limit_permits_are_refused():
 
 
 def test_turns_on_the_spot_have_no_axis():
-    with pytest.raises(StartError, match="about which axis"):
+    with pytest.raises(StartError, match="axis of the turn is undefined"):
         plan([30, 0, 0], yaw(30, 1))
 
 
