@@ -11,7 +11,7 @@ from recorded import OFFSET_NS, RATE_HZ, moving
 
 from orientd.protocol import control_pb2 as pb
 from orientd.recorder import load_recording, read_orientations
-from orientd.recorder.mcap_records import Damages, records
+from orientd.recorder.mcap_records import LARGEST_CHUNK, Damages, records
 from orientd.recorder.writer import RecordingError, RecordingWriter
 
 CASES = int(os.environ.get("ORIENTD_CASES", "12"))
@@ -177,6 +177,124 @@ def test_a_chunk_that_has_become_another_record_is_missing(whole, tmp_path):
         path.write_bytes(content[:chunk] + bytes([opcode]) + content[chunk + 1 :])
         assert "it cannot be read from" in refusal(path)
         assert COUNT - 100 < rest(path, cycles) < COUNT
+
+
+def flipped(content, places):
+    damaged = bytearray(content)
+    for place in places:
+        damaged[place] ^= 4
+    return bytes(damaged)
+
+
+def chunk_places(content):
+    """Return a place inside of the content of each chunk."""
+    places, at = [], content.find(b"zstd")
+    while at >= 0:
+        if content[at - 41] == 6:
+            places.append(at + 100)
+        at = content.find(b"zstd", at + 1)
+    return places
+
+
+def test_of_many_damaged_parts_three_are_named_and_the_rest_is_counted(whole, tmp_path):
+    content, cycles = whole
+    path, places = tmp_path / "flipped.mcap", chunk_places(content)
+    assert len(places) == COUNT // 25
+    path.write_bytes(flipped(content, places[4:14:2]))
+    words = refusal(path)
+    assert words.count("it cannot be read from") == 3
+    assert "2 more parts cannot be read" in words
+    missing = sum(part.count for part in load_recording(path, partial=True).damages.parts)
+    assert f"and {missing} bytes" in words
+    assert "at least" not in words
+    assert rest(path, cycles) == COUNT - 5 * 25
+    path.write_bytes(flipped(content, places[4:10:2]))
+    assert "more parts" not in refusal(path)
+
+
+def test_damage_of_the_first_chunk_begins_at_zero(whole, tmp_path):
+    content, cycles = whole
+    path = tmp_path / "flipped.mcap"
+    path.write_bytes(flipped(content, chunk_places(content)[:1]))
+    assert "it cannot be read from 0.000 s to 0.048 s" in refusal(path)
+    assert rest(path, cycles) == COUNT - 25
+
+
+def test_without_an_index_a_damaged_chunk_says_itself_what_it_held(whole, tmp_path):
+    content, cycles = whole
+    path, places = tmp_path / "flipped.mcap", chunk_places(content)
+    path.write_bytes(flipped(content[: places[-1]], places[9:10]))
+    words = refusal(path)
+    assert "it cannot be read from 0.448 s to 0.498 s" in words
+    assert "it has no end: it reaches to" in words
+    assert rest(path, cycles) == COUNT - 50
+    path.write_bytes(content[: places[0]])
+    assert "it cannot be read at its beginning" in refusal(path)
+    assert "nothing of its" in refusal(path)
+
+
+def test_a_file_that_ends_between_two_records_has_no_end_and_no_damage(whole, tmp_path):
+    content, _ = whole
+    damages, path = Damages(), tmp_path / "cut.mcap"
+    path.write_bytes(content[: chunk_places(content)[3] - 100 - 41])
+    list(records(path, damages))
+    assert damages.is_cut
+    assert not damages.parts
+    path.write_bytes(content[:8])
+    assert "nothing of its 8 bytes can be read" in refusal(path)
+
+
+def test_records_of_a_program_of_its_own_are_skipped(whole, tmp_path):
+    content, cycles = whole
+    assert content[8] == 1  # the head, which nothing needs
+    path = tmp_path / "own.mcap"
+    for opcode, is_whole in ((0x80, True), (0xFF, True), (0x7F, False)):
+        path.write_bytes(content[:8] + bytes([opcode]) + content[9:])
+        assert bool(load_recording(path, partial=True).damages) is not is_whole
+    assert rest(path, cycles) == COUNT
+
+
+def test_a_chunk_that_grows_beyond_all_measure_is_refused(tmp_path):
+    path = tmp_path / "bomb.mcap"
+    for size, is_refused in ((LARGEST_CHUNK - 10_000, False), (LARGEST_CHUNK + 1, True)):
+        with path.open("wb") as stream:
+            writer = Writer(stream, chunk_size=2 * LARGEST_CHUNK)
+            writer.start()
+            channel = writer.register_channel("/a", "json", 0)
+            writer.add_message(channel, log_time=1, data=bytes(size), publish_time=1)
+            writer.finish()
+        if is_refused:
+            with pytest.raises(RecordingError, match="a chunk becomes 64 MiB"):
+                list(records(path, Damages()))
+        else:
+            assert list(records(path, Damages()))
+
+
+def test_many_chunks_that_grow_beyond_all_measure_are_refused(tmp_path):
+    path = tmp_path / "bomb.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=1)
+        writer.start()
+        channel = writer.register_channel("/a", "json", 0)
+        for _ in range(4):
+            writer.add_message(channel, log_time=1, data=bytes(LARGEST_CHUNK // 3), publish_time=1)
+        writer.finish()
+    with pytest.raises(RecordingError, match="a chunk becomes 21 MiB"):
+        list(records(path, Damages()))
+
+
+def test_a_message_without_a_channel_is_missed(tmp_path):
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channel = writer.register_channel("/head", "json", 0)
+        for number in (channel, channel, channel + 1):
+            content = b'{"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}'
+            writer.add_message(number, log_time=10**9, data=content, publish_time=10**9)
+        writer.finish()
+    assert "1 messages are missing besides" in refusal(path)
+    assert len(read_orientations(path, partial=True).times) == 2
 
 
 def test_recordings_of_others_are_not_taken_for_whole_either(tmp_path):

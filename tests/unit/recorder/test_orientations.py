@@ -210,3 +210,113 @@ def test_times_that_cannot_be_seconds_are_refused(tmp_path, unit):
         RecordingError, match=r"'t' is in seconds, and rows are .* s apart; call it"
     ):
         read_orientations(tmp_path / "a.csv")
+
+
+def json_file(path, messages, *, schema=0, topic="/head"):
+    """Write JSON messages, recorded 10 ms after each other."""
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channel = writer.register_channel(topic, "json", schema)
+        for k, message in enumerate(messages):
+            content = json.dumps(message).encode()
+            writer.add_message(channel, log_time=10_000_000 * k, data=content, publish_time=0)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize(
+    "stamped",
+    [
+        lambda sec, nsec: {"header": {"stamp": {"sec": sec, "nanosec": nsec}}},
+        lambda sec, nsec: {
+            "header": {"stamp": {"secs": 1}},
+            "timestamp": {"sec": sec, "nsec": nsec},
+        },
+        lambda sec, nsec: {"timestamp": {"seconds": sec, "nanos": nsec}},
+        lambda sec, nsec: {"stamp": {"sec": float(sec), "nanosec": nsec}},
+        lambda sec, nsec: {"stamp": sec + 1e-9 * nsec},
+    ],
+)
+def test_a_message_has_the_time_of_its_stamp_in_every_form(tmp_path, stamped):
+    turn = named([1.0, 0.0, 0.0, 0.0])
+    messages = [{**stamped(5 + k, 250_000_000 * k), "q": turn} for k in range(3)]
+    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+    np.testing.assert_allclose(found.times, [0.0, 1.25, 2.5], atol=1e-9)
+
+
+@pytest.mark.parametrize("stamp", [{"sec": 0, "nanosec": 0}, {}, None])
+def test_a_message_without_a_stamp_has_the_time_of_its_recording(tmp_path, stamp):
+    messages = [{"stamp": stamp, "q": named([1.0, 0.0, 0.0, 0.0])}] * 3
+    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+    np.testing.assert_allclose(found.times, [0.0, 0.01, 0.02], atol=1e-12)
+
+
+def test_a_stamp_without_nanoseconds_or_seconds_is_taken(tmp_path):
+    turn = named([1.0, 0.0, 0.0, 0.0])
+    messages = [{"stamp": {"sec": 0, "nanosec": 7}, "q": turn}, {"stamp": {"sec": 1}, "q": turn}]
+    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+    np.testing.assert_allclose(found.times, [0.0, 1.0 - 7e-9], atol=1e-12)
+
+
+def test_a_stamp_out_of_all_time_is_none(tmp_path):
+    turn = named([1.0, 0.0, 0.0, 0.0])
+    messages = [{"stamp": stamp, "q": turn} for stamp in (1.0, 1e300, -1e300, 2.0)]
+    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+    np.testing.assert_array_equal(found.times, [0.0, np.nan, np.nan, 1.0])
+    assert any("2 of 4 samples lack a number" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("name", ["orientation", "rotation", "quaternion", "q"])
+@pytest.mark.parametrize("nest", ["pose", "transform", "odometry", ""])
+def test_a_quaternion_is_found_by_the_names_of_its_fields(tmp_path, nest, name):
+    turn = {name: named([0.6, 0.0, 0.8, 0.0])}
+    message = {nest: {"pose": turn} if nest == "pose" else turn} if nest else turn
+    found = read_orientations(json_file(tmp_path / "a.mcap", [message] * 2))
+    assert found.q.tolist() == [[0.6, 0.0, 0.8, 0.0]] * 2
+
+
+def test_a_quaternion_that_is_buried_or_lacks_a_number_is_none(tmp_path):
+    turn = {"q": named([1.0, 0.0, 0.0, 0.0])}
+    for message in (
+        {"pose": {"pose": {"pose": {"pose": turn}}}},
+        {"q": {"w": 1.0, "x": 0.0, "y": 0.0}},
+        {"q": {"w": "1", "x": 0.0, "y": 0.0, "z": 0.0}},
+    ):
+        with pytest.raises(RecordingError, match="no orientations in it"):
+            read_orientations(json_file(tmp_path / "a.mcap", [message] * 2))
+
+
+def test_a_measurement_that_was_read_twice_is_one(tmp_path):
+    table = moving(60)
+    table["feedback_time_ns"][1::2] = table["feedback_time_ns"][::2]
+    table["flags"][40:50] &= ~np.uint32(1)
+    table["flags"][50:] &= ~np.uint32(2)
+    with RecordingWriter(tmp_path / "a.mcap", offset_ns=OFFSET_NS) as writer:
+        writer.add_device("arm", RATE_HZ)
+        writer.add_configuration("{}", {})
+        writer.add_cycles("arm", table)
+    assert len(read_orientations(tmp_path / "a.mcap", "/arm/measured").times) == 25
+    assert len(read_orientations(tmp_path / "a.mcap", "/arm/sent").times) == 50
+
+
+def test_norms_near_one_are_scaled_and_others_are_left_out(tmp_path):
+    rows = [[1.0, 0.0, 0.0, 0.0], [0.51, 0.0, 0.0, 0.0], [1.99, 0.0, 0.0, 0.0]]
+    rows += [[0.49, 0.0, 0.0, 0.0], [0.0, 2.01, 0.0, 0.0]]
+    messages = [{"q": named(row)} for row in rows]
+    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+    assert found.q[:3].tolist() == [[1.0, 0.0, 0.0, 0.0]] * 3
+    assert np.isnan(found.q[3:]).all()
+    assert "2 of 5 quaternions have norms from 0.51 to 1.99: scaled to 1" in found.notes
+    assert any("first in sample 3, of norm 0.49" in note for note in found.notes)
+
+
+def test_repeated_and_late_times_have_a_note(tmp_path):
+    turn = named([1.0, 0.0, 0.0, 0.0])
+    stamps = [1.0, 1.1, 1.1, 1.3, 1.25, 1.4]
+    messages = [{"stamp": stamp, "q": turn} for stamp in stamps]
+    found = read_orientations(json_file(tmp_path / "a.mcap", messages))
+    assert "1 of 6 samples repeat a time and are left out" in found.notes
+    assert any("steps back 1 times, first in sample 4, by at most 0.05 s" in n for n in found.notes)
+    steady = [{"stamp": 1.0 + 0.1 * k, "q": turn} for k in range(5)]
+    assert read_orientations(json_file(tmp_path / "b.mcap", steady)).notes == ()
