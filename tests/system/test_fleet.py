@@ -69,11 +69,15 @@ def are_at_rest(cell):
     return True
 
 
-def test_status_shows_every_daemon_and_the_age_of_its_figures(cell):
-    files = cell.files("watcher")
-    where = ("--connect", cell.endpoint, "--cell", CELL)
+def options_of(cell, name):
+    """Return the options of a command that is given with somebody's certificate."""
+    files = cell.files(name)
     who = ("--cert", files["certificate"], "--key", files["key"], "--ca", files["ca"])
-    done = orientd_command("fleet", "status", "--json", *where, *who)
+    return ("--connect", cell.endpoint, "--cell", CELL, *who)
+
+
+def test_status_shows_every_daemon_and_the_age_of_its_figures(cell):
+    done = orientd_command("fleet", "status", "--once", "--json", *options_of(cell, "watcher"))
     told = {one["daemon"]: one for one in json.loads(done.stdout)["daemons"]}
     assert list(told) == cell.names
     for one in told.values():
@@ -93,6 +97,18 @@ def test_one_stop_ends_every_motion_and_is_acknowledged_by_each(cell, fleet):
         assert move.wait(20.0).outcome == pb.OUTCOME_STOPPED
         robot.close()
         until(lambda name=name: '"certificate:pendant"' in cell.audit(name), "the audit log")
+
+
+def test_a_stop_that_a_daemon_does_not_acknowledge_fails_and_names_it(cell):
+    gateway = gateway_of(cell.processes["arm-2"])
+    os.kill(gateway, signal.SIGSTOP)
+    try:
+        done = orientd_command("fleet", "stop", "--halt", *options_of(cell, "pendant"))
+    finally:
+        os.kill(gateway, signal.SIGCONT)
+    assert done.returncode == 1
+    assert done.stdout.startswith("arm-1: arm (")
+    assert done.stderr == "orientd: arm-2: has not acknowledged the stop\n"
 
 
 def test_a_daemon_that_hangs_is_stopped_all_the_same(cell, fleet):
@@ -250,11 +266,10 @@ def test_what_moves_goes_on_when_the_gateway_is_killed(cell, fleet):
 def test_ctrl_c_stops_all_on_their_paths(cell, tmp_path):
     keyframes = [{"rotation_vector": [0, 0, 3.0]}]
     motion = {"keyframes": keyframes, "limits": {"velocity": 0.1}, "approach": True}
-    plan, files = tmp_path / "plan.json", cell.files("pendant")
+    plan = tmp_path / "plan.json"
     motions = [{"daemon": name, "motion": motion} for name in cell.names]
     plan.write_text(json.dumps({"motions": motions}))
-    where = ("--connect", cell.endpoint, "--cell", CELL, "--cert", files["certificate"])
-    process = begin("fleet", "move", plan, *where, "--key", files["key"], "--ca", files["ca"])
+    process = begin("fleet", "move", plan, *options_of(cell, "pendant"))
     while not process.stdout.readline().startswith("moving"):
         assert process.poll() is None
     until(lambda: not are_at_rest(cell), "they move")
