@@ -393,7 +393,7 @@ def test_whoever_watches_can_see_the_plan_that_runs(robot):
     assert plan.motion_id == handle.plan.motion_id == robot.state().devices[DEVICE].motion_id
     assert plan.certificate == handle.plan.certificate
     assert samples(plan).times[-1] == pytest.approx(plan.duration, abs=1e-9)
-    assert not robot.planned(plan.motion_id).samples
+    assert not robot.planned(plan.motion_id).HasField("samples")
 
 
 def test_a_plan_that_is_kept_can_be_seen_by_its_name(robot):
