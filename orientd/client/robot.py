@@ -18,21 +18,21 @@ from typing import TYPE_CHECKING, Any, Self, Unpack
 from orientd.client.channel import Way
 from orientd.client.connection import Connection, StartAt
 from orientd.client.leases import Leases
-from orientd.client.observer import Observer
 from orientd.client.stop_call import ask_to_stop
 from orientd.errors import OrientdError, RequestError
 from orientd.protocol import CellReport
 from orientd.protocol import control_pb2 as pb
-from orientd.stream import Cycle
 
 if TYPE_CHECKING:
     from orientd.client.endless_turn import EndlessTurn
     from orientd.client.motion_request import RequestFields
     from orientd.client.move_handle import MoveHandle
+    from orientd.client.observer import Observer
     from orientd.client.playing import Playing
     from orientd.client.teaching import Teaching
     from orientd.client.tracking import Tracking
     from orientd.planner import MotionRequest
+    from orientd.stream import Cycle
 
 
 COMMAND_TIMEOUT = 65.0
@@ -177,6 +177,8 @@ class Robot:
 
     def observe(self) -> Observer:
         """Return what watches every cycle and event, for recorders and viewers."""
+        from orientd.client.observer import Observer
+
         return Observer(self._connection)
 
     def methods(self) -> list[pb.Method]:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from orientd.driver import Quaternion, Vector3
+from typing import TYPE_CHECKING
+
 from orientd.planner import UNITS
 from orientd.protocol import control_pb2 as pb
+
+if TYPE_CHECKING:
+    from orientd.driver import Quaternion, Vector3
 
 RATES = tuple(UNITS)
 
