@@ -22,16 +22,18 @@ from orientd.driver import Quaternion, Vector3
 class ServoState(IntEnum):
     """The servo's states; ``servo/state_table.py`` has the transitions.
 
+    Their numbers are those of ``State`` in the protocol.
+
     >>> print(ServoState.HOLDING)
     HOLDING
     """
 
-    IDLE = 0
-    HOLDING = 1
-    STREAMING = 2
-    STOPPING = 3
-    FAULT = 4
-    TRACKING = 5
+    IDLE = 1
+    HOLDING = 2
+    STREAMING = 3
+    STOPPING = 4
+    FAULT = 5
+    TRACKING = 6
 
     def __str__(self) -> str:
         return self.name

@@ -8,6 +8,7 @@ import pytest
 from google.protobuf import descriptor_pb2
 
 from orientd.protocol import control_pb2
+from orientd.stream import ServoState
 
 ROOT = Path(__file__).parents[3]
 PROTO = "orientd/protocol/control.proto"
@@ -70,3 +71,8 @@ def test_every_number_of_the_proto_says_its_unit_or_is_a_count():
         elif not line or line.startswith(("message", "}")):
             is_explained = False
     assert silent == []
+
+
+def test_states_of_cycles_have_the_numbers_of_the_protocol():
+    told = {f"STATE_{state.name}": state.value for state in ServoState}
+    assert {"STATE_UNSPECIFIED": 0, **told} == dict(control_pb2.State.items())

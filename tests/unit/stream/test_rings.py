@@ -130,7 +130,8 @@ def test_the_memory_has_no_name_and_goes_with_its_users():
 
 
 def test_a_cycle_survives_its_bytes():
-    fields = (5, 100, 7, 8, 50, 9, 2, 0, 3, 3, 1, 0, 0.25, 0.5, *map(float, range(23)))
+    state, floats = ServoState.STREAMING, map(float, range(23))
+    fields = (5, 100, 7, 8, 50, 9, state, 0, 3, 3, 1, 0, 0.25, 0.5, *floats)
     joints = (0.1, 0.2, 0.3, *NO_JOINTS[3:], 0.4, 0.5, *NO_JOINTS[2:])
     cycle = unpack_cycle(CYCLE_RECORD.pack(*fields, *joints))
     assert (cycle.joints, cycle.sent_joints) == ((0.1, 0.2, 0.3), (0.4, 0.5))
