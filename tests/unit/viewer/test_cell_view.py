@@ -1,0 +1,93 @@
+"""The page of a cell: where its devices stand, what is known of them, and its one command."""
+
+import math
+import threading
+
+import numpy as np
+import pytest
+from test_words import DEVICE, changed
+
+from orientd.errors import OrientdError
+from orientd.protocol import STALE, quaternion
+from orientd.protocol import control_pb2 as pb
+from orientd.viewer import CellView, Member
+
+pytest.importorskip("websockets")
+
+TURNED = changed(DEVICE, cycle=pb.Cycle(q=quaternion((math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)))))
+
+
+class Cell:
+    """Daemons that do not change, and the stops that were asked for."""
+
+    def __init__(self, *members):
+        self._members, self.stops, self.problem = members, [], ""
+
+    def members(self):
+        return self._members
+
+    def stop(self, *, is_quickest):
+        self.stops.append(is_quickest)
+        return self.problem
+
+
+@pytest.fixture
+def view_of():
+    opened = []
+
+    def make(cell):
+        view = CellView(cell, host="127.0.0.1", port=0, is_dark=True)
+        closing = threading.Event()
+        runs = threading.Thread(target=view.run, args=(closing,))
+        runs.start()
+        opened.append((closing, runs))
+        return view
+
+    yield make
+    for closing, runs in opened:
+        closing.set()
+        runs.join()
+
+
+def member(name, count, age=0.1):
+    devices = [changed(TURNED, name=f"arm-{k}") for k in range(count)]
+    return Member(name, is_alive=True, age=age, devices=devices)
+
+
+@pytest.mark.parametrize(("count", "columns"), [(1, 1), (3, 3), (4, 4), (5, 3), (10, 4)])
+def test_devices_stand_in_rows_about_the_middle(view_of, count, columns):
+    tools = view_of(Cell(member("left", count))).picture({})["tools"]
+    places = np.array([tool["at"] for tool in tools])
+    apart = np.linalg.norm(places[:, None] - places, axis=-1)[~np.eye(count, dtype=bool)]
+    assert len(set(places[:, 1])) == columns
+    assert apart.min(initial=0.9) == pytest.approx(0.9)
+    assert np.ptp(places[:, 2]) == 0.0
+    assert places[:, 1].max() == pytest.approx(-places[:, 1].min())
+    assert places[:, 0].max() == pytest.approx(-places[:, 0].min())
+    assert [tool["name"] for tool in tools] == [f"left/arm-{k}" for k in range(count)]
+
+
+def test_only_a_device_that_is_known_has_axes(view_of):
+    cell = Cell(
+        member("known", 1),
+        member("old", 1, age=STALE + 0.1),
+        Member("gone", is_alive=False, age=0.1, devices=[TURNED]),
+        Member("still", is_alive=True, age=0.1, devices=[changed(TURNED, is_stale=True)]),
+        Member("new", is_alive=True, age=0.1, devices=[DEVICE]),
+    )
+    picture = view_of(cell).picture({})
+    assert [tool["q"] is None for tool in picture["tools"]] == [False, True, True, True, True]
+    assert [tool["problem"] for tool in picture["tools"]] == [False, True, True, True, True]
+    assert picture["tools"][0]["q"] == pytest.approx((math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)))
+    assert (picture["dark"], picture["control"], picture["age"]) == (True, None, 0.0)
+
+
+def test_a_page_stops_and_halts_and_is_told_what_did_not_answer(view_of):
+    cell = Cell(member("left", 1))
+    view = view_of(cell)
+    for what in ("stop", "halt", "pause"):
+        view.do({"do": what})
+    assert cell.stops == [False, True]
+    cell.problem = "left: no answer"
+    with pytest.raises(OrientdError, match="not acknowledged: left: no answer"):
+        view.do({"do": "stop"})
