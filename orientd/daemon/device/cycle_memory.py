@@ -7,7 +7,9 @@ or two calls; whether a slot holds a whole record is for its reader to check.
 
 from __future__ import annotations
 
-from orientd.daemon.ring_file import RingFile
+import os
+import weakref
+
 from orientd.stream import CYCLE_RECORD, RecordRing
 
 _STRIDE = RecordRing.stride(CYCLE_RECORD)
@@ -18,12 +20,19 @@ _MARGIN = 16
 """Slots that the servo may be about to write."""
 
 
-class CycleMemory(RingFile):
-    """The newest cycles of one device, across restarts of its servo process."""
+class CycleMemory:
+    """The newest cycles of one device, across restarts of its servo process.
+
+    Attributes:
+        end: bytes copied so far; the newest of them are kept.
+    """
 
     def __init__(self, capacity: int) -> None:
         """Reserve room for *capacity* cycles; memory is used as they come."""
-        super().__init__("orientd-cycles", capacity * _STRIDE)
+        self.end = 0
+        self._size = capacity * _STRIDE
+        self._file = os.memfd_create("orientd-cycles", os.MFD_CLOEXEC)
+        weakref.finalize(self, os.close, self._file)
         self._ring: RecordRing | None = None
         self._next = 0
 
@@ -33,6 +42,9 @@ class CycleMemory(RingFile):
         Args:
             ring: of cycles.
             is_last: whether to copy even a few.
+
+        Raises:
+            OSError: there is no memory for it.
         """
         head = ring.head
         if ring is not self._ring:
@@ -40,6 +52,21 @@ class CycleMemory(RingFile):
         if head == self._next or (head - self._next < _BATCH and not is_last):
             return
         first = max(self._next, head - ring.capacity + _MARGIN)
-        for piece in ring.slots(first, head - first):
-            self.append(piece)
+        for slots in ring.slots(first, head - first):
+            while slots:
+                at = self.end % self._size
+                written = os.pwrite(self._file, slots[: self._size - at], at)
+                slots = slots[written:]
+                self.end += written
         self._next = head
+
+    def copy_to(self, descriptor: int) -> None:
+        """Write all that is there to a file, oldest first; it goes on changing, the oldest first.
+
+        Raises:
+            OSError: there is no room for it.
+        """
+        sent, end = max(0, self.end - self._size), self.end
+        while sent < end:
+            at = sent % self._size
+            sent += os.sendfile(descriptor, self._file, at, min(self._size - at, end - sent))

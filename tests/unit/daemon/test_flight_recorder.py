@@ -3,12 +3,13 @@
 import time
 
 import pytest
-from fake_device import FakeDevice
+from fake_device import FakeDevice, cycle, record_of
 
 from orientd import config
 from orientd.daemon.device import DeviceEvent, EventKind
 from orientd.daemon.observe import flight_recorder as module
 from orientd.daemon.observe.journal import Journal
+from orientd.stream import CYCLE_RECORD, RecordRing
 
 pytest.importorskip("mcap")
 
@@ -23,7 +24,10 @@ def test_a_file_that_takes_its_time_does_not_hold_up_the_end(tmp_path, monkeypat
     journal = Journal(kept=60.0)
     device = FakeDevice(settings.devices["arm"])
     recorder = module.FlightRecorder(settings, journal, {"arm": device})
-    recorder.memory("arm", device.rate_hz).append(bytes(64))
+    cycles = memoryview(bytearray(RecordRing.bytes_needed(CYCLE_RECORD, 100)))
+    ring = RecordRing(cycles, CYCLE_RECORD, 100)
+    ring.append(record_of(cycle()))
+    recorder.memory("arm", device.rate_hz).take(ring, is_last=True)
     recorder.start()
     recorder.hear(DeviceEvent("arm", EventKind.FAULT, "why", time.monotonic_ns()))
     recorder.close()

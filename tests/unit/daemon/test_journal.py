@@ -5,7 +5,6 @@ import pytest
 from orientd.daemon.device import DeviceEvent, EventKind
 from orientd.daemon.observe import journal as module
 from orientd.daemon.observe.journal import Journal
-from orientd.daemon.ring_file import RingFile
 from orientd.protocol import control_pb2 as pb
 
 
@@ -42,12 +41,3 @@ def test_one_that_there_is_no_room_for_is_kept_in_any_case(monkeypatch):
     texts = ["a", "b" * 5000, "c"]
     assert kept_of(texts[:2], room=100, monkeypatch=monkeypatch) == texts[1:2]
     assert kept_of(texts, room=100, monkeypatch=monkeypatch) == texts[2:]
-
-
-def test_a_ring_reads_what_goes_around_its_end():
-    ring = RingFile("test", 10)
-    for content in (b"abcdefg", b"hijklmn"):
-        place = ring.end
-        ring.append(content)
-        assert ring.read(place, 7) == content
-    assert ring.read(4, 10) == b"efghijklmn"
