@@ -51,12 +51,12 @@ for folder in (
 
 
 # Whatever a test starts inherits this, so that what is left of a run is known by it.
-os.environ.setdefault("ORIENTD_TEST_RUN", str(os.getpid()))
+os.environ.setdefault("TEST_RUN_OF_ORIENTD", str(os.getpid()))
 
 
 def left_running():
     """Return the processes that tests of this run have started, by their number."""
-    mark, found = f"ORIENTD_TEST_RUN={os.environ['ORIENTD_TEST_RUN']}".encode(), {}
+    mark, found = f"TEST_RUN_OF_ORIENTD={os.environ['TEST_RUN_OF_ORIENTD']}".encode(), {}
     for path in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
             if mark in (path / "environ").read_bytes().split(b"\0"):
@@ -78,7 +78,7 @@ def pytest_terminal_summary(terminalreporter, config):
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish(session):
     """Fail a run that leaves processes behind, and end these."""
-    if os.environ["ORIENTD_TEST_RUN"] != str(os.getpid()):
+    if os.environ["TEST_RUN_OF_ORIENTD"] != str(os.getpid()):
         return  # one of several workers
     ends = time.monotonic() + 10.0
     while (left := left_running()) and time.monotonic() < ends:

@@ -14,7 +14,7 @@ import pytest
 from access_cell import GROUP, MEMBER, OBSERVER, OPERATOR, STRANGER, as_user, free_port
 from authority import OPENSSL
 from browser import view_of
-from command_line import assert_refused, begin
+from command_line import assert_refused, begin, environment
 from command_line import orientd as orientd_command
 from every_call import SERVICE, walk
 from harness import DaemonProcess, resident_kib, spin, until
@@ -345,6 +345,17 @@ def test_the_command_line_reaches_a_daemon_over_tcp(cell):
     done = orientd_command("lease", "seize", "--reason", "x", *remote, "--ca", files["ca"])
     assert done.returncode == 1
     assert "SeizeLease needs the role administrator" in done.stderr
+
+
+def test_the_environment_names_a_daemon_and_a_certificate(cell):
+    files = cell.files("watcher")
+    named = environment(
+        ORIENTD_ADDRESS=cell.address, ORIENTD_CERT=str(files["certificate"]),
+        ORIENTD_KEY=str(files["key"]), ORIENTD_CA=str(files["ca"]),
+    )  # fmt: skip
+    done = orientd_command("status", "--json", env=named)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["daemon"]["pid"] == cell.daemon.process.pid
 
 
 def test_a_view_with_an_observers_certificate_shows_and_stops_and_commands_nothing(cell):
