@@ -192,6 +192,27 @@ def test_a_schema_of_another_version_is_read_by_its_names():
         Layout(f"lab/Thing thing\n{text}")
 
 
+def test_fields_of_any_size_and_order_are_found_where_ros_2_puts_them():
+    typesys = pytest.importorskip("rosbags.typesys")
+    text = "bool is_written\nint64 index\nuint32 motion\nfloat64 speed\nbool has_feedback\n"
+    text += "string fault\nstring state\n"
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    store.register(typesys.get_types_from_msg(text, SCHEMA_NAME))
+    make = store.types[SCHEMA_NAME]
+    told = [
+        (True, 7, 3, 0.25, False, "link_lost", "fault"),
+        (False, 8, 4, 1.0, True, "none", "idle"),
+    ]
+    messages = [bytes(store.serialize_cdr(make(*one), SCHEMA_NAME)) for one in told]
+    found = Layout(text).cycles(messages)
+    assert found["index"].tolist() == [7, 8]
+    assert found["motion"].tolist() == [3, 4]
+    assert found["speed"].tolist() == [0.25, 1.0]
+    assert found["flags"].tolist() == [CycleFlag.WRITTEN, CycleFlag.FEEDBACK]
+    assert found["fault"].tolist() == [Fault.LINK_LOST, Fault.NONE]
+    assert found["state"].tolist() == [ServoState.FAULT, ServoState.IDLE]
+
+
 def test_every_quantity_has_its_meaning_and_unit_in_the_schema():
     lines = schema().splitlines()
     fields = [k for k, line in enumerate(lines) if line and line[0] != "#" and " " in line]
