@@ -192,8 +192,9 @@ def test_a_daemon_that_dies_is_reported_and_found_again(tmp_path):
             page.await_line("Holding")
 
 
-def test_a_page_that_may_not_command_stops_and_does_nothing_else(daemon):
-    with view_of(daemon.socket, "--no-control") as view, page_at(view.address) as page:
+@pytest.mark.parametrize("options", [("--no-control",), ("--host", "0.0.0.0")])
+def test_a_page_that_may_not_command_stops_and_does_nothing_else(daemon, options):
+    with view_of(daemon.socket, *options) as view, page_at(view.address) as page:
         page.until(lambda page: "control" in page.told, "the page")
         assert page.told["control"] is None
         page.ask("lease")
@@ -202,3 +203,13 @@ def test_a_page_that_may_not_command_stops_and_does_nothing_else(daemon):
             page.await_line("Moving")
             page.ask("stop")
             page.await_line("Holding")
+
+
+def test_a_page_for_other_machines_commands_if_it_is_allowed_to(daemon):
+    options = ("--host", "0.0.0.0", "--control", "--dark")
+    with view_of(daemon.socket, *options) as view, page_at(view.address) as page:
+        page.await_line("Holding")
+        assert page.told["dark"]
+        page.ask("lease")
+        page.await_line("held by this view")
+        page.ask("lease")
