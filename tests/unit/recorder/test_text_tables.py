@@ -174,6 +174,69 @@ def test_texts_of_something_else_are_refused(tmp_path, name, text, problem):
         read_orientations(tmp_path / name)
 
 
+@pytest.mark.parametrize(("unit", "digits"), [("s", 9), ("ms", 6), ("us", 3), ("ns", 0)])
+def test_a_table_may_name_the_unit_of_its_times(tmp_path, unit, digits):
+    rows = [
+        f"{ns // 10**digits}.{ns % 10**digits:0{digits}d},{','.join(map(str, q))}"
+        for ns, q in zip((START_NS + NS).tolist(), Q, strict=True)
+    ]
+    (tmp_path / "a.csv").write_text("\n".join([f"time [{unit}],qw,qx,qy,qz", *rows]))
+    check(read_orientations(tmp_path / "a.csv"))
+
+
+def test_a_tum_trajectory_in_nanoseconds_is_read(tmp_path):
+    lines = [
+        f"{at} 0 0 0 {x} {y} {z} {w}"
+        for at, (w, x, y, z) in zip((START_NS + NS).tolist(), Q, strict=True)
+    ]
+    (tmp_path / "a.tum").write_text("\n".join(lines))
+    check(read_orientations(tmp_path / "a.tum"))
+
+
+def test_tum_columns_may_be_named_in_any_order_and_split_by_commas(tmp_path):
+    lines = ["# qx,qy,qz,qw,tx,ty,tz,timestamp"]
+    for at, (w, x, y, z) in zip((START_NS + NS).tolist(), Q, strict=True):
+        lines.append(f"{x},{y},{z},{w},0,0,0,{seconds(at)}")
+    (tmp_path / "a.tum").write_text("\n".join(lines))
+    check(read_orientations(tmp_path / "a.tum"))
+
+
+def test_an_orientation_may_have_times_of_its_own(tmp_path):
+    header = "time_s,qw,qx,qy,qz,head_time_s,head_w,head_x,head_y,head_z"
+    rows = ["1,1,0,0,0,5,0,1,0,0", "2,1,0,0,0,7.5,0,1,0,0", "3,1,0,0,0,,0,1,0,0"]
+    (tmp_path / "a.csv").write_text("\n".join([header, *rows, "", ""]))
+    assert read_orientations(tmp_path / "a.csv").times.tolist() == [0.0, 1.0, 2.0]
+    found = read_orientations(tmp_path / "a.csv", "head")
+    np.testing.assert_array_equal(found.times, [0.0, 2.5, np.nan])
+    assert "the first in line 4" in found.notes[0]
+
+
+@pytest.mark.parametrize("row", ["1,1,0,0," + "0" * 2**20, "1,1,0,0," + '"\n",' * 2**19])
+def test_a_row_beyond_all_measure_is_refused(tmp_path, row):
+    (tmp_path / "a.csv").write_text(f"time,qw,qx,qy,qz\n{row}\n")
+    with pytest.raises(RecordingError, match="a row of more than 1048576 characters"):
+        read_orientations(tmp_path / "a.csv")
+
+
+def test_many_rows_are_no_long_row(tmp_path):
+    rows = [f"{k},1,0,0,{'0' * 4000}" for k in range(300)]
+    (tmp_path / "a.csv").write_text("\n".join(["time,qw,qx,qy,qz", *rows]))
+    assert len(read_orientations(tmp_path / "a.csv").times) == 300
+    lines = [f"{k} 0 0 0 0 0 {'0' * 4000} 1" for k in range(300)]
+    (tmp_path / "a.tum").write_text("\n".join(lines))
+    assert len(read_orientations(tmp_path / "a.tum").times) == 300
+
+
+@pytest.mark.parametrize("number", ["", "nan", "inf", "x", "1e400"])
+def test_a_word_that_is_no_number_leaves_its_sample_out(tmp_path, number):
+    rows = ["0,1,0,0,0", f"1,1,{number},0,0", f"{number},1,0,0,0", "3,1,0,0,0"]
+    (tmp_path / "a.csv").write_text("\n".join(["t,qw,qx,qy,qz", *rows]))
+    found = read_orientations(tmp_path / "a.csv")
+    np.testing.assert_array_equal(found.times, [0.0, 1.0, np.nan, 3.0])
+    assert np.isnan(found.q).any(axis=1).tolist() == [False, True, False, False]
+    assert "2 of 4 samples lack a number and are left out, the first in line 3" in found.notes
+
+
 def test_random_cuts_and_letters_never_end_in_a_trace(tmp_path):
     random = np.random.default_rng(8)
     for number in range(CASES):
