@@ -95,6 +95,19 @@ def test_a_page_stops_what_somebody_else_moves(daemon, page, kind):
     assert f"(user:{os.getuid()})" in last.summary.text.partition("stopped by")[2]
 
 
+def test_a_page_stops_a_motion_while_the_daemon_hangs(daemon, page):
+    with moving(daemon, 60.0):
+        until(lambda: daemon.device().path_time > 0.3, "motion")
+        daemon.process.send_signal(signal.SIGSTOP)
+        try:
+            page.ask("stop")
+            until(lambda: (daemon.sent()[-1] == daemon.sent()[-50:]).all(), "rest")
+        finally:
+            daemon.process.send_signal(signal.SIGCONT)
+        # A servo that had missed the daemon would be in a fault.
+        until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest, as the daemon says")
+
+
 def test_a_page_shows_a_motion_before_it_is_sent(daemon, page):
     before = daemon.device().motion_number
     page.ask("file", name="turn.yaml", content=TURN)
