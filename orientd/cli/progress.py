@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 
 from orientd.cli import texts
 from orientd.cli.output import Output, is_terminal
-from orientd.protocol import STALE, to_quaternion, to_vector
+from orientd.protocol import STALE, orientation, to_quaternion, to_vector
 from orientd.protocol import control_pb2 as pb
 
 PLAIN_INTERVAL = 0.5
@@ -83,7 +83,7 @@ def _figures(progress: pb.MoveProgress) -> str:
     error = progress.tracking_error if progress.HasField("tracking_error") else None
     speed = math.hypot(*to_vector(progress.omega_body))
     return (
-        f"{texts.orientation(to_quaternion(progress.q))}  {speed:.3f} rad/s  "
+        f"{orientation(to_quaternion(progress.q))}  {speed:.3f} rad/s  "
         f"late {texts.milliseconds(progress.lateness)}  "
         f"tracking {texts.small_angle(error)}"
     )

@@ -2,22 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from orientd.planner import ANGULAR, AXES, Rate
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import titled, to_quaternion, word
-
-
-def orientation(q: Sequence[float]) -> str:
-    """Return a quaternion with its components by name.
-
-    >>> orientation((1.0, 0.0, 0.0, 0.0))
-    'w +1.0000 x +0.0000 y +0.0000 z +0.0000'
-    """
-    # Rounded first: what is hardly below zero would be shown as -0.0000.
-    parts = (round(part, 4) + 0.0 for part in q)
-    return " ".join(f"{name} {part:+.4f}" for name, part in zip("wxyz", parts, strict=True))
+from orientd.protocol import orientation, titled, to_quaternion, word
 
 
 def milliseconds(seconds: float) -> str:

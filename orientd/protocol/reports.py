@@ -6,7 +6,7 @@ its default: ``message.HasField("settled_after")`` says whether it is there.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -68,6 +68,17 @@ def titled(number: int, name: str) -> str:
     ('3', "3 'pick'")
     """
     return f"{number} {name!r}" if name else str(number)
+
+
+def orientation(q: Sequence[float]) -> str:
+    """Return a quaternion with its components by name.
+
+    >>> orientation((1.0, 0.0, 0.0, 0.0))
+    'w +1.0000 x +0.0000 y +0.0000 z +0.0000'
+    """
+    # Rounded first: what is hardly below zero would be shown as -0.0000.
+    parts = (round(part, 4) + 0.0 for part in q)
+    return " ".join(f"{name} {part:+.4f}" for name, part in zip("wxyz", parts, strict=True))
 
 
 def word(message: Message, field: str) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from orientd.errors import Fault
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import titled, to_quaternion
+from orientd.protocol import orientation, titled, to_quaternion
 from orientd.rotation import to_euler
 from orientd.viewer.cell import Member
 
@@ -124,9 +124,8 @@ def where(device: pb.DeviceReport) -> list[Line]:
 
 def _orientation(name: str, q: Sequence[float]) -> list[Line]:
     yaw, pitch, roll = np.degrees(to_euler(q, "ZYX"))
-    quaternion = " ".join(f"{axis} {part:+.4f}" for axis, part in zip("wxyz", q, strict=True))
     angles = f"yaw {yaw:.2f}° pitch {pitch:.2f}° roll {roll:.2f}° (ZYX)"
-    return [("row", name, quaternion), ("row", "", angles)]
+    return [("row", name, orientation(q)), ("row", "", angles)]
 
 
 def cell(members: Sequence[Member]) -> list[Line]:

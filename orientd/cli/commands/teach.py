@@ -130,25 +130,25 @@ def _obey(teaching: Teaching, verb: str, text: str) -> str:
 
 
 def _told(number: int, keyframe: Keyframe) -> str:
-    from orientd.cli import texts
+    from orientd.protocol import orientation
 
     called = f" {keyframe.name!r}" if keyframe.name else ""
     place = ", ".join(f"{part:.4f}" for part in keyframe.position or ())
     return (
-        f"{number + 1}{called} at {keyframe.time or 0.0:.2f} s: {texts.orientation(keyframe.q)}, "
+        f"{number + 1}{called} at {keyframe.time or 0.0:.2f} s: {orientation(keyframe.q)}, "
         f"position {place} m"
     )
 
 
 def _live(teaching: Teaching) -> str:
-    from orientd.cli import texts
+    from orientd.protocol import orientation
 
     try:
         here = teaching.pose()
     except DeviceError as error:
         return str(error)
     place = ", ".join(f"{part:.4f}" for part in here.position)
-    return f"{len(teaching.keyframes)} taken; {texts.orientation(here.q)}, position {place} m"
+    return f"{len(teaching.keyframes)} taken; {orientation(here.q)}, position {place} m"
 
 
 def _show(line: str) -> None:

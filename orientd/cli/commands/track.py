@@ -40,8 +40,7 @@ def track(
     A bad line is reported on standard error, counted and skipped.  The exit status is 1 if every
     line was bad.
     """
-    from orientd.cli import texts
-    from orientd.protocol import to_quaternion
+    from orientd.protocol import orientation, to_quaternion
 
     lines = _Lines(time_to_live)
     with to.connect("track") as robot:
@@ -55,7 +54,7 @@ def track(
         report,
         f"{report.targets} targets followed, {report.left_out} of them left out as late, "
         f"{report.refused} refused",
-        f"at rest at {texts.orientation(to_quaternion(report.q))}",
+        f"at rest at {orientation(to_quaternion(report.q))}",
         *([f"last refusal: {report.refusal}"] if report.refusal else []),
     )
     if report.refused and not report.targets:
