@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from orientd.plots.charts import Traces
+from orientd.plots.chunks import Played, draw_played
 from orientd.plots.gallery import draw_family, draw_gallery
 from orientd.plots.motion import draw_alone, draw_sent, draw_traces, png_of
 from orientd.plots.paper import check_format, is_available

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import os
 import pty
 import re
@@ -309,6 +310,20 @@ def test_the_demo_moves_and_leaves_nothing_behind(folder):
         assert path.read_bytes().startswith(b"\x89PNG")
         path.unlink()
     assert list(folder.iterdir()) == []
+
+
+def test_the_demo_of_a_policy_keeps_the_limits_and_turns_the_short_way(folder):
+    path = folder / "policy.png"
+    environ = environment(TMPDIR=str(folder))
+    demo = told(orientd("demo", "policy", "--plot", path, "--json", cwd=folder, env=environ))
+    assert demo["orientd"]["acceleration"] <= 1.001 * demo["limit"]
+    assert demo["straight_lines"]["acceleration"] > 1000.0 * demo["limit"]
+    # Four times to and fro, 47 degrees each; the twins of the vectors cost a turn every time.
+    assert demo["orientd"]["turned"] < math.radians(5 * 47.0)
+    assert demo["straight_lines"]["turned"] > 2.0 * math.tau
+    assert demo["timing"]["chunks"] == 27
+    if demo["picture"]:
+        assert path.read_bytes().startswith(b"\x89PNG")
 
 
 def test_a_demo_that_is_interrupted_leaves_no_process(folder):

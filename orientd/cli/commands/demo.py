@@ -1,4 +1,4 @@
-"""`orientd demo`: a daemon, a device without hardware, and a motion that begins and ends moving."""
+"""`orientd demo`: a daemon, a device without hardware, and a motion or a policy that moves it."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from orientd.cli.output import Output
 from orientd.cli.own_daemon import begun
-from orientd.cli.parameters import Option
+from orientd.cli.parameters import Argument, Option
 from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
@@ -42,6 +42,10 @@ LIMITS = {"velocity": 0.9, "acceleration": 3.0, "jerk": 60.0, "linear_velocity":
 
 def demo(
     out: Output,
+    what: Annotated[
+        Literal["motion", "policy"],
+        Argument(metavar="WHAT", help="A planned motion, or the chunks of poses of a policy."),
+    ] = "motion",
     plot: Annotated[
         Path, Option("--plot", "-p", help="Where to draw the picture (extra plot).")
     ] = Path("orientd-demo.png"),
@@ -52,6 +56,9 @@ def demo(
     The motion passes six keyframes and has a velocity at both ends: a lead-in accelerates the
     device to the first keyframe, and a lead-out brings it to rest after the last.  All figures are
     measured from the setpoints that the driver got.
+
+    `orientd demo policy` plays the chunks of a simulated policy, and compares the setpoints with
+    straight lines between its rotation vectors.
     """
     from orientd import plots
     from orientd.cli import texts
@@ -64,6 +71,12 @@ def demo(
     if not plot.absolute().parent.is_dir():
         raise OrientdError(f"cannot write {plot}: {os.strerror(errno.ENOENT)}")
     with _daemon() as socket, connect(socket, holder="orientd demo") as robot:
+        if what == "policy":
+            from orientd.cli.commands.demo_policy import show
+
+            with _recorded(robot) as cycles:
+                show(robot, cycles, out, plot if plots.is_available() else None)
+            return
         (device,) = robot.state().devices.values()
         out.say(
             f"device {device.name}: {device.driver} at {device.rate_hz:g} Hz, servo process "

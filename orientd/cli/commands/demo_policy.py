@@ -1,0 +1,132 @@
+"""`orientd demo policy`: a policy's chunks, joined by straight lines and by orientd."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from orientd import plots, rotation
+from orientd.rotation import Floats, Quaternion
+
+if TYPE_CHECKING:
+    from orientd.cli.output import Output
+    from orientd.client import PlayTiming, Robot
+    from orientd.stream import Cycle
+
+SECONDS, RATE, POSES = 4.0, 30.0, 16
+INFERENCE = 0.15
+"""Seconds that the policy takes for a chunk."""
+
+LOSS = 0.05
+"""Share of the poses that get lost."""
+
+NOISE = 2e-3
+"""By how much two chunks disagree, rad."""
+
+# Two rotation vectors of a real policy: neighbours in time, 47 degrees apart, but components of
+# opposite sign, since a turn by more than half a turn is the other way round.
+FROM = (1.4108558893203735, -0.14490126073360443, 2.2968666553497314)
+TO = (-1.9869475665660719, -0.20934335242279448, -2.127417674763405)
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """One answer of the policy.
+
+    Attributes:
+        arrives: when, s.
+        times: of its poses, s; the first of them have passed by then.
+        vectors: rotation vectors, rad, each at most half a turn long.
+    """
+
+    arrives: float
+    times: Floats
+    vectors: Floats
+
+
+def chunks(seed: int = 1) -> Iterator[Chunk]:
+    """Yield the chunks of a policy that swings to and fro between two orientations."""
+    rng, start = random.Random(seed), rotation.exp(FROM)
+    way = rotation.log(rotation.between(start, rotation.exp(TO)))
+    for observed in np.arange(0.0, SECONDS, INFERENCE):
+        kept = [k for k in range(POSES) if rng.random() > LOSS]
+        times = observed + np.array(kept) / RATE
+        shares = 0.5 - 0.5 * np.cos(np.pi * times)
+        noise = rotation.exp([rng.gauss(0.0, NOISE) for _ in range(3)])
+        q = rotation.multiply(rotation.multiply(start, rotation.exp(shares[:, None] * way)), noise)
+        yield Chunk(observed + INFERENCE, times, rotation.log(q))
+
+
+def straight(period: float) -> plots.Played:
+    """Return the setpoints that interpolate each component of the rotation vectors."""
+    rows: list[list[float]] = []
+    present: Chunk | None = None
+    coming = list(chunks())
+    for now in np.arange(INFERENCE, SECONDS, period):
+        while coming and coming[0].arrives <= now:
+            present = coming.pop(0)
+        if present is not None:
+            rows.append([np.interp(now, present.times, column) for column in present.vectors.T])
+    return plots.Played("straight lines between rotation vectors", period, rotation.exp(rows))
+
+
+def played(robot: Robot, cycles: list[Cycle], period: float) -> tuple[plots.Played, PlayTiming]:
+    """Play the chunks on the device; return the setpoints that it got, and how it went.
+
+    Args:
+        robot: the connection.
+        cycles: of the device, as they happen.
+        period: of the device, s.
+    """
+    from orientd.stream import ServoState
+
+    robot.move([{"rotation_vector": FROM}], approach=True).wait()
+    with robot.play() as play:
+        begin = time.monotonic()
+        for chunk in chunks():
+            time.sleep(max(begin + chunk.arrives - time.monotonic(), 0.0))
+            poses = Quaternion.from_array(rotation.exp(chunk.vectors), order="wxyz")
+            play.chunk(poses if isinstance(poses, list) else [poses], times=chunk.times + begin)
+    sent = [cycle.q for cycle in cycles if cycle.state is ServoState.TRACKING]
+    return plots.Played("orientd", period, np.array(sent)), play.timing()
+
+
+def show(robot: Robot, cycles: list[Cycle], out: Output, path: Path | None) -> None:
+    """Play the chunks in both ways, say the figures, and draw them to *path* if it is given."""
+    (device,) = robot.devices()
+    period = 1.0 / device.rate_hz
+    out.say(
+        f"policy: chunks of {POSES} poses at {RATE:g} Hz, {INFERENCE:g} s for each, "
+        f"{LOSS:.0%} of the poses lost, rotation vectors that change their sign"
+    )
+    smooth, timing = played(robot, cycles, period)
+    players = (straight(period), smooth)
+    limit = device.limits.acceleration
+    if path is not None:
+        plots.draw_played(path, players, limit, title="orientd demo: the chunks of a policy")
+    figures = {
+        name: {
+            "turned": float(player.turned[-1]),
+            "acceleration": float(player.acceleration.max()),
+        }
+        for name, player in zip(("straight_lines", "orientd"), players, strict=True)
+    }
+    rows = [
+        f"  {player.name:<40} {np.degrees(one['turned']):6.0f} degrees turned, "
+        f"at most {one['acceleration']:.3g} rad/s^2"
+        for player, one in zip(players, figures.values(), strict=True)
+    ]
+    out.answer(
+        {**figures, "limit": limit, "timing": timing, "picture": path and path.absolute()},
+        "",
+        *rows,
+        f"  {'limit of the device':<40} {limit:.3g} rad/s^2",
+        f"  {'late poses':<40} {timing.stale} in {timing.chunks} chunks",
+        f"  {'picture':<40} {path.absolute() if path else 'none'}",
+    )
