@@ -1,5 +1,6 @@
 """Orientations out of ROS 2 bags: as rosbag2 of our days writes them, and as that of Humble did."""
 
+import os
 import sqlite3
 import struct
 import sys
@@ -143,6 +144,23 @@ def test_a_folder_or_a_file_that_is_not_there_is_refused(tmp_path):
     for path in (tmp_path, tmp_path / "none.db3"):
         with pytest.raises(RecordingError, match="not a ROS 2 bag"):
             read_orientations(path)
+
+
+def test_a_bag_may_hold_folders_but_no_pipe(tmp_path):
+    path = write_bag(tmp_path / "bag", rosbag2.StoragePlugin.MCAP)
+    (path / "notes").mkdir()
+    check(read_orientations(path, "/pose"))
+    os.mkfifo(path / "pipe")
+    with pytest.raises(RecordingError, match="not a regular file"):
+        read_orientations(path, "/pose")
+
+
+def test_a_description_beyond_all_measure_is_refused(tmp_path):
+    path = write_bag(tmp_path / "bag", rosbag2.StoragePlugin.MCAP)
+    with (path / "metadata.yaml").open("a") as stream:
+        stream.write("#" * 2**20)
+    with pytest.raises(RecordingError, match="expected at most 1 MiB"):
+        read_orientations(path, "/pose")
 
 
 def test_a_damaged_message_is_refused_in_one_line(tmp_path):
