@@ -27,6 +27,14 @@ from orientd.errors import DaemonError, OrientdError
 
 _log = logging.getLogger(__name__)
 
+_ENVIRONMENT = {
+    # Threads would not outlive a fork, and sums must not depend on their number.
+    "OPENBLAS_NUM_THREADS": "1",
+    # Arrays of the usual size stay in memory that is mapped, or each plan takes 100 page faults.
+    "MALLOC_MMAP_THRESHOLD_": str(4 << 20),
+    "MALLOC_TRIM_THRESHOLD_": str(16 << 20),
+}
+
 
 class ForkServer:
     """The process that planners are forked from.
@@ -54,8 +62,7 @@ class ForkServer:
                     pass_fds=[theirs.fileno()],
                     process_group=0,  # out of the reach of a Ctrl-C, while it imports too
                     cwd="/",
-                    # Threads would not outlive a fork, and sums must not depend on their number.
-                    env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+                    env=os.environ | _ENVIRONMENT,
                 )
             except OSError as error:
                 self._socket.close()
