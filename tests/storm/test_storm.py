@@ -22,7 +22,7 @@ from wild import anywhere, wild_motion
 import orientd as api
 from orientd.bench.lateness import busy_cores, processes
 from orientd.client import MoveHandle
-from orientd.errors import DaemonError, Fault, OrientdError, PlanError, RequestError, StateError
+from orientd.errors import DaemonError, OrientdError, PlanError, RequestError, StateError
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import word
 from orientd.tolerances import GUARD_TOLERANCE
@@ -116,7 +116,7 @@ class Pilot:
     def mend(self):
         """Clear a fault, which has been told of, so that the storm goes on."""
         report = self.robot.state().devices[self.device]
-        if report.fault is not Fault.NONE:
+        if report.fault != pb.FAULT_NONE:
             self.calls.fail(f"fault {word(report, 'fault')}: {report.fault_text}")
             with contextlib.suppress(OrientdError):
                 self.robot.reset(self.device)
