@@ -18,6 +18,10 @@ SILENCE = 5.0
 
 _PIECE = 256 * 1024
 
+# The last one is Windows' only, which lacks the others.
+_FLAGS = ("O_NONBLOCK", "O_CLOEXEC", "O_NOCTTY", "O_BINARY")
+_READING = os.O_RDONLY | sum(getattr(os, flag, 0) for flag in _FLAGS)
+
 
 def read_bounded(path: Path, most_bytes: int) -> bytes:
     """Return the content of a file, or of a pipe until its writer closes it.
@@ -27,7 +31,7 @@ def read_bounded(path: Path, most_bytes: int) -> bytes:
             pipe that says nothing for :data:`SILENCE`; ``strerror`` says which.
     """
     # Without waiting: to open a pipe that nobody writes to would take for ever.
-    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
+    descriptor = os.open(path, _READING)
     try:
         found = os.fstat(descriptor)
         is_pipe = stat.S_ISFIFO(found.st_mode)

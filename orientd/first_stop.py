@@ -37,7 +37,7 @@ def runtime_directory() -> str:
 
     ``$XDG_RUNTIME_DIR/orientd``; or the first of ``$RUNTIME_DIRECTORY``, which systemd sets for a
     service; or ``/run/user/<uid>/orientd``; and only where there is none of them
-    ``/tmp/orientd-<uid>``.
+    ``/tmp/orientd-<uid>``.  On Windows ``AppData/Local/orientd`` of the user.
     """
     runtime = os.environ.get("XDG_RUNTIME_DIR")
     if runtime:
@@ -45,6 +45,8 @@ def runtime_directory() -> str:
     offered = os.environ.get("RUNTIME_DIRECTORY", "").partition(":")[0]
     if offered:
         return offered
+    if not hasattr(os, "getuid"):  # Windows
+        return os.path.expanduser("~/AppData/Local/orientd")
     of_user = f"/run/user/{os.getuid()}"
     if os.access(of_user, os.W_OK | os.X_OK) and os.stat(of_user).st_uid == os.getuid():
         return f"{of_user}/orientd"

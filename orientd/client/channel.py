@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket as sockets
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -119,7 +120,7 @@ class Way:
         ``ORIENTD_CA``; a socket that is given goes before an address of the environment.
 
         Raises:
-            DaemonError: a certificate is missing for an address.
+            DaemonError: a certificate is missing for an address, or this system has no Unix socket.
         """
         if address is None and socket is None:
             address = os.environ.get("ORIENTD_ADDRESS", "")
@@ -130,6 +131,10 @@ class Way:
         if address and address.startswith("unix:"):
             return cls(Path(address.removeprefix("unix:")))
         if not address:
+            if not hasattr(sockets, "AF_UNIX"):
+                raise DaemonError(
+                    "this system has no Unix sockets: give the daemon's address (--address)"
+                )
             return cls(Path(socket).expanduser() if socket is not None else found_socket())
         found = certificate_files(address, certificate, key, ca)
         name = "".join(letter if letter.isalnum() else "_" for letter in address)

@@ -6,7 +6,6 @@ Somebody else could answer "stopped" while nothing stops.
 from __future__ import annotations
 
 import os
-import pwd
 import stat
 from pathlib import Path
 
@@ -25,6 +24,8 @@ def check_uid(path: Path, uid: int) -> None:
     Raises:
         DaemonError: the user is not trusted.
     """
+    import pwd  # a client on Windows reaches a daemon by its address alone
+
     trusted, named = {0, os.geteuid()}, os.environ.get(DAEMON_USER, "")
     try:
         if named:
@@ -75,6 +76,8 @@ def check_folder(folder: Path) -> None:
 
 
 def _user(uid: int) -> str:
+    import pwd
+
     try:
         return f"{pwd.getpwuid(uid).pw_name} (user {uid})"
     except KeyError:

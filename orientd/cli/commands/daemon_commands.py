@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import platform
 import signal
 import sys
 import threading
@@ -14,6 +15,7 @@ from orientd.cli.command import ConfigFile, Endpoint, Socket
 from orientd.cli.output import Output, table
 from orientd.cli.parameters import Option
 from orientd.daemon import LogFormat
+from orientd.errors import OrientdError
 
 if TYPE_CHECKING:
     from orientd.protocol import control_pb2
@@ -40,6 +42,11 @@ def run(
     If a device does not answer, the line begins with "not ready" and says why.  The daemon tries
     again, and prints "ready" once the device answers.
     """
+    if not hasattr(os, "memfd_create"):
+        raise OrientdError(
+            f"the daemon and its servo need Linux, this is {platform.system()}; "
+            "curves, plans and clients work here"
+        )
     from orientd import config as configuration
     from orientd.client import default_socket
     from orientd.daemon import run as serve
