@@ -24,7 +24,8 @@ from __future__ import annotations
 import contextlib
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -96,7 +97,9 @@ class RecordingWriter:
     def add_cycles(self, device: str, cycles: Table) -> None:
         """Add cycles of a device, in their order."""
         with self._guarded():
-            channel = self._cycles_channel(f"/{device}/cycles")
+            text = schema().encode()
+            register = partial(self._writer.register_schema, SCHEMA_NAME, "ros2msg", text)
+            channel = self._channel(f"/{device}/cycles", "cdr", SCHEMA_NAME, register)
             due = (cycles["deadline_ns"] + self._offset_ns).tolist()
             for time_ns, message in zip(due, to_messages(cycles), strict=True):
                 self._writer.add_message(channel, time_ns, message, time_ns)
@@ -178,25 +181,18 @@ class RecordingWriter:
 
     def _add(self, topic: str, time_ns: int, message: Message) -> None:
         with self._guarded():
-            channel = self._channels.get(topic)
-            if channel is None:
-                name = message.DESCRIPTOR.full_name
-                if name not in self._schemas:
-                    self._schemas[name] = register_schema(self._writer, type(message))
-                channel = self._channel(topic, "protobuf", self._schemas[name])
+            register = partial(register_schema, self._writer, type(message))
+            name = message.DESCRIPTOR.full_name
+            channel = self._channel(topic, "protobuf", name, register)
             self._writer.add_message(channel, time_ns, message.SerializeToString(), time_ns)
 
-    def _cycles_channel(self, topic: str) -> int:
+    def _channel(self, topic: str, encoding: str, name: str, register: Callable[[], int]) -> int:
+        """Return the channel of a topic; the first message of a schema registers it."""
         if topic not in self._channels:
-            if SCHEMA_NAME not in self._schemas:
-                text = schema().encode()
-                register = self._writer.register_schema
-                self._schemas[SCHEMA_NAME] = register(SCHEMA_NAME, "ros2msg", text)
-            self._channel(topic, "cdr", self._schemas[SCHEMA_NAME])
-        return self._channels[topic]
-
-    def _channel(self, topic: str, encoding: str, schema_id: int) -> int:
-        self._channels[topic] = self._writer.register_channel(topic, encoding, schema_id)
+            if name not in self._schemas:
+                self._schemas[name] = register()
+            register_channel = self._writer.register_channel
+            self._channels[topic] = register_channel(topic, encoding, self._schemas[name])
         return self._channels[topic]
 
     @contextlib.contextmanager
