@@ -20,7 +20,7 @@ import numpy as np
 from orientd.recorder import bags
 from orientd.recorder.reader import NotOursError, Recording, load_recording, messages, reading
 from orientd.recorder.samples import NO_TIME, Samples, check_order, scaled
-from orientd.recorder.text_tables import TUM_ENDINGS, from_csv, from_tum
+from orientd.recorder.text_tables import TUM_ENDINGS, read_table
 from orientd.recorder.writer import RecordingError
 from orientd.rotation import Floats
 from orientd.stream import CycleFlag
@@ -65,10 +65,8 @@ def read_orientations(path: Path, topic: str = "", *, partial: bool = False) -> 
     """
     recording = Recording()
     with reading(path):
-        if path.suffix == ".csv":
-            tables = from_csv(path)
-        elif path.suffix in TUM_ENDINGS:
-            tables = from_tum(path)
+        if path.suffix in (".csv", *TUM_ENDINGS):
+            tables = read_table(path)
         elif bags.is_bag(path):
             tables = _from_bag(path)
         else:

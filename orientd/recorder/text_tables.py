@@ -39,20 +39,25 @@ _LONGEST_ROW = MEBIBYTE
 """Bytes of a row of a table; of a wide one, some thousand."""
 
 
-def from_csv(path: Path) -> dict[str, Samples]:
-    """Return the orientations of a csv file, by the name that their columns have in common.
+Row = tuple[int, list[str]]
+"""Number of the line that a row ends in, and its words."""
+
+
+def read_table(path: Path) -> dict[str, Samples]:
+    """Return the orientations of a csv file or a TUM trajectory, by the common part of the names.
 
     Raises:
-        RecordingError: there is no column of times, or it is in another unit.
+        RecordingError: there is no column of times, it is in another unit, or a TUM trajectory does
+            not have eight numbers in its first line.
         OSError: the file cannot be read.
     """
     check_regular(path)
     with path.open(newline="", encoding="utf-8-sig") as stream:
         lines = _Lines(path, stream)
-        rows = csv.reader(lines)
-        header = [_HEADING.fullmatch(name) for name in next(rows, [])]
-        names = [match[1] if match else "" for match in header]
-        places = {name: place for place, name in enumerate(names)}
+        rows = _tum_rows(path, lines) if path.suffix in TUM_ENDINGS else _csv_rows(lines)
+        _, names = next(rows, (0, []))
+        header = [_HEADING.fullmatch(name) for name in names]
+        places = {match[1]: place for place, match in enumerate(header) if match}
         clock = next((name for name in _TIMES if name in places), None)
         if clock is None:
             raise RecordingError(f"{path}: no column of times; expected {', '.join(_TIMES)}")
@@ -62,21 +67,19 @@ def from_csv(path: Path) -> dict[str, Samples]:
             raise RecordingError(
                 f"{path}: the column {clock!r} is in {unit!r}; expected {', '.join(_UNITS)}"
             )
-        found = list(_quaternion_columns(names, places))
+        found = list(_quaternion_columns(places))
         clocks = {name: array("q") for name in {clock, *(own for _, _, own in found if own)}}
         read = {name: array("d") for name in {name for _, q, _ in found for name in q}}
         numbers, given = array("q"), array("d")
-        for row in rows:
-            lines.begin_row()
-            if row:
-                if not numbers and unit == "s":
-                    unit = _unit(row, places[clock])
-                numbers.append(rows.line_num)
-                given.append(_number(row, places[clock]))
-                for name, instants in clocks.items():
-                    instants.append(_nanoseconds(row, places[name], _UNITS[unit]))
-                for name, column in read.items():
-                    column.append(_number(row, places[name]))
+        for number, row in rows:
+            given.append(_number(row, places[clock]))
+            if not numbers and unit == "s" and given[0] >= _NO_SECONDS:
+                unit = "ns"
+            numbers.append(number)
+            for name, instants in clocks.items():
+                instants.append(_nanoseconds(row, places[name], _UNITS[unit]))
+            for name, column in read.items():
+                column.append(_number(row, places[name]))
     columns = {name: np.array(column) for name, column in read.items()}
     stamps = {name: np.array(instants, dtype=np.int64) for name, instants in clocks.items()}
     apart = float(np.median(np.diff(given))) if len(numbers) > 1 else 0.0
@@ -95,50 +98,41 @@ def from_csv(path: Path) -> dict[str, Samples]:
     }
 
 
-def from_tum(path: Path) -> dict[str, Samples]:
-    """Return the orientations of a TUM trajectory: eight numbers in each line, in seconds.
+def _csv_rows(lines: _Lines) -> Iterator[Row]:
+    """Yield the names of the columns, and the rows that are not empty."""
+    rows = csv.reader(lines)
+    for row in rows:
+        lines.begin_row()
+        if row:
+            yield rows.line_num, row
 
-    A comment that names the columns says whether w comes first or last.
 
-    Raises:
-        RecordingError: it is none.
-        OSError: the file cannot be read.
-    """
-    check_regular(path)
-    names: tuple[str, ...] = _TUM
-    power = _UNITS["s"]
-    times, components, numbers = array("q"), array("d"), array("q")
-    with path.open(encoding="utf-8-sig") as stream:
-        lines = _Lines(path, stream)
-        for number, line in enumerate(lines, 1):
-            lines.begin_row()
-            row = line.replace(",", " ").split()
-            if not row:
-                continue
-            if row[0].startswith("#"):
-                named = tuple(line.lstrip("# \t").replace(",", " ").split())
-                names = named if sorted(named) == sorted(_TUM) else names
-                continue
-            if not numbers and len(row) != len(_TUM):
-                expected = f"expected {' '.join(_TUM)} in each line"
-                raise RecordingError(f"{path}: {expected}, got {len(row)} words in line {number}")
-            numbers.append(number)
-            # A line that is cut off has no orientation.
-            is_whole = len(row) == len(_TUM)
-            clock = names.index("timestamp")
-            if is_whole and len(numbers) == 1:
-                power = _UNITS[_unit(row, clock)]
-            times.append(_nanoseconds(row, clock, power) if is_whole else NO_TIME)
-            components.extend(_number(row, names.index(f"q{axis}")) for axis in "wxyz")
-    q = np.array(components).reshape(-1, 4)
-    return {"": Samples(np.array(times, dtype=np.int64), q, np.array(numbers, dtype=np.int64))}
+def _tum_rows(path: Path, lines: _Lines) -> Iterator[Row]:
+    """Yield the names of the columns, which a comment may give in another order, and the rows."""
+    names, is_begun = list(_TUM), False
+    for number, line in enumerate(lines, 1):
+        lines.begin_row()
+        row = line.replace(",", " ").split()
+        if not row:
+            continue
+        if row[0].startswith("#"):
+            named = line.lstrip("# \t").replace(",", " ").split()
+            names = named if sorted(named) == sorted(_TUM) else names
+            continue
+        if not is_begun and len(row) != len(_TUM):
+            expected = f"expected {' '.join(_TUM)} in each line"
+            raise RecordingError(f"{path}: {expected}, got {len(row)} words in line {number}")
+        if not is_begun:
+            is_begun = True
+            yield 0, names
+        yield number, row
 
 
 def _quaternion_columns(
-    header: Sequence[str], places: Mapping[str, int]
+    places: Mapping[str, int],
 ) -> Iterator[tuple[str, tuple[str, ...], str]]:
-    """Yield topic, columns of the quaternion and, where it has one, that of its own times."""
-    for name in header:
+    """Yield topic, columns of the quaternion and, if it has one, the column of its own times."""
+    for name in places:
         if not name.endswith("w"):
             continue
         prefix = name[:-1]
@@ -170,11 +164,6 @@ class _Lines:
         if not line:
             raise StopIteration
         return line
-
-
-def _unit(row: Sequence[str], place: int) -> str:
-    """Return the unit of times in seconds, which may be nanoseconds, from the first of them."""
-    return "ns" if place < len(row) and _number(row, place) >= _NO_SECONDS else "s"
 
 
 def _nanoseconds(row: Sequence[str], place: int, power: int) -> int:
