@@ -30,8 +30,11 @@ SHARE = 0.95
 """Part of the limits that a seam uses, so that some is left to follow it."""
 
 AGREEING = 0.02
-"""Up to which angle, rad, a chunk is where a seam under way leads: then that seam stays as it is.
-If every chunk began it again, a long one would never end."""
+"""Up to which gap, rad or m, a chunk is where a seam under way leads.  Then that seam stays as it
+is: if every chunk began it again, a long one would never end."""
+
+CATCHING_UP = 0.01
+"""Part of a shift of the deadlines that the reading of the curve makes up for in one cycle."""
 
 _LOOKS = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Where a seam is held against the limits."""
@@ -106,6 +109,7 @@ class Preview:
             linear: limits of the position.
         """
         self._period = period
+        self._period_ns = round(period * 1e9)
         self._limits, self._units, self._linear = limits, units, linear
         self.clear()
 
@@ -115,6 +119,7 @@ class Preview:
         self._piece: Piece | None = None
         self._state: Motion | None = None
         self._joins: Knot | None = None
+        self._read_ns = 0
         self._arrivals = Arrivals(1e9 * self._period)
         self.has_positions = False
         self.live = self.stale = self.starved = 0
@@ -177,7 +182,7 @@ class Preview:
             omega = plus(sent.omega, sent.alpha, half)
             more = sent.position, velocity, sent.acceleration
             start = Knot(sent_ns, sent.q, omega, sent.alpha, *more)
-            self._state = sent
+            self._state, self._read_ns = sent, sent_ns
         piece = self._seam(start, knots)
         self._joins = piece.there
         after = bisect_right(knots, piece.there.time_ns, key=_time_of)
@@ -206,7 +211,7 @@ class Preview:
             self.least_left_ns = left_ns
         if left_ns <= 0:
             self.starved += 1
-        q = sent.q if left_ns <= 0 else self._piece_at(knot.time_ns).at(knot.time_ns)[0]
+        q = sent.q if left_ns <= 0 else self._pose_at(knot.time_ns)[0]
         self.seam = max(self.seam, norm(difference(q, knot.q)))
 
     def _left_ns(self, knots: Sequence[Knot]) -> int:
@@ -216,11 +221,15 @@ class Preview:
             return until_ns
         place = bisect_right(knots, joins.time_ns, key=_time_of)
         piece = Piece(knots[place - 1], knots[place])
-        ahead = piece.at(joins.time_ns)[0], piece.at(joins.time_ns + 1_000_000)[0]
-        omega = plus(ZERO, difference(*ahead), 1e3)
-        gap = norm(difference(ahead[0], joins.q))
-        gap += 1e-9 * BRIDGE_NS * norm(plus(omega, joins.omega, -1.0))
-        return joins.time_ns if gap < AGREEING else until_ns
+        (q, at), (q1, at1) = piece.at(joins.time_ns), piece.at(joins.time_ns + 1_000_000)
+        omega, bridge = plus(ZERO, difference(q, q1), 1e3), 1e-9 * BRIDGE_NS
+        gap = norm(difference(q, joins.q)) + bridge * norm(plus(omega, joins.omega, -1.0))
+        away = 0.0
+        if self.has_positions:
+            velocity = combine(at1, 1e3, at, -1e3)
+            away = norm(plus(at, joins.position, -1.0))
+            away += bridge * norm(plus(velocity, joins.velocity, -1.0))
+        return joins.time_ns if max(gap, away) < AGREEING else until_ns
 
     def _kept(self, until_ns: int, sent_ns: int) -> list[Knot]:
         """Return the knots that stay of the old curve before *until_ns*, from that before now on.
@@ -271,6 +280,16 @@ class Preview:
         place = min(max(place, 1), len(knots) - 1)
         return Piece(knots[place - 1], knots[place])
 
+    def _pose_at(self, time_ns: int) -> tuple[Quaternion, Vector3]:
+        """Return orientation and position of the curve at an instant; the last ones after it."""
+        end = self.end
+        if time_ns >= end.time_ns:
+            return end.q, end.position
+        piece = self._piece_at(time_ns)
+        if time_ns < self._read_ns + 2 * self._period_ns:
+            self._piece = piece
+        return piece.at(time_ns)
+
     def at(self, now_ns: int) -> PreviewState:
         """Return the reference at the setpoint before *now_ns*, and how it continues to there.
 
@@ -279,18 +298,31 @@ class Preview:
         before, h = self._state, self._period
         if before is None:
             raise ValueError("no chunk has come")
-        end = self.end
-        if now_ns >= end.time_ns:
-            q, position = end.q, end.position
+        # The guard takes every cycle for a period, and deadlines may shift a little.
+        late_ns = now_ns - self._read_ns - self._period_ns
+        if abs(late_ns) > self._period_ns:
+            before, self._read_ns = self._motion_at(now_ns - self._period_ns), now_ns
         else:
-            self._piece = piece = self._piece_at(now_ns)
-            q, position = piece.at(now_ns)
+            self._read_ns += self._period_ns + round(CATCHING_UP * late_ns)
+        q, position = self._pose_at(self._read_ns)
         omega = plus(ZERO, difference(before.q, q), 1.0 / h)
         alpha = combine(omega, 1.0 / h, before.omega, -1.0 / h)
         velocity = combine(position, 1.0 / h, before.position, -1.0 / h)
         acceleration = combine(velocity, 1.0 / h, before.velocity, -1.0 / h)
         self._state = Motion(q, omega, alpha, position, velocity, acceleration)
         return PreviewState(*before, alpha, acceleration)
+
+    def _motion_at(self, time_ns: int) -> Motion:
+        """Return the curve at an instant, with differences to the two periods before it."""
+        h, step = self._period, self._period_ns
+        (q0, p0), (q1, p1), (q2, p2) = (self._pose_at(time_ns - k * step) for k in (2, 1, 0))
+        omega, velocity = (
+            plus(ZERO, difference(q1, q2), 1.0 / h),
+            combine(p2, 1.0 / h, p1, -1.0 / h),
+        )
+        alpha = combine(omega, 1.0 / h, difference(q0, q1), -1.0 / h / h)
+        acceleration = combine(velocity, 1.0 / h, plus(p1, p0, -1.0), -1.0 / h / h)
+        return Motion(q2, omega, alpha, p2, velocity, acceleration)
 
 
 def _most(limits: TrackingLimits, span: float) -> tuple[float, float, float]:

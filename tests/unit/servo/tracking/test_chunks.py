@@ -324,3 +324,40 @@ def test_whatever_a_policy_does_limits_are_kept_and_the_last_pose_is_come_to(see
     assert norm(world.guard.omega) < 1e-2
     # No turn that the poses do not have.
     assert way < 1.2 * least + 2.0 * pi
+
+
+def test_deadlines_that_shift_a_little_do_not_show():
+    world, peak, worst = ChunkWorld(LIMITS), 0.0, 0.0
+    for k in range(1500):
+        if k % 100 == 0:
+            poses = world.poses(world.now_ns, 16, 30, lambda t: about(sin(pi * t)))
+            assert world.chunk(poses) == ""
+        # What a device with a cycle of its own may ask for: a four-hundredth to and fro.
+        world.now_ns += (world.period_ns // 400) * (1 if k // 7 % 2 else -1)
+        point = world.step()
+        if k > 750:
+            peak = max(peak, norm(point.alpha_body))
+            worst = max(worst, angle(point.q, about(sin(pi * (world.now - 1.0)))))
+    assert peak < 1.02 * pi * pi
+    assert worst < 1e-3
+
+
+def test_a_stall_costs_no_more_than_the_limits():
+    world = ChunkWorld(LIMITS)
+    world.chunk(world.poses(world.now_ns, 60, 30, lambda t: about(0.8 * t)))
+    world.run(0.5)
+    world.now_ns += NS // 10
+    world.guard.anchor(world.guard.q, ZERO)
+    world.tracker.rest(world.guard.q)
+    world.run(0.5)
+    assert angle(world.guard.q, about(0.8 * (world.now - 1.0))) < 1e-3
+
+
+def test_a_chunk_that_begins_after_the_end_is_compared_with_the_last_pose():
+    world = ChunkWorld(LIMITS)
+    world.chunk(world.poses(world.now_ns, 8, 30, lambda t: about(0.2 * t)))
+    world.run(0.1)
+    world.chunk(world.poses(world.now_ns + NS * 3 // 10, 8, 30, lambda t: about(0.05)))
+    assert world.tracker.preview.seam == pytest.approx(0.05 - 0.2 * 7 / 30, abs=1e-6)
+    world.run(1.0)
+    assert angle(world.guard.q, about(0.05)) < 1e-5
