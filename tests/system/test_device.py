@@ -59,6 +59,14 @@ def turn_from_here(device, angle):
     return MotionRequest(keyframes=[Keyframe(start), Keyframe(away)])
 
 
+def test_a_device_shows_what_a_command_has_changed_once_that_is_done(device):
+    for _ in range(20):
+        device.disable()
+        assert device.snapshot().state is ServoState.IDLE
+        device.enable()
+        assert device.snapshot().state is ServoState.HOLDING
+
+
 def test_a_motion_that_has_ended_is_at_its_end(device):
     motion = plan(device, turn_from_here(device, 0.3))
     run(device, motion)

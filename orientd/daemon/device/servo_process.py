@@ -331,6 +331,8 @@ class ServoProcess:
             raise StateError(answer.text)
         if answer.code != Answer.DONE:
             raise DaemonError(f"{command.name.lower()} failed: {answer.text}")
+        if command in _SLOW:
+            self._await_cycle(memory)
         return posted
 
     def tune(self, options: Mapping[str, Any]) -> None:
@@ -401,6 +403,12 @@ class ServoProcess:
                 raise DaemonError(problem)
             time.sleep(_POLL if now < begun + ANSWER_TIMEOUT else _SLOW_POLL)
         return answer
+
+    def _await_cycle(self, memory: SharedMemory) -> None:
+        """Wait for a cycle that shows what a command has changed: its answer comes before that."""
+        head, end = memory.cycles.head, time.monotonic() + ANSWER_TIMEOUT
+        while memory.cycles.head == head and self.is_alive and time.monotonic() < end:
+            time.sleep(_POLL)
 
     def _take(self, index: int, *, is_awaited: bool = False) -> Note | None:
         """Return the answer to a command, if it has come.
