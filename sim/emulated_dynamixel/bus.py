@@ -1,8 +1,8 @@
 """The emulated bus: instructions in, answers out at their times.
 
-No input or output here: whoever owns the port hands in what the host wrote and takes what is due.
-In the answers to a group each servo waits for the one before it: if one is silent, all later ones
-are.
+No input or output here: the owner of the port passes in the host's bytes and takes the answers that
+are due.  In the answers to a group each servo waits for the previous one.  If one is silent, so are
+all later ones.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ class Bus:
     """Servos on one line.
 
     Attributes:
-        servos: by where they are on the line; their ids are in their memories.
-        line: how long bytes take.
-        wire: the answers on their way.
-        faults: what happens to answers.
-        packets: instructions heard so far.
+        servos: by their position on the line; their ids are in their memories.
+        line: timing of bytes.
+        wire: the answers in transit.
+        faults: faults of answers.
+        packets: number of received instructions.
     """
 
     def __init__(
@@ -60,10 +60,10 @@ class Bus:
         self._host_free_ns = 0
 
     def servo(self, servo_id: int) -> EmulatedServo:
-        """Return the servo that answers to *servo_id*.
+        """Return the servo with *servo_id*.
 
         Raises:
-            KeyError: there is none.
+            KeyError: it does not exist.
         """
         for servo in self.servos:
             if servo.id == servo_id:
@@ -71,7 +71,7 @@ class Bus:
         raise KeyError(servo_id)
 
     def receive(self, octets: bytes, now_ns: int, *, baud: int = 1_000_000) -> None:
-        """Take in what the host wrote at *now_ns* with its port at *baud*."""
+        """Receive the bytes that the host wrote at *now_ns* with its port at *baud*."""
         start_ns = max(now_ns, self._host_free_ns)
         self._host_free_ns = start_ns + self.line.duration_ns(len(octets), baud)
         for packet, count in self._parser.feed(octets, now_ns):
@@ -89,7 +89,7 @@ class Bus:
             self._dispatch(packet, listening, end_ns, baud)
 
     def advance(self, now_ns: int) -> None:
-        """Let time pass for every servo."""
+        """Advance the time of every servo."""
         for servo in self.servos:
             servo.advance(now_ns)
 

@@ -17,14 +17,14 @@ from emulated_dynamixel.table import BAUD_RATES, MODELS
 
 _GAP_NS = 20_000_000
 _IDLE_S = 0.2
-"""How long it takes at most until a signal is heeded."""
+"""Longest delay before a signal is handled."""
 
 
 def servos(text: str, *, baud: int = 1_000_000, now_ns: int = 0) -> list[EmulatedServo]:
-    """Return the servos that *text* names, as in ``1:xm430,2:xl330``.
+    """Return the servos in *text*, as in ``1:xm430,2:xl330``.
 
     Raises:
-        ValueError: the text, an id, a model or the line speed is not one there is.
+        ValueError: the text, an id, a model or the line speed is not valid.
     """
     if baud not in BAUD_RATES:
         raise ValueError(f"baud must be one of {', '.join(map(str, BAUD_RATES))}, got {baud}")
@@ -51,16 +51,16 @@ def run(
     """Serve an emulated bus at *link* until Ctrl-C or SIGTERM; print a line when it is ready.
 
     Args:
-        link: where clients find the terminal; removed at the end.
-        names: the servos, as :func:`servos` takes them.
-        baud: the line speed they are set to.
-        line: how long bytes take.
-        seed: of everything random.
-        console: a descriptor from which commands are read, see :mod:`.console`; ``None`` for none.
+        link: link to the terminal for clients; removed at the end.
+        names: the servos, as for :func:`servos`.
+        baud: their line speed.
+        line: timing of bytes.
+        seed: random seed.
+        console: a descriptor from which to read commands, see :mod:`.console`; ``None`` for none.
 
     Raises:
-        ValueError: *names* or *baud* is not allowed.
-        FileExistsError: something that is not a symbolic link is in the link's place.
+        ValueError: *names* or *baud* is not valid.
+        FileExistsError: *link* exists and is not a symbolic link.
     """
     found = servos(names, baud=baud, now_ns=time.monotonic_ns())
     server = PtyServer(Bus(found, line=line, rng=random.Random(seed), gap_ns=_GAP_NS), link)

@@ -1,4 +1,4 @@
-"""Commands for a running bus, one a line, as written on its standard input: faults, a hand, a look.
+"""Commands for a running bus, one per line on its standard input: faults, motion by hand, state.
 
 .. code-block:: text
 
@@ -6,18 +6,18 @@
     delay ID MILLISECONDS [PROBABILITY [COUNT]]
     clear [ID]                      end the faults of answers
     disconnect ID | connect ID      the servo's cable, with its supply
-    restart ID [MILLISECONDS]       lose the supply for a moment; silent for 300 ms, or as said
+    restart ID [MILLISECONDS]       interrupt the supply; silent for 300 ms by default
     jam ID | free ID | load ID FRACTION
     stops ID LOW HIGH               hard stops of the shaft, in ticks
-    lie ID TICKS [COUNT]            report positions that are so wrong, in COUNT readings or all
-    misread ID AT TICKS             the same wherever the servo stands exactly at AT
+    lie ID TICKS [COUNT]            report positions with this error, in COUNT readings or all
+    misread ID AT TICKS             the same, only at the position AT
     truth ID                        end both
     error ID BITS                   a hardware error
     heat ID CELSIUS | supply ID VOLT
-    turn ID TICKS [SECONDS]         by hand, so far in so long; only without torque
+    turn ID TICKS [SECONDS]         turn by hand; only without torque
     unplug | plug                   the adapter
-    state ID                        answered by its registers, in ticks: position, goal, torque
-    help                            answered by these commands
+    state ID                        show registers, in ticks: position, goal, torque
+    help                            show these commands
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 def carry_out(line: str, server: PtyServer, now_ns: int) -> str:
-    """Do what *line* says; return ``done: ...``, with what it asked for, or ``refused: ...``."""
+    """Execute *line*; return ``done: ...`` with the result, or ``refused: ...``."""
     try:
         told = _obey(line, server, now_ns)
     except (IndexError, KeyError):

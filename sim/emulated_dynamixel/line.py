@@ -10,17 +10,16 @@ from enum import StrEnum
 
 @dataclass(frozen=True, slots=True)
 class SerialLine:
-    """How long bytes take.
+    """Timing of bytes.
 
     Attributes:
-        is_paced: whether bytes take the time of the line speed; without it they take none, and
+        is_paced: whether bytes take the time of the line speed.  Otherwise they take none, and
             neither turnaround nor return delay counts.
-        turnaround_ns: from the end of an instruction to the beginning of an answer, on top of the
-            servo's own return delay.
-        usb_latency_ns: the most by which the adapter holds back an answer; uniform from 0.
-        has_collisions: whether an instruction that begins while an answer is on the line spoils
-            both.  Not behind a pseudo-terminal: an emulator that a busy machine wakes late would
-            make collisions that no wire has.
+        turnaround_ns: time from the end of an instruction to the start of an answer, in addition to
+            the servo's own return delay.
+        usb_latency_ns: largest delay of an answer by the adapter; uniform from 0.
+        has_collisions: whether an instruction that begins during an answer spoils both.  Not for a
+            pseudo-terminal: a late wake-up of the emulator would cause collisions that no wire has.
     """
 
     is_paced: bool = False
@@ -29,12 +28,12 @@ class SerialLine:
     has_collisions: bool = True
 
     def duration_ns(self, count: int, baud: int) -> int:
-        """Return how long *count* bytes of ten bits take at *baud*."""
+        """Return the duration of *count* bytes of ten bits at *baud*."""
         return count * 10_000_000_000 // baud if self.is_paced else 0
 
 
 class FaultKind(StrEnum):
-    """What can happen to an answer."""
+    """Kinds of faults of an answer."""
 
     DROP = "drop"
     CORRUPT = "corrupt"
@@ -47,10 +46,10 @@ class ReplyFault:
     """A fault of one servo's answers.
 
     Attributes:
-        kind: what happens.
-        probability: of each answer being hit.
-        remaining: how many answers may still be hit; ``None`` is no end.
-        delay_ns: by how much a delayed answer is late.
+        kind: its kind.
+        probability: of each answer being affected.
+        remaining: number of answers that may still be affected; ``None`` is unlimited.
+        delay_ns: delay of a late answer.
     """
 
     kind: FaultKind
@@ -61,28 +60,28 @@ class ReplyFault:
 
 @dataclass(slots=True)
 class Faults:
-    """Every fault of the answers on a bus.
+    """All faults of the answers on a bus.
 
     Attributes:
-        rng: decides what is hit.
+        rng: random generator.
     """
 
     rng: random.Random
     _of: dict[int, list[ReplyFault]] = field(default_factory=dict)
 
     def add(self, servo: int, fault: ReplyFault) -> None:
-        """Let *fault* happen to the answers of *servo*."""
+        """Apply *fault* to the answers of *servo*."""
         self._of.setdefault(servo, []).append(fault)
 
     def clear(self, servo: int | None = None) -> None:
-        """End the faults of *servo*, or all."""
+        """Remove the faults of *servo*, or all."""
         if servo is None:
             self._of.clear()
         else:
             self._of.pop(servo, None)
 
     def apply(self, servo: int, reply: bytes) -> tuple[bytes, int]:
-        """Return what becomes of *reply*, empty if nothing, and by how many ns it is late."""
+        """Return *reply* after the faults, empty if it is lost, and its delay in ns."""
         delay_ns = 0
         for fault in self._of.get(servo, ()):
             if fault.remaining == 0 or self.rng.random() >= fault.probability:
@@ -111,12 +110,12 @@ class _Reply:
 
 
 class Wire:
-    """Answers on their way to the host, in one queue: a late one holds back those behind it.
+    """Answers in transit to the host, in one queue: a late one delays those behind it.
 
     Attributes:
-        line: how long bytes take.
-        faults: what happens to answers.
-        collisions: instructions so far that began while an answer was on the wire.
+        line: timing of bytes.
+        faults: faults of answers.
+        collisions: number of instructions that began during an answer.
     """
 
     def __init__(self, line: SerialLine, rng: random.Random) -> None:
@@ -139,11 +138,11 @@ class Wire:
         return octets
 
     def discard(self) -> None:
-        """Forget the answers on their way, as when the adapter is unplugged."""
+        """Discard the answers in transit, as when the adapter is unplugged."""
         self._replies.clear()
 
     def collides(self, start_ns: int) -> bool:
-        """Spoil the answers that an instruction beginning at *start_ns* runs into, if any."""
+        """Spoil the answers that collide with an instruction beginning at *start_ns*."""
         hit = False
         for reply in self._replies if self.line.has_collisions else ():
             if reply.start_ns <= start_ns < reply.end_ns:
@@ -153,7 +152,7 @@ class Wire:
         return hit
 
     def begin_turn(self, now_ns: int, baud: int) -> None:
-        """Let the servos speak, one after the other, to an instruction heard at *now_ns*."""
+        """Let the servos answer, one after the other, an instruction received at *now_ns*."""
         self._free_ns, self._baud = now_ns, baud
 
     def answer(self, servo: int, octets: bytes, return_delay_ns: int) -> bool:

@@ -1,7 +1,7 @@
-"""How an emulated servo turns: profile, first-order lag, no-load speed, load and jam.
+"""The motion of an emulated servo: profile, first-order lag, no-load speed, load and jam.
 
-Positions are in ticks, unwrapped.  The model is integrated when somebody looks, in fixed steps, so
-that what is seen does not depend on how often.
+Positions are in ticks, unwrapped.  The model is integrated on access, in fixed steps, so the result
+does not depend on the number of accesses.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ _SETTLED_TICKS = 1e-6
 
 @dataclass(slots=True)
 class Aim:
-    """What the electronics want of the motor.
+    """The command of the electronics to the motor.
 
     Attributes:
-        position: goal in ticks, or ``None`` where a speed is wanted.
-        speed: goal in ticks/s, where no position is.
+        position: goal in ticks, or ``None`` for speed control.
+        speed: goal in ticks/s, for speed control.
         profile_speed: ticks/s of the profile; 0 is a step.
         profile_acceleration: ticks/s^2 of the profile; 0 is infinite.
         speed_limit: ticks/s that the voltage allows.
-        torque: share of the stall torque that may be used, above 0.
+        torque: usable share of the stall torque, above 0.
     """
 
     position: float | None = None
@@ -48,12 +48,12 @@ class Shaft:
     Attributes:
         position: ticks, unwrapped since power-on.
         speed: ticks/s.
-        reference: where the profile is, ticks.
+        reference: position of the profile, ticks.
         reference_speed: ticks/s.
-        jammed: whether something holds it.
+        jammed: whether it is blocked.
         load: 0 turns freely, 1 stalls.
-        strain_s: for how long it has been stalled.
-        stops: lowest and highest position that it can reach, ticks.
+        strain_s: how long it has been stalled.
+        stops: lowest and highest reachable position, ticks.
     """
 
     def __init__(self, position: float, now_ns: int) -> None:
@@ -69,18 +69,18 @@ class Shaft:
         self._turn_steps = 0
 
     def turn(self, ticks: float, seconds: float) -> None:
-        """Be turned by hand by so many ticks in so many seconds, while the motor is off."""
+        """Turn by hand, a number of ticks in a time, while the motor is off."""
         self._turn_steps = max(1, round(seconds / _STEP_S))
         self.speed = ticks / (self._turn_steps * _STEP_S)
 
     def shift(self, ticks: float) -> None:
-        """Count the same place, and the stops, as *ticks* more."""
+        """Shift the count of the position, and of the stops, by *ticks*."""
         low, high = self.stops
         self.position, self.stops = self.position + ticks, (low + ticks, high + ticks)
         self.settle()
 
     def _move(self) -> None:
-        """Move on by a step, no further than the stops."""
+        """Move by a step, no further than the stops."""
         low, high = self.stops
         self.position += self.speed * _STEP_S
         if not low <= self.position <= high:
@@ -92,7 +92,7 @@ class Shaft:
         self.reference_speed = 0.0
 
     def advance(self, now_ns: int, aim: Aim | None) -> None:
-        """Move on to *now_ns*, in whole steps; without *aim* the motor is off."""
+        """Advance to *now_ns*, in whole steps; without *aim* the motor is off."""
         while self._time_ns + STEP_NS <= now_ns:
             if self._is_settled(aim):
                 self._time_ns += (now_ns - self._time_ns) // STEP_NS * STEP_NS
@@ -151,7 +151,7 @@ class Shaft:
             return
         reach = aim.profile_speed
         if acceleration:
-            # The speed from which the rest of the way just suffices to stop, one step ahead.
+            # The speed from which the remaining distance is just enough to stop, one step ahead.
             half = acceleration * _STEP_S / 2
             reach = min(reach, math.sqrt(half * half + 2 * acceleration * abs(distance)) - half)
         wanted = math.copysign(reach, distance)

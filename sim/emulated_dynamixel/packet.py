@@ -19,7 +19,7 @@ SHORTEST = 10
 
 
 class Instruction(IntEnum):
-    """What a packet asks for; ``STATUS`` marks an answer."""
+    """The instruction of a packet; ``STATUS`` marks an answer."""
 
     PING = 0x01
     READ = 0x02
@@ -63,12 +63,12 @@ ALERT = 0x80
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """A packet whose CRC agreed, without its stuffing.
+    """A packet with a correct CRC, without its stuffing.
 
     Attributes:
-        id: of the servo asked or answering, or :data:`BROADCAST`.
-        instruction: a number; :class:`Instruction` names those that exist.
-        parameters: what follows it; of a status the error byte comes first.
+        id: of the addressed or answering servo, or :data:`BROADCAST`.
+        instruction: a number; :class:`Instruction` names the valid ones.
+        parameters: the rest; in a status packet the error byte comes first.
     """
 
     id: int
@@ -190,10 +190,10 @@ class Parser:
         self._buffer = bytearray()
 
     def feed(self, octets: bytes, now_ns: int) -> list[tuple[Packet | Damaged, int]]:
-        """Take in *octets* received at *now_ns* and return the packets they complete.
+        """Receive *octets* at *now_ns* and return the packets that they complete.
 
         Returns:
-            each packet, and how many of *octets* had been taken in when it was complete.
+            Each packet, and how many of *octets* had arrived when it was complete.
         """
         if self._buffer and now_ns - self._last_ns > self._gap_ns:
             self._buffer.clear()
@@ -209,7 +209,7 @@ class Parser:
         while True:
             start = buffer.find(HEADER)
             if start < 0:
-                # A header may be arriving: keep as much as could be its beginning.
+                # A header may be arriving: keep all bytes that may be its beginning.
                 del buffer[: max(0, len(buffer) - len(HEADER) + 1)]
                 return None
             del buffer[:start]
@@ -224,7 +224,7 @@ class Parser:
             return None
         raw = bytes(buffer[:total])
         if crc16(raw[:-2]) != int.from_bytes(raw[-2:], "little"):
-            # Only past the header: the length itself may be what was damaged.
+            # Only past the header: the length itself may be damaged.
             del buffer[: len(HEADER)]
             return Damaged(raw[4], raw[7])
         del buffer[:total]

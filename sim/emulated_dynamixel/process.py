@@ -1,4 +1,4 @@
-"""An emulated bus in a process of its own, for tests."""
+"""An emulated bus in its own process, for tests."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class EmulatedBus:
 
     Args:
         servos: ids and models, as in ``1:xm430,2:xl330``.
-        options: further words of the command ``emulated-dynamixel``.
+        options: further arguments of the command ``emulated-dynamixel``.
 
     Attributes:
         port: the serial port that clients open.
@@ -38,7 +38,7 @@ class EmulatedBus:
             raise BusError(f"the emulated bus did not start: {said}")
 
     def ask(self, command: str) -> str:
-        """Carry out a command of the console, as ``jam 2``; return what it says.
+        """Execute a command of the console, such as ``jam 2``; return its answer.
 
         Raises:
             BusError: it is refused.

@@ -1,7 +1,7 @@
-"""The bus behind a pseudo-terminal: what a real serial client opens.
+"""The bus behind a pseudo-terminal, as a real serial client opens it.
 
-The link is a symbolic link to the terminal.  Line speeds do nothing on a pseudo-terminal, but the
-client's choice can be read from it, and servos set to another speed stay silent, as on a wire.
+The link is a symbolic link to the terminal.  A pseudo-terminal has no line speed, but the client's
+setting can be read from it.  Servos set to another speed stay silent, as on a wire.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from pathlib import Path
 from emulated_dynamixel.bus import Bus
 
 _CHUNK = 4096
-# struct termios2 of Linux: unlike termios it tells any speed as a number, which is how clients in
-# other languages set it.
+# struct termios2 of Linux: unlike termios it has any speed as a number, which clients in other
+# languages set.
 _TCGETS2 = 0x802C542A
 _TERMIOS2 = struct.Struct("4I20B2I")
 
@@ -31,11 +31,11 @@ def line_speed(descriptor: int) -> int:
 
 
 class PtyServer:
-    """Serve a bus on a pseudo-terminal, from whichever thread calls :meth:`step`.
+    """Serve a bus on a pseudo-terminal, in the thread that calls :meth:`step`.
 
     Attributes:
-        bus: who answers.
-        link: where clients find the terminal.
+        bus: the bus.
+        link: link to the terminal for clients.
     """
 
     def __init__(self, bus: Bus, link: Path) -> None:
@@ -45,20 +45,20 @@ class PtyServer:
 
     @property
     def is_plugged(self) -> bool:
-        """Whether the terminal is there."""
+        """Whether the terminal exists."""
         return self._master >= 0
 
     def plug(self) -> None:
-        """Make the terminal and the link to it.
+        """Create the terminal and the link to it.
 
         Raises:
-            FileExistsError: something that is not a symbolic link is in the link's place.
+            FileExistsError: the link's path exists and is not a symbolic link.
         """
         if self.link.exists() and not self.link.is_symlink():
             raise FileExistsError(f"{self.link} exists and is not a symbolic link")
         self._master, self._slave = os.openpty()
-        # Both ends raw before a client comes: a fresh terminal echoes and edits lines.  The slave
-        # stays open here, or the master would report an error whenever no client is there.
+        # Both ends raw before a client connects: a new terminal echoes and edits lines.  The slave
+        # stays open here, or the master would report an error whenever there is no client.
         tty.setraw(self._master)
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
@@ -69,7 +69,7 @@ class PtyServer:
         beside.replace(self.link)
 
     def unplug(self) -> None:
-        """Take the terminal away from its client, and the link with it."""
+        """Close the terminal and remove the link."""
         if not self.is_plugged:
             return
         target = os.ttyname(self._slave)
@@ -81,14 +81,14 @@ class PtyServer:
             self.link.unlink()
 
     def step(self, longest_s: float, *others: int) -> list[int]:
-        """Wait for something to do, at most *longest_s*, and do it.
+        """Wait for work, at most *longest_s*, and do it.
 
         Args:
-            longest_s: how long to wait.
+            longest_s: longest wait.
             others: descriptors of the caller to wait for as well.
 
         Returns:
-            those of *others* that can be read.
+            The readable ones of *others*.
         """
         due_ns = self.bus.wire.due_ns()
         wait_s = longest_s

@@ -22,7 +22,7 @@ def emulated_dynamixel() -> Iterator[EmulatedBus]:
 
 @pytest.fixture
 def virtual_dynamixel() -> VirtualPort:
-    """Such a bus behind a port object of dynamixel_sdk, in virtual time: no test waits for it."""
+    """A bus behind a port object of dynamixel_sdk, in virtual time: tests do not wait."""
     clock = ManualClock(1_000_000_000)
     found = servos("1:xm430,2:xm430,3:xm430", now_ns=clock.now_ns())
     return VirtualPort(Bus(found, rng=random.Random(0)), clock)

@@ -1,10 +1,10 @@
-"""One emulated servo: its memory, what it accepts, and what becomes of it.
+"""One emulated servo: its memory, its instructions, and its faults.
 
-Choices that no document settles: torque on sets the goal to the present position; in a latched
-shutdown a write of torque answers with the alert alone and changes nothing; a write of several
-registers is done whole or not at all; gaps of the table read as zero; booting takes 0.3 s; the
-drive mode's reverse bit is not modelled; a servo that its watchdog stopped keeps its goal and goes
-there once the watchdog is cleared, unless it gets another one first.
+The documents leave some behaviour open.  Here, torque on sets the goal to the present position.  In
+a latched shutdown, a write of torque answers with the alert alone and changes nothing.  A write of
+several registers is done whole or not at all.  Gaps of the table read as zero.  Booting takes 0.3
+s.  The reverse bit of the drive mode is not modelled.  A servo that its watchdog stopped keeps its
+goal.  It goes there once the watchdog is cleared, unless it gets another goal first.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ class Lie:
     """A wrong position that a servo reports.
 
     Attributes:
-        offset: ticks that it reports too many.
-        at: the only position at which it does, in ticks; ``None`` for all.
-        remaining: how many readings are wrong; ``None`` for no end.
+        offset: error in ticks.
+        at: the only position at which it applies, in ticks; ``None`` for all.
+        remaining: number of wrong readings; ``None`` is unlimited.
     """
 
     offset: int
@@ -58,12 +58,12 @@ class EmulatedServo:
     """A servo on the bus.
 
     Attributes:
-        model: what kind it is.
+        model: its model.
         shaft: its mechanics; tests jam or load it there.
-        is_connected: whether its cable is plugged in and its supply is on.
+        is_connected: whether its cable and its supply are connected.
         supply: steps of 0.1 V.
         temperature: degrees Celsius.
-        lie: what is wrong with the positions that it reports; ``None`` where nothing is.
+        lie: error of the reported positions; ``None`` for none.
     """
 
     def __init__(
@@ -101,17 +101,17 @@ class EmulatedServo:
 
     @property
     def baud_index(self) -> int:
-        """Which line speed it listens to; an index of ``BAUD_RATES``."""
+        """Its line speed, an index of ``BAUD_RATES``."""
         return self._memory[8]
 
     @property
     def return_delay_ns(self) -> int:
-        """How long it waits before it answers."""
+        """Its delay before an answer."""
         return self._memory[9] * 2_000
 
     @property
     def return_level(self) -> int:
-        """0 answers pings only, 1 reads too, 2 everything."""
+        """0 answers pings only, 1 also reads, 2 everything."""
         return self._memory[68]
 
     @property
@@ -135,7 +135,7 @@ class EmulatedServo:
         return int.from_bytes(raw, "little", signed=register.is_signed)
 
     def carry_out(self, instruction: int, parameters: bytes, now_ns: int) -> tuple[int, bytes]:
-        """Do what one instruction asks; return an error number and the content of the answer."""
+        """Execute one instruction; return an error number and the content of the answer."""
         address = int.from_bytes(parameters[:2], "little")
         match instruction:
             case Instruction.PING:
@@ -156,7 +156,7 @@ class EmulatedServo:
             case Instruction.CLEAR:
                 return ErrorNumber.DATA_RANGE, b""
             case Instruction.REBOOT | Instruction.FACTORY_RESET:
-                return ErrorNumber.NONE, b""  # the bus goes on once it has answered
+                return ErrorNumber.NONE, b""  # the bus continues once it has answered
         return ErrorNumber.INSTRUCTION, b""
 
     def read(self, address: int, count: int, now_ns: int) -> tuple[int, bytes]:
@@ -193,7 +193,7 @@ class EmulatedServo:
         return ErrorNumber.NONE
 
     def register_write(self, address: int, content: bytes, now_ns: int) -> int:
-        """Keep a write for :meth:`action`; return an error number."""
+        """Store a write for :meth:`action`; return an error number."""
         self.advance(now_ns)
         if not content or address + len(content) > self.model.end:
             return ErrorNumber.ACCESS if content else ErrorNumber.DATA_LENGTH
@@ -204,7 +204,7 @@ class EmulatedServo:
         return error
 
     def action(self, now_ns: int) -> int:
-        """Do the registered write; return an error number."""
+        """Execute the stored write; return an error number."""
         if self.registered is None:
             return ErrorNumber.INSTRUCTION
         address, content = self.registered
@@ -213,7 +213,7 @@ class EmulatedServo:
         return self.write(address, content, now_ns)
 
     def clear_turns(self, now_ns: int) -> int:
-        """Forget whole turns, where the shaft stands still; return an error number."""
+        """Clear whole turns if the shaft stands still; return an error number."""
         self.advance(now_ns)
         if self._is_moving():
             return ErrorNumber.RESULT_FAIL
@@ -221,12 +221,12 @@ class EmulatedServo:
         return ErrorNumber.NONE
 
     def feed_watchdog(self, now_ns: int) -> None:
-        """Note that an instruction was heard."""
+        """Record that an instruction was received."""
         self.advance(now_ns)
         self._fed_ns = now_ns
 
     def reboot(self, now_ns: int, *, boot_ns: int = BOOT_NS) -> None:
-        """Start again: RAM at its defaults, turns forgotten, silent for *boot_ns*."""
+        """Restart: RAM at its defaults, turns lost, silent for *boot_ns*."""
         self.advance(now_ns)
         for register in self.model.registers.values():
             if register.address >= EEPROM_END:
@@ -239,7 +239,7 @@ class EmulatedServo:
         self._ready_ns = now_ns + boot_ns
 
     def factory_reset(self, option: int, now_ns: int) -> None:
-        """Put the EEPROM back; *option* 1 keeps the id, 2 the id and the line speed."""
+        """Reset the EEPROM; *option* 1 keeps the id, 2 the id and the line speed."""
         kept = {7: self.id if option in {1, 2} else 1, 8: self.baud_index if option == 2 else 1}
         for register in self.model.registers.values():
             if register.address < EEPROM_END:
@@ -247,7 +247,7 @@ class EmulatedServo:
         self.reboot(now_ns)
 
     def disconnect(self, now_ns: int) -> None:
-        """Take the cable away: the motor loses its supply."""
+        """Unplug the cable: the motor loses its supply."""
         self.advance(now_ns)
         self._memory[64] = 0
         self.shaft.speed = 0.0
@@ -270,7 +270,7 @@ class EmulatedServo:
             self._memory[64] = 0
 
     def advance(self, now_ns: int) -> None:
-        """Let time pass: supply, heat, watchdog, motor, overload."""
+        """Advance the time: supply, heat, watchdog, motor, overload."""
         low, high = self.value("min voltage limit"), self.value("max voltage limit")
         bits = (not low <= self.supply <= high) * VOLTAGE
         bits |= (self.temperature > self.value("temperature limit")) * OVERHEATING
@@ -397,7 +397,7 @@ class EmulatedServo:
         return aim
 
     def _time_profile(self, aim: Aim, goal: int, total_s: float, ramp_s: float) -> None:
-        # The profile is drawn when the goal is new and the reference stands still at its beginning.
+        # The profile starts when the goal is new and the reference stands still at its beginning.
         if self._planned_goal != goal:
             self._planned_goal = goal
             distance = abs(goal - self.shaft.reference)
@@ -414,7 +414,7 @@ class EmulatedServo:
         self._set(116, round(position) + self.value("homing offset"))
 
     def refresh(self, now_ns: int) -> None:
-        """Write what the servo measures into its registers."""
+        """Write the measured values into the registers."""
         shaft = self.shaft
         speed = round(shaft.speed / (VELOCITY_UNIT * TICKS_PER_RADIAN))
         aim = self._aim()

@@ -1,4 +1,4 @@
-"""Control tables of the servos that the emulator knows, by ``registers.txt`` and ``models.txt``."""
+"""Control tables of the emulated servos, from ``registers.txt`` and ``models.txt``."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Register:
         default: after a factory reset, or of the RAM after power-on.
         low: least value that can be written.
         high: largest value that can be written.
-        writable: whether it can be written at all.
+        writable: whether it is writable.
     """
 
     name: str
@@ -51,11 +51,11 @@ class Register:
 
 @dataclass(frozen=True)
 class ServoModel:
-    """One kind of servo.
+    """One servo model.
 
     Attributes:
         name: as printed on it.
-        number: what it answers to a ping.
+        number: its answer to a ping.
         registers: by address.
         indirect: ``(address block, data block, count)`` of each indirect area.
         no_load_speed: rad/s at its nominal voltage; a loaded servo is slower.
@@ -118,5 +118,5 @@ def _model(row: str) -> tuple[str, ServoModel]:
 
 
 MODELS: Mapping[str, ServoModel] = dict(map(_model, _rows("models.txt")))
-"""By the short names of the command line."""
+"""The models by the short names of the command line."""
 XM430_W350, XL330_M288 = MODELS["xm430"], MODELS["xl330"]

@@ -1,7 +1,7 @@
-"""The bus behind a port object with virtual time: what ``dynamixel_sdk`` asks of its PortHandler.
+"""The bus behind a port object with virtual time, in place of ``dynamixel_sdk``'s PortHandler.
 
 Nothing here waits.  A read that would wait moves the clock to the next answer instead, or to the
-end of the time allowed, so a test runs faster than real time and twice the same.
+end of the timeout.  So a test runs faster than real time, and always in the same way.
 """
 
 # ruff: noqa: D102, N802 - the names are the SDK's, and so is what they mean
@@ -16,7 +16,7 @@ _GLANCE_NS = 10_000
 
 
 class Clock(Protocol):
-    """Time in nanoseconds that a read may move forward."""
+    """Largest step of the clock in a read, ns."""
 
     def now_ns(self) -> int: ...
 
@@ -30,7 +30,7 @@ class ManualClock:
         self._now_ns = start_ns
 
     def now_ns(self) -> int:
-        """Return the time that it was last moved to."""
+        """Return the present time."""
         return self._now_ns
 
     def advance(self, step_ns: int) -> None:
@@ -39,7 +39,7 @@ class ManualClock:
 
 
 class _Serial:
-    """The part of ``serial.Serial`` that users of a PortHandler touch."""
+    """The part of ``serial.Serial`` that users of a PortHandler use."""
 
     def __init__(self) -> None:
         self.timeout: float | None = 0.0
@@ -49,9 +49,9 @@ class VirtualPort:
     """A PortHandler without a port.
 
     Attributes:
-        bus: who answers.
+        bus: the bus.
         clock: moved by reads that wait.
-        latency_ms: what the SDK's constant ``LATENCY_TIMER`` stands for.
+        latency_ms: in place of the SDK's constant ``LATENCY_TIMER``.
         is_plugged: whether the adapter is there; without it reads and writes raise.
     """
 

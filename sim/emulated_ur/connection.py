@@ -1,4 +1,4 @@
-"""One client: what is said on its port, and its socket, on which bytes may be held back."""
+"""One client: the protocol of its port, and its socket, which can delay bytes."""
 
 from __future__ import annotations
 
@@ -17,36 +17,36 @@ _LARGEST_BACKLOG = 1 << 20
 
 
 class Talk:
-    """One client's conversation; this one says nothing.
+    """One client's protocol; this one says nothing.
 
     Attributes:
-        greeting: what the client is told when it has connected.
+        greeting: first message to the client.
     """
 
     greeting = b""
 
     def feed(self, chunk: bytes) -> bytes:  # noqa: ARG002
-        """Take what the client says; return the answer."""
+        """Receive bytes of the client; return the answer."""
         return b""
 
     def tick(self) -> bytes:
-        """Return what the client is told in this tick."""
+        """Return the message to the client in this tick."""
         return b""
 
     def tell(self, event: Event) -> bytes:  # noqa: ARG002
-        """Return what the client is told of an event."""
+        """Return the message to the client about an event."""
         return b""
 
     def close(self) -> None:
-        """Take note that the client has gone."""
+        """Handle the client's disconnection."""
 
 
 class LineTalk(Talk):
-    """A line asks and a line answers: the dashboard server, interpreter mode, the control channel.
+    """A line in, a line out: the dashboard server, interpreter mode, the control channel.
 
     Args:
-        reply: what answers a line, without the line's end.
-        greeting: a line for the client to begin with; empty for none.
+        reply: answers a line, without the line's end.
+        greeting: first line to the client; empty for none.
     """
 
     def __init__(self, reply: Callable[[str], str], greeting: str = "") -> None:
@@ -55,7 +55,7 @@ class LineTalk(Talk):
         self._pending = b""
 
     def feed(self, chunk: bytes) -> bytes:
-        """Take what the client says; return the answers."""
+        """Receive bytes of the client; return the answers."""
         *lines, self._pending = (self._pending + chunk).split(b"\n")
         replies = [self._reply(line.decode("utf-8", "replace")) for line in lines]
         return "".join(f"{reply}\n" for reply in replies).encode()
@@ -65,7 +65,7 @@ class ScriptTalk(Talk):
     """URScript in; on the primary and secondary interfaces the robot's state out, at 10 Hz.
 
     Args:
-        robot: whose port it is.
+        robot: the controller.
         kind: ``primary``, ``secondary`` or ``script``; the first two may be ``read-only``.
     """
 
@@ -77,7 +77,7 @@ class ScriptTalk(Talk):
         self._is_first = True
 
     def feed(self, chunk: bytes) -> bytes:
-        """Take a part of a program, except where clients only listen."""
+        """Receive a part of a program, except on read-only ports."""
         if self._kind.endswith("read-only"):
             return b""
         for program in self._splitter.feed(chunk):
@@ -96,14 +96,14 @@ class ScriptTalk(Talk):
         return event_message(self._robot, event) if self._kind.startswith("primary") else b""
 
     def close(self) -> None:
-        """Say so if the client left in the middle of a program."""
+        """Report a client that disconnects in the middle of a program."""
         if unfinished := self._splitter.unfinished:
             self._robot.say(f"program refused: it has no end: {unfinished[:80]!r}")
 
 
 @dataclass(slots=True)
 class Delays:
-    """How long bytes are held back: those that come, those that go, and each one that goes."""
+    """Delays of bytes: received ones, sent ones, and each sent one."""
 
     coming_ns: int = 0
     going_ns: int = 0
@@ -111,12 +111,12 @@ class Delays:
 
 
 class ClientConnection:
-    """A non-blocking socket with queues that can hold bytes back.
+    """A non-blocking socket with queues that can delay bytes.
 
     Attributes:
-        kind: which port it came in on: ``rtde``, ``dashboard``, ``script`` and so on.
-        talk: what is said on it.
-        is_closed: whether it is to be forgotten.
+        kind: its port: ``rtde``, ``dashboard``, ``script`` and so on.
+        talk: the protocol.
+        is_closed: whether it should be removed.
     """
 
     def __init__(self, sock: socket.socket, kind: str, talk: Talk, delays: Delays) -> None:
@@ -132,7 +132,7 @@ class ClientConnection:
         self._incoming: deque[tuple[int, bytes]] = deque()
 
     def receive(self) -> None:
-        """Take what has come from the socket."""
+        """Read from the socket."""
         try:
             chunk = self.sock.recv(65536)
         except BlockingIOError:
@@ -142,14 +142,14 @@ class ClientConnection:
         if not chunk:
             self.is_closed = True
             return
-        # Without this the kernel acknowledges late, and a client whose sender waits for
-        # acknowledgements (Nagle) sends late in turn.
+        # Otherwise the kernel acknowledges late, and a client whose sender waits for
+        # acknowledgements (Nagle) sends late too.
         with contextlib.suppress(OSError):
             self.sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
         self._incoming.append((time.monotonic_ns() + self._delays.coming_ns, chunk))
 
     def take(self) -> bytes:
-        """Return what has come and may be read now."""
+        """Return the received bytes that are due."""
         now_ns = time.monotonic_ns()
         parts: list[bytes] = []
         while self._incoming and self._incoming[0][0] <= now_ns:
@@ -157,7 +157,7 @@ class ClientConnection:
         return b"".join(parts)
 
     def send(self, message: bytes) -> None:
-        """Queue *message*, to leave after the delay."""
+        """Queue *message* to be sent after the delay."""
         if not message:
             return
         due_ns = time.monotonic_ns() + self._delays.going_ns
@@ -169,7 +169,7 @@ class ClientConnection:
         self.flush()
 
     def flush(self) -> None:
-        """Send what is due, as far as the kernel takes it."""
+        """Send the bytes that are due, as far as the kernel accepts them."""
         now_ns = time.monotonic_ns()
         while self._outgoing and self._outgoing[0][0] <= now_ns:
             self._unsent += self._outgoing.popleft()[1]

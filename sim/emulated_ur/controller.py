@@ -1,7 +1,7 @@
 """The emulated controller: its states, its variables, its program and its arm; no sockets here.
 
-:meth:`Controller.tick` advances everything by 2 ms.  Whoever owns the sockets calls it, hands it
-what clients wrote, and reads variables by their RTDE names with :meth:`Controller.value`.
+:meth:`Controller.tick` advances everything by 2 ms.  The owner of the sockets calls it, passes in
+the clients' bytes, and reads variables by their RTDE names with :meth:`Controller.value`.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from emulated_ur.variables import VARIABLES, ProgramState, RobotMode, SafetyMode
 
 _HARD_DECELERATION = 30.0
 _SHORTEST_TICKS = 50
-"""A program plays at least so long that its client can see it."""
+"""Least duration of a program, so that its client sees it play."""
 
 _HISTORY = 2500
 
 
 class Severity(IntEnum):
-    """What a safety mode does; a mode gives way to those that do more."""
+    """The effect of a safety mode; a mode yields to those with a stronger effect."""
 
     NONE = 0
     RESTRICTS = 1
@@ -34,7 +34,7 @@ class Severity(IntEnum):
 
 
 class Safety(NamedTuple):
-    """One safety mode: what it does, the program after it, and ``safety_status_bits``."""
+    """One safety mode: its effect, the program after it, and ``safety_status_bits``."""
 
     severity: Severity
     program: ProgramState | None
@@ -52,7 +52,7 @@ _SAFEGUARD = Safety(Severity.STOPS, ProgramState.PAUSED, 1 << 4 | _STOPPED)
 _SAFETY = {
     SafetyMode.NORMAL: Safety(Severity.NONE, None, 1 << 0),
     SafetyMode.REDUCED: Safety(Severity.RESTRICTS, None, 1 << 0 | 1 << 1),
-    # What the program becomes is the robot's behaviour.
+    # The state of the program afterwards is part of the robot's behaviour.
     SafetyMode.PROTECTIVE_STOP: Safety(Severity.STOPS, None, 1 << 2 | _STOPPED, is_latched=True),
     SafetyMode.RECOVERY: Safety(Severity.RESTRICTS, ProgramState.STOPPED, 1 << 3),
     SafetyMode.SAFEGUARD_STOP: _SAFEGUARD,
@@ -71,7 +71,7 @@ _SAFETY = {
 
 
 class Event(NamedTuple):
-    """What clients are told: its kind, text and title, and numbers that its kind has.
+    """A message to clients: its kind, text and title, and the numbers of its kind.
 
     The kinds are ``log``, ``text``, ``key``, ``popup`` (warning, error, blocking) and
     ``exception`` (line, column).
@@ -84,7 +84,7 @@ class Event(NamedTuple):
 
 
 class RefusedError(Exception):
-    """A request that the robot's present state does not allow; the text is what it answers."""
+    """A request that the robot's present state does not allow; the text is its answer."""
 
 
 class Controller:
@@ -94,7 +94,7 @@ class Controller:
         self.behaviour = behaviour or Behaviour()
         self.arm = Arm(model=self.behaviour.model)
         self.ticks = 0
-        # Clients take a clock that starts at zero for a controller that is still booting.
+        # Clients mistake a clock that starts at zero for a controller that is still booting.
         self.timestamp = 100.0
         self.variables: dict[str, Any] = {n: one.initial for n, one in VARIABLES.items()}
         self.robot_mode: RobotMode = RobotMode.RUNNING
@@ -158,7 +158,7 @@ class Controller:
 
     @property
     def speed_scaling(self) -> float:
-        """How fast a program's time runs: the slider's fraction times what the limiter leaves."""
+        """Speed of a program's time: the slider's fraction times the limiter's."""
         return self.speed_fraction * self.speed_limiter
 
     def _move_slider(self) -> None:
@@ -213,11 +213,11 @@ class Controller:
 
     @property
     def can_move(self) -> bool:
-        """Whether nothing forbids a program to move the arm."""
+        """Whether a program may move the arm."""
         return self.is_powered and not self.safety.forbids_motion
 
     def upload(self, text: str) -> None:
-        """Take a program sent to a script port: a line, ``def .. end`` or ``sec .. end``."""
+        """Run a program sent to a script port: a line, ``def .. end`` or ``sec .. end``."""
         functions = Functions(self)
         try:
             script = self._compiled.get(text) or compile_script(text, functions.table())
@@ -238,7 +238,7 @@ class Controller:
         self.later(self.behaviour.program_start, lambda: self._start(program))
 
     def interpret(self, line: str) -> str:
-        """Take a line that a client sent to interpreter mode; return the answer."""
+        """Run a line that a client sent to interpreter mode; return the answer."""
         if self.program is None:
             return f"discard: no program runs: {line.strip()}"
         return self.program.functions.interpret(line.strip())
@@ -277,7 +277,7 @@ class Controller:
         """Pause the program.
 
         Raises:
-            RefusedError: none plays.
+            RefusedError: no program plays.
         """
         if self.runtime_state is not ProgramState.PLAYING:
             raise RefusedError("Failed to execute: pause")
@@ -288,7 +288,7 @@ class Controller:
         """Play the paused program, or the loaded one.
 
         Raises:
-            RefusedError: there is none, or the robot is stopped.
+            RefusedError: there is no program, or the robot is stopped.
         """
         if not self.can_move:
             raise RefusedError("Failed to execute: play")
@@ -304,10 +304,10 @@ class Controller:
             raise RefusedError("Failed to execute: play")
 
     def set_watchdog(self, register: str, frequency: float, action: str) -> None:
-        """``stop`` or ``pause`` the program when *register* is not written so often a second.
+        """``stop`` or ``pause`` the program if *register* is not written at this rate, Hz.
 
         Raises:
-            ValueError: there is no such register or action.
+            ValueError: the register or action does not exist.
         """
         is_input = register in VARIABLES and VARIABLES[register].is_input
         if not is_input or action not in ("pause", "stop", "ignore"):
@@ -317,17 +317,17 @@ class Controller:
         self._watchdog_fed = self.ticks
 
     def say(self, text: str) -> None:
-        """Write a line into the log and to the clients."""
+        """Write a line to the log and to the clients."""
         self.log.append(f"{self.timestamp:.3f} {text}")
         self.events.append(Event("log", text))
 
     def tell(self, text: str) -> None:
-        """Write a program's words into its log and to the clients."""
+        """Write a program's text to its log and to the clients."""
         self.told.append(text)
         self.events.append(Event("text", text))
 
     def open_popup(self, text: str, title: str, *flags: bool) -> None:
-        """Show a window on the pendant; *flags* say whether it warns, is an error, and blocks."""
+        """Show a window on the pendant; *flags* tell whether it warns, is an error, and blocks."""
         self.popup = text or title
         self.events.append(Event("popup", text, title, flags))
 
@@ -337,15 +337,15 @@ class Controller:
 
     @property
     def force(self) -> tuple[float, ...]:
-        """The force at the tool; there is none but what a client has written."""
+        """The force at the tool, which is zero unless a client has written one."""
         written: tuple[float, ...] = self.variables["external_force_torque"]
         return written if self.uses_external_force else (0.0,) * 6
 
     def push(self, q: Sequence[float], seconds: float) -> None:
-        """Let somebody move the joints by hand to *q*, rad, in so many seconds.
+        """Let a person move the joints by hand to *q*, rad, in a number of seconds.
 
         Raises:
-            RefusedError: a program holds the arm, or it is still moving.
+            RefusedError: a program controls the arm, or it is still moving.
         """
         is_held = self.runtime_state is ProgramState.PLAYING and self.can_move
         if self.arm.mode is not Mode.FREE and (is_held or not self.arm.is_still):
@@ -356,13 +356,13 @@ class Controller:
 
     @property
     def safety_mode(self) -> SafetyMode:
-        """The mode that clients of old know; other safeguards are safeguard stops to them."""
+        """The mode for older clients; to them, newer safeguards are safeguard stops."""
         is_other = self.safety_status > SafetyMode.UNDEFINED_SAFETY_MODE
         return SafetyMode.SAFEGUARD_STOP if is_other else self.safety_status
 
     @property
     def safety(self) -> Safety:
-        """What the present safety mode does."""
+        """The effect of the present safety mode."""
         return _SAFETY[self.safety_status]
 
     def enter(self, mode: SafetyMode, why: str = "") -> None:
@@ -386,7 +386,7 @@ class Controller:
             self.robot_mode = RobotMode.POWER_OFF
 
     def release(self) -> None:
-        """Let go of a button or a safeguard, or of a mode; a protective stop needs an unlock."""
+        """Release a button, a safeguard, or a mode; a protective stop needs an unlock."""
         if not self.safety.is_latched:
             self.safety_status = SafetyMode.NORMAL
 
@@ -413,19 +413,19 @@ class Controller:
             self.robot_mode = RobotMode.POWER_OFF
 
     def power_on(self) -> None:
-        """Power the arm; it is idle, brakes on, a moment later."""
+        """Power the arm; shortly after, it is idle with its brakes on."""
         if self.robot_mode is RobotMode.POWER_OFF and not self.safety.forbids_motion:
             self.robot_mode = RobotMode.POWER_ON
             self.later(self.behaviour.power_up, lambda: self._reach(RobotMode.IDLE))
 
     def power_off(self) -> None:
-        """Take the power away; a program ends."""
+        """Switch the power off, which ends a program."""
         if self.runtime_state is not ProgramState.STOPPED:
             self._end_program("power off")
         self.robot_mode = RobotMode.POWER_OFF
 
     def release_brakes(self) -> None:
-        """Release the brakes, powering on first where that is needed."""
+        """Release the brakes, after powering on if necessary."""
         if self.robot_mode is RobotMode.POWER_OFF:
             self.power_on()
             self.later(2.0 * self.behaviour.power_up, lambda: self._reach(RobotMode.RUNNING))
@@ -445,7 +445,7 @@ class Controller:
         return found
 
     def set_bits(self, name: str, mask: int, bits: int) -> None:
-        """Set those bits of a variable that are in *mask*."""
+        """Set the bits of a variable that are in *mask*."""
         self.variables[name] = self.variables[name] & ~mask | bits & mask
 
     def set_analog_output(self, port: int, share: float) -> None:
@@ -459,7 +459,7 @@ class Controller:
         self.speed_slider = max(0.0, min(1.0, fraction))
 
     def write_package(self, names: Sequence[str], values: Sequence[Value]) -> None:
-        """Take one package of inputs, which a program sees from the next cycle on."""
+        """Receive one package of inputs, which a program sees from the next cycle on."""
         given = dict(zip(names, values, strict=True))
         if self.behaviour.cycle_ticks == 1:
             self._apply(given)

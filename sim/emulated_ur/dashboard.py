@@ -1,4 +1,4 @@
-"""The dashboard server's language: a line in, a line out; no sockets here."""
+"""The dashboard server's protocol: a line in, a line out; no sockets here."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _USER_ROLES = ("programmer", "operator", "none", "locked", "restricted")
 
 
 class Command(NamedTuple):
-    """One command: what it does and answers, and who may ask for it.
+    """One command with its action and its answer.
 
     Attributes:
-        answer: where braces stand for the robot.
-        do: what it does before it answers.
-        reply: what it does and answers, of a command that takes an argument or has two answers.
+        answer: its text; braces stand for the robot.
+        do: the action before the answer.
+        reply: action and answer of a command with an argument or two answers.
         needs_remote: whether local control forbids it.
-        since: the software that has it.
+        since: the first software with it.
     """
 
     answer: str = ""
@@ -33,7 +33,7 @@ class Command(NamedTuple):
 
 
 def reply(robot: Controller, line: str) -> str:
-    """Carry out one line from a client and return the answer, without the line's end."""
+    """Execute one line from a client and return the answer, without the line's end."""
     asked = line.strip()
     name = next((one for one in _COMMANDS if f"{asked.lower()} ".startswith(f"{one} ")), "")
     command, argument = _COMMANDS.get(name), asked[len(name) :].strip()
@@ -172,4 +172,4 @@ _COMMANDS = {
     "quit": Command(GOODBYE),
     "shutdown": Command("Shutting down", Controller.power_off),
 }
-"""Those with a longer name that begins alike stand first."""
+"""Longer names with the same beginning come first."""

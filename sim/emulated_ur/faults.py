@@ -1,7 +1,7 @@
-"""The control channel: a line of words asks for a fault or a state, a line answers.
+"""The control channel: a line requests a fault or a state, a line answers.
 
-Not part of any real robot.  The server answers it at all times, a frozen controller included.
-``help`` answers with every verb and its words.
+No real robot has it.  The server always answers it, even with a frozen controller.  ``help``
+answers with every verb and its arguments.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _SAFETY = {
 
 
 def carry_out(server: Server, line: str) -> str:
-    """Do what *line* asks; return the answer, ``ok`` where there is nothing to say."""
+    """Execute *line*; return the answer, ``ok`` by default."""
     verb, *words = line.split() or [""]
     if verb not in _VERBS:
         return f"error: unknown: {line.strip()!r}; known: {', '.join(_VERBS)}"
@@ -183,4 +183,4 @@ _VERBS: dict[str, tuple[str, Callable[[Server, Sequence[str]], str | None]]] = {
     "help": (": answer with these", lambda _server, _words: " | ".join(
         f"{verb}{'' if use.startswith(':') else ' '}{use}" for verb, (use, _) in _VERBS.items())),
 }  # fmt: skip
-"""By verb: its words and what they are for, and what it does."""
+"""By verb: its arguments, its purpose, and its action."""

@@ -1,4 +1,4 @@
-"""The RTDE outputs that follow from the controller's state; the others are kept as they are."""
+"""The RTDE outputs that follow from the controller's state; the others keep their values."""
 
 from __future__ import annotations
 
@@ -54,4 +54,4 @@ COMPUTED: dict[str, Callable[[Controller], Value]] = {
     "script_control_line": lambda robot: robot.program.line if robot.program else 0,
     "joint_mode": lambda robot: (_JOINT_MODES.get(robot.robot_mode, _POWERED_OFF),) * 6,
 }  # fmt: skip
-"""How each of them is read."""
+"""The function of each output."""

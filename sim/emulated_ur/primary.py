@@ -1,7 +1,7 @@
-"""What the primary and secondary interfaces tell ten times a second, as bytes; no sockets here.
+"""The messages of the primary and secondary interfaces, as bytes; no sockets here.
 
 Big endian, as in UR's "Client Interfaces" for 5.9: a message is ``i32 size, u8 type`` and its
-contents; a robot state is made of sub-packages that begin alike.
+contents.  A robot state consists of sub-packages with the same header.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _FASTEST_CHANGE = 40.0  # rad/s^2, of every joint
 
 
 def version_message(robot: Controller) -> bytes:
-    """Return the message that a client is greeted with."""
+    """Return the greeting message."""
     major, minor, bugfix, build = robot.behaviour.version
     name, date = b"URControl", b"13-10-2022, 12:00:00"
     contents = struct.pack(">QbbB", round(robot.timestamp * 1e6), -2, _VERSION, len(name)) + name
@@ -31,7 +31,7 @@ def version_message(robot: Controller) -> bytes:
 
 
 def event_message(robot: Controller, event: Event) -> bytes:
-    """Return what happened as a message: a program's words, its start, its end, its exception."""
+    """Return the message about an event: a program's text, its start, its end, its exception."""
     kinds = {"text": (0, ""), "popup": (2, "II3B"), "key": (7, "ii"), "exception": (10, "ii")}
     if event.kind not in kinds:
         return b""
@@ -50,7 +50,7 @@ def event_message(robot: Controller, event: Event) -> bytes:
 
 
 def state_message(robot: Controller, *, is_first: bool) -> bytes:
-    """Return the robot's state; a client's first one says how the arm is built, too."""
+    """Return the robot's state; a client's first one also describes the arm."""
     parts = [
         _framed(0, _mode(robot)),
         _framed(1, _joints(robot)),

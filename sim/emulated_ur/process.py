@@ -1,7 +1,7 @@
-"""An emulated robot in a process of its own, and its control channel, for tests.
+"""An emulated robot in its own process, and its control channel, for tests.
 
-A client library that holds the interpreter's lock while it connects would wait for ever for an
-emulator in a thread of its own process; therefore a process.
+It needs a process: a client library that holds the interpreter's lock while it connects would wait
+for ever for an emulator in a thread.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ class EmulatedRobot:
     """An emulated robot, alive inside a ``with`` block.
 
     Args:
-        host: its address; a free one of 127.0.0.0/8 unless it is given.
-        options: further words of the command ``emulated-ur``.
+        host: its address; by default a free one of 127.0.0.0/8.
+        options: further arguments of the command ``emulated-ur``.
         timeout: s within which it must be ready.
     """
 
@@ -58,7 +58,7 @@ class EmulatedRobot:
         return self._process
 
     def start(self) -> EmulatedRobot:
-        """Start the process and wait for its line; return the robot.
+        """Start the process and wait until it is ready; return the robot.
 
         Raises:
             LaunchError: it ended, or did not become ready in time.
@@ -118,10 +118,10 @@ class EmulatedRobot:
     def wait_until(
         self, claim: Callable[[dict[str, Any]], bool], *, timeout: float = 10.0
     ) -> dict[str, Any]:
-        """Ask for the state until *claim* holds of it; return that state.
+        """Wait until *claim* holds for the state; return that state.
 
         Raises:
-            LaunchError: it does not come to hold in time.
+            LaunchError: it does not hold in time.
         """
         ends = time.monotonic() + timeout
         while True:
@@ -133,7 +133,7 @@ class EmulatedRobot:
 
 
 def _free_address() -> str:
-    """Return an address of 127.0.0.0/8 that nobody serves on."""
+    """Return a free address of 127.0.0.0/8."""
     while True:
         host = "127." + ".".join(str(random.randrange(1, 255)) for _ in range(3))
         with socket.socket() as link:

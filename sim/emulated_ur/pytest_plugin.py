@@ -1,4 +1,4 @@
-"""Fixtures of pytest: an emulated robot, and as many more as a test wants."""
+"""Fixtures of pytest: an emulated robot, and a factory for more."""
 
 from __future__ import annotations
 
@@ -19,5 +19,5 @@ def emulated_ur_factory() -> Iterator[Callable[..., EmulatedRobot]]:
 
 @pytest.fixture
 def emulated_ur(emulated_ur_factory: Callable[..., EmulatedRobot]) -> EmulatedRobot:
-    """A running UR5e on an address of its own; `host` names it."""
+    """A running UR5e on its own address; `host` names it."""
     return emulated_ur_factory()

@@ -1,8 +1,8 @@
-"""A record of what clients asked and what the arm did, for tests to compare bit by bit.
+"""A record of the clients' commands and the arm's motion, for bitwise comparison in tests.
 
-Each line of the *setpoint* record is one servo command as it came off the wire, each line of the
-*arm* record one tick.  Both are rows of fixed size in a file, described by the structs below; all
-times are nanoseconds of the machine's monotonic clock.
+Each line of the *setpoint* record is one servo command as received, each line of the *arm* record
+one tick. Both are rows of fixed size in a file, described by the structs below.  All times are
+nanoseconds of the machine's monotonic clock.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from emulated_ur.controller import Controller
 from emulated_ur.variables import Value
 
 SETPOINT_ROW = struct.Struct("<qq6d")
-"""When a servo command arrived, in which tick, and its six numbers, bit-exact."""
+"""Arrival of a servo command, its tick, and its six numbers, bit-exact."""
 
 ARM_ROW = struct.Struct("<qq6d6d6d")
-"""One tick: when it ran, the pose commanded, the pose measured, the joints measured."""
+"""One tick: its time, the commanded pose, the measured pose, the measured joints."""
 
 _SERVO_COMMANDS = (11, 24)
 
 
 class Recording:
-    """Counts servo commands, as ``ur_rtde`` writes them, and keeps rows until they are written.
+    """Count servo commands in the format of ``ur_rtde``, and keep rows until they are written.
 
     Attributes:
         is_on: whether rows are kept.
-        setpoints: servo commands so far.
-        overwritten: those that another one followed in the same tick.
+        setpoints: number of servo commands.
+        overwritten: number of those followed by another one in the same tick.
     """
 
     def __init__(self) -> None:
@@ -41,12 +41,12 @@ class Recording:
         self.clear()
 
     def clear(self) -> None:
-        """Forget every row."""
+        """Discard every row."""
         self._setpoints = bytearray()
         self._arm = bytearray()
 
     def add_package(self, tick: int, names: Sequence[str], values: Sequence[Value]) -> None:
-        """Count a package of inputs, and keep it, if it is a servo command."""
+        """Count and keep a package of inputs, if it is a servo command."""
         is_recipe = len(values) == 12 and names[0].startswith("input_int_register_")
         if not is_recipe or values[0] not in _SERVO_COMMANDS:
             return
@@ -57,7 +57,7 @@ class Recording:
             self._setpoints += SETPOINT_ROW.pack(time.monotonic_ns(), tick, *values[1:7])
 
     def add_tick(self, robot: Controller) -> None:
-        """Keep what the arm did in a tick."""
+        """Keep the arm's motion in a tick."""
         if self.is_on:
             poses = robot.tool.pose("target_TCP_pose"), robot.tool.pose("actual_TCP_pose")
             numbers = (*poses[0], *poses[1], *robot.arm.actual_q)

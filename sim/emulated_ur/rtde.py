@@ -1,8 +1,8 @@
-"""RTDE as bytes, and one client's conversation with the controller; no sockets here.
+"""RTDE as bytes, and the protocol of one client with the controller; no sockets here.
 
-The Real-Time Data Exchange protocol, versions 1 and 2, as a UR controller speaks it.  Everything is
-big endian.  A package is ``u16 size, u8 kind, payload`` where the size counts the three bytes of
-the header.
+The Real-Time Data Exchange protocol, versions 1 and 2, of a UR controller.  Everything is big
+endian.  A package is ``u16 size, u8 kind, payload``; the size includes the three bytes of the
+header.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class WireError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Package:
-    """One package: its kind (a known one or not) and what follows the header."""
+    """One package: its kind (known or not) and its payload."""
 
     kind: int
     payload: bytes
@@ -53,7 +53,7 @@ class Package:
 
 
 class PackageSplitter:
-    """Cut a stream of bytes into packages, however the stream was cut by the network."""
+    """Split a stream of bytes into packages, independent of the network's segments."""
 
     def __init__(self) -> None:
         self._pending = bytearray()
@@ -62,7 +62,7 @@ class PackageSplitter:
         """Return the packages completed by *chunk*, oldest first.
 
         Raises:
-            WireError: a header announces a size that no package has.
+            WireError: a header has an impossible size.
         """
         pending = self._pending
         pending += chunk
@@ -81,7 +81,7 @@ class PackageSplitter:
 
 
 class Layout:
-    """How the values of one recipe lie in a data package.
+    """The layout of one recipe's values in a data package.
 
     Args:
         names: the variables in their order on the wire.
@@ -130,11 +130,11 @@ class RtdeSession(Talk):
 
     Args:
         robot: the controller it talks to.
-        owners: which session holds each input variable; shared by all sessions of a robot.
-        write: what a package of inputs is handed to.
+        owners: the session of each input variable; shared by all sessions of a robot.
+        write: receives a package of inputs.
 
     Attributes:
-        malformed: packages of inputs so far that were dropped.
+        malformed: number of dropped packages of inputs.
     """
 
     def __init__(
@@ -152,7 +152,7 @@ class RtdeSession(Talk):
         self._divider = 1
 
     def feed(self, chunk: bytes) -> bytes:
-        """Take bytes from the client and return the replies.
+        """Receive bytes from the client and return the replies.
 
         Raises:
             WireError: the client does not speak the protocol.
@@ -161,7 +161,7 @@ class RtdeSession(Talk):
         return b"".join(reply.packed() for reply in replies if reply)
 
     def tick(self) -> bytes:
-        """Return the data package of this tick, or nothing where none is due."""
+        """Return the data package of this tick, or nothing if none is due."""
         layout = self._outputs
         if not self.is_started or layout is None or self.robot.ticks % self._divider:
             return b""
@@ -170,8 +170,8 @@ class RtdeSession(Talk):
         return Package(PackageKind.DATA, recipe + packed).packed()
 
     def tell(self, event: Event) -> bytes:
-        """Return what the controller's log says as a message to a client that is listening."""
-        # Clients in the middle of a handshake take any package for the reply they wait for.
+        """Return a line of the controller's log as a message to a listening client."""
+        # Clients in the middle of a handshake mistake any package for the awaited reply.
         if event.kind != "log" or not self.is_started:
             return b""
         information, source = b"\x03", b"emulated_ur"
@@ -182,7 +182,7 @@ class RtdeSession(Talk):
         return Package(PackageKind.MESSAGE, words + information).packed()
 
     def close(self) -> None:
-        """Give the input variables back."""
+        """Release the input variables."""
         for name in [name for name, owner in self._owners.items() if owner is self]:
             del self._owners[name]
 
@@ -256,12 +256,12 @@ class RtdeSession(Talk):
                 raise WireError("no such recipe")
             values = layout.unpack(payload[1:])
         except WireError:
-            # A pose with a number missing: a real controller drops such a package too.
+            # A pose with a missing number: a real controller also drops such a package.
             self.malformed += 1
         else:
             self._write(layout.names, values)
 
 
 def _names(text: bytes) -> list[str]:
-    """Return the variable names of a comma list; clients differ in the comma at its end."""
+    """Return the variable names of a comma-separated list; some clients end it with a comma."""
     return [name.strip() for name in text.decode("ascii", "replace").split(",") if name.strip()]

@@ -1,8 +1,8 @@
 """The emulated controller on its sockets: one thread, one loop, a tick every 2 ms.
 
 The loop sleeps in ``select`` until a client writes or the next tick is due.  Ticks have absolute
-deadlines on the monotonic clock, so that they do not drift; late ones are made up for, up to a
-quarter of a second, beyond which the controller's time has stood still for a while.
+deadlines on the monotonic clock, so they do not drift.  Late ones are caught up, up to a quarter of
+a second. Beyond that, the controller's time has stood still for a while.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ class Server:
 
     Args:
         host: an address of this machine; every robot has its own.
-        behaviour: what differs between robots.
+        behaviour: differences between robots.
 
     Attributes:
         robot: the controller.
-        recording: what clients asked and what the arm did.
+        recording: record of commands and motion.
         is_silent: whether RTDE clients get no data packages.
-        delays: how long bytes are held back, by kind of connection.
-        stalls: how often ticks were too late to be made up for.
+        delays: delays of bytes, by kind of connection.
+        stalls: number of times that ticks were too late to be caught up.
 
     Raises:
         OSError: a port of *host* is taken, or *host* is no address of this machine.
@@ -89,18 +89,18 @@ class Server:
 
     @property
     def ports(self) -> str:
-        """The ports that are open, by what speaks there."""
+        """The open ports, by their protocol."""
         return ", ".join(f"{kind} {PORTS[kind]}" for kind in self._listeners)
 
     @property
     def sessions(self) -> list[RtdeSession]:
-        """The conversations of the RTDE clients."""
+        """The protocols of the RTDE clients."""
         return [one.talk for one in self._connections if isinstance(one.talk, RtdeSession)]
 
     # The loop.
 
     def run(self, lifeline: int | None = None) -> None:
-        """Serve until :meth:`end` is called, or until the descriptor *lifeline* is at its end."""
+        """Serve until :meth:`end` is called, or until the descriptor *lifeline* is closed."""
         deadline_ns = time.monotonic_ns() + TICK_NS
         while not self._is_ending:
             now_ns = time.monotonic_ns()
@@ -111,7 +111,7 @@ class Server:
                 continue
             if now_ns < deadline_ns:
                 continue
-            # What has arrived by the deadline belongs to this tick.
+            # Bytes that have arrived by the deadline belong to this tick.
             self._poll(0.0, lifeline)
             self._tick()
             deadline_ns += TICK_NS
@@ -201,7 +201,7 @@ class Server:
             connection.is_closed = True
 
     def _forget(self, applies: Callable[[ClientConnection], bool]) -> int:
-        """Close the connections to which *applies* does, and return how many."""
+        """Close the connections that *applies* selects, and return how many."""
         gone = [one for one in self._connections if applies(one)]
         for one in gone:
             self._connections.remove(one)
@@ -215,18 +215,18 @@ class Server:
     # Faults.
 
     def freeze(self, seconds: float = math.inf) -> None:
-        """Stand still, as a controller that has crashed but whose machine still runs."""
+        """Freeze, like a crashed controller whose machine still runs."""
         self._frozen_until_ns = time.monotonic_ns() + seconds * 1e9
 
     def thaw(self) -> None:
-        """Go on where the controller stood still."""
+        """Resume a frozen controller."""
         self._frozen_until_ns = 0.0
 
     def drop(self, what: str) -> int:
         """Close connections and return how many.
 
         Raises:
-            ValueError: *what* names none.
+            ValueError: *what* is not a known kind.
         """
         known = ("all", "rtde", "control", "receive", "dashboard", "script", "primary")
         if what not in known:
@@ -240,14 +240,14 @@ class Server:
         return self._forget(is_meant)
 
     def send_garbage(self, count: int, byte: int = 0) -> None:
-        """Send bytes that are no package to every RTDE client."""
+        """Send invalid bytes to every RTDE client."""
         for one in self._connections:
             if one.kind == "rtde":
                 one.send(bytes([byte]) * count)
 
 
 def _keep_time() -> str:
-    """Ask for real time, as a controller has; return what came of it."""
+    """Request real-time scheduling, as a controller has; return the result."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
     except OSError:
@@ -256,15 +256,15 @@ def _keep_time() -> str:
 
 
 def serve(host: str, behaviour: Behaviour | None = None, *, lifeline: int | None = None) -> None:
-    """Run an emulated robot until SIGINT or SIGTERM; print a line when it can be used.
+    """Run an emulated robot until SIGINT or SIGTERM; print a line when it is ready.
 
     Args:
         host: an address of this machine.
-        behaviour: what differs between robots.
-        lifeline: a descriptor whose end is the robot's too: a pipe from whoever started it.
+        behaviour: differences between robots.
+        lifeline: a descriptor; the robot ends when it closes, such as a pipe from the parent.
 
     Raises:
-        OSError: its ports cannot be had.
+        OSError: its ports are not available.
     """
     server = Server(host, behaviour)
     scheduling = _keep_time()

@@ -1,7 +1,7 @@
-"""The variables that a UR controller exchanges over RTDE, by ``variables.txt``, and their numbers.
+"""The RTDE variables of a UR controller, from ``variables.txt``, and their numbers.
 
-Asking for a name that the controller's software does not have is answered with ``NOT_FOUND``, as
-for a name that there is not.
+A request for a variable that the controller's software lacks is answered with ``NOT_FOUND``, like
+one for an unknown name.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ TYPES: dict[str, tuple[str, int]] = {
     "VECTOR6INT32": ("6i", 6),
     "VECTOR6UINT32": ("6I", 6),
 }
-"""How a variable's type is packed, and how many numbers it holds."""
+"""The format of a variable's type, and its number of values."""
 
 
 class ProgramState(IntEnum):
-    """What the program is doing."""
+    """State of the program."""
 
     STOPPING = 0
     STOPPED = 1
@@ -41,7 +41,7 @@ class ProgramState(IntEnum):
 
 
 class RobotMode(IntEnum):
-    """How far the arm is from running."""
+    """State of the robot on the way to running."""
 
     DISCONNECTED = 0
     CONFIRM_SAFETY = 1
@@ -54,7 +54,7 @@ class RobotMode(IntEnum):
 
 
 class SafetyMode(IntEnum):
-    """What the safety system allows; the last two are a ``safety_status`` alone."""
+    """State of the safety system; the last two are a ``safety_status`` only."""
 
     NORMAL = 1
     REDUCED = 2
@@ -75,7 +75,7 @@ Version = tuple[int, ...]
 
 
 class Since(NamedTuple):
-    """The first software that has something; ``None`` for a family that never had it."""
+    """The first software with a feature; ``None`` for a family without it."""
 
     cb3: Version | None = (0,)
     others: Version | None = (0,)
@@ -87,7 +87,7 @@ class Since(NamedTuple):
 
 
 class Variable(NamedTuple):
-    """One variable: its type, the software that has it, and its value at the start."""
+    """One variable: its type, the software that has it, and its initial value."""
 
     kind: str
     since: Since

@@ -1,14 +1,13 @@
-"""The arm of the emulated robot: six joints that follow what the controller commands.
+"""The arm of the emulated robot: six joints that follow the controller's commands.
 
-Two models in a row, each as simple as its purpose allows.  They are models, not measurements of a
-real arm:
+Two simple models in series.  They are not measurements of a real arm:
 
-- *Servo.*  The speed asked of a joint is what would bring it to the target in the lookahead time;
-  the joint takes that speed on with the time constant ``1 / gain``.  A ramp is followed with a lag
+- *Servo.*  The requested speed of a joint would bring it to the target in the lookahead time.
+  The joint reaches that speed with the time constant ``1 / gain``.  It follows a ramp with a lag
   of the lookahead time, at any gain.
 - *Drive.*  The measured joint follows the commanded one with a lag of 4 ms.
 
-A joint asked for more than its speed limit is a breach, which the controller answers with a
+A command beyond the speed limit of a joint is a breach, which the controller answers with a
 protective stop.
 """
 
@@ -34,7 +33,7 @@ _STILL = 1e-9
 
 
 class Mode(Enum):
-    """What moves the commanded joints."""
+    """The source of the commanded joint motion."""
 
     HOLD = "hold"
     SERVO = "servo"
@@ -46,7 +45,7 @@ class Mode(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Breach:
-    """A joint that was asked to leave its range or to turn faster than it may."""
+    """A command that a joint leave its range or exceed its speed."""
 
     joint: int
     quantity: str
@@ -61,16 +60,16 @@ class Arm:
     """Six joints, advanced once a tick.
 
     Args:
-        q: where its joints are, rad.
-        model: which arm it is.
+        q: initial joints, rad.
+        model: model of the arm.
 
     Attributes:
-        model: which arm it is.
+        model: model of the arm.
         kinematics: of the model.
-        target_q, target_qd, target_qdd: what the controller commands; rad, rad/s, rad/s^2.
-        actual_q, actual_qd: what the encoders say.
+        target_q, target_qd, target_qdd: commanded joints; rad, rad/s, rad/s^2.
+        actual_q, actual_qd: measured joints.
         speed_limits: rad/s for each joint; a test may lower them.
-        blocked: joints that are stuck where they are, whatever is commanded, counted from 0.
+        blocked: joints that do not move, whatever is commanded, counted from 0.
     """
 
     def __init__(self, q: Sequence[float] = HOME, model: Model = MODELS["ur5e"]) -> None:
@@ -101,12 +100,12 @@ class Arm:
         return max(abs(rate) for rate in self.target_qd) < _STILL
 
     def servo(self, goal: Joints, *, lookahead: float, gain: float) -> None:
-        """Go after *goal* until told otherwise."""
+        """Follow *goal* until another command."""
         self.mode = Mode.SERVO
         self._goal, self._lookahead, self._gain = goal, lookahead, gain
 
     def turn(self, qd: Joints, *, acceleration: float) -> None:
-        """Take on the joint speeds *qd*, rad/s, at *acceleration*, rad/s^2."""
+        """Accelerate to the joint speeds *qd*, rad/s, at *acceleration*, rad/s^2."""
         self.mode = Mode.SPEED
         self._goal, self._rate = qd, acceleration
 
@@ -116,22 +115,22 @@ class Arm:
         self._rate = max(deceleration, 0.1)
 
     def follow(self, q: Joints) -> None:
-        """Be at *q* at the next tick: the path and its timing are the caller's."""
+        """Be at *q* at the next tick: the caller determines path and timing."""
         self.mode = Mode.FOLLOW
         self._goal = q
 
     def free(self) -> None:
-        """Give way to whoever pushes it."""
+        """Let the arm be pushed by hand."""
         self.mode = Mode.FREE
         self._pushed_ticks = 0
 
     def push(self, q: Joints, seconds: float) -> None:
-        """Be moved by hand to *q* in so many seconds."""
+        """Move by hand to *q* in a number of seconds."""
         self.mode = Mode.FREE
         self._goal, self._pushed_ticks = q, max(1, round(seconds / TICK))
 
     def hold(self) -> None:
-        """Stay where commanded; only right when already still."""
+        """Hold the commanded position; only valid at rest."""
         self.mode = Mode.HOLD
 
     def step(self, scaling: float) -> Breach | None:
@@ -139,7 +138,7 @@ class Arm:
 
         Returns:
             The first breach of a limit, or ``None``.  The joints are clamped to their speed limits
-            whether it is heeded or not.
+            in any case.
         """
         wanted = self._wanted_speeds(scaling)
         breach: Breach | None = None
@@ -173,7 +172,7 @@ class Arm:
                 return [0.0] * 6
             keep = math.exp(-self._gain * dt)
             wanted = [(b - a) / self._lookahead for a, b in zip(here, self._goal, strict=True)]
-            # Speeds are kept in true time; the servo works in the program's.
+            # Speeds are in real time; the servo works in the program's time.
             return [
                 scaling * (w + (r / scaling - w) * keep) for w, r in zip(wanted, rates, strict=True)
             ]

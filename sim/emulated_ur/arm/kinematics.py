@@ -1,8 +1,8 @@
 """Forward and inverse kinematics of the emulated arms, in plain Python floats.
 
 The inverse is the closed form of Hawkins, *Analytic Inverse Kinematics for the Universal Robots*
-(2013), with the arc cosines of the wrist replaced by arc tangents, which keep their precision where
-the wrist is nearly straight.
+(2013).  Arc tangents replace the arc cosines of the wrist, because they keep their precision near a
+straight wrist.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ Joints = tuple[float, ...]
 TWISTS = (0.5 * math.pi, 0.0, 0.0, 0.5 * math.pi, -0.5 * math.pi, 0.0)
 """Alpha of the six joints of every model, rad."""
 
-# Below this sine of the fifth joint the axes of the fourth and sixth coincide for all that
-# matters: only the sum of the two angles is defined, and the sixth keeps its place.
+# Below this sine of the fifth joint the axes of the fourth and sixth are nearly the same.  Then
+# only the sum of the two angles is defined, and the sixth stays.
 _STRAIGHT_WRIST = 1e-7
 
 
@@ -86,13 +86,13 @@ class Kinematics:
         return self.frames(q)[-1]
 
     def inverse(self, flange: Transform, near: Sequence[float]) -> Joints | None:
-        """Return the joint angles that reach *flange*, those nearest to *near*; rad.
+        """Return the joint angles that reach *flange*, nearest to *near*; rad.
 
-        The branch *near* lies on is tried first and taken when it is close, so that a path is
-        followed on one branch; otherwise the nearest of all eight is taken.
+        The branch of *near* comes first and is used if it is close, so that a path stays on one
+        branch. Otherwise the nearest of all eight is used.
 
         Returns:
-            Six angles within the joint range, or ``None`` where the arm does not reach.
+            Six angles within the joint range, or ``None`` if the arm does not reach it.
         """
         best: Joints | None = None
         least = math.inf

@@ -1,4 +1,4 @@
-"""The robots that can be emulated: their arms, by ``models.txt``, and how controllers differ."""
+"""The emulated robots: their arms, from ``models.txt``, and differences of controllers."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ class Model:
     """One model of arm.
 
     Attributes:
-        name: as on its sign.
+        name: as on its type label.
         d, a: of the six joints, m.
         speeds: largest of each joint, rad/s.
-        ranges: each joint turns so far either way, rad.
+        ranges: largest angle of each joint in either direction, rad.
         kind: its type at the primary interface.
-        dashboard_name: what the dashboard server calls it.
+        dashboard_name: its name at the dashboard server.
     """
 
     name: str
@@ -32,7 +32,7 @@ class Model:
 
     @property
     def version(self) -> tuple[int, int, int, int]:
-        """The software that its controller has unless told otherwise."""
+        """The default software of its controller."""
         if self.name in ("UR3", "UR5", "UR10"):
             return (3, 15, 8, 106339)
         return (5, 12, 6, 1102099)
@@ -65,7 +65,7 @@ _NO_NUMBER = 1 << 32
 
 
 def version_of(model: Model, text: str | None) -> tuple[int, int, int, int]:
-    """Return the software version that *text* names, as in ``5.12.6``; else the model's.
+    """Return the software version *text*, as in ``5.12.6``; the model's by default.
 
     Raises:
         ValueError: it is not two to four numbers, or the model's controller cannot have it.
@@ -82,17 +82,17 @@ def version_of(model: Model, text: str | None) -> tuple[int, int, int, int]:
 
 @dataclass(frozen=True, kw_only=True)
 class Behaviour:
-    """What differs between robots, or is not known of real ones.
+    """Differences between robots, and behaviour that is unknown for real ones.
 
     Attributes:
-        model: which arm the controller has.
+        model: the controller's arm.
         version: of the software; major, minor, bugfix, build.
-        serial: digits only, as clients insist.
-        protective_stop_leaves: runtime state a protective stop leaves the program in.
+        serial: digits only, as clients require.
+        protective_stop_leaves: runtime state of the program after a protective stop.
         unlock_after: s after which a protective stop may be unlocked.
         power_up: s from one robot mode to the next when powering on.
         program_start: s from the upload of a program until it plays.
-        stops_on_breach: whether a joint over its limits stops the robot, or is merely clamped.
+        stops_on_breach: whether a joint over its limits stops the robot, or is only clamped.
     """
 
     model: Model = MODELS["ur5e"]
@@ -126,5 +126,5 @@ class Behaviour:
 
     @property
     def cycle_ticks(self) -> int:
-        """Ticks of 2 ms from one look at the inputs to the next: CB3 controllers have 8 ms."""
+        """Ticks of 2 ms between two readings of the inputs: CB3 controllers have 8 ms."""
         return 4 if self.is_cb3 else 1

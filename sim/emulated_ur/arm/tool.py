@@ -1,4 +1,4 @@
-"""The tool on the arm's flange: its poses, its speeds, and the joints that put it somewhere."""
+"""The tool on the arm's flange: its poses, its speeds, and its inverse kinematics."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from emulated_ur.arm.transforms import Pose, Transform, from_pose, inverse, move
 
 
 class UnreachableError(Exception):
-    """A pose that no joint angles reach; a program ends for it."""
+    """A pose that no joint angles reach; it ends a program."""
 
 
 class Tool:
@@ -27,7 +27,7 @@ class Tool:
         self._last_solution: tuple[Pose, Pose, Joints] | None = None
 
     def forget_poses(self) -> None:
-        """Drop what was computed for the last tick."""
+        """Drop the values computed for the last tick."""
         self._poses.clear()
 
     def at(self, q: Sequence[float], offset: Pose | None = None) -> Transform:
@@ -43,8 +43,8 @@ class Tool:
     ) -> Joints | None:
         """Return the joint angles for a pose of the tool, or ``None`` out of reach.
 
-        Where *near* is not given the angles nearest to the last ones are taken, so that a stream of
-        poses is a stream of joint angles without jumps.
+        By default *near* is the last result, so that a stream of poses gives joint angles without
+        jumps.
         """
         offset = self.offset if offset is None else tuple(offset)
         key = (tuple(pose), offset)
@@ -60,10 +60,10 @@ class Tool:
         return q
 
     def joints_at(self, pose: Sequence[float], *how: Sequence[float] | None) -> Joints:
-        """Return what :meth:`find_joints` does.
+        """Return the result of :meth:`find_joints`.
 
         Raises:
-            UnreachableError: the arm does not reach it; a program ends for that.
+            UnreachableError: the arm does not reach it, which ends a program.
         """
         q = self.find_joints(pose, *how)
         if q is None:

@@ -45,7 +45,7 @@ def inverse(a: Transform) -> Transform:
 
 
 def rotated(vector: Sequence[float], turn: Sequence[float]) -> Vector:
-    """Return *vector* turned by the rotation vector *turn*."""
+    """Return *vector* rotated by the rotation vector *turn*."""
     rows, (x, y, z) = from_pose((0.0, 0.0, 0.0, *turn)), vector
     a, b, c = (rows[at] * x + rows[at + 1] * y + rows[at + 2] * z for at in (0, 4, 8))
     return (a, b, c)
@@ -78,10 +78,10 @@ def from_pose(pose: Sequence[float]) -> Transform:
 
 
 def to_pose(a: Transform) -> Pose:
-    """Return the pose of a transform; the rotation vector is the one not longer than pi.
+    """Return the pose of a transform; its rotation vector is at most pi long.
 
-    The quaternion is taken from the largest of its four components, which keeps full precision
-    for every rotation, half turns too.
+    The quaternion comes from the largest of its four components, which is precise for every
+    rotation, including half turns.
     """
     m00, m01, m02, x, m10, m11, m12, y, m20, m21, m22, z = a
     trace = m00 + m11 + m22

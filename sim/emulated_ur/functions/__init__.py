@@ -1,4 +1,4 @@
-"""The functions that a controller gives its programs."""
+"""The functions that a controller offers to its programs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _NOT_EMULATED = """
     tool_wrench_limit_disable torque_command track_conveyor_circular track_conveyor_linear
     stop_conveyor_tracking trigger_pose write_port_bit write_port_register
 """
-"""What the manual of URScript has besides: a program that calls it ends, and says so."""
+"""Other functions of the URScript manual: a call ends the program with an error."""
 
 
 def _missing(name: str) -> Callable[..., Any]:
@@ -44,14 +44,14 @@ def _missing(name: str) -> Callable[..., Any]:
 
 
 _INNER = frozenset({"press", "interpret", "let_go", "end"})
-"""What the controller calls, and no program."""
+"""Attributes for the controller, not for programs."""
 
 
 class Functions(Values, Robot, Sockets, Interpreter, Motions):
     """The functions of one program.
 
     Args:
-        robot: whose program it is.
+        robot: the controller.
     """
 
     def __init__(self, robot: Controller) -> None:
@@ -66,5 +66,5 @@ class Functions(Values, Robot, Sockets, Interpreter, Motions):
         }
 
     def table(self) -> dict[str, Callable[..., Any]]:
-        """Return every function by its name; those that are not emulated say so when called."""
+        """Return every function by its name; those that are not emulated raise when called."""
         return self._table

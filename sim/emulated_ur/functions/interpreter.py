@@ -1,4 +1,4 @@
-"""Interpreter mode: a program that runs statements as they come in at port 30020."""
+"""Interpreter mode: a program that runs statements as they arrive at port 30020."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Interpreter:
-    """The statements that wait to be run."""
+    """The queue of statements."""
 
     robot: Controller
     program: Program
@@ -44,7 +44,7 @@ class Interpreter:
         self._cleared = self._executed
 
     def interpret(self, statement: str) -> str:
-        """Take a line from port 30020; return the answer."""
+        """Receive a line from port 30020; return the answer."""
         numbers = {
             "statelastexecuted": self._executed, "statelastinterpreted": self._accepted,
             "statelastcleared": self._cleared, "stateunexecuted": len(self._waiting),

@@ -1,7 +1,7 @@
 """Functions of URScript that move the arm; each yields once a cycle while it lasts.
 
-They are models: trapezoids of speed, corners that are not blended, and no forces but those that
-somebody asks for by the control channel's ``contact``.
+They are models: trapezoids of speed, corners without blending, and no forces except those of the
+control channel's ``contact``.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ _Path = tuple[float, Callable[[float], tuple[float, ...]]]
 
 _LARGEST = 1e6
 _STRAIGHT = 1e-12
-"""Three positions are on a line below this squared sine between the ways to two of them."""
+"""Squared sine of the angle at a position below which three positions are on a line."""
 
 _YIELDING = (0.01, 0.01, 0.01, 0.5, 0.5, 0.5)
-"""How fast the tool gives way to forces in force mode: m/s for each N, rad/s for each Nm."""
+"""Speed of the tool per force in force mode: m/s for each N, rad/s for each Nm."""
 
 _SECONDARY = "SECONDARY_PROGRAM_EXCEPTION_XXX: a secondary program must not move the arm or wait"
 _TAKEN = "another thread is already controlling the robot"
 
 
 def finite(values: Iterable[float], count: int = 6) -> tuple[float, ...]:
-    """Return *values* as they are.
+    """Return *values* unchanged.
 
     Raises:
-        ValueError: one is not a number, or larger than any quantity of a robot.
+        ValueError: one is not finite, or larger than any quantity of a robot.
     """
     numbers = tuple(values)
     if len(numbers) != count or not all(abs(number) < _LARGEST for number in numbers):
@@ -50,7 +50,7 @@ def _cross(a: Sequence[float], b: Sequence[float]) -> list[float]:
 
 
 class Motions:
-    """What moves the arm."""
+    """Functions that move the arm."""
 
     robot: Controller
     program: Program
@@ -186,7 +186,7 @@ class Motions:
     def tool_contact(self, direction: Datum = ()) -> int:
         return int(self.robot.is_touching)
 
-    # What these are made of.
+    # Helpers of these functions.
 
     def _wait(self, ticks: int) -> Ticks:
         if self.program.script.is_secondary:
@@ -195,12 +195,12 @@ class Motions:
             yield
 
     def let_go(self, handle: int) -> None:
-        """Take the arm from a thread that has ended."""
+        """Release the arm of a thread that has ended."""
         if self._holder == handle:
             self._holder = None
 
     def press(self) -> None:
-        """Give way to the forces of force mode for a cycle, until something is touched."""
+        """Yield to the forces of force mode for a cycle, until a contact."""
         arm = self.robot.arm
         if self._force is None or self._holder is not None:
             return
@@ -217,7 +217,7 @@ class Motions:
         arm.follow(self.robot.tool.joints_at(ahead))
 
     def _push(self, speeds: Sequence[float]) -> None:
-        """Move the tool at *speeds*, until told otherwise."""
+        """Move the tool at *speeds* until another command."""
         arm = self.robot.arm
         goal = self.robot.tool.joints_at(self.robot.tool.pose_ahead(speeds, TICK))
         rates = tuple((b - a) / TICK for a, b in zip(arm.target_q, goal, strict=True))
@@ -233,7 +233,7 @@ class Motions:
         return from_pose(numbers) if isinstance(target, Pose) else self.robot.tool.at(numbers)
 
     def _at_speed(self, step: Callable[[], bool], seconds: float) -> Ticks:
-        """Call *step* each cycle, for some time or until it says that the speed is reached."""
+        """Call *step* each cycle, for some time or until it reports that the speed is reached."""
         with self._arm():
             left = seconds
             while True:
@@ -244,14 +244,14 @@ class Motions:
                     return
 
     def _turn(self, start: tuple[float, ...], goal: tuple[float, ...]) -> _Path:
-        """Return the path of joints that arrive together, with the angle of the one that leads."""
+        """Return the path of joints that arrive together, with the angle of the leading one."""
         length = max(abs(one - other) for one, other in zip(start, goal, strict=True))
         return length, lambda s: tuple(
             one + (other - one) * s / length for one, other in zip(start, goal, strict=True)
         )
 
     def _line(self, begin: Transform, end: Transform) -> _Path:
-        """Return the path of a tool in a line, with its length in m or rad."""
+        """Return the path of a tool along a line, with its length in m or rad."""
         turn = rotation_between(begin, end)
         shift = [b - a for a, b in zip(begin[3::4], end[3::4], strict=True)]
         length = max(math.hypot(*shift), math.hypot(*turn))
@@ -264,13 +264,14 @@ class Motions:
         return length, along
 
     def _arc(self, begin: Transform, via: Sequence[float], end: Transform, mode: int) -> _Path:
-        """Return the path of a tool on the circle through *via*, with its length in m."""
+        """Return the path of a tool along the circle through *via*, with its length in m."""
         a, b = ([q - p for p, q in zip(begin[3::4], to, strict=True)] for to in (via, end[3::4]))
         normal = _cross(a, b)
         square = math.hypot(*normal) ** 2
         if square <= _STRAIGHT * math.hypot(*a) ** 2 * math.hypot(*b) ** 2:
             raise ValueError("movec: the three positions are on a line")
-        # From the first position to the centre, and the angle to the last one by way of the other.
+        # From the first position to the centre, and the angle to the last one through the middle
+        # one.
         ends = [
             math.hypot(*a) ** 2 * q - math.hypot(*b) ** 2 * p for p, q in zip(a, b, strict=True)
         ]
@@ -294,7 +295,7 @@ class Motions:
     def _follow(
         self, length: float, at: Callable[[float], tuple[float, ...]], how: Sequence[float]
     ) -> Ticks:
-        """Follow *at* with a trapezoid of speed; return whether a pause took the arm from it."""
+        """Follow *at* with a trapezoid of speed; return whether a pause interrupted it."""
         acceleration, speed, seconds, _ = finite(how, 4)
         if seconds > 0.0:  # takes the place of both
             speed, acceleration = 1.5 * length / seconds, 4.5 * length / seconds**2
@@ -319,7 +320,7 @@ class Motions:
 
     @contextmanager
     def _arm(self) -> Iterator[None]:
-        """Hold the arm for the thread that runs."""
+        """Assign the arm to the running thread."""
         if self.program.script.is_secondary:
             raise ScriptError(_SECONDARY)
         handle = self.program.current

@@ -1,4 +1,4 @@
-"""Functions of URScript that ask the robot or set something: state, kinematics, I/O, registers."""
+"""Functions of URScript that read or set the robot: state, kinematics, I/O, registers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from emulated_ur.urscript import Ticks
 
 _Place = Callable[[int], tuple[str, int]]
-"""Where the bit of a number is: a variable, and the bit in it."""
+"""Place of a numbered bit: a variable, and the bit in it."""
 
 _INT32 = 1 << 31
 FLAGS = 64
@@ -54,7 +54,7 @@ def _int32(value: Datum) -> int:
 
 
 def _accepted(*_: Datum, **__: Datum) -> None:
-    """Take what makes no difference to an arm without sensors, fieldbus or cabinet."""
+    """Accept a setting that has no effect on an arm without sensors, fieldbus or cabinet."""
 
 
 def _digital(kind: str, first: int, count: int) -> _Place:
@@ -95,7 +95,7 @@ def _number(n: int, count: int) -> int:
 
 
 class Robot:
-    """What asks the robot, or sets something of it."""
+    """Functions that read or set the robot."""
 
     robot: Controller
 

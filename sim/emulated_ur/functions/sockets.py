@@ -1,4 +1,4 @@
-"""Functions of URScript that talk over sockets; they wait without holding up the controller."""
+"""Functions of URScript for sockets; they wait without blocking the controller."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _CONNECTING = 2.0
 
 
 class Sockets:
-    """The sockets that a program has opened, by their names."""
+    """The open sockets of a program, by their names."""
 
     robot: Controller
 
@@ -127,7 +127,7 @@ class Sockets:
             return False
 
     def _read(self, name: str, find: Callable[[bytearray], bytes | None], timeout: float) -> Ticks:
-        """Return what *find* takes from what has come, or ``None``; 0 waits for ever."""
+        """Return what *find* extracts from the received bytes, or ``None``; 0 waits for ever."""
         left = timeout if timeout > 0.0 else math.inf
         while name in self._sockets:
             link, pending = self._sockets[name]

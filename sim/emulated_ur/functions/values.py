@@ -19,7 +19,7 @@ from emulated_ur.urscript import Array, Datum, Pose, written
 
 
 class Values:
-    """What needs no robot.  Angles are in rad, poses in m and rad."""
+    """Functions without a robot.  Angles are in rad, poses in m and rad."""
 
     acos = staticmethod(math.acos)
     asin = staticmethod(math.asin)

@@ -1,8 +1,8 @@
 """A compiler of URScript: a recursive-descent parser that builds Python's syntax tree.
 
-A function that may take time becomes a generator; ``yield`` in it is the end of a control cycle.
-Lines of the tree are lines of the script, so that a traceback says where a program went wrong.
-Lists and poses never change: ``x[0] = 1`` gives ``x`` a new list, so that assignment copies.
+A function that may take time becomes a generator, in which ``yield`` is the end of a control cycle.
+Lines of the tree are lines of the script, so a traceback shows where a program failed.  Lists and
+poses are immutable: ``x[0] = 1`` gives ``x`` a new list, so assignment copies.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _LEVELS: tuple[dict[str, _Builder], ...] = (
     {"+": _computed(ast.Add), "-": _computed(ast.Sub)},
     {"*": _computed(ast.Mult), "/": _computed(ast.Div), "%": _computed(ast.Mod)},
 )  # fmt: skip
-"""Operators, those that bind least first; ``not`` stands before a comparison."""
+"""Operators from the weakest to the strongest binding; ``not`` comes before a comparison."""
 
 _NOT = 2
 
@@ -53,9 +53,9 @@ class Script:
     """A compiled program.
 
     Attributes:
-        name: after ``def`` or ``sec``; empty for a line on its own.
-        is_secondary: whether it is a ``sec`` program, which runs beside the main one.
-        code: what defines its functions, and ``main``.
+        name: after ``def`` or ``sec``; empty for a single line.
+        is_secondary: whether it is a ``sec`` program, which runs in parallel with the main one.
+        code: defines its functions, and ``main``.
         defines: its variables and functions, and whether those take time.
     """
 
@@ -67,7 +67,7 @@ class Script:
 
 @dataclass
 class _Function:
-    """A function, a thread or the program itself, and whose its names are."""
+    """A function, a thread or the program itself, with the scope of its names."""
 
     name: str
     parent: _Function | None
@@ -82,7 +82,7 @@ class _Function:
     node: ast.FunctionDef = field(init=False)
 
     def owner(self, name: str) -> _Function | None:
-        """Return the function whose variable *name* is here."""
+        """Return the function that owns the variable *name* here."""
         if name in self.parameters or name in self.locals:
             return self
         found = self.parent.owner(name) if self.parent else None
@@ -109,12 +109,12 @@ def compile_script(
 
     Args:
         text: the program.
-        functions: the controller's own functions; those that take time are generators.
-        known: what the program defines to which these statements are added; see
+        functions: the controller's functions; those that take time are generators.
+        known: definitions of the program to which these statements are added; see
             :attr:`Script.defines`.
 
     Raises:
-        ScriptError: it does not compile; the text begins as the controller's does.
+        ScriptError: it does not compile; the text begins like the controller's.
     """
     try:
         return _Compiler(text, functions, known or {}).program(is_whole=known is None)
@@ -141,7 +141,7 @@ class _Compiler:
         self._functions = functions
         self._here = _Function("", None)
 
-    # The words.
+    # Tokens.
 
     @property
     def _next(self) -> Token:
@@ -237,10 +237,10 @@ class _Compiler:
         return node
 
     def _resolve(self) -> None:
-        """Say of every name whose it is, and of every function whether it takes time.
+        """Resolve the scope of every name, and find which functions take time.
 
         Raises:
-            ScriptError: a name that there is not, or arguments that a function does not take.
+            ScriptError: an unknown name, or wrong arguments of a function.
         """
         everything = list(self._here.all())
         for one in everything:
@@ -314,7 +314,7 @@ class _Compiler:
     # Statements.
 
     def _block(self, *ends: str) -> list[ast.stmt]:
-        """Return statements up to a word that ends them, which stays."""
+        """Return statements up to a word that ends them, which is not consumed."""
         body: list[ast.stmt] = []
         while True:
             self._skip_lines()
@@ -387,7 +387,7 @@ class _Compiler:
         self._expect(":")
         body = self._block("end")
         self._expect("end")
-        # A loop that never waits is interrupted, so that the others get their turn.
+        # A loop that never waits is interrupted, so that other threads run.
         self._here.takes_time = True
         pause = ast.If(_helper("tired"), [ast.Expr(ast.Yield())], [])
         return ast.While(test, [pause, *body], [])
@@ -534,7 +534,7 @@ def _helper(name: str, *arguments: ast.expr) -> ast.Call:
 
 
 class _Waits(ast.NodeTransformer):
-    """Puts ``yield from`` before the calls that take time."""
+    """Put ``yield from`` before the calls that take time."""
 
     def __init__(self, lasting: set[int]) -> None:
         self._lasting = lasting

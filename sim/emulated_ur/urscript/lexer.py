@@ -1,4 +1,4 @@
-"""Words of URScript, and where one program ends in a stream of text."""
+"""Tokens of URScript, and the end of a program in a stream of text."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class ScriptError(Exception):
     """A program that does not compile, or that ends with an exception.
 
     Attributes:
-        line, column: where, counted from 1; 0 if it is not known.
+        line, column: its place, counted from 1; 0 if unknown.
     """
 
     def __init__(self, text: str, line: int = 0, column: int = 0) -> None:
@@ -39,7 +39,7 @@ class ScriptError(Exception):
 
 
 class Token(NamedTuple):
-    """A word: its kind (name, keyword, number, string, sign, newline, end), text and place."""
+    """A token: its kind (name, keyword, number, string, sign, newline, end), text and place."""
 
     kind: str
     text: str
@@ -48,10 +48,10 @@ class Token(NamedTuple):
 
 
 def tokens(text: str) -> Iterator[Token]:
-    """Yield the words of a program; line ends inside brackets are left out.
+    """Yield the tokens of a program; line ends inside brackets are left out.
 
     Raises:
-        ScriptError: a character that no word begins with.
+        ScriptError: a character that begins no token.
     """
     line, begin, depth = 1, 0, 0
     for found in _TOKEN.finditer(text):
@@ -72,7 +72,7 @@ def tokens(text: str) -> Iterator[Token]:
 
 
 class Splitter:
-    """Cuts what a client sends into programs: a line, or all from ``def`` to its ``end``."""
+    """Split a client's text into programs: a line, or all from ``def`` to its ``end``."""
 
     def __init__(self) -> None:
         self._pending = bytearray()
@@ -99,5 +99,5 @@ class Splitter:
 
     @property
     def unfinished(self) -> str:
-        """What has come of a program that has not ended yet."""
+        """The text of a program that has not ended yet."""
         return "\n".join([*self._lines, self._pending.decode("utf-8", "replace")]).strip()

@@ -1,4 +1,4 @@
-"""A running program: its threads, run in turn once a cycle until they wait."""
+"""A running program: its threads run in turn once a cycle until they wait."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 Ticks = Generator[None, None, Any]
 
 _TURN = 300
-"""Rounds of loops that a thread may run without waiting before the others get their turn."""
+"""Most rounds of loops of a thread without waiting before other threads run."""
 
 _FAILURES = (
     ArithmeticError, AttributeError, LookupError, NameError, OSError, RecursionError, ScriptError,
@@ -30,20 +30,20 @@ class HaltError(Exception):
 
 
 class ThreadEndError(Exception):
-    """The thread that runs has killed itself."""
+    """The running thread has killed itself."""
 
 
 class Program:
     """One program.
 
     Args:
-        script: what it does.
+        script: the compiled program.
         functions: the controller's functions, for this program.
 
     Attributes:
-        script: what it does.
+        script: the compiled program.
         functions: the controller's functions, for this program.
-        current: the thread that runs now; 0 is the main one.
+        current: the running thread; 0 is the main one.
     """
 
     def __init__(self, script: Script, functions: Functions) -> None:
@@ -66,10 +66,10 @@ class Program:
         functions.program = self
 
     def advance(self) -> bool:
-        """Run every thread until it waits; return whether the program goes on.
+        """Run every thread until it waits; return whether the program continues.
 
         Raises:
-            ScriptError: it ended with an exception, which says where.
+            ScriptError: it ended with an exception, which has the line.
         """
         order = list(self._threads)
         for self.current in order:  # grows while threads start others
@@ -101,12 +101,12 @@ class Program:
         return script
 
     def run_more(self, script: Script) -> Ticks:
-        """Run what was added, in the thread that calls."""
+        """Run the added statements, in the calling thread."""
         exec(script.code, self._names)
         yield from self._names["main"]()
 
     def end(self) -> None:
-        """Close what the program holds: its threads and its sockets."""
+        """Release the program's threads and sockets."""
         self._threads.clear()
         self.functions.end()
 
@@ -152,7 +152,7 @@ class Program:
 
 
 def _placed(error: Exception) -> ScriptError:
-    """Return *error* with the line of the script at which it came up."""
+    """Return *error* with the line of the script at which it occurred."""
     line = 0
     trace: TracebackType | None = error.__traceback__
     while trace is not None:

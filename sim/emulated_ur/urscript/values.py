@@ -1,4 +1,4 @@
-"""Values of URScript: lists and poses with their arithmetic, and how values are written out."""
+"""Values of URScript: lists and poses with their arithmetic, and their text form."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterable
 from typing import Any, TypeAlias
 
 Datum: TypeAlias = Any
-"""What an expression gives: a number, True or False, a string, a list or a pose."""
+"""The value of an expression: a number, True or False, a string, a list or a pose."""
 
 
 class Array(tuple[Any, ...]):
-    """A list; arithmetic goes element by element, and what changes it makes a new one."""
+    """A list; arithmetic is element by element, and a change makes a new list."""
 
     __slots__ = ()
 
@@ -62,7 +62,7 @@ def pose_of(values: Iterable[float]) -> Pose:
     """Return a pose.
 
     Raises:
-        TypeError: there are not six numbers.
+        TypeError: *values* are not six numbers.
     """
     pose = Pose(values)
     if len(pose) != 6:
@@ -74,7 +74,7 @@ def place(values: Datum, index: Datum) -> int:
     """Return *index* as a place in *values*.
 
     Raises:
-        TypeError, IndexError: it is none.
+        TypeError, IndexError: it is not a valid index.
     """
     if not isinstance(values, tuple):
         raise TypeError(f"{written(values)} is no list")
@@ -94,7 +94,7 @@ def replaced(values: Datum, index: Datum, value: Datum) -> Datum:
 
 
 def written(value: Datum) -> str:
-    """Return a value as the controller writes it."""
+    """Return a value as the controller prints it."""
     if isinstance(value, Pose):
         return f"p[{', '.join(map(written, value))}]"
     if isinstance(value, tuple):
