@@ -1,7 +1,7 @@
-"""Read a file that somebody names, whatever it is: at most so many bytes, and never for ever.
+"""Read a user's file safely: with a size limit, and without waiting for ever.
 
-A device such as ``/dev/zero`` has no end, a pipe may have no writer, and what is larger than it may
-be is refused before it is read.
+A device such as ``/dev/zero`` has no end, and a pipe may have no writer.  A file that is too large
+is refused before it is read.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 
 MEBIBYTE = 1024 * 1024
 SILENCE = 5.0
-"""How long a pipe may say nothing, s."""
+"""Longest silence of a pipe, s."""
 
 _PIECE = 256 * 1024
 

@@ -1,4 +1,4 @@
-"""Let curves and motions draw themselves, without importing the package that draws them."""
+"""Let curves and motions draw themselves, without importing the drawing package."""
 
 from __future__ import annotations
 

@@ -1,31 +1,31 @@
-"""Every error orientd raises, and the kinds of fault a device can be in.
+"""All errors that orientd raises, and the kinds of device faults.
 
-An error is ours (a call failed); a fault is the device's (it stopped and waits for a reset).
+An error means that a call failed.  A fault means that a device stopped and waits for a reset.
 
 .. code-block:: text
 
     OrientdError
-    ├── RequestError            a motion file or request that is not well formed (field, problem)
-    │   ├── UnknownNameError    it names a device or a plan that is not there
-    │   └── MessageSizeError    its message is larger than the daemon takes
-    ├── ConfigError             a configuration that is not well formed or not possible here
+    ├── RequestError            a malformed motion file or request (field, problem)
+    │   ├── UnknownNameError    it names a device or a plan that does not exist
+    │   └── MessageSizeError    its message is larger than the daemon accepts
+    ├── ConfigError             a configuration that is malformed, or not possible on this machine
     ├── PlanError               a well-formed motion that cannot be planned
     │   ├── LimitError          it would break a limit (quantity, value, limit, time)
-    │   ├── StartError          it does not begin where the device is commanded to be
+    │   ├── StartError          it does not begin in the commanded state of the device
     │   └── DeadlineError       planning it took too long
     ├── StateError              not possible in the device's present state
-    │   └── LateError           the device has gone past the point that it was for
+    │   └── LateError           the device has passed the intended point
     ├── LeaseError              the caller does not hold the lease
-    ├── AccessError             the caller may not do that, whoever holds the lease
-    ├── TooMuchError            the caller asks for more at a time than one may
+    ├── AccessError             the caller's role does not allow it
+    ├── TooMuchError            the caller has too many requests at a time
     ├── DeviceError             raised by drivers, in the servo process
-    │   ├── LinkError           the connection to the device is gone
-    │   │   └── SpentLinkError  and only a new servo process can make another
+    │   ├── LinkError           the connection to the device is lost
+    │   │   └── SpentLinkError  and only a new servo process can reconnect
     │   ├── FeedbackError       feedback is missing or older than its limit
-    │   └── DeviceFaultError    the device says that it cannot go on
-    │       └── AxisFaultError  one axis cannot; the others can still be braked on the path
-    ├── DaemonError             the daemon is not there, is there already, or did not answer
-    └── KernelsError            the compiled kernels are not there, or not for this machine
+    │   └── DeviceFaultError    the device reports that it cannot continue
+    │       └── AxisFaultError  one axis cannot; the others can still brake on the path
+    ├── DaemonError             the daemon does not run, runs already, or did not answer
+    └── KernelsError            the compiled kernels are missing, or not for this machine
 """
 
 from __future__ import annotations
@@ -57,31 +57,30 @@ def _as_it_was(kind: type[OrientdError], args: tuple[Any, ...]) -> OrientdError:
 
 
 class OrientdError(Exception):
-    """The root of everything orientd raises about the world.
+    """Base class of all errors of orientd.
 
     Attributes:
-        planning: s from a motion's arrival at the daemon until it was refused; 0 for what is no
-            refusal of a motion.
-        waiting: of these spent on motions asked for before, a stop, a change of speed.
+        planning: s from a motion's arrival at the daemon to its refusal; 0 for other errors.
+        waiting: the part of it spent on earlier motions, a stop, or a change of speed.
     """
 
     planning = waiting = 0.0
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # A constructor's arguments are not the exception's: what it has become is what crosses.
+        # The constructor's arguments differ from the exception's: send the attributes instead.
         return _as_it_was, (type(self), self.args), self.__dict__
 
 
 class RequestError(OrientdError, ValueError):
-    """A request that is not well formed.
+    """A malformed request.
 
     Attributes:
         field: path of the offending field, for example ``keyframes[2].quaternion``.
-        problem: what was expected and what came, without the field's name.
+        problem: expected and given value, without the field's name.
     """
 
     def __init__(self, field: str, problem: str) -> None:
-        # Keys and values that somebody else has written may be of any length.
+        # Keys and values from users may be of any length.
         field = field if len(field) <= 200 else f"{field[:197]}..."
         problem = problem if len(problem) <= 700 else f"{problem[:697]}..."
         super().__init__(f"{field}: {problem}" if field else problem)
@@ -90,15 +89,15 @@ class RequestError(OrientdError, ValueError):
 
 
 class UnknownNameError(RequestError):
-    """A request that names a device or a plan that is not there."""
+    """A request that names a device or a plan that does not exist."""
 
 
 class MessageSizeError(RequestError):
-    """A request whose message is larger than the daemon takes."""
+    """A request whose message is larger than the daemon accepts."""
 
 
 class ConfigError(OrientdError):
-    """A configuration that is not well formed, or that names what is not there."""
+    """A malformed configuration, or one that names something that does not exist."""
 
 
 class PlanError(OrientdError):
@@ -106,13 +105,13 @@ class PlanError(OrientdError):
 
 
 class LimitKind(Enum):
-    """What a limit is about, which decides whether a slower motion would keep it."""
+    """The subject of a limit, which decides whether a slower motion would keep it."""
 
     VELOCITY = "velocity"
     ACCELERATION = "acceleration"
     JERK = "jerk"
     RANGE = "range"
-    """Of an axis: its angles end there, however slow the motion is."""
+    """Of an axis: its angles end there at any speed."""
     DEVIATION = "deviation"
     TIME = "time"
 
@@ -121,13 +120,13 @@ class LimitError(PlanError):
     """A motion that would break a limit.
 
     Attributes:
-        kind: what the limit is about.
-        quantity: what breaks it, for example ``angular velocity``.
-        value: the largest value reached, in SI units.
-        limit: what was allowed, in the same units.
-        time: when in the motion the largest value occurs, in seconds.
+        kind: subject of the limit.
+        quantity: the quantity that breaks it, for example ``angular velocity``.
+        value: the largest value, in SI units.
+        limit: the allowed value, in the same units.
+        time: when the largest value occurs in the motion, in seconds.
         unit: of the value.
-        is_in_lead_in: whether that is on the way to the first keyframe, where that is known.
+        is_in_lead_in: whether it occurs in the lead-in, if that is known.
     """
 
     def __init__(
@@ -157,11 +156,11 @@ class LimitError(PlanError):
 
 
 class StartError(PlanError):
-    """A motion that does not begin in the state the device is commanded to be in."""
+    """A motion that does not begin in the commanded state of the device."""
 
 
 class DeadlineError(PlanError):
-    """A motion that was not planned within the time for it."""
+    """A motion whose planning exceeded its deadline."""
 
 
 class StateError(OrientdError):
@@ -177,11 +176,11 @@ class NotYetError(LateError):
 
 
 class LeaseError(OrientdError):
-    """A command from somebody who does not hold the lease."""
+    """A command from a client that does not hold the lease."""
 
 
 class AccessError(OrientdError):
-    """A call that its caller's role does not permit, or of somebody unknown."""
+    """A call that its caller's role does not permit, or of an unknown caller."""
 
 
 class TooMuchError(OrientdError):
@@ -189,12 +188,12 @@ class TooMuchError(OrientdError):
 
 
 class DeviceError(OrientdError):
-    """What a driver raises; the servo turns it into a fault.
+    """Raised by a driver; the servo turns it into a fault.
 
     Attributes:
-        fault: the fault that it becomes.
-        brakes: whether the servo goes on writing setpoints, to brake on the path; else it cuts off:
-            it writes nothing more and disables the driver at once.
+        fault: the resulting fault.
+        brakes: whether the servo keeps writing setpoints, to brake on the path.  Otherwise it cuts
+            off: it writes nothing more and disables the driver at once.
     """
 
     fault: ClassVar[Fault] = Fault.INTERNAL
@@ -202,13 +201,13 @@ class DeviceError(OrientdError):
 
 
 class LinkError(DeviceError):
-    """The connection to the device is gone."""
+    """The connection to the device is lost."""
 
     fault = Fault.LINK_LOST
 
 
 class SpentLinkError(LinkError):
-    """The connection is gone, and only a new servo process can make another."""
+    """The connection is lost, and only a new servo process can reconnect."""
 
 
 class FeedbackError(DeviceError):
@@ -219,24 +218,24 @@ class FeedbackError(DeviceError):
 
 
 class DeviceFaultError(DeviceError):
-    """The device says that it cannot go on."""
+    """The device reports that it cannot continue."""
 
     fault = Fault.DEVICE_FAULT
 
 
 class AxisFaultError(DeviceFaultError):
-    """One axis of the device cannot go on; the others can still be braked on the path."""
+    """One axis of the device cannot continue; the others can still brake on the path."""
 
     brakes = True
 
 
 class DaemonError(OrientdError):
-    """The daemon is not there, is there already, or did not answer."""
+    """The daemon does not run, runs already, or did not answer."""
 
 
 class KernelsError(OrientdError, ImportError):
-    """The compiled kernels are not there, or not for this machine, or of other sources."""
+    """The compiled kernels are missing, or not for this machine, or of other sources."""
 
 
 GOING_DOWN = "the daemon is going down"
-"""Why motions stop and calls are refused once the daemon was told to end."""
+"""Reason of stops and refusals once the daemon is ending."""

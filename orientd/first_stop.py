@@ -1,9 +1,9 @@
-"""The beginning of a stop from the shell: where a daemon is to be found, and a word to it.
+"""The fast path of a stop from the shell: find the daemon and send the stop.
 
-Modules take longer to load than all the rest of bringing a device to rest.  So the word goes out
-before they are loaded; nothing is imported here but what Python has loaded by itself, and its
-built-in sockets.  Whether the servos' answers may be trusted is seen to afterwards
-(:mod:`orientd.client.stop_call`): a stop is nothing that a stranger could not be told.
+Loading modules takes longer than stopping a device.  So the stop goes out before they load.  This
+module imports only modules that Python has loaded by itself, and its built-in sockets.  The trust
+of the servos' answers is checked afterwards (:mod:`orientd.client.stop_call`): the content of a
+stop is not secret.
 """
 
 # ruff: noqa: PTH110, PTH111, PTH116, PTH208, SIM105 - pathlib and contextlib take as long to load
@@ -15,13 +15,13 @@ import os
 import sys
 
 Answers = dict[str, tuple[str, int]]
-"""What the servo of each device answers to a stop, and the number of its user."""
+"""Each servo's answer to a stop, by device, and the number of its user."""
 
 SYSTEM_SOCKET = "/run/orientd/control.sock"
 """Of the daemon that runs as a service of the system."""
 
 TIMEOUT = 1.0
-"""How long the servos' answers may take, s."""
+"""Timeout of the servos' answers, s."""
 
 _ANSWER_BYTES = 256
 
@@ -29,7 +29,7 @@ KINDS = ("stop", "halt")
 
 _OPTIONS = {"--socket": "socket", "--device": "device", "-d": "device"}
 _FIRST = -20
-"""The niceness of what is to come first, where that is permitted."""
+"""Niceness for a process that comes first, if that is permitted."""
 
 
 def runtime_directory() -> str:
@@ -54,13 +54,13 @@ def runtime_directory() -> str:
 
 
 def default_socket() -> str:
-    """Return where the daemon is unless the configuration says otherwise."""
+    """Return the default socket of the daemon."""
     named = os.environ.get("ORIENTD_SOCKET")
     return os.path.expanduser(named) if named else f"{runtime_directory()}/control.sock"
 
 
 def found_socket() -> str:
-    """Return where a daemon is to be found: the user's own, or else the one of the system."""
+    """Return the socket of a daemon: the user's own, or else that of the system."""
     own = default_socket()
     is_named = "ORIENTD_SOCKET" in os.environ
     if not is_named and not os.path.exists(own) and os.path.exists(SYSTEM_SOCKET):
@@ -69,10 +69,10 @@ def found_socket() -> str:
 
 
 def plain(arguments: list[str]) -> dict[str, str] | None:
-    """Return what the command line plainly asks for; ``None`` if it says anything else.
+    """Return the stop on a simple command line; ``None`` for any other one.
 
     Returns:
-        ``kind``, ``device`` and the daemon's ``socket``; and ``json`` if that is wanted.
+        ``kind``, ``device`` and the daemon's ``socket``; and ``json`` if it is requested.
     """
     if not arguments or arguments[0] not in KINDS:
         return None
@@ -91,10 +91,10 @@ def plain(arguments: list[str]) -> dict[str, str] | None:
 
 
 def first(asked: dict[str, str]) -> Answers | None:
-    """Send the stop that is plainly asked for, before all else that there is to do.
+    """Send the stop on a simple command line, before anything else.
 
     Returns:
-        As :func:`send` does; ``None`` too if this user may not.
+        As :func:`send`; ``None`` too if this user is not admitted.
     """
     try:
         os.setpriority(os.PRIO_PROCESS, 0, _FIRST)
@@ -107,7 +107,7 @@ def first(asked: dict[str, str]) -> Answers | None:
 
 
 def stop_folder(socket_path: str) -> str:
-    """Return where the servos listen for stops of the daemon at *socket_path*."""
+    """Return the folder of the servos' stop sockets for the daemon at *socket_path*."""
     return f"{socket_path}.stop"
 
 
@@ -120,11 +120,11 @@ def send(socket_path: str, kind: str, device: str = "") -> Answers | None:
         device: its name; empty for all of them.
 
     Returns:
-        What the servo of each device answers and the number of its user, -1 for one that does not
+        The answer of each device's servo and the number of its user, -1 for one that does not
         answer; ``None`` if no servo listens.
 
     Raises:
-        OSError: this user may not look there.
+        OSError: this user may not access the folder.
     """
     try:
         flags = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC

@@ -1,6 +1,6 @@
-"""Quaternion arithmetic on plain floats, for what runs every cycle.
+"""Quaternion arithmetic on plain floats, for code that runs in every cycle.
 
-One quaternion takes 1-3 us here and 100 us in NumPy.  Quaternions are ``(w, x, y, z)``, Hamilton;
+One quaternion takes 1-3 us here and 100 us in NumPy.  Quaternions are ``(w, x, y, z)``, Hamilton.
 :mod:`orientd.rotation` has the same functions for arrays and is the reference in the tests.
 """
 

@@ -1,7 +1,7 @@
 """The motion file: from YAML, JSON or a mapping to a motion request, and back.
 
-Whatever is wrong with a motion is one :class:`~orientd.errors.RequestError` with the path of the
-field, what was expected and what came:
+Any problem is one :class:`~orientd.errors.RequestError` with the path of the field, the expected
+value and the given one:
 
 >>> parse({"keyframes": []})
 Traceback (most recent call last):
@@ -24,8 +24,8 @@ def load(path: str | Path) -> MotionRequest:
     """Return the request in a YAML or JSON file.
 
     Raises:
-        RequestError: the file cannot be read, is neither YAML nor JSON, or what it says is not a
-            well-formed motion.
+        RequestError: the file cannot be read, is neither YAML nor JSON, or has no well-formed
+            motion.
     """
     return parse(read_structured(Path(path)))
 

@@ -1,9 +1,9 @@
-"""What others have written, as one line that does nothing to a terminal."""
+"""Text from others as one line that is harmless in a terminal."""
 
 from __future__ import annotations
 
 MOST = 1000
-"""Characters of a line that is told."""
+"""Most characters of such a line."""
 
 
 def shown(text: str) -> str:

@@ -1,4 +1,4 @@
-"""A hint for whoever has misspelt a name, for messages."""
+"""Hints for misspelt names in messages."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from difflib import get_close_matches
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return a hint at the nearest of the *known* names, or an empty string.
 
-    A name's own initials are as near as can be: ``ttl`` is ``time_to_live``.
+    Initials of a name are its nearest match: ``ttl`` is ``time_to_live``.
     """
     known = list(known)
     near = [one for one in known if name == "".join(word[:1] for word in one.split("_"))]
@@ -18,6 +18,6 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def unknown_key(key: str, known: Iterable[str]) -> str:
-    """Return the words for a *key* of a table that is none of the *known* ones."""
+    """Return the message for a *key* of a table that is not among the *known* ones."""
     known = list(known)
     return f"unknown key{did_you_mean(key, known)}; known are {', '.join(known)}"

@@ -1,4 +1,4 @@
-"""Write a file that somebody names whole or not at all: on a full disk, what was there stays."""
+"""Write a user's file completely or not at all: on a full disk, the old file stays."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from orientd.errors import OrientdError
 
 @contextlib.contextmanager
 def written(path: Path) -> Iterator[Path]:
-    """Yield the file to write, with the ending of *path*, which it becomes in the end.
+    """Yield the file to write, with the suffix of *path*, which it replaces at the end.
 
-    What is no file, such as a pipe, is written as it is.
+    A path that is no file, such as a pipe, is written directly.
 
     Raises:
-        OrientdError: it cannot be written; then *path* is as it was.
+        OrientdError: it cannot be written; then *path* is unchanged.
     """
     target = Path(os.path.realpath(path))
     is_special = target.exists() and not target.is_file()

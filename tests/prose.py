@@ -1,7 +1,6 @@
 """Check the prose of the project: words, long sentences, semicolons.  Run by ``make check``.
 
-``prose.toml`` counts the findings that are left, by folder.  A count may only shrink.
-``tests/prose.py FOLDER`` lists the findings below a folder.
+``prose.toml`` counts the findings by folder; a count may only shrink.  `prose.py FOLDER` lists them.
 """
 
 from __future__ import annotations
@@ -26,6 +25,8 @@ MOST_WORDS = 28
 CLAUSE = re.compile(r"(What|Who|Whose)\b(?! else)[^?]*[.:;]$")
 CODE = re.compile(r"``[^`]*``|`[^`]*`(?:__?)?|:\w+:|\$[^$]*\$|https?://\S+|\{[\w-]+\}|<[^>]+>")
 ABBREVIATION = re.compile(r"\b(e\.g|i\.e|et al|Eq|Eqs|Sec|Fig|No|cf|vol|pp|p|approx|Prof|resp)\.")
+COMMENT = re.compile(r"(?:^|\s)# (?!type:|fmt:|noqa|mypy:)(.*)")
+ARGUMENT = re.compile(r"^\*{0,2}\w+: ")
 LIST = re.compile(r"\s*(?:[-*|] |\d+\. |\.\. |@|#+ |\*{0,2}\w[\w, *./]*: )")
 
 Text = tuple[int, str]
@@ -60,8 +61,7 @@ def paragraphs(text: str, first_line: int) -> Iterator[Text]:
 
 def python(path: Path) -> Iterator[Text]:
     """Yield the docstrings, comments, help and error texts of a module."""
-    source = path.read_text(encoding="utf-8")
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         match node:
             case ast.Expr(value=ast.Constant(value=str() as text)):
                 yield from paragraphs(text, node.lineno)
@@ -69,14 +69,15 @@ def python(path: Path) -> Iterator[Text]:
                 for one in ast.walk(node):
                     if isinstance(one, ast.Constant) and isinstance(one.value, str):
                         yield one.lineno, one.value
-    yield from comments(source, re.compile(r"(?:^|  )\s*# (?!type:|fmt:|noqa|mypy:)(.*)"))
+    yield from comments(path)
 
 
-def comments(source: str, mark: re.Pattern[str]) -> Iterator[Text]:
+def comments(path: Path) -> Iterator[Text]:
+    """Yield the comments of a module or of a file of settings."""
     block: list[str] = []
     start = 0
-    for number, line in enumerate([*source.splitlines(), ""], 1):
-        found = mark.search(line)
+    for number, line in enumerate([*path.read_text(encoding="utf-8").splitlines(), ""], 1):
+        found = COMMENT.search(line)
         if block and not (found and line.lstrip().startswith("#")):
             yield from paragraphs("\n".join(block), start)
             block = []
@@ -91,10 +92,6 @@ def c(path: Path) -> Iterator[Text]:
         yield from paragraphs(found[1], source.count("\n", 0, found.start()) + 1)
 
 
-def settings(path: Path) -> Iterator[Text]:
-    yield from comments(path.read_text(encoding="utf-8"), re.compile(r"(?:^|\s)# (.*)"))
-
-
 def markdown(path: Path) -> Iterator[Text]:
     text = path.read_text(encoding="utf-8")
     if path.name == "CHANGELOG.md":
@@ -102,14 +99,14 @@ def markdown(path: Path) -> Iterator[Text]:
     yield from paragraphs(text, 1)
 
 
-READERS = {".py": python, ".c": c, ".h": c, ".md": markdown, ".toml": settings, ".yaml": settings}
+READERS = {".py": python, ".c": c, ".h": c, ".md": markdown, ".toml": comments, ".yaml": comments}
 
 
 def faults(path: Path) -> Iterator[Text]:
     """Yield what a file's prose should say otherwise, with the line."""
     for line, text in READERS[path.suffix](path):
         for sentence in re.split(r"(?<=[.?!:])\s+(?=[\"*(`[]*[A-Z`])", ABBREVIATION.sub("", text)):
-            words = CODE.sub("X", sentence)
+            words = ARGUMENT.sub("", CODE.sub("X", sentence))
             for pattern, better in WORDS.items():
                 if found := pattern.search(words):
                     yield line, f"{found[0]!r}: {better}"
@@ -123,10 +120,7 @@ def faults(path: Path) -> Iterator[Text]:
 
 def files() -> Iterator[Path]:
     """Yield what people read: sources, pages and settings, without tests and generated code."""
-    listed = subprocess.run(
-        ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    for name in listed.stdout.splitlines():
+    for name in subprocess.check_output(["git", "ls-files"], cwd=ROOT, text=True).splitlines():
         path = ROOT / name
         if path.suffix in READERS and not re.search(r"_pb2|DECISION|^(\.|tests/)", name):
             yield from [path] * path.exists()
@@ -149,7 +143,7 @@ def main() -> None:
     more = [one for one in sorted(counts) if counts[one] > left.get(one, 0)]
     for one in more:
         print(f"{one}: {counts[one]} findings, {left.get(one, 0)} allowed by tests/prose.toml")
-        sys.exit(bool(more))
+    sys.exit(bool(more))
 
 
 if __name__ == "__main__":

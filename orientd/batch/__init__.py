@@ -1,4 +1,4 @@
-"""Plan files of many requests offline, in parts that an interrupted run goes on from."""
+"""Plan files of many requests offline, in parts; an interrupted run can be resumed."""
 
 from orientd.batch.batch import Batch
 from orientd.batch.request_file import Requests, open_requests

@@ -1,8 +1,8 @@
-"""Plan a file of requests into a folder: parts in order, and one table of them in the end.
+"""Plan a file of requests into a folder: in parts, with one table of them at the end.
 
-The folder holds ``parts``, a table for each part that is done, until they are put together as
-``plans.parquet``; ``batch.json`` says what they were planned from.  An interrupted run, even one
-that was killed, goes on after the last part, and ends in the same files as any other.
+The folder holds ``parts``, a table for each finished part, until they are merged into
+``plans.parquet``. ``batch.json`` describes their input.  An interrupted run, even a killed one,
+resumes after the last part, and ends with the same files as any other.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ FORMAT = 1
 
 
 class Batch:
-    """The requests of one file on their way into one folder.
+    """The requests of one file and their plans in one folder.
 
     Attributes:
         table: the file with a row for each request, once all are done.
-        count: how many requests there are.
-        done: how many of them are planned or refused, those of earlier runs included.
-        begun_with: how many of them earlier runs had done.
+        count: number of requests.
+        done: number of planned or refused requests, including earlier runs.
+        begun_with: number of requests that earlier runs had done.
     """
 
     def __init__(
@@ -52,15 +52,15 @@ class Batch:
         jobs: int = -1,
         address: str | None = None,
     ) -> None:
-        """Look what the folder holds already.
+        """Check the present content of the folder.
 
         Args:
             requests: the file.
-            folder: for the plans; made if there is none.
+            folder: for the plans; created if it does not exist.
             device: rate, limits and driver.
             has_records: whether the records are written too.
             backend: ``loky``, ``ray`` or ``dask``.
-            jobs: parts at a time; -1 for one on each core.
+            jobs: parallel parts; -1 for one on each core.
             address: of a cluster.
 
         Raises:
@@ -104,10 +104,10 @@ class Batch:
         self.done = self.begun_with = min(self.count, done)
 
     def run(self) -> Iterator[None]:
-        """Plan all that is not planned yet; yield whenever :attr:`done` has changed.
+        """Plan all remaining requests; yield whenever :attr:`done` has changed.
 
         Raises:
-            OrientdError: a file cannot be read or written, or the backend is not there.
+            OrientdError: a file cannot be read or written, or the backend is not available.
         """
         yield
         if self.table.exists():

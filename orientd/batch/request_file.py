@@ -1,9 +1,9 @@
-"""Files of many requests: a motion a line as JSON, or a keyframe a row in a table.
+"""Files of many requests: a motion per line as JSON, or a keyframe per row in a table.
 
-In a table (``.csv``, ``.parquet``) rows with the same ``motion``, one below the other, are one
-motion.  The columns of a keyframe are ``qw, qx, qy, qz``, ``time``, ``x, y, z`` and ``turns``.
-Those of a motion are the keys of a motion file that hold a text, and its end velocities as
-``start_velocity_x`` and so on; the first row of the motion counts.
+In a table (``.csv``, ``.parquet``) consecutive rows with the same ``motion`` form one motion.  The
+columns of a keyframe are ``qw, qx, qy, qz``, ``time``, ``x, y, z`` and ``turns``.  Those of a
+motion are the text keys of a motion file, and its end velocities as ``start_velocity_x`` and so on.
+The first row of the motion counts.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Requests:
     """A file of requests.
 
     Attributes:
-        count: how many requests it has.
+        count: number of requests.
         digest: of the file's content, SHA-256.
         each: yields them from the first on.
     """

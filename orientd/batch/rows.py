@@ -1,4 +1,4 @@
-"""A row of the result for each request: its certificate, or why it was refused."""
+"""A row of the result for each request: its certificate, or the reason of its refusal."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ COLUMNS = {
 """Columns of the result and their types."""
 
 RECORD = ("qw", "qx", "qy", "qz", *(f"{name}_{axis}" for name in _VECTORS for axis in "xyz"))
-"""Columns of the records, beside ``row`` and ``record``: setpoints in rad, m and s."""
+"""Columns of the records, in addition to ``row`` and ``record``: setpoints in rad, m and s."""
 
 
 class Part(NamedTuple):

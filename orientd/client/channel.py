@@ -1,4 +1,4 @@
-"""How the daemon is reached: over its Unix socket, or over TCP with certificates on both sides."""
+"""Connections to the daemon: over its Unix socket, or over TCP with certificates on both sides."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ _CLIENT_OPTIONS = (
     ("grpc.max_receive_message_length", MAX_MESSAGE_BYTES),
     ("grpc.keepalive_time_ms", 10_000),
     ("grpc.keepalive_timeout_ms", 5_000),
-    # A daemon that is back is found at once: by new clients in a process whose old ones still try,
-    # and by those soon, where gRPC would wait for up to two minutes.
+    # Find a restarted daemon quickly, even in a process with older clients that still retry.  gRPC
+    # would wait for up to two minutes.
     ("grpc.use_local_subchannel_pool", 1),
     ("grpc.initial_reconnect_backoff_ms", 100),
     ("grpc.max_reconnect_backoff_ms", 500),
@@ -36,17 +36,17 @@ _CLIENT_OPTIONS = (
 
 
 def found_socket() -> Path:
-    """Return where a daemon is to be found: the user's own, or else the one of the system."""
+    """Return the socket of a daemon: the user's own, or else that of the system."""
     return Path(first_stop.found_socket())
 
 
 def default_socket() -> Path:
-    """Return where the daemon is unless the configuration says otherwise."""
+    """Return the default socket of the daemon."""
     return Path(first_stop.default_socket())
 
 
 def target(socket: Path) -> str:
-    """Return what gRPC calls the Unix domain socket at *socket*.
+    """Return gRPC's name of the Unix domain socket at *socket*.
 
     Raises:
         DaemonError: the path is too long for a socket.
@@ -68,7 +68,7 @@ def certificate_files(
     key: str | Path | None,
     ca: str | Path | None,
 ) -> list[Path]:
-    """Return certificate, key and CA of a client; what is ``None`` is looked up in the environment.
+    """Return certificate, key and CA of a client; ``None`` means the environment's.
 
     Raises:
         DaemonError: one of them is missing, which *address* needs.
@@ -89,14 +89,14 @@ def certificate_files(
 
 @dataclass(frozen=True)
 class Way:
-    """One way to a daemon.
+    """The endpoint of a daemon.
 
     Attributes:
-        socket: its Unix socket; or where what belongs to this address is kept.
+        socket: its Unix socket; for an address, the place of its files.
         address: ``HOST:PORT``; empty for the Unix socket.
         certificate: of this client, PEM.
         key: of that certificate, PEM.
-        ca: what the daemon's certificate is signed with, PEM.
+        ca: signs the daemon's certificate, PEM.
     """
 
     socket: Path
@@ -144,12 +144,12 @@ class Way:
         return self.address or str(self.socket)
 
     def open(self) -> grpc.Channel:
-        """Return a channel to the daemon, which connects when it is first used.
+        """Return a channel to the daemon, which connects on first use.
 
         Raises:
-            DaemonError: a certificate cannot be read, the path cannot be that of a socket, or what
-                is there is not of somebody trusted.
-            AccessError: the daemon admits its own user alone.
+            DaemonError: a certificate cannot be read, or the path is not suitable for a socket or
+                not owned by a trusted user.
+            AccessError: the daemon admits only its own user.
         """
         import grpc  # the daemon asks for paths alone
 

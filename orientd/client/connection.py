@@ -1,4 +1,4 @@
-"""A client's connection to the daemon: what goes wrong on it is raised as orientd's own error."""
+"""A client's connection to the daemon, which raises orientd's own errors."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ Answer = TypeVar("Answer")
 
 
 class UnreachableError(DaemonError):
-    """No call got through to a daemon."""
+    """No call reached a daemon."""
 
 
 @dataclass(frozen=True, slots=True)
 class StartAt:
-    """A start time that no clock on the wall can move.
+    """A start time that does not depend on the time of day.
 
     Attributes:
         monotonic_ns: on the daemon's monotonic clock.
-        armed_by: when the call is cancelled unless the daemon has armed the motion, s, as of
+        armed_by: time of the call's cancellation unless the daemon has armed the motion, s, by
             :func:`time.monotonic` here.
     """
 
@@ -42,19 +42,19 @@ class Connection:
     """An open channel to the daemon, until it is closed.
 
     Attributes:
-        way: to the daemon.
-        stub: of the control service, for what is called here.
+        way: endpoint of the daemon.
+        stub: of the control service.
     """
 
     def __init__(self, way: Way, *, timeout: float) -> None:
-        """Open *way*; it connects when it is first used.
+        """Open *way*; it connects on first use.
 
         Args:
-            way: to the daemon.
-            timeout: how long an answer may take, s.
+            way: endpoint of the daemon.
+            timeout: s for an answer.
 
         Raises:
-            DaemonError: a certificate cannot be read, or the path cannot be that of a socket.
+            DaemonError: a certificate cannot be read, or the path is not suitable for a socket.
         """
         self.way = way
         self._timeout = timeout
@@ -63,15 +63,15 @@ class Connection:
         self.stub: Any = ControlStub(self._channel)  # type: ignore[no-untyped-call] # generated
 
     def close(self) -> None:
-        """Hang up, which ends every call."""
+        """Close the channel, which ends every call."""
         self._is_closed = True
         self._channel.close()
 
     def ask(self, method: Callable[..., Answer], request: object) -> Answer:
-        """Return the answer to a call that is answered in time.
+        """Return the answer of a call.
 
         Raises:
-            OrientdError: what the daemon raised, or that it is not there.
+            OrientdError: the daemon's error, or no daemon answers.
         """
         return self.call(method, request, timeout=self._timeout)
 
@@ -84,15 +84,15 @@ class Connection:
     ) -> Answer:
         """Call *method* of the stub, and return its answer or the stream of its answers.
 
-        What goes wrong in a stream is gRPC's: see :meth:`explain`.
+        Errors in a stream are gRPC's: see :meth:`explain`.
 
         Args:
             method: of the stub.
             request: a message, or an iterator over messages.
-            timeout: how long the call may take, s; ``None`` for as long as it takes.
+            timeout: s for the call; ``None`` for no limit.
 
         Raises:
-            OrientdError: what the daemon raised, or that it is not there.
+            OrientdError: the daemon's error, or no daemon answers.
         """
         try:
             return method(request, timeout=timeout)
@@ -114,15 +114,15 @@ class Connection:
 
 
 _HUNG_UP = "Socket closed", "Connection reset by peer"
-"""What gRPC says if the daemon hangs up right after the handshake."""
+"""gRPC's message if the daemon closes the connection right after the handshake."""
 
 
 def from_call(error: grpc.RpcError, *, where: str) -> OrientdError:
     """Return the exception for a call that failed.
 
     Args:
-        error: what gRPC raised.
-        where: the socket, for the message when nobody answers there.
+        error: gRPC's exception.
+        where: the socket, for the message if no daemon answers.
     """
     if not isinstance(error, grpc.Call):
         return DaemonError(f"the call to the daemon at {where} failed: {error}")
@@ -148,7 +148,7 @@ def from_call(error: grpc.RpcError, *, where: str) -> OrientdError:
 
 
 def _tls_problem(where: str, text: str) -> str:
-    """Return why no call gets through to *where*, from what gRPC says of it."""
+    """Return why no call reaches *where*, from gRPC's message."""
     reason = text.rpartition("last error: ")[2]
     _, is_refused, verdict = reason.partition("CERTIFICATE_VERIFY_FAILED: ")
     if is_refused:

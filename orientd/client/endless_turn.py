@@ -1,7 +1,7 @@
-"""A turn at a constant rate that goes on until it is stopped, as of a turntable.
+"""A turn at a constant rate until it is stopped, like a turntable.
 
-Every motion has an end, so that it can be certified and a device comes to rest where nobody goes
-on.  Halfway through each, the next takes over from it, at the same rate without a step.
+Every motion has an end, so that it can be certified and a device comes to rest if its client is
+gone. Halfway through each motion, the next one takes over at the same rate, without a step.
 """
 
 from __future__ import annotations
@@ -19,32 +19,32 @@ if TYPE_CHECKING:
     from orientd.protocol import control_pb2 as pb
 
 SECONDS = 60.0
-"""How long each motion turns at the rate; half of it is left when the next one is planned."""
+"""Duration of each motion at the rate; the next one is planned after half of it."""
 
 _LOOK = 0.2
-"""From one look at how far it is to the next, s."""
+"""Interval between two checks of the progress, s."""
 
 
 class EndlessTurn:
-    """A turn that goes on until it is stopped.
+    """A turn until it is stopped.
 
     Attributes:
         plan: of its first motion.
-        speed: of the device when it began; 1 is as planned.
-        problem: why it did not go on; empty while it does, or where it was stopped.
+        speed: of the device at the start; 1 is as planned.
+        problem: why it ended; empty while it continues, and after a stop.
     """
 
     def __init__(self, robot: Robot, rate: Sequence[float], **fields: Any) -> None:  # noqa: ANN401 - as of move
-        """Begin.
+        """Start the turn.
 
         Args:
             robot: a connection, whose lease must outlast the turn.
             rate: rad/s.
-            fields: as of :meth:`.Robot.turn`.
+            fields: as for :meth:`.Robot.turn`.
 
         Raises:
-            OrientdError: as of :meth:`.Robot.move`, also where an axis cannot turn for as long as
-                one motion of it.
+            OrientdError: as for :meth:`.Robot.move`, also if an axis cannot turn for as long as one
+                motion of it.
         """
         self._robot, self._rate, self._fields = robot, rate, fields
         self._handle = self._begin()
@@ -57,10 +57,10 @@ class EndlessTurn:
         self._thread.start()
 
     def wait(self, timeout: float | None = None) -> pb.MoveSummary:
-        """Wait until the device has come to rest, and return how its last motion ended.
+        """Wait until the device has come to rest, and return the summary of its last motion.
 
         Args:
-            timeout: for how long at the most, s; it goes on after it.
+            timeout: longest wait, s; the turn continues after it.
 
         Raises:
             TimeoutError: it has not ended.
@@ -68,17 +68,17 @@ class EndlessTurn:
         """
         self._thread.join(timeout)
         if self._thread.is_alive():
-            raise TimeoutError(f"the turn goes on after {timeout:g} s")
+            raise TimeoutError(f"the turn continues after {timeout:g} s")
         return self._handle.wait(timeout)
 
     def cancel(self) -> None:
-        """Stop it on its path; :meth:`wait` says when it has come to rest.
+        """Stop it on its path; :meth:`wait` returns when it has come to rest.
 
         Raises:
             DaemonError: the daemon or the servo does not answer.
         """
         self._ending.set()
-        # At once; and what may have been about to take over as well.
+        # Stop at once, and also the motion that may be about to take over.
         stopped = self._handle
         stopped.cancel()
         with self._renewing:
@@ -86,7 +86,7 @@ class EndlessTurn:
                 self._handle.cancel()
 
     def __iter__(self) -> Iterator[pb.MoveProgress]:
-        """Yield the reports as they come, each of its motion."""
+        """Yield the reports of its motions as they arrive."""
         handle = None
         while handle is not self._handle:
             handle = self._handle
@@ -111,5 +111,5 @@ class EndlessTurn:
         try:
             self._handle = self._begin()
         except OrientdError as error:
-            # What runs has half its time left, and then comes to rest.
+            # The present motion has half its time left, and then comes to rest.
             self.problem = str(error)

@@ -1,4 +1,4 @@
-"""The leases of a client, each renewed until the client gives it back."""
+"""The leases of a client, each renewed until the client releases it."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from orientd.errors import LeaseError, OrientdError
 from orientd.protocol import control_pb2 as pb
 
 RENEWALS = 3
-"""Renewals within the time that a lease lasts."""
+"""Renewals within the duration of a lease."""
 
 _RELEASE_TIMEOUT = 2.0
-"""How long the daemon may take to answer a release, s."""
+"""Timeout of a release, s."""
 
 
 @dataclass
@@ -29,15 +29,15 @@ class _Held:
 
 
 class Leases:
-    """Hold leases, each renewed by a thread of its own."""
+    """Hold leases, each renewed by its own thread."""
 
     def __init__(self, connection: Connection, *, holder: str, beside: bool = False) -> None:
-        """Hold nothing yet.
+        """Create it without a lease.
 
         Args:
             connection: to the daemon.
-            holder: the name that others are shown.
-            beside: whether to command beside other programs of the same user, on purpose.
+            holder: name shown to other clients.
+            beside: whether to command together with other programs of the same user.
         """
         self.holder = holder
         self.beside = beside
@@ -48,7 +48,7 @@ class Leases:
     def token(self, device: str = "") -> str:
         """Return the token of the lease of *device*; empty if none is held.
 
-        Without a device this is the token of the only device that is held.
+        Without a device, return the token of the only held device.
 
         Raises:
             LeaseError: the lease was lost since it was last used.
@@ -67,19 +67,19 @@ class Leases:
             return held is not None and held.lost is None
 
     def needed(self, device: str) -> str:
-        """Return the token of the lease of *device*, and acquire that first if none is held.
+        """Return the token of the lease of *device*, after acquiring it if none is held.
 
         Raises:
-            LeaseError: somebody else holds it, or it was lost since it was last used.
+            LeaseError: another client holds it, or it was lost since it was last used.
         """
         with self._lock:
             return self.token(device) or self.acquire([device]).token
 
     def acquire(self, devices: Sequence[str], *, beside: bool = False) -> pb.Lease:
-        """Take one lease of *devices*, of every device of the daemon if there are none.
+        """Acquire one lease of *devices*, by default of every device of the daemon.
 
         Raises:
-            LeaseError: somebody else holds one of them.
+            LeaseError: another client holds one of them.
         """
         request = pb.AcquireLeaseRequest(
             holder=self.holder, devices=devices, beside=beside or self.beside
@@ -90,10 +90,10 @@ class Leases:
             )
 
     def seize(self, reason: str, devices: Sequence[str]) -> None:
-        """Take the lease of *devices* from whoever holds it.
+        """Seize the lease of *devices* from its holder.
 
         Raises:
-            AccessError: that is for administrators.
+            AccessError: only administrators may do that.
         """
         request = pb.SeizeLeaseRequest(holder=self.holder, reason=reason, devices=devices)
         self.keep(self._connection.ask(self._connection.stub.SeizeLease, request).lease)
@@ -110,7 +110,7 @@ class Leases:
         return lease
 
     def release(self) -> None:
-        """Give every lease back; it does not matter whether the daemon still knows it."""
+        """Release every lease; it does not matter whether the daemon still knows it."""
         with self._lock:
             all_held, self._held = self._held, []
         for held in all_held:
@@ -135,7 +135,7 @@ class Leases:
                 failures = 0
             except OrientdError as error:
                 failures += 1
-                # A daemon that is only slow may still answer in time.
+                # A slow daemon may still answer in time.
                 if isinstance(error, LeaseError) or failures == RENEWALS:
                     held.lost = error
                     return

@@ -1,8 +1,8 @@
-"""Motion requests as people write them in Python, by way of the mapping of a motion file.
+"""Motion requests as users write them in Python, converted to the mapping of a motion file.
 
-An orientation says what it is: a ``scipy.spatial.transform.Rotation``, a :class:`Quaternion` with
-its components by name, or one of the forms of a motion file.  Four bare numbers are refused,
-because nothing says which of them is the scalar.
+An orientation is a ``scipy.spatial.transform.Rotation``, a :class:`Quaternion` with named
+components, or one of the forms of a motion file.  Four bare numbers are refused, because the scalar
+among them is ambiguous.
 """
 
 from __future__ import annotations
@@ -56,15 +56,15 @@ class RequestFields(TypedDict, total=False):
 def motion_request(
     keyframes: Iterable[object] | MotionRequest, **fields: Unpack[RequestFields]
 ) -> MotionRequest:
-    """Return the request that says all this; it is that of a motion file, key by key.
+    """Return the request; its keys are those of a motion file.
 
     Args:
-        keyframes: one at the least, each a ``Rotation`` of SciPy, a :class:`Quaternion`, or a
-            mapping as in a motion file; or a whole request, which is returned as it is.
+        keyframes: at least one, each a ``Rotation`` of SciPy, a :class:`Quaternion`, or a mapping
+            as in a motion file; or a whole request, which is returned unchanged.
         fields: see :class:`RequestFields`.
 
     Raises:
-        RequestError: something is not well formed; the message names the field.
+        RequestError: a value is malformed; the message names the field.
     """
     if isinstance(keyframes, MotionRequest):
         return keyframes
@@ -85,7 +85,7 @@ def keyframe_mappings(
     Args:
         keyframes: each an orientation, or a mapping as in a motion file.  A ``Rotation`` of many
             rotations is as many keyframes.
-        times: one for each, s; ``None`` where the mappings have them, or nobody does.
+        times: one for each, s; ``None`` if the mappings have them, or if there are none.
         positions: one for each, m.
 
     Raises:
@@ -137,10 +137,10 @@ def _mapping(keyframe: object, place: str) -> dict[str, Any]:
 
 
 def plan_seconds(seconds: float | None) -> float:
-    """Return a time out for planning as a message has it.
+    """Return a timeout for planning in the form of a message.
 
     Raises:
-        RequestError: it is no time.
+        RequestError: it is not a positive time.
     """
     if seconds is None:
         return 0.0

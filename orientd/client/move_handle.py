@@ -1,4 +1,4 @@
-"""A motion under way, as its client sees it."""
+"""A running motion, from the view of its client."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ class Stream(Protocol):
 
 
 class MoveHandle:
-    """A motion that a device runs: watch it, wait for it, cancel it.
+    """A motion of a device: watch it, wait for it, cancel it.
 
     Attributes:
-        plan: what is run.
+        plan: its plan.
         motion_number: 1 for the first motion of the device.
-        timing: what passed before its first setpoint.
-        speed: of the device when it began, which somebody may have set before; 1 is as planned.
-        lease: the lease that the move took by itself; ``None`` if the client had one.
+        timing: durations before its first setpoint.
+        speed: of the device at its start, which an earlier command may have set; 1 is as planned.
+        lease: the lease that the move took; ``None`` if the client had one.
     """
 
     def __init__(
@@ -45,10 +45,10 @@ class MoveHandle:
 
         Args:
             stream: the call, whose messages are read here.
-            explain: makes an exception of a failed call.
-            stop: ends the motion of a number, on its path if it runs.
-            armed_by: when to cancel the call unless the motion has begun or is armed, s, as of
-                :func:`time.monotonic`; ``None`` for never.
+            explain: converts the exception of a failed call.
+            stop: ends the motion with a number, on its path if it runs.
+            armed_by: time at which to cancel the call unless the motion has begun or is armed, s,
+                by :func:`time.monotonic`; ``None`` for never.
 
         Raises:
             LateError: the motion was not armed by *armed_by*.
@@ -88,21 +88,21 @@ class MoveHandle:
 
     @property
     def progress(self) -> pb.MoveProgress | None:
-        """The newest report; ``None`` before the first, which comes within a twentieth second."""
+        """The newest report; ``None`` before the first, which comes within 0.05 s."""
         return self._progress
 
     @property
     def is_done(self) -> bool:
-        """Whether the motion has ended, however it did."""
+        """Whether the motion has ended, in any way."""
         return self._summary is not None or self._error is not None
 
     def wait(self, timeout: float | None = None) -> pb.MoveSummary:
-        """Wait until the motion has ended and return how.
+        """Wait until the motion has ended, and return its summary.
 
         A motion that was stopped, or ended by a fault, has a summary too: see its ``outcome``.
 
         Args:
-            timeout: for how long to wait at the most, s; the motion goes on after it.
+            timeout: longest wait, s; the motion continues after it.
 
         Raises:
             TimeoutError: it has not ended.
@@ -110,15 +110,15 @@ class MoveHandle:
         """
         with self._news:
             if not self._news.wait_for(lambda: self.is_done, timeout):
-                raise TimeoutError(f"motion {self.motion_number} goes on after {timeout:g} s")
+                raise TimeoutError(f"motion {self.motion_number} continues after {timeout:g} s")
         if self._summary is None:
             raise self._error or DaemonError("the daemon did not say how the motion ended")
         return self._summary
 
     def cancel(self) -> None:
-        """Stop the motion on its path; :meth:`wait` says when it has come to rest.
+        """Stop the motion on its path; :meth:`wait` returns when it has come to rest.
 
-        One that waits for its turn is taken out, and what runs goes on.
+        A waiting motion is removed from the queue, without effect on the running one.
 
         Raises:
             DaemonError: the daemon or the servo does not answer.
@@ -127,12 +127,12 @@ class MoveHandle:
             self._stop(self.motion_number)
 
     def abandon(self) -> None:
-        """Hear no more of the motion, which makes the daemon stop it on its path."""
+        """Close the call, which makes the daemon stop the motion on its path."""
         self._stream.cancel()
         self._reader.join()
 
     def __iter__(self) -> Iterator[pb.MoveProgress]:
-        """Yield the reports as they come, until the motion has ended; slow readers miss some."""
+        """Yield the reports as they arrive, until the motion has ended; slow readers miss some."""
         seen = 0
         while True:
             with self._news:

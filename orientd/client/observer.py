@@ -1,4 +1,4 @@
-"""What a client that only looks asks for: records of cycles, events, the settings."""
+"""The calls of a client that only watches: records of cycles, events, the settings."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from orientd.stream import CYCLE_RECORD, Cycle, unpack_cycle
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """The settings that the daemon runs with.
+    """The daemon's settings.
 
     Attributes:
-        json: with the keys of its file; what is not in the file included.
+        json: with the keys of its file, including defaults.
         offset_ns: from the daemon's monotonic clock to its time of day.
     """
 
@@ -30,7 +30,7 @@ class Configuration:
 
 
 class Observer:
-    """Watches devices until it is closed; made by :meth:`orientd.client.robot.Robot.observe`."""
+    """Watches devices until it is closed; created by :meth:`orientd.client.robot.Robot.observe`."""
 
     def __init__(self, connection: Connection) -> None:
         """Watch over *connection*, which others use too."""
@@ -41,12 +41,12 @@ class Observer:
         self._is_closed = False
 
     def configuration(self) -> Configuration:
-        """Return the settings that the daemon runs with."""
+        """Return the daemon's settings."""
         answer = self._connection.ask(self._stub.GetConfiguration, pb.GetConfigurationRequest())
         return Configuration(answer.json, answer.time.ToNanoseconds() - answer.monotonic_ns)
 
     def state(self) -> pb.GetStateResponse:
-        """Return the daemon and its devices as they are now, as the message that says so."""
+        """Return the present state of the daemon and its devices, as its message."""
         request = pb.GetStateRequest()
         answer: pb.GetStateResponse = self._connection.ask(self._stub.GetState, request)
         return answer
@@ -59,12 +59,12 @@ class Observer:
             rate_hz: batches a second, 0.1 to 100.
 
         Yields:
-            Records (:data:`~orientd.stream.records.CYCLE_RECORD`) one after the other, and how many
-            cycles were lost since the batch before.
+            Consecutive records (:data:`~orientd.stream.records.CYCLE_RECORD`), and the number of
+            cycles lost since the previous batch.
 
         Raises:
-            UnknownNameError: there is no such device.
-            DaemonError: the daemon is lost, or packs its records otherwise.
+            UnknownNameError: the device does not exist.
+            DaemonError: the daemon is lost, or has another record format.
         """
         request = pb.WatchStateRequest(device=device, rate_hz=rate_hz, as_records=True)
         for batch in self._records(request):
@@ -73,7 +73,7 @@ class Observer:
     def sight(
         self, device: str = "", *, rate_hz: float = 20.0, with_outline: bool = True
     ) -> Iterator[tuple[list[Cycle], Outline]]:
-        """Yield every cycle of a device and its shape after each batch of them, until closed.
+        """Yield every cycle of a device, and its shape after each batch, until closed.
 
         Args:
             device: its name.
@@ -81,8 +81,8 @@ class Observer:
             with_outline: whether to ask for the shape.
 
         Raises:
-            UnknownNameError: there is no such device.
-            DaemonError: the daemon is lost, or packs its records otherwise.
+            UnknownNameError: the device does not exist.
+            DaemonError: the daemon is lost, or has another record format.
         """
         request = pb.WatchStateRequest(
             device=device, rate_hz=rate_hz, as_records=True, with_outline=with_outline
@@ -93,17 +93,17 @@ class Observer:
             yield cycles, outline(batch.outline)
 
     def events(self, device: str = "") -> Iterator[pb.Event]:
-        """Yield what happens to a device, or to all of them, until closed.
+        """Yield the events of a device, or of all of them, until closed.
 
         Raises:
-            UnknownNameError: there is no such device.
+            UnknownNameError: the device does not exist.
             DaemonError: the daemon is lost.
         """
         for batch in self._stream(self._stub.WatchEvents, pb.WatchEventsRequest(device=device)):
             yield from batch.events
 
     def close(self) -> None:
-        """End all that is being watched."""
+        """End all subscriptions."""
         with self._lock:
             self._is_closed = True
             streams, self._streams = self._streams, []

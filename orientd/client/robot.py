@@ -1,7 +1,7 @@
 """The Python client: ``with orientd.connect() as robot: robot.move(...)``.
 
-The client talks to the daemon over its control socket and holds the lease while it commands.  What
-goes wrong is raised as the exception that the daemon raised.
+The client talks to the daemon over its control socket and holds the lease while it commands.  It
+raises the daemon's errors as the same exceptions.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 
 
 COMMAND_TIMEOUT = 65.0
-"""How long a command may take, s; the daemon gives up waiting for a device sooner."""
+"""Timeout of a command, s; the daemon gives up waiting for a device sooner."""
 
 _REPORT_TIMEOUT = 1.0
-"""How long the daemon may take to say how devices are that are stopped already, s."""
+"""Timeout of the daemon's report after a stop, s."""
 
 
 def _stopped_message(met: Mapping[str, Any]) -> pb.DeviceReport:
-    """Return what little is known of a device that was stopped while the daemon says nothing."""
+    """Return the little that is known of a stopped device if the daemon does not answer."""
     return pb.DeviceReport(
         name=met["name"],
         state=f"STATE_{met['state']}",
@@ -52,10 +52,10 @@ def _stopped_message(met: Mapping[str, Any]) -> pb.DeviceReport:
 
 
 def after_stop(connection: Connection, device: str) -> list[pb.DeviceReport]:
-    """Return how a device is that was stopped, or all of them if *device* is empty.
+    """Return the report of a stopped device, or of all of them if *device* is empty.
 
     Raises:
-        OrientdError: the daemon does not say so in time.
+        OrientdError: the daemon does not answer in time.
     """
     request = pb.GetStateRequest(device=device)
     now = connection.call(connection.stub.GetState, request, timeout=_REPORT_TIMEOUT)
@@ -77,22 +77,22 @@ def connect(
     """Connect to the daemon.
 
     Args:
-        socket: where it listens; by default ``$ORIENTD_SOCKET``, or the user's runtime directory.
+        socket: path of its socket; by default ``$ORIENTD_SOCKET``, or the user's runtime directory.
         address: ``HOST:PORT`` for TLS, or ``fleet:NAME`` in a cell; by default
             ``$ORIENTD_ADDRESS`` unless *socket* is given.
-        certificate: who this client is, a file; by default ``$ORIENTD_CERT``.
-        key: of that certificate, a file; by default ``$ORIENTD_KEY``.
-        ca: who has signed the daemon's certificate, a file; by default ``$ORIENTD_CA``.
-        holder: what others are told when they are refused because of this client.
-        beside: whether to command beside other programs of the same user, on purpose; by default
-            whether ``$ORIENTD_LEASE`` is set.  Each has a lease of its own, and ends its own
-            motions alone by giving it back.
-        lease: no longer used: say *beside*.
-        timeout: how long the daemon may take to answer a command, s.  Planning has no limit.
+        certificate: file with the client certificate; by default ``$ORIENTD_CERT``.
+        key: file with its private key; by default ``$ORIENTD_KEY``.
+        ca: file with the CA that signed the daemon's certificate; by default ``$ORIENTD_CA``.
+        holder: name shown to other clients that are refused because of this one.
+        beside: whether to command together with other programs of the same user; by default whether
+            ``$ORIENTD_LEASE`` is set.  Each has its own lease, and ends only its own motions when
+            it releases that.
+        lease: no longer used; use *beside*.
+        timeout: s for the answer to a command.  Planning has no limit.
 
     Raises:
-        DaemonError: no daemon answers there, or not to this certificate.
-        AccessError: it does not let this user do anything.
+        DaemonError: no daemon answers there, or it refuses this certificate.
+        AccessError: it does not admit this user.
     """
     way = Way.find(socket, address, certificate, key, ca)
     if lease is not None:
@@ -110,23 +110,23 @@ def connect(
 
 
 class Robot:
-    """A connection to the daemon; a context manager that gives everything back at its end.
+    """A connection to the daemon; a context manager that releases everything at its end.
 
-    A motion that still runs then is stopped on its path: it belongs to the lease.
+    A motion that still runs then is stopped on its path, because it belongs to the lease.
 
-    ``device`` may be left out wherever the daemon has one device only.
+    ``device`` is optional if the daemon has only one device.
     """
 
     def __init__(
         self, way: Way, *, holder: str = "", beside: bool = False, timeout: float = 30.0
     ) -> None:
-        """Prepare to talk to the daemon at the end of *way*; see :func:`connect`.
+        """Prepare a connection to the daemon at *way*; see :func:`connect`.
 
         Args:
-            way: to the daemon.
-            holder: what others are told.
-            beside: whether to command beside other programs of the same user.
-            timeout: how long an answer may take, s.
+            way: endpoint of the daemon.
+            holder: name shown to other clients.
+            beside: whether to command together with other programs of the same user.
+            timeout: s for an answer.
         """
         self.socket = way.socket
         program = Path(sys.argv[0]).name or "python"
@@ -143,7 +143,7 @@ class Robot:
         self.close()
 
     def close(self) -> None:
-        """Give the leases back, which stops what still runs under them, and hang up."""
+        """Release the leases, which stops the motions under them, and close the connection."""
         self._leases.release()
         for move in self._moves:
             move.abandon()
@@ -153,22 +153,22 @@ class Robot:
     # What there is
 
     def state(self) -> CellReport:
-        """Return the daemon and its devices as they are now."""
+        """Return the present state of the daemon and its devices."""
         answer = self._connection.ask(self._stub.GetState, pb.GetStateRequest())
         return CellReport(answer.daemon, {device.name: device for device in answer.devices})
 
     def watch(
         self, device: str = "", *, rate_hz: float = 20.0, decimation: int = 1
     ) -> Iterator[list[Cycle]]:
-        """Yield the cycles of a device in batches, as they happen, for as long as wanted.
+        """Yield the cycles of a device in batches, as they happen.
 
         Args:
             device: its name.
             rate_hz: batches a second, 0.1 to 100.
-            decimation: one cycle in so many is yielded.
+            decimation: yield one of this many cycles.
 
         Raises:
-            UnknownNameError: there is no such device.
+            UnknownNameError: the device does not exist.
             DaemonError: the daemon is lost.
         """
         with contextlib.closing(self.observe()) as observer:
@@ -176,13 +176,13 @@ class Robot:
                 yield [cycle for cycle in cycles if cycle.index % decimation == 0]
 
     def observe(self) -> Observer:
-        """Return what watches every cycle and event, for recorders and viewers."""
+        """Return an observer of every cycle and event, for recorders and viewers."""
         from orientd.client.observer import Observer
 
         return Observer(self._connection)
 
     def methods(self) -> list[pb.Method]:
-        """Return the families of curves that motions can be made of."""
+        """Return the interpolation methods."""
         answer = self._connection.ask(self._stub.ListMethods, pb.ListMethodsRequest())
         return list(answer.methods)
 
@@ -195,26 +195,27 @@ class Robot:
 
     @property
     def local_socket(self) -> Path | None:
-        """The daemon's socket; ``None`` where it is asked by another way."""
+        """The daemon's socket; ``None`` for another kind of endpoint."""
         way = self._connection.way
         return None if way.address else way.socket
 
     def stop(self, device: str = "") -> list[pb.DeviceReport]:
-        """Bring a device, or all of them, to rest on the path.  Needs no lease.
+        """Stop a device, or all of them, on the path.  Needs no lease.
 
-        On the daemon's own machine this needs the daemon's answer neither, which is told of
-        afterwards: where it hangs, what is returned says little more than what was stopped.
+        On the daemon's own machine the stop does not need the daemon, which is only asked for a
+        report afterwards.  If it hangs, the result has little more than the names of the stopped
+        devices.
 
         Raises:
             AccessError: this user is not admitted.
-            DaemonError: a servo does not answer, or nobody does.
+            DaemonError: a servo does not answer, or no daemon does.
         """
         return self._rest("stop", device)
 
     def halt(self, device: str = "") -> list[pb.DeviceReport]:
-        """Bring a device, or all of them, to rest as quickly as the limits allow.
+        """Stop a device, or all of them, as fast as the limits allow.
 
-        That may leave the path.  As for :meth:`stop`.
+        The device may leave the path.  See :meth:`stop`.
         """
         return self._rest("halt", device)
 
@@ -231,11 +232,11 @@ class Robot:
             return [_stopped_message(one) for one in met]
 
     def pause(self, device: str = "") -> pb.DeviceReport:
-        """Come to rest on the path, to be resumed."""
+        """Come to rest on the path; :meth:`resume` continues."""
         return self._command(self._stub.Pause, device)
 
     def resume(self, device: str = "") -> pb.DeviceReport:
-        """Go on with a paused motion."""
+        """Resume a paused motion."""
         return self._command(self._stub.Resume, device)
 
     def set_speed(self, speed: float, device: str = "") -> pb.DeviceReport:
@@ -243,21 +244,21 @@ class Robot:
         return self._command(self._stub.SetSpeed, device, pb.SetSpeedRequest, speed=speed)
 
     def enable(self, device: str = "") -> pb.DeviceReport:
-        """Make a device follow; it does not move by this."""
+        """Enable a device so that it follows setpoints; it does not move."""
         return self._command(self._stub.Enable, device)
 
     def disable(self, device: str = "", *, by_hand: bool = False) -> pb.DeviceReport:
-        """Leave a device at rest, no longer following.
+        """Disable a device at rest, so that it no longer follows setpoints.
 
         Args:
             device: its name.
             by_hand: whether it may then be moved by hand, until it is enabled or disabled again or
-                the lease runs out: an arm in freedrive, a gimbal without torque.
+                the lease expires: an arm in freedrive, a gimbal without torque.
         """
         return self._command(self._stub.Disable, device, pb.DisableRequest, by_hand=by_hand)
 
     def reset(self, device: str = "") -> pb.DeviceReport:
-        """Clear a fault, which may take seconds; starts the servo anew if it has ended."""
+        """Clear a fault, which may take seconds; restart the servo if it has ended."""
         return self._command(self._stub.Reset, device)
 
     def _command(
@@ -276,7 +277,7 @@ class Robot:
 
     @property
     def lease_token(self) -> str:
-        """The token of the only lease that is held; empty before the first command."""
+        """The token of the only held lease; empty before the first command."""
         return self._leases.token()
 
     def holds_lease(self, device: str = "") -> bool:
@@ -284,16 +285,16 @@ class Robot:
         return self._leases.is_held(device)
 
     def acquire_lease(self, *devices: str, beside: bool = False) -> None:
-        """Take the lease of *devices* now, rather than with the first command to each.
+        """Acquire the lease of *devices* now, rather than with the first command to each.
 
         Args:
-            devices: all of them, or none; every device of the daemon if none are named.
-            beside: whether to command beside other programs of the same user, which keep their
-                leases.  A program that gives its lease back, or loses it, ends its own motions
-                alone.
+            devices: names of devices; by default every device of the daemon.
+            beside: whether to command together with other programs of the same user, which keep
+                their leases.  A program that releases its lease, or loses it, ends only its own
+                motions.
 
         Raises:
-            LeaseError: somebody else holds one of them.
+            LeaseError: another client holds one of them.
         """
         names = devices or tuple(self.state().devices)
         missing = [name for name in names if not self._leases.is_held(name)]
@@ -301,18 +302,18 @@ class Robot:
             self._leases.acquire(missing, beside=beside)
 
     def release_lease(self) -> None:
-        """Give the leases back now, rather than at the end; motions under them are stopped."""
+        """Release the leases now, rather than at the end; motions under them are stopped."""
         self._leases.release()
 
     def seize_lease(self, reason: str, *devices: str) -> None:
-        """Take the lease whoever holds it; motions that run under it are stopped.
+        """Seize the lease from its holder; motions that run under it are stopped.
 
         Args:
-            reason: why; it is recorded, and shown to whoever runs a motion.
-            devices: of which; every device of the daemon if none are named.
+            reason: recorded, and shown to the owner of a running motion.
+            devices: names of devices; by default every device of the daemon.
 
         Raises:
-            AccessError: that is for administrators.
+            AccessError: only administrators may do that.
         """
         self._leases.seize(reason, devices)
 
@@ -329,19 +330,18 @@ class Robot:
     ) -> pb.Plan:
         """Plan a motion without running it.
 
-        It begins where the device is commanded to be, or will be once its present motion has ended.
+        It begins at the commanded state of the device, or at the end of its present motion.
 
         Args:
             keyframes: see :func:`~orientd.client.motion_request.motion_request`.
-            device: what is to move.
-            sample_rate_hz: how often to sample the motion for :func:`orientd.samples`, up to the
-                device's own rate; 0 for not at all.
-            plan_timeout: how long planning may take, s; by default, and at the most, as long as
-                the daemon's settings allow.
+            device: name of the device.
+            sample_rate_hz: rate of the samples for :func:`orientd.samples`, up to the device's own
+                rate; 0 for none.
+            plan_timeout: s for planning; by default, and at most, the daemon's setting.
             fields: see :class:`~orientd.client.motion_request.RequestFields`.
 
         Raises:
-            RequestError: the motion is not well formed.
+            RequestError: the motion is malformed.
             StateError: the device is not at rest, ready to move.
             PlanError: it cannot be planned, or would break a limit.
         """
@@ -360,15 +360,15 @@ class Robot:
     def planned(
         self, motion_id: str = "", *, device: str = "", sample_rate_hz: float = 0.0
     ) -> pb.Plan | None:
-        """Return the plan of a motion, whoever commanded it; ``None`` before the first.
+        """Return the plan of a motion of any client; ``None`` before the first.
 
         Args:
-            motion_id: of a plan that is kept, or of the newest motion; empty for the latter.
-            device: what moves.
+            motion_id: of a stored plan, or of the newest motion; empty for the newest.
+            device: name of the device.
             sample_rate_hz: as for :meth:`plan`.
 
         Raises:
-            UnknownNameError: there is no such plan, or no longer.
+            UnknownNameError: the plan does not exist, or is no longer stored.
         """
         request = pb.GetPlanRequest(
             device=device, motion_id=motion_id, sample_rate_hz=sample_rate_hz
@@ -391,26 +391,26 @@ class Robot:
     ) -> MoveHandle:
         """Plan a motion, start it, and return once it has begun.
 
-        A motion that runs already is replaced from a point a little ahead of where it is, without
-        a step in orientation, velocity or acceleration; or, with *queue*, followed.
+        It replaces a running motion from a point slightly ahead, without a step in orientation,
+        velocity or acceleration.  With *queue* it follows that motion instead.
 
         Args:
-            keyframes: see :func:`~orientd.client.motion_request.motion_request`; or what
-                :meth:`plan` returned, if the device is where that begins.
-            device: what is to move.
+            keyframes: see :func:`~orientd.client.motion_request.motion_request`; or a result of
+                :meth:`plan`, if the device is at its start.
+            device: name of the device.
             progress_rate_hz: reports a second, 0.1 to 100.
-            queue: whether to follow what runs, rather than to replace it.
-            blend_tolerance: for a queued motion, how far it may pass from the corner to the motion
-                before it, rad, so that the device need not come to rest there.
-            start_time: when to begin, seconds since the epoch as of :func:`time.time`; of motions
-                with the same start time each is as far along its path as the others.
-            on_target: what must be measured for the motion to count as done.
+            queue: whether to follow the running motion rather than replace it.
+            blend_tolerance: for a queued motion, largest distance from the corner to the previous
+                motion, rad, so that the device need not stop there.
+            start_time: start in seconds since the epoch, as of :func:`time.time`; motions with the
+                same start time stay in step.
+            on_target: required measurement for the motion to count as done.
             plan_timeout: as for :meth:`plan`.
             fields: see :class:`~orientd.client.motion_request.RequestFields`.
 
         Raises:
-            RequestError: the motion is not well formed.
-            LeaseError: somebody else holds the lease.
+            RequestError: the motion is malformed.
+            LeaseError: another client holds the lease.
             StateError: the device is not at rest, ready to move.
             PlanError: it cannot be planned, or would break a limit.
         """
@@ -458,7 +458,7 @@ class Robot:
         return handle
 
     def home(self, device: str = "") -> MoveHandle:
-        """Bring the axes of a gimbal home, unwinding them; raises as :meth:`move`."""
+        """Move every gimbal axis to zero, unwinding its turns; raises as :meth:`move`."""
         anywhere = {"quaternion": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}}
         return self.move([anywhere], device=device, device_options={"home": True}, name="home")
 
@@ -473,17 +473,17 @@ class Robot:
         return EndlessTurn(self, rate, **fields)
 
     def teach(self, *, device: str = "", by_hand: bool = True) -> Teaching:
-        """Let a device be moved by hand, and take poses of it as keyframes; a context manager.
+        """Let a device be moved by hand, and record its poses as keyframes; a context manager.
 
-        An arm is in freedrive meanwhile, a gimbal without torque.
+        Meanwhile an arm is in freedrive, and a gimbal without torque.
 
         Args:
-            device: which one; it must be at rest.
-            by_hand: without it nothing changes, and poses are taken wherever the device is brought
-                otherwise; that needs no lease.
+            device: name of the device, which must be at rest.
+            by_hand: if false, nothing changes, and poses are recorded while the device moves in
+                another way. That needs no lease.
 
         Raises:
-            LeaseError: somebody else holds the lease.
+            LeaseError: another client holds the lease.
             StateError: the device moves, or is in a fault.
             OrientdError: it cannot be moved by hand.
         """
@@ -498,10 +498,10 @@ class Robot:
         limits: Mapping[str, float | Sequence[float]] | None = None,
         report_rate_hz: float = 20.0,
     ) -> Tracking:
-        """Have a device follow targets, which the :class:`Tracking` that is returned takes.
+        """Make a device follow targets, which you send to the returned :class:`Tracking`.
 
         Args:
-            device: what is to move; at rest or in motion.
+            device: name of the device; at rest or in motion.
             limits: narrower than the device's own, as for a motion.
             report_rate_hz: reports a second, 0.1 to 100.
 
@@ -520,10 +520,10 @@ class Robot:
         limits: Mapping[str, float | Sequence[float]] | None = None,
         report_rate_hz: float = 50.0,
     ) -> Playing:
-        """Have a device play chunks of poses, which the :class:`Playing` that is returned takes.
+        """Make a device play chunks of poses, which you send to the returned :class:`Playing`.
 
         Args:
-            device: what is to move; at rest or in motion.
+            device: name of the device; at rest or in motion.
             limits: narrower than the device's own, as for a motion.
             report_rate_hz: reports a second, 0.1 to 100.
 

@@ -1,6 +1,6 @@
-"""A stop that goes straight to the servos, whatever becomes of the daemon.
+"""A stop that goes directly to the servos, independent of the daemon.
 
-:mod:`orientd.servo.stop_socket` says how a servo is asked, and what it answers.
+:mod:`orientd.servo.stop_socket` defines the requests and the answers.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from orientd.first_stop import Answers, send, stop_folder
 def ask_to_stop(
     socket_path: Path, kind: str, device: str = "", *, answers: Answers | None = None
 ) -> list[dict[str, Any]] | None:
-    """Have devices stopped; return what each was doing, or ``None`` if no servo listens.
+    """Stop devices; return what each was doing, or ``None`` if no servo listens.
 
     Args:
         socket_path: of the daemon.
-        kind: ``stop``, or ``halt`` for the quickest, off the path.
+        kind: ``stop``, or ``halt`` for the fastest stop, off the path.
         device: its name; empty for all of them.
         answers: of the servos that were asked already; see :mod:`orientd.first_stop`.
 
     Returns:
-        Of each device ``name``, ``state`` and ``motion`` as the stop met them.
+        For each device its ``name``, ``state`` and ``motion`` at the stop.
 
     Raises:
         AccessError: this user is not admitted.
-        DaemonError: a servo does not answer, or is of somebody who is not trusted.
+        DaemonError: a servo does not answer, or its user is not trusted.
     """
     folder = Path(stop_folder(str(socket_path)))
     try:
@@ -62,7 +62,7 @@ def ask_to_stop(
 
 
 def refusal(socket_path: Path) -> str:
-    """Return why this user is not admitted to the daemon at *socket_path*; empty if they are."""
+    """Return why the daemon at *socket_path* does not admit this user; empty if it does."""
     try:
         answers = send(str(socket_path), "hello") or {}
     except PermissionError:

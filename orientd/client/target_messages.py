@@ -1,4 +1,4 @@
-"""Targets as people write them in Python, and as messages."""
+"""Targets as users write them in Python, converted to messages."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from orientd.spelling import did_you_mean
 Frame = Literal["body", "world"]
 
 TARGET_KEYS = ("angular_velocity", "velocity_frame", "time_ns", "time_to_live", "position")
-"""What a target may say beside its orientation."""
+"""Keys of a target in addition to its orientation."""
 
 
 def target_message(
@@ -32,7 +32,7 @@ def target_message(
     """Return a target as a message; see :meth:`Tracking.aim`.
 
     Raises:
-        RequestError: the target is not well formed.
+        RequestError: the target is malformed.
     """
     if velocity_frame not in get_args(Frame):
         raise RequestError(
@@ -66,7 +66,7 @@ def orientation_of(target: object, place: str = "target") -> Orientation:
     Args:
         target: a ``Rotation`` of SciPy, a :class:`~orientd.Quaternion`, or a mapping with an
             orientation as in a motion file.
-        place: what messages call it.
+        place: its name in messages.
 
     Raises:
         RequestError: it is none of these.

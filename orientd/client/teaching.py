@@ -1,4 +1,4 @@
-"""Teach-in: poses that a device is brought to by hand become the keyframes of a motion."""
+"""Teach-in: poses of a device that is moved by hand become the keyframes of a motion."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ if TYPE_CHECKING:
     from orientd.planner import Quaternion, Vector3
 
 OLDEST_FEEDBACK = 0.5
-"""Older feedback does not say where a device is that is being moved, s."""
+"""Largest age of feedback for a pose of a moving device, s."""
 
 _NANO = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class MeasuredPose:
-    """Where a device is.
+    """The pose of a device.
 
     Attributes:
-        q: orientation ``(w, x, y, z)``, tool to world, as measured.
+        q: measured orientation ``(w, x, y, z)``, tool to world.
         position: of the tool in the world, m.
-        time_ns: when that was measured, monotonic clock of the daemon.
-        age: how old it is, s.
+        time_ns: time of the measurement, monotonic clock of the daemon.
+        age: its age, s.
     """
 
     q: Quaternion
@@ -45,18 +45,18 @@ class MeasuredPose:
 
 
 class Teaching:
-    """A device that is moved by hand, and the keyframes that were taken so far.
+    """A device that is moved by hand, and the keyframes recorded so far.
 
-    Made by :meth:`orientd.client.robot.Robot.teach`.  At the end of a ``with`` block the device
-    holds where it is, and follows again if it did before.
+    Created by :meth:`orientd.client.robot.Robot.teach`.  At the end of a ``with`` block the device
+    holds its pose, and follows setpoints again if it did before.
 
     Attributes:
         device: its name.
-        keyframes: those taken, with times from the first one on, s.
+        keyframes: recorded keyframes, with times from the first one on, s.
     """
 
     def __init__(self, robot: Robot, device: str, *, by_hand: bool) -> None:
-        """Let the device be moved by hand, unless somebody else moves it."""
+        """Let the device be moved by hand, unless another client moves it."""
         reports = robot.state().devices
         self.device = device or (next(iter(reports)) if len(reports) == 1 else "")
         if self.device not in reports:
@@ -81,10 +81,10 @@ class Teaching:
         self.close()
 
     def pose(self) -> MeasuredPose:
-        """Return where the device is now.
+        """Return the present pose of the device.
 
         Raises:
-            FeedbackError: it does not say, or has not for half a second.
+            FeedbackError: it does not report its pose, or has not for half a second.
             DaemonError: the daemon is lost.
         """
         report = self._robot.state().devices[self.device]
@@ -102,14 +102,14 @@ class Teaching:
         )
 
     def take(self, name: str = "") -> Keyframe:
-        """Take the pose of now as a keyframe, with the time since the first one, and return it.
+        """Record the present pose as a keyframe, with the time since the first one, and return it.
 
         Args:
-            name: what to call it.
+            name: label of the keyframe.
 
         Raises:
             FeedbackError: as for :meth:`pose`.
-            StateError: nothing new was measured since the last keyframe.
+            StateError: there is no new measurement since the last keyframe.
         """
         here = self.pose()
         if not self.keyframes:
@@ -123,24 +123,24 @@ class Teaching:
         return keyframe
 
     def remove(self) -> Keyframe | None:
-        """Remove the last keyframe and return it; ``None`` where there is none."""
+        """Remove the last keyframe and return it; ``None`` if there is none."""
         return self.keyframes.pop() if self.keyframes else None
 
     def name(self, name: str) -> None:
-        """Name the last keyframe; nothing where there is none."""
+        """Name the last keyframe, if there is one."""
         if self.keyframes:
             self.keyframes[-1] = replace(self.keyframes[-1], name=name)
 
     def request(self, name: str = "") -> MotionRequest:
-        """Return the motion through what was taken, led in to from wherever the device is.
+        """Return the motion through the recorded keyframes, with a lead-in.
 
-        Positions are left out where the device has none.
+        Positions are left out if the device has none.
 
         Args:
-            name: what to call it.
+            name: label of the motion.
 
         Raises:
-            RequestError: no keyframe was taken, or a name is none.
+            RequestError: no keyframe was recorded, or a name is not valid.
         """
         has_position = any(any(one.position or ()) for one in self.keyframes)
         # A removed first keyframe leaves the times to begin later.
@@ -157,10 +157,10 @@ class Teaching:
         return MotionRequest(keyframes, approach=True, name=name)
 
     def save(self, path: str | Path, name: str = "") -> MotionRequest:
-        """Write a motion file, YAML or JSON by its ending, and return what is in it.
+        """Write a motion file, YAML or JSON by its suffix, and return its content.
 
         Raises:
-            RequestError: no keyframe was taken, or a name is none.
+            RequestError: no keyframe was recorded, or a name is not valid.
             OrientdError: the file cannot be written.
         """
         request = self.request(name)
@@ -168,7 +168,7 @@ class Teaching:
         return request
 
     def close(self) -> None:
-        """Have the device hold where it is, and follow again if it did before."""
+        """Make the device hold its pose, and follow setpoints again if it did before."""
         if not self._is_freed:
             return
         self._is_freed = False

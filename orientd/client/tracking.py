@@ -1,4 +1,4 @@
-"""The client's side of a Track call: hand targets over, hear how the following goes."""
+"""The client's side of a Track call: send targets, receive reports."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Tracking:
     """A device that follows targets; a context manager that brings it to rest at its end."""
 
     def __init__(self, connection: Connection, begin: pb.TrackStart) -> None:
-        """Begin to follow, and wait for the first report.
+        """Start to follow, and wait for the first report.
 
         Args:
             connection: to the daemon.
@@ -67,21 +67,21 @@ class Tracking:
         time_to_live: float = 0.0,
         position: Vector3 | None = None,
     ) -> None:
-        """Hand a target over; returns at once.
+        """Send a target; returns at once.
 
         Args:
             target: a ``Rotation`` of SciPy, a :class:`~orientd.Quaternion`, or a mapping with an
                 orientation as in a motion file.
-            angular_velocity: of the target there, rad/s; zero if it stands still, ``None`` for as
-                the targets up to now tell.
-            velocity_frame: the frame of that.
-            time_ns: when the target is there, on the monotonic clock of the daemon's machine
-                (:func:`time.monotonic_ns`); 0 for when the message arrives.
+            angular_velocity: of the target, rad/s; zero if it stands still, ``None`` to derive it
+                from earlier targets.
+            velocity_frame: the frame of that velocity.
+            time_ns: time of the target, on the monotonic clock of the daemon's machine
+                (:func:`time.monotonic_ns`); 0 for the arrival of the message.
             time_to_live: how long after that it counts, s; 0 for half a second.
-            position: where it is there, m; ``None`` for a position that comes to rest.
+            position: of the target, m; ``None`` for a position that comes to rest.
 
         Raises:
-            RequestError: the target is not well formed.
+            RequestError: the target is malformed.
             OrientdError: the following has ended.
         """
         self.hand_over(
@@ -123,7 +123,7 @@ class Tracking:
         return self._clutch
 
     def hand_over(self, message: pb.TrackTarget) -> None:
-        """Hand a target over that :func:`target_message` made; returns at once.
+        """Send a target made by :func:`target_message`; returns at once.
 
         Raises:
             OrientdError: the following has ended.
@@ -149,16 +149,16 @@ class Tracking:
             raise self._error or OrientdError("the device follows targets no more")
 
     def close(self, timeout: float = 10.0) -> None:
-        """Give no more targets, and wait until the device has come to rest.
+        """Send no more targets, and wait until the device has come to rest.
 
         Raises:
-            OrientdError: something else had ended it.
+            OrientdError: another error had ended it.
         """
         self._outgoing.put(None)
         if not self._ended.wait(timeout):
             self._stream.cancel()
         self._reader.join()
-        # An error on the way out of a block must not hide the one that led there.
+        # An error at the end of a block must not hide the original one.
         if self._error is not None and sys.exc_info()[0] is None:
             raise self._error
 

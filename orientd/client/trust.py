@@ -1,6 +1,6 @@
-"""Whether a socket is of a user who may be trusted: this one, root, or one who is named.
+"""Check that a socket belongs to a trusted user: this one, root, or a named one.
 
-Somebody else could answer "stopped" while nothing stops.
+Another user could answer "stopped" while nothing stops.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from orientd.errors import AccessError, DaemonError
 from orientd.first_stop import SYSTEM_SOCKET
 
 DAEMON_USER = "ORIENTD_DAEMON_USER"
-"""Environment variable: another user whose daemon is to be trusted too."""
+"""Environment variable: another user whose daemon is trusted too."""
 
 
 def check_uid(path: Path, uid: int) -> None:
-    """Refuse what the user *uid* runs at *path*, unless it is this user, root or a trusted one.
+    """Refuse a process of the user *uid* at *path*, unless it is this user, root or a trusted one.
 
-    The owner of the system's folder is trusted there, since root made it.
+    The owner of the system's folder is trusted there, since root created it.
 
     Raises:
         DaemonError: the user is not trusted.
@@ -42,11 +42,11 @@ def check_uid(path: Path, uid: int) -> None:
 
 
 def check_socket(path: Path) -> None:
-    """Refuse a socket of a user who is not trusted, or that this user may not use.
+    """Refuse a socket of an untrusted user, or one that this user may not use.
 
     Raises:
-        DaemonError: it is no socket, or of another user.
-        AccessError: its daemon admits its own user alone.
+        DaemonError: it is no socket, or belongs to another user.
+        AccessError: its daemon admits only its own user.
     """
     try:
         found = path.lstat()
@@ -63,7 +63,7 @@ def check_socket(path: Path) -> None:
 
 
 def check_folder(folder: Path) -> None:
-    """Refuse a folder for a socket that another user owns, or that others can write.
+    """Refuse a socket's folder that another user owns, or that others can write.
 
     Raises:
         DaemonError: it is one.

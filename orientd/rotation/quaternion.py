@@ -191,6 +191,7 @@ def log(q: ArrayLike) -> Floats:
     both ends, so no series expansion is needed.
 
     .. math:: r = 2 \operatorname{atan2}(\|v\|, |w|) \; \operatorname{sgn}(w) \; v / \|v\|
+
     The scale of *q* does not matter.  For a half turn the axis is ``+v``.
     """
     q = components(q, 4, "q")
