@@ -1,6 +1,6 @@
 """Check the prose of the project: words, long sentences, semicolons.  Run by ``make check``.
 
-``prose.toml`` counts the findings by folder; a count may only shrink.  `prose.py FOLDER` lists them.
+``prose.toml`` counts the findings by folder, which only shrink.  ``prose.py FOLDER`` lists them.
 """
 
 from __future__ import annotations
