@@ -228,6 +228,8 @@ def test_without_an_index_a_damaged_chunk_says_itself_what_it_held(whole, tmp_pa
     assert "it cannot be read from 0.448 s to 0.498 s" in words
     assert "it has no end: it reaches to" in words
     assert rest(path, cycles) == COUNT - 50
+    path.write_bytes(flipped(content[: places[-1]], places[:1]))
+    assert "it cannot be read from 0.000 s to 0.048 s" in refusal(path)
     path.write_bytes(content[: places[0]])
     assert "it cannot be read at its beginning" in refusal(path)
     assert "nothing of its" in refusal(path)

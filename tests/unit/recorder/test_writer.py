@@ -119,6 +119,21 @@ def test_other_files_are_refused_in_one_line(tmp_path):
         reader.load_recording(tmp_path / "b.mcap")
 
 
+def test_a_recording_that_has_ended_takes_no_more(table, tmp_path):
+    path = tmp_path / "a.mcap"
+    writer = RecordingWriter(path, offset_ns=OFFSET_NS)
+    writer.add_device("arm", RATE_HZ)
+    writer.add_configuration("{}", {})
+    writer.add_cycles("arm", table[:10])
+    writer.close()
+    content = path.read_bytes()
+    writer.close()
+    for add in (lambda: writer.add_cycles("arm", table[10:]), writer.flush):
+        with pytest.raises(RecordingError, match=r"a\.mcap has ended"):
+            add()
+    assert path.read_bytes() == content
+
+
 _FILL = """
 import sys
 from pathlib import Path
