@@ -70,7 +70,7 @@ _LONGEST = 0.25
 """Longest replanning horizon, s, of a motion that has not been too late before."""
 
 _KEPT, _RANK = 12, 2
-_SHARE = 1.1
+_SHARE = 1.05
 
 Kind = tuple[int, bool]
 """How many binary digits the size of a request has, and whether the motion is queued."""
@@ -91,16 +91,18 @@ class ReplanningHorizon:
         """Take note of how long it took from choosing a record until the servo could see it."""
         self._taken[kind].append(seconds)
 
-    def ahead(self, kind: Kind, attempt: int) -> float:
+    def ahead(self, kind: Kind, late: Sequence[float] = ()) -> float:
         """Return how far ahead to take over, s.
 
         Args:
             kind: of plan.
-            attempt: how often that was not enough for the same motion; each time it doubles.
+            late: how long each attempt at the same motion took that came too late, s.  The next
+                one has as long as the last of them took; from the second on, twice as long.
         """
         taken = sorted(self._taken[kind])
         expected = taken[-min(_RANK, len(taken))] if taken else _FIRST
-        return min(_SHARE * expected, _LONGEST) * 2.0**attempt
+        expected = max([expected, *late[-1:]])
+        return min(_SHARE * expected, _LONGEST) * 2.0 ** max(0, len(late) - 1)
 
 
 class Retargeting:
@@ -148,7 +150,8 @@ class Retargeting:
             PlanError: it cannot be planned, the device cannot follow, or it would break a limit.
             DeadlineError: the motions that were asked for before take too long.
         """
-        late, problem = 0, ""
+        late: list[float] = []
+        problem = ""
         kind = len(call.motion).bit_length(), queued.options.is_queued
         try:
             with call.waiting():
@@ -160,7 +163,8 @@ class Retargeting:
                 "given motions that were asked for before"
             ) from None
         try:
-            while late < ATTEMPTS and call.time_left:
+            while len(late) < ATTEMPTS and call.time_left:
+                begun = time.monotonic()
                 try:
                     chosen = await self._plan(queued, call, kind, late)
                     queued.planned_ns = time.monotonic_ns()
@@ -171,15 +175,16 @@ class Retargeting:
                         await self._await_steady()
                 except LateError as error:
                     _log.info("%s: planned too late: %s", self._name, error)
-                    late, problem = late + 1, str(error)
+                    late.append(time.monotonic() - begun)
+                    problem = str(error)
                 else:
-                    queued.attempts = late + 1
+                    queued.attempts = len(late) + 1
                     if queued.begins is not None:
                         self._horizon.add(kind, posted - chosen)
                     return
         finally:
             self._turn.release()
-        raise StateError(f"device {self._name} was too quick for {late} plans: {problem}")
+        raise StateError(f"device {self._name} was too quick for {len(late)} plans: {problem}")
 
     async def plan(self, call: PlanCall) -> PlannedMotion:
         """Plan a motion that begins where the device will be once it has come to rest.
@@ -225,7 +230,9 @@ class Retargeting:
 
     # One attempt
 
-    async def _plan(self, queued: QueuedMotion, call: PlanCall, kind: Kind, late: int) -> float:
+    async def _plan(
+        self, queued: QueuedMotion, call: PlanCall, kind: Kind, late: Sequence[float]
+    ) -> float:
         """Plan a motion and choose where it begins; return when that was chosen, monotonic s."""
         await self._await_stop(call)
         chosen, leave = time.monotonic(), self._choose(queued, kind, late)
@@ -253,7 +260,9 @@ class Retargeting:
         queued.planned, queued.begins = motion, leave
         return chosen
 
-    def _choose(self, queued: QueuedMotion, kind: Kind, late: int) -> SplicePoint | None:
+    def _choose(
+        self, queued: QueuedMotion, kind: Kind, late: Sequence[float]
+    ) -> SplicePoint | None:
         """Return where what runs is to be left at the earliest; ``None`` if nothing runs.
 
         Raises:
@@ -275,7 +284,12 @@ class Retargeting:
         return ahead
 
     async def _take_over(
-        self, queued: QueuedMotion, call: PlanCall, kind: Kind, late: int, leave: SplicePoint
+        self,
+        queued: QueuedMotion,
+        call: PlanCall,
+        kind: Kind,
+        late: Sequence[float],
+        leave: SplicePoint,
     ) -> tuple[float, SplicePoint | None, PlannedMotion | None]:
         """Plan a motion from *leave* on, or from a record a little later.
 
@@ -288,7 +302,7 @@ class Retargeting:
         """
         chosen, left = time.monotonic(), self._left(leave)
         is_shaped = bool(left.facts.first_joints)
-        rows = _LATER if late < _LATER_ATTEMPTS else () if is_shaped else _LATER[:1]
+        rows = _LATER if len(late) < _LATER_ATTEMPTS else () if is_shaped else _LATER[:1]
         refusal: PlanError | None = None
         for together in rows:
             ahead = [leave.record + round(seconds / self._period) for seconds in together]

@@ -82,7 +82,7 @@ def successor(planners, first, order, leave, *, queue=None):
     """Return where a motion takes over from the first one, the motion, and how often was chosen."""
     servo, queue = Servo(), queue or Queue(first, leave)
     retargeting = Retargeting(servo, queue, planners, name="arm", period=PERIOD)
-    found = retargeting._take_over(QueuedMotion(), order, KIND, 0, leave)
+    found = retargeting._take_over(QueuedMotion(), order, KIND, (), leave)
     _, record, motion = asyncio.run(found)
     return record, motion, queue.asked, servo.state
 
@@ -137,32 +137,37 @@ def learnt(*seconds, kind=KIND):
 
 
 def test_it_is_longer_than_what_planning_has_taken():
-    assert learnt(*[0.02] * 8).ahead(KIND, 0) > 0.02
+    assert learnt(*[0.02] * 8).ahead(KIND) > 0.02
 
 
 def test_it_follows_what_planning_takes_within_a_few_motions():
-    quick = learnt(*[0.01] * 8).ahead(KIND, 0)
-    slow = learnt(*[0.01] * 8, *[0.03] * 3).ahead(KIND, 0)
+    quick = learnt(*[0.01] * 8).ahead(KIND)
+    slow = learnt(*[0.01] * 8, *[0.03] * 3).ahead(KIND)
     assert slow > 0.03 > quick
 
 
 def test_a_plan_that_was_held_up_does_not_delay_those_after_it():
-    usual = learnt(*[0.01] * 8).ahead(KIND, 0)
-    assert learnt(0.5, *[0.01] * 4).ahead(KIND, 0) == usual
-    assert learnt(*[0.01] * 6, 0.4, 0.01).ahead(KIND, 0) == usual
+    usual = learnt(*[0.01] * 8).ahead(KIND)
+    assert learnt(0.5, *[0.01] * 4).ahead(KIND) == usual
+    assert learnt(*[0.01] * 6, 0.4, 0.01).ahead(KIND) == usual
 
 
 def test_plans_of_another_kind_do_not_count():
     horizon = learnt(*[0.2] * 8)
-    assert horizon.ahead((8, True), 0) == ReplanningHorizon().ahead(KIND, 0)
+    assert horizon.ahead((8, True)) == ReplanningHorizon().ahead(KIND)
 
 
-def test_each_attempt_that_was_too_late_doubles_it():
+def test_a_plan_that_was_too_late_is_followed_by_one_that_has_as_long_as_it_took():
+    assert 0.03 < learnt(0.01).ahead(KIND, [0.03]) < 0.04
+    assert learnt(0.01).ahead(KIND, [0.001]) == learnt(0.01).ahead(KIND)
+
+
+def test_each_further_attempt_that_was_too_late_doubles_it():
     horizon = learnt(0.01)
-    assert horizon.ahead(KIND, 3) == pytest.approx(8.0 * horizon.ahead(KIND, 0))
+    assert horizon.ahead(KIND, [0.01] * 4) == pytest.approx(8.0 * horizon.ahead(KIND))
 
 
 def test_a_motion_that_takes_seconds_to_plan_is_in_time_at_last():
     horizon = learnt(3.0)
-    assert horizon.ahead(KIND, 0) < 1.0
-    assert max(horizon.ahead(KIND, attempt) for attempt in range(6)) > 3.0
+    assert horizon.ahead(KIND) < 1.0
+    assert max(horizon.ahead(KIND, [0.25] * late) for late in range(6)) > 3.0
