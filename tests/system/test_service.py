@@ -25,8 +25,10 @@ def test_systemd_is_told_that_it_is_ready_and_makes_progress(tmp_path, monkeypat
         receiver.bind(str(path))
         receiver.settimeout(20.0)
         with DaemonProcess(tmp_path / "daemon") as daemon:
-            told = {receiver.recv(100) for _ in range(3)}
-            assert told == {b"READY=1", b"WATCHDOG=1"}
+            # A daemon that starts slowly makes progress several times before it is ready.
+            while receiver.recv(100) != b"READY=1":
+                pass
+            assert receiver.recv(100) == b"WATCHDOG=1"
             # A servo that stands still, in a process that is there.
             servo = daemon.device().servo_pid
             os.kill(servo, signal.SIGSTOP)
@@ -43,7 +45,8 @@ def test_a_reload_changes_what_can_change_and_names_what_cannot(tmp_path):
         daemon.config.write_text("[access]\nkeyframes = 2\n" + text.replace("500.0", "100.0"))
         daemon.process.send_signal(signal.SIGHUP)
         until(lambda: "reload: changed: access.keyframes" in log(daemon), "the reload")
-        assert f"reload: needs a restart: devices.{DEVICE}.rate_hz" in log(daemon)
+        fixed = f"reload: needs a restart: devices.{DEVICE}.rate_hz"
+        until(lambda: fixed in log(daemon), "what cannot be changed")
         motion = pb.MotionRequest(keyframes=[pb.Keyframe(time=float(k)) for k in range(3)])
         with pytest.raises(grpc.RpcError, match="expected at most 2, got 3"):
             daemon.stub.Plan(pb.PlanRequest(motion=motion))
