@@ -169,9 +169,11 @@ class Playing(Tracking):
         return is_taken and report.time_ns > self._last_ns and speed < _STILL
 
     def __exit__(self, *of: object) -> None:
-        if of[0] is None:
-            self.wait()
-        self.close()
+        try:
+            if of[0] is None:
+                self.wait()
+        finally:
+            self.close()
 
 
 def _poses(poses: Sequence[object]) -> tuple[list[Orientation], list[list[float]]]:
