@@ -52,6 +52,8 @@ def daemon(process):
 @pytest.fixture
 def robot(daemon):
     with orientd.connect(daemon.socket) as robot:
+        if state(robot).state == pb.STATE_FAULT:
+            robot.reset()  # of a test that failed
         robot.move([key(0, 0, 0)], approach=True).wait(20.0)
         robot.set_speed(1.0)
         yield robot

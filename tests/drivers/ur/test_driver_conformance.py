@@ -46,7 +46,14 @@ class TestUrDriver(DriverConformance):
 
     def make_driver(self):
         return UrDriver(
-            {"host": self.robot.host, "lookahead": 0.03},
+            # A busy machine lets nobody run for longer than a real controller ever pauses.
+            {
+                "host": self.robot.host,
+                "lookahead": 0.03,
+                "feedback_timeout": 1.0,
+                "link_timeout": 2.0,
+                "watchdog_hz": 1,
+            },
             period_ns=2_000_000,
             clock=self.clock,
         )
