@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from orientd.config import DeviceSettings
 
 PATIENCE = 0.5
-"""Seconds that the daemon has to name its devices to a shell that completes a word."""
+"""Timeout of the daemon's list of devices when a shell completes a word, s."""
 
 
 def devices(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Return the devices of the daemon, or of the configuration where no daemon answers.
+    """Return the devices of the daemon, or of the configuration if no daemon answers.
 
-    A shell that waits for a word is no place for errors: if something fails, there are none.
+    Errors must not appear in a shell's completion: if something fails, the result is empty.
     """
     del parameter
     from orientd import config
@@ -149,10 +149,10 @@ def device_settings(config: Path | None, device: str) -> DeviceSettings:
 
 
 def check_ending(path: Path, endings: Sequence[str], *, named: str) -> None:
-    """Check how the name of a file to be written ends.
+    """Check the suffix of a file to be written.
 
     Raises:
-        click.BadParameter: it does not end in one of *endings*; *named* is the parameter.
+        click.BadParameter: it is not among *endings*; *named* is the parameter.
     """
     if path.suffix not in endings:
         raise click.BadParameter(

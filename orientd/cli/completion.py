@@ -1,4 +1,4 @@
-"""Completion of words on the command line: the script that a shell needs for it."""
+"""Completion on the command line: the scripts for shells."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from click.shell_completion import get_completion_class
 from orientd.errors import OrientdError
 
 VARIABLE = "_ORIENTD_COMPLETE"
-"""Variable of the environment in which the shell says what it wants."""
+"""Environment variable with the shell's request."""
 
 _PLACES = {
     "bash": (".bash_completions/orientd.sh", ".bashrc", "source ~/.bash_completions/orientd.sh"),
@@ -22,14 +22,14 @@ _PLACES = {
 
 
 def script(app: click.Command, shell: str = "") -> str:
-    """Return the script with which a shell completes the words of *app*.
+    """Return the completion script of *app* for a shell.
 
     Args:
         app: the command `orientd`.
         shell: bash, zsh or fish; by default that of ``$SHELL``.
 
     Raises:
-        OrientdError: it is no such shell.
+        OrientdError: the shell is not supported.
     """
     shell = shell or _shell()
     made = get_completion_class(shell)
@@ -39,10 +39,10 @@ def script(app: click.Command, shell: str = "") -> str:
 
 
 def install(app: click.Command) -> str:
-    """Install the script for the shell of ``$SHELL``; return where it is, for people.
+    """Install the script for the shell of ``$SHELL``; return its place as text.
 
     Raises:
-        OrientdError: it is no shell for which there is a script, or a file cannot be written.
+        OrientdError: the shell is not supported, or a file cannot be written.
     """
     text = script(app)
     place, start, line = _PLACES[_shell()]

@@ -1,7 +1,7 @@
-"""What on this machine stands in the way of real time: each look measures, none guesses.
+"""Obstacles to real time on this machine: every check measures.
 
-Scheduling, locked memory and lateness are measured in a process of its own, which does what a servo
-process does at its start.
+Scheduling, locked memory and lateness are measured in a separate process, which starts like a servo
+process.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ CYCLES = 500
 
 GOOD_LATENESS = 250e-6
 BAD_LATENESS = 1e-3
-"""Seconds of p99 lateness at 500 Hz: an eighth and a half of the period."""
+"""Limits of the p99 lateness at 500 Hz, s: an eighth and a half of the period."""
 
 SHARED_MEMORY_NEEDED = 64 * 1024 * 1024
-"""Bytes; the rings of some ten devices at 1000 Hz."""
+"""Bytes for the rings of some ten devices at 1000 Hz."""
 
 _PROBE = """
 import json, sys
@@ -67,7 +67,7 @@ def findings() -> list[Finding]:
 def _judged(
     name: str, found: str, mend: str = "", *, is_well: bool, is_bad: bool = False
 ) -> Finding:
-    """Return a finding that is well, or a problem if *is_bad*, or else can be improved."""
+    """Return a finding that is good, a problem if *is_bad*, or otherwise an improvement."""
     if is_well:
         return Finding(name, found, Verdict.OK)
     return Finding(name, found, Verdict.PROBLEM if is_bad else Verdict.IMPROVE, mend)
@@ -216,8 +216,8 @@ def _shared_memory() -> Iterator[Finding]:
         mend = "mount a tmpfs on /dev/shm"
         yield Finding(name, f"/dev/shm: {error.strerror}", Verdict.PROBLEM, mend)
         return
-    # A servo's memory is in no file system, so what lies in this one takes nothing from it; its
-    # size is what the machine, or the container, sets aside.
+    # A servo's memory is in no file system, so the files in this one do not reduce it.  Its size is
+    # the limit of the machine, or the container.
     size = usage.f_blocks * usage.f_frsize
     found = f"the machine sets {size // 2**20} MiB aside, as the size of /dev/shm says"
     mend = f"at least {SHARED_MEMORY_NEEDED // 2**20} MiB: mount -o remount,size=256M /dev/shm"

@@ -1,6 +1,6 @@
-"""The command `orientd`: which commands there are, and one line for each thing that goes wrong.
+"""The command `orientd`: its commands, and one line for each error.
 
-Exit status 0 is done, 1 is refused or failed, 2 is a mistake in the command line itself.
+Exit status 0 means done, 1 refused or failed, 2 a usage error.
 """
 
 from __future__ import annotations
@@ -48,17 +48,17 @@ _MODULES = {
 _HOMES = {name: module for module, names in _MODULES.items() for name in names.split()}
 
 _LONG = 1.0
-"""Seconds from which a refusal says how long it took."""
+"""Duration from which a refusal reports its time, s."""
 
 TRACEBACK = "ORIENTD_TRACEBACK"
-"""Variable of the environment with which a mistake of ours shows where it was made."""
+"""Environment variable that shows the traceback of a defect."""
 
 
 class Commands(Group):
     """The group of all commands.
 
-    It loads only the command that is asked for, since all of them take 140 ms longer.  What goes
-    wrong is one line on standard error, or one JSON object with ``--json``.
+    It loads only the requested command, since all of them take 140 ms longer.  An error is one line
+    on standard error, or one JSON object with ``--json``.
     """
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -81,7 +81,7 @@ class Commands(Group):
         )
 
     def invoke(self, ctx: click.Context) -> Any:  # noqa: ANN401 - what Click returns
-        """Run the command that the command line names; Ctrl-C is an error like others."""
+        """Run the command of the command line; Ctrl-C is an error like others."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as error:
@@ -110,12 +110,12 @@ class Commands(Group):
 
 
 def _is_ours(error: Exception) -> bool:
-    """Return whether *error* is a mistake of this program."""
+    """Return whether *error* is a defect of this program."""
     return not isinstance(error, (OrientdError, OSError, MemoryError, click.ClickException))
 
 
 def _tell(error: Exception, *, as_json: bool) -> None:
-    """Print what went wrong; how long a refusal took is for people, if it was long."""
+    """Print an error; for people, with the duration of a refusal if it was long."""
     described = _described(error)
     more = ""
     if isinstance(error, OrientdError) and error.planning >= _LONG:
@@ -129,7 +129,7 @@ def _tell(error: Exception, *, as_json: bool) -> None:
 
 
 def _described(error: Any) -> dict[str, Any]:  # noqa: ANN401 - Click's class is not known here
-    """Return what a program wants to know of *error*."""
+    """Return the JSON form of *error*."""
     if isinstance(error, OrientdError):
         described: dict[str, Any] = {"kind": type(error).__name__, "message": str(error)}
         if isinstance(error, RequestError):
@@ -156,7 +156,7 @@ def _described(error: Any) -> dict[str, Any]:  # noqa: ANN401 - Click's class is
 
 
 def _usage(error: Any) -> str:  # noqa: ANN401 - a ClickException
-    """Return Click's complaint about the command line, in the style of the others."""
+    """Return Click's usage error in the style of the others."""
     message: str = error.format_message()
     if "\n" in message:
         return message
@@ -198,11 +198,11 @@ app = command_of(
 
 def main() -> None:
     """Run the command line."""
-    # gRPC's own log lines are about its connections, for which our errors have words.
+    # gRPC's own log lines are about its connections, which our errors describe.
     os.environ.setdefault("GRPC_VERBOSITY", "NONE")
-    # A look for plugins of pydantic opens every distribution that is installed.
+    # Searching for plugins of pydantic opens every installed distribution.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    # To be told to end is to be interrupted: a motion stops on its path, nothing is left behind.
+    # SIGTERM acts like an interrupt: a motion stops on its path, and nothing is left behind.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     app()
 

@@ -1,6 +1,6 @@
-"""How commands speak: plain lines or one JSON object.
+"""Output of commands: plain lines or one JSON object.
 
-Standard output carries what was asked for, standard error what went wrong.
+Results go to standard output, errors to standard error.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ _QUATERNIONS = {"q", "feedback_q"}
 
 @dataclass(frozen=True)
 class Output:
-    """What a command prints to standard output: lines for people, or one JSON object.
+    """The standard output of a command: lines for people, or one JSON object.
 
     Attributes:
-        as_json: whether a program reads it.
+        as_json: whether to print JSON.
     """
 
     as_json: bool = False
@@ -37,20 +37,20 @@ class Output:
             print("\n".join(map(shown, lines)), flush=True)  # noqa: T201
 
     def answer(self, content: object, *lines: str) -> None:
-        """Print what a command has found: *content* for programs, or *lines* for people."""
+        """Print the result of a command: *content* as JSON, or *lines* for people."""
         if self.as_json:
             print(json.dumps(plain(content)), flush=True)  # noqa: T201
         self.say(*lines)
 
 
 def complain(error: Mapping[str, Any], *, as_json: bool, more: str = "") -> None:
-    """Print what went wrong: its JSON object, or its message on one line with *more* behind."""
+    """Print an error: its JSON object, or its message on one line, followed by *more*."""
     said = f"orientd: {one_line(error['message'])}{more}"
     print(json.dumps({"error": error}) if as_json else said, file=sys.stderr)  # noqa: T201
 
 
 def plain(content: Any) -> Any:  # noqa: ANN401 - whatever JSON can hold
-    """Return *content* as what JSON can hold; quaternions with their components by name."""
+    """Return *content* as JSON values; quaternions with named components."""
     if is_dataclass(content) and not isinstance(content, type):
         return {
             field.name: _named(field.name, getattr(content, field.name))
@@ -98,22 +98,22 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def is_terminal() -> bool:
-    """Return whether somebody is looking at standard output."""
+    """Return whether standard output is a terminal."""
     return sys.stdout.isatty()
 
 
 def close_output() -> None:
-    """Have nobody hear what is still buffered: whoever read has had enough."""
+    """Discard buffered output: the reader has closed the pipe."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextlib.contextmanager
 def working(title: str) -> Iterator[None]:
-    """Show what is being done while the context lasts, on standard error of a terminal alone."""
+    """Show the present activity while the context lasts, on standard error of a terminal only."""
     if not sys.stderr.isatty():
         yield
         return
-    # Rich takes its time to import, and most commands have no use for it.
+    # Rich takes long to import, and most commands do not use it.
     from rich.console import Console
     from rich.text import Text
 

@@ -1,4 +1,4 @@
-"""Daemons that a command runs for itself, and that end with it: one, or a cell of them."""
+"""Daemons that a command starts for itself and ends with it: one, or a cell of them."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ END_TIMEOUT = 15.0
 
 @contextlib.contextmanager
 def begun(config: Path) -> Iterator[Callable[[], None]]:
-    """Begin a daemon, which ends with the context; yield what waits until it is ready.
+    """Start a daemon, which ends with the context; yield a function that waits until it is ready.
 
-    Its log and its state are kept beside *config*.  What is yielded raises a
-    :class:`~orientd.errors.DaemonError` where it does not start.
+    Its log and its state are kept next to *config*.  The function raises a
+    :class:`~orientd.errors.DaemonError` if the daemon does not start.
     """
     log = config.with_suffix(".log")
     environment = {**os.environ, "XDG_STATE_HOME": str(config.with_suffix(""))}
@@ -35,7 +35,7 @@ def begun(config: Path) -> Iterator[Callable[[], None]]:
             stdout=subprocess.PIPE,
             stderr=errors,
             env=environment,
-            # Ctrl-C is for whoever runs the daemon, and then ends it.
+            # Ctrl-C is for the command, which then ends the daemon.
             process_group=0,
         )
     with process:
@@ -47,7 +47,7 @@ def begun(config: Path) -> Iterator[Callable[[], None]]:
 
 @contextlib.contextmanager
 def cell(daemons: int) -> Iterator[str]:
-    """Run *daemons* of a cell of their own, ``demo``; yield where one of them listens."""
+    """Run *daemons* of a cell called ``demo``; yield the endpoint of one of them."""
     with (
         tempfile.TemporaryDirectory(prefix="orientd-fleet-") as name,
         contextlib.ExitStack() as kept,
@@ -64,9 +64,9 @@ def _endpoint(folder: Path, number: int) -> str:
 
 
 def _configured(folder: Path, number: int) -> Path:
-    """Write the configuration of a daemon, and return where."""
+    """Write the configuration of a daemon, and return its path."""
     name = f"arm-{number}"
-    # The others find each other by the first.
+    # The others find each other through the first.
     connect = f'connect = ["{_endpoint(folder, 1)}"]\n' if number > 1 else ""
     config = folder / f"{name}.toml"
     config.write_text(
@@ -79,10 +79,10 @@ def _configured(folder: Path, number: int) -> Path:
 
 
 def _wait_ready(process: subprocess.Popen[bytes], log: Path) -> None:
-    """Wait until a daemon says that it is ready.
+    """Wait until a daemon is ready.
 
     Raises:
-        DaemonError: it does not; the last line of its *log* says why.
+        DaemonError: it does not become ready; the last line of its *log* has the reason.
     """
     timer = threading.Timer(READY_TIMEOUT, process.kill)
     timer.start()
@@ -96,7 +96,7 @@ def _wait_ready(process: subprocess.Popen[bytes], log: Path) -> None:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """Have a daemon end in order, or else at once."""
+    """End a daemon in order, or otherwise at once."""
     process.terminate()
     try:
         process.wait(END_TIMEOUT)

@@ -92,7 +92,7 @@ def command_of(kind: type[Kind], run: Callable[..., None], **settings: Any) -> K
 
 
 def part_of(group: click.Group, **settings: Any) -> Callable[[Run], Run]:  # noqa: ANN401 - Click's
-    """Have the function that this decorates be a command of *group*."""
+    """Make the decorated function a command of *group*."""
 
     def add(run: Run) -> Run:
         group.add_command(command_of(click.Command, run, **settings))
@@ -103,7 +103,7 @@ def part_of(group: click.Group, **settings: Any) -> Callable[[Run], Run]:  # noq
 
 def _parameter(name: str, annotation: Any, default: Any) -> click.Parameter:  # noqa: ANN401 - any
     kind, said = get_args(annotation)
-    # Of an optional type, the type itself.
+    # For an optional type, the type itself.
     kind = next((one for one in get_args(kind) if NoneType in get_args(kind)), kind)
     settings = dict(said.settings)
     limits = settings.pop("range", None)
@@ -125,7 +125,7 @@ def _parameter(name: str, annotation: Any, default: Any) -> click.Parameter:  # 
 
 
 def _type(kind: Any, limits: tuple[Any, Any] | None) -> Any:  # noqa: ANN401 - Click's
-    """Return what reads a value of *kind*, within *limits* if it is a number."""
+    """Return the parser of *kind*, within *limits* for a number."""
     if limits is not None:
         return click.IntRange(*limits) if kind is int else click.FloatRange(*limits)
     if get_origin(kind) is Literal:

@@ -1,4 +1,4 @@
-"""A motion under way, shown: a live line on a terminal, plain lines elsewhere."""
+"""The progress of a motion: a live line on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from orientd.protocol import STALE, orientation, to_quaternion, to_vector
 from orientd.protocol import control_pb2 as pb
 
 PLAIN_INTERVAL = 0.5
-"""Seconds between two plain lines."""
+"""Interval between two plain lines, s."""
 
 BAR = 20
 """Characters of the bar."""
@@ -25,7 +25,7 @@ Show = Callable[[pb.MoveProgress], None]
 
 @contextlib.contextmanager
 def view(title: str, out: Output) -> Iterator[Show]:
-    """Yield what shows progress while the context lasts."""
+    """Yield a function that shows progress while the context lasts."""
     if out.as_json:
         yield lambda _: None
     elif not is_terminal():
@@ -36,7 +36,7 @@ def view(title: str, out: Output) -> Iterator[Show]:
 
 
 def _lines(out: Output) -> Show:
-    """Return what prints a line, if the last one was long enough ago."""
+    """Return a function that prints a line if the last one was long enough ago."""
     due = 0.0
 
     def show(progress: pb.MoveProgress) -> None:
@@ -52,11 +52,11 @@ def _lines(out: Output) -> Show:
 
 @contextlib.contextmanager
 def _live_line(title: str) -> Iterator[Show]:
-    """Yield what changes one line, which says how old it is once that is worth a word.
+    """Yield a function that updates one line, which shows its age once that matters.
 
-    If the terminal is too narrow the figures at its end are cut off.
+    If the terminal is too narrow, the figures at the end are cut off.
     """
-    # Rich takes its time to import, and most commands have no use for it.
+    # Rich takes long to import, and most commands do not use it.
     from rich.live import Live
     from rich.text import Text
 
@@ -90,8 +90,8 @@ def _figures(progress: pb.MoveProgress) -> str:
 
 
 def _pace(progress: pb.MoveProgress) -> str:
-    """Return at what speed the path is followed, where that is not as planned."""
-    # Before the first cycle of the motion, and after the last, no path is followed at any speed.
+    """Return the speed on the path, if it is not as planned."""
+    # Before the first cycle of the motion, and after the last, there is no speed on a path.
     is_as_planned = progress.speed == 1.0 or progress.state == pb.STATE_HOLDING
     speed = "" if is_as_planned else f"  speed {progress.speed:.2f}"
     return f"{speed}{'  paused' if progress.is_paused else ''}"

@@ -1,4 +1,4 @@
-"""A planned motion in a file: csv, npz or json, by the ending of its name."""
+"""A planned motion in a file: csv, npz or json, by the suffix of its name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the command `orientd` begins: a stop goes out at once, and Ctrl-C is one line already."""
+"""Entry point of the command `orientd`: sends a stop at once, and handles Ctrl-C early."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 
 def main() -> NoReturn:
-    """Run what the command line says: a stop before that is loaded, anything else by it."""
+    """Run the command line: send a stop before it is loaded, and run anything else with it."""
     _open_standard_streams()
-    # Whoever ignores the signal, such as a shell for its background jobs, has a reason to.
+    # A process that ignores the signal, such as a background job of a shell, has a reason to.
     is_ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if is_ours:
         signal.signal(signal.SIGINT, _end)
@@ -29,7 +29,7 @@ def main() -> NoReturn:
         if urgent.run(asked, answers):
             sys.exit(0)
     if not sys.warnoptions:
-        # Warnings of libraries name their own files: they are for whoever asks for them.
+        # Warnings of libraries name their own files: they are for developers only.
         import warnings
 
         warnings.simplefilter("ignore")
@@ -42,7 +42,7 @@ def main() -> NoReturn:
 
 
 def _open_standard_streams() -> None:
-    """Let what is closed of the standard streams be nothing, rather than what is opened next."""
+    """Replace closed standard streams by /dev/null, before an opened file takes their place."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
             nothing = open(os.devnull, mode)  # noqa: SIM115, PTH123 - it takes the free number
@@ -51,7 +51,7 @@ def _open_standard_streams() -> None:
 
 
 def _end(number: int, frame: FrameType | None) -> None:
-    """End at once: nothing has begun, and an exception inside an import would be one of theirs."""
+    """End at once; an exception inside an import would look like a library's."""
     del number, frame
     os.write(2, b"orientd: interrupted\n")
     os._exit(1)

@@ -146,7 +146,7 @@ def certificate(of: pb.Certificate) -> list[str]:
 
 
 def stop_time(of: pb.Certificate) -> str:
-    """Return how long a stop on the path usually takes, and at the most."""
+    """Return how long a stop on the path usually takes, and at most."""
     most = f"{of.stop_time:.3f} s at the most"
     usual = of.usual_stop_time
     return f"about {usual:.3f} s, {most}" if 0.0 < usual < 0.999 * of.stop_time else most

@@ -1,4 +1,4 @@
-"""`orientd lease`: who commands."""
+"""`orientd lease`: control of devices."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True}
 
 @part_of(lease, hidden=True, context_settings=_ANYTHING)
 def give() -> None:
-    """Say that leases are not handed over any more."""
+    """Report that leases can no longer be handed over."""
     raise OrientdError(
         "leases are not handed over any more: release yours, or have an administrator seize it"
     )
@@ -32,9 +32,9 @@ def seize(
     reason: Annotated[str, Option("--reason", help="Why; the holder and the audit log get it.")],
     device: DeviceName = "",
 ) -> None:
-    """Take the lease from whoever holds it, and free it.
+    """Seize the lease from its holder, and release it.
 
-    Takes that of one device, or of all; their motions stop.  For administrators only.
+    This applies to one device, or to all.  Their motions stop.  For administrators only.
     """
     from orientd.protocol import control_pb2 as pb
 
@@ -52,5 +52,5 @@ def seize(
 
 @part_of(audit, context_settings=_ANYTHING)
 def verify() -> None:
-    """Say that the audit log has no chain any more."""
+    """Report that the audit log no longer has a chain."""
     raise OrientdError("the audit log is no chain any more: there is nothing to verify")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from orientd.batch import Batch
 
 _INTERVAL = 5.0
-"""Seconds between two plain lines."""
+"""Interval between two plain lines, s."""
 
 
 def batch(
@@ -44,10 +44,9 @@ def batch(
 ) -> None:
     """Plan a file of many motions, without a daemon.
 
-    The plans go into FOLDER/plans.parquet.
-    A line of a .jsonl file is a motion file.  In a table, rows with the same `motion` are one
-    motion, a keyframe each.  Each row of the result is a certificate or the reason of a refusal.
-    The same command continues an interrupted run.
+    The plans go into FOLDER/plans.parquet. A line of a .jsonl file is a motion file.  In a table,
+    rows with the same `motion` are one motion, a keyframe each.  Each row of the result is a
+    certificate or the reason of a refusal. The same command continues an interrupted run.
     """
     from orientd.batch import Batch, open_requests
 

@@ -61,8 +61,8 @@ def retarget(
 ) -> None:
     """Measure how long a retarget takes.
 
-    The time is from the call to the first changed setpoint.  The command starts a daemon with a
-    simulated device of its own.  With the defaults this takes a minute.
+    The time is from the call to the first changed setpoint.  The command starts its own daemon with
+    a simulated device.  With the defaults this takes a minute.
     """
     from orientd.bench import PARTS, measure_retargets
 

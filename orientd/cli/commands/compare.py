@@ -1,4 +1,4 @@
-"""Every family of curves on the keyframes of one motion file, as a table or a picture."""
+"""Compare all interpolation methods on the keyframes of a motion file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Times = Annotated[
         help="Times of the file (chord if it has none), one second each, or by chord length.",
     ),
 ]
-"""Where the times of the keyframes come from."""
+"""Source of the keyframes' times."""
 
 Ends = Annotated[
     Literal["rest", "natural"],
@@ -37,13 +37,13 @@ Ends = Annotated[
         "acceleration).",
     ),
 ]
-"""What an end is whose velocity the file does not give."""
+"""Condition of an end without a velocity in the file."""
 
 Column = Literal[
     "name", "effort", "torque", "acceleration", "velocity", "length", "continuity", "keyframes",
     "ends", "build", "sample",
 ]  # fmt: skip
-"""By what the families are sorted."""
+"""Column by which the methods are sorted."""
 
 
 def compare(
@@ -98,7 +98,7 @@ def compare(
 
 
 def need_two(request: MotionRequest) -> None:
-    """Refuse a motion that is no curve yet.
+    """Refuse a motion without a curve.
 
     Raises:
         RequestError: it has a single keyframe.
@@ -126,7 +126,7 @@ def _moments(text: str | None) -> Floats | None:
 
 
 def _row(candidate: Candidate) -> dict[str, Any]:
-    """Return one family for a program."""
+    """Return the result of one method as JSON."""
     figures = candidate.figures
     if figures is None:
         return {"name": candidate.name, "applies": False, "why_not": candidate.why_not}
@@ -141,7 +141,7 @@ def _row(candidate: Candidate) -> dict[str, Any]:
 
 
 def _lines(candidates: Sequence[Candidate], *, has_torque: bool) -> list[str]:
-    """Return the table for people, and below it the families that do not apply."""
+    """Return the table as text, followed by the methods that do not apply."""
     measured = [(one, one.figures) for one in candidates if one.figures is not None]
     absent = [[one.name, one.why_not] for one in candidates if one.figures is None]
     columns: list[tuple[str, Callable[[Candidate, Figures], str]]] = [

@@ -1,4 +1,4 @@
-"""The daemon and what it has: run, status, devices, methods."""
+"""Commands about the daemon: run, status, devices, methods."""
 
 from __future__ import annotations
 
@@ -88,8 +88,8 @@ def run(
 
 
 def _end_with_input() -> None:
-    """Ask this process to end once the process that started it is gone."""
-    # Not sys.stdin: an interpreter that ends meanwhile, as of an error, would miss the lock of it.
+    """Make this process end once its parent process is gone."""
+    # Not sys.stdin: an interpreter that ends with an error meanwhile would block on its lock.
     while os.read(sys.stdin.fileno(), 4096):
         pass
     os.kill(os.getpid(), signal.SIGTERM)

@@ -26,7 +26,7 @@ START_VELOCITY = (0.25, -0.1, 0.3)
 END_VELOCITY = (-0.2, 0.15, 0.35)
 """Body frame, rad/s."""
 
-# Rotation vectors in rad and positions in m, passed as quickly as the limits permit.
+# Rotation vectors in rad and positions in m, passed as fast as the limits permit.
 KEYFRAMES = (
     ((0.0, 0.0, 0.0), (0.40, 0.00, 0.30)),
     ((0.5, -0.3, 0.4), (0.42, 0.10, 0.32)),
@@ -36,7 +36,7 @@ KEYFRAMES = (
     ((0.3, -0.2, 2.6), (0.36, 0.06, 0.30)),
 )
 
-# Gentler than the device could: so it is there to be watched, for about ten seconds.
+# Slower than the device could move: the demo should be watched for about ten seconds.
 LIMITS = {"velocity": 0.9, "acceleration": 3.0, "jerk": 60.0, "linear_velocity": 0.2}
 
 
@@ -115,7 +115,7 @@ def demo(
 
 @contextlib.contextmanager
 def _daemon() -> Iterator[Path]:
-    """Run a daemon of its own, in a directory of its own, for as long as the context lasts."""
+    """Run a daemon in a temporary directory while the context lasts."""
     with tempfile.TemporaryDirectory(prefix="orientd-demo-") as name:
         directory = Path(name)
         socket = directory / "control.sock"
@@ -154,7 +154,7 @@ def _recorded(robot: Robot) -> Iterator[list[Cycle]]:
 
 
 def _draw(path: Path, moving: list[Cycle], plan: pb.Plan) -> None:
-    """Draw what was sent, and how punctually."""
+    """Draw the setpoints and their punctuality."""
     import numpy as np
 
     from orientd import plots, rotation

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 SECONDS, RATE, POSES = 4.0, 30.0, 16
 INFERENCE = 0.15
-"""Seconds that the policy takes for a chunk."""
+"""Inference time of the policy for a chunk, s."""
 
 LOSS = 0.05
-"""Share of the poses that get lost."""
+"""Share of lost poses."""
 
 NOISE = 2e-3
-"""By how much two chunks disagree, rad."""
+"""Disagreement of two chunks, rad."""
 
 # Two rotation vectors of a real policy: neighbours in time, 47 degrees apart, but components of
 # opposite sign, since a turn by more than half a turn is the other way round.
@@ -98,7 +98,7 @@ def played(robot: Robot, cycles: list[Cycle], period: float) -> tuple[plots.Play
 
 
 def show(robot: Robot, cycles: list[Cycle], out: Output, path: Path | None) -> None:
-    """Play the chunks in both ways, say the figures, and draw them to *path* if it is given."""
+    """Play the chunks in both ways, print the figures, and draw them to *path* if it is given."""
     (device,) = robot.devices()
     period = 1.0 / device.rate_hz
     out.say(

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def _of_all(name: str, told: str) -> Callable[..., None]:
-    """Return the command that brings devices to rest, whoever holds their leases."""
+    """Return the command that stops devices, independent of their leases."""
 
     def act(at: Endpoint, out: Output, device: DeviceName = "") -> None:
         from orientd.cli.urgent import tell
@@ -28,7 +28,7 @@ def _of_all(name: str, told: str) -> Callable[..., None]:
 
 
 def _of_one(name: str, told: str) -> Callable[..., None]:
-    """Return the command that has a device do what the client's method of that name says."""
+    """Return the command that calls the client's method of that name."""
 
     def act(to: Commander, out: Output) -> None:
         _command(name, to, out, lambda robot: getattr(robot, name)(to.device))

@@ -1,4 +1,4 @@
-"""`orientd doctor`: what stands in the way of real time, on this machine and at its devices."""
+"""`orientd doctor`: obstacles to real time, on this machine and at its devices."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from orientd.config import DeviceSettings, Settings
 
 SLOW_LATENCY = 0.02
-"""Seconds behind its setpoints from which a device is said to be slow."""
+"""Lag behind the setpoints above which a device counts as slow, s."""
 
 
 def doctor(
@@ -41,8 +41,8 @@ def doctor(
 ) -> None:
     """Check whether this machine is fit for real time.
 
-    It also says how to mend what is not.  The measurement takes two seconds for the machine.
-    Nothing moves without --latency.  The exit status is 1 if there is a problem.
+    It also suggests fixes.  The measurement of the machine takes two seconds.  Nothing moves
+    without --latency.  The exit status is 1 if there is a problem.
     """
     from orientd.cli.machine import findings
 
@@ -79,7 +79,7 @@ def _settings(config: Path | None, latency: str) -> Settings | None:
 
 
 def device_findings(device: DeviceSettings) -> list[Finding]:
-    """Return what the driver of *device* sees of it, in the environment that it runs in.
+    """Return the findings of *device*'s driver, in its own environment.
 
     Raises:
         ConfigError: the driver is not installed or refuses its options.
@@ -110,7 +110,7 @@ def device_findings(device: DeviceSettings) -> list[Finding]:
 
 
 def latency_finding(device: DeviceSettings) -> Finding:
-    """Move *device* a little and say how far it is behind."""
+    """Move *device* a little and report its lag."""
     from orientd.daemon import measure_latency
 
     name = f"{device.name}: latency"

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 fleet = Group(name="fleet", help="See, stop and move several daemons, over Zenoh.")
 
 STOP_PRIORITY = 10
-"""Of SCHED_FIFO, if the command may have it: other programs can wait for a stop."""
+"""SCHED_FIFO priority, if permitted: a stop comes before other programs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,10 +140,10 @@ def view(
     no_open: NoOpen = False,
     dark: Dark = False,
 ) -> None:
-    """Show all devices of the cell beside each other in the browser, until Ctrl-C or SIGTERM.
+    """Show all devices of the cell side by side in the browser, until Ctrl-C or SIGTERM.
 
-    Prints one line beginning "ready" with the address.  Anybody who can open the page can stop all
-    devices.
+    Prints one line beginning "ready" with the address.  Every user who can open the page can stop
+    all devices.
     """
     need_extra("view")
     from orientd.fleet import Overview
@@ -210,7 +210,7 @@ def move(
 
 
 def tell_together(together: Together, out: Output) -> None:
-    """Print how motions went that started together.
+    """Print the results of motions that started together.
 
     Raises:
         OrientdError: one of them did not end as requested.
@@ -275,7 +275,7 @@ def router(
         bool, Option("--print", help="Print the configuration for `zenohd`, and end.")
     ] = False,
 ) -> None:
-    """Be a router of a cell until Ctrl-C: connect networks, and refuse everybody without a role.
+    """Run a router of a cell until Ctrl-C: connect networks, and refuse clients without a role.
 
     Prints one line beginning "ready" once others can connect.
     """

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 MotionFile = Annotated[Path, Argument(metavar="FILE", help="A motion file, YAML or JSON.")]
 
 LATEST_START = 3600.0
-"""Seconds ahead of now up to which the daemon takes a start time."""
+"""How far ahead the daemon accepts a start time, s."""
 
 CANCEL_TIMEOUT = 15.0
-"""Seconds in which a motion that was cancelled comes to rest."""
+"""Time for a cancelled motion to come to rest, s."""
 
 
 def plan(
@@ -47,9 +47,9 @@ def plan(
     """Plan the motion of FILE without a daemon.
 
     The device is assumed to stand at the first keyframe.  An arm stands where its options say, or
-    with --from-robot where the arm itself says.
-    Rate and limits are those of the device in the configuration.  The samples are the setpoints
-    that its servo would send, along the path that its axes can follow.
+    with --from-robot where the arm itself says. Rate and limits are those of the device in the
+    configuration.  The samples are the setpoints that its servo would send, along the path that its
+    axes can follow.
     """
     from orientd import motion_file
     from orientd.cli import sample_files, texts
@@ -151,7 +151,7 @@ def move(
 
 
 def _gate(text: str) -> pb.OnTarget:
-    """Return the gate that ``DEG,DEG/S,S[,S]`` stands for."""
+    """Return the gate in ``DEG,DEG/S,S[,S]``."""
     from orientd.protocol import control_pb2 as pb
 
     try:
@@ -202,7 +202,7 @@ def follow(
 def conclude(
     handle: MoveHandle | EndlessTurn, summary: pb.MoveSummary, out: Output, **more: object
 ) -> None:
-    """Say how a motion went, with *more* for programs.
+    """Print the result of a motion, with *more* for programs.
 
     Raises:
         OrientdError: it was not run to its end.
@@ -216,7 +216,7 @@ def conclude(
 
 
 def raise_unless_done(summary: pb.MoveSummary) -> None:
-    """Raise what makes a command fail after a motion that was not run to its end."""
+    """Raise the error of a command whose motion was not run to its end."""
     from orientd.cli import texts
     from orientd.protocol import GOOD_OUTCOMES
 

@@ -1,4 +1,4 @@
-"""Pictures: of the curve of a motion file, of a family, of a figure of the papers."""
+"""Pictures: of the curve of a motion file, of a method, of a figure of the papers."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from orientd.cli.parameters import Argument, Option
 from orientd.errors import OrientdError, RequestError
 
 Show = Literal["motion", "triads", "rates", "body"]
-"""What of a motion file is drawn."""
+"""The part of a motion file to draw."""
 
 RECORDINGS = (".mcap", ".csv", ".tum", ".txt", ".db3")
-"""Endings of files that are no motion files."""
+"""Suffixes of files that are no motion files."""
 
 
 def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Return the families and figures that a shell may complete."""
+    """Return the methods and figures that a shell may complete."""
     del context, parameter
     from orientd.curves import METHODS
     from orientd.plots import FIGURES
@@ -102,7 +102,7 @@ def _list(out: Output) -> None:
 def _draw_recording(
     file: Path, path: Path, device: str, topic: str, *, partial: bool
 ) -> tuple[str, ...]:
-    """Draw a recording, ours or somebody else's, and return what there is to say of it."""
+    """Draw a recording of orientd or of another program, and return notes on it."""
     from orientd import plots
 
     need_extra("record")

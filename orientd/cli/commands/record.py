@@ -1,4 +1,4 @@
-"""Recordings: make one, turn it into a table."""
+"""Recordings: record, and convert to a table."""
 
 from __future__ import annotations
 
@@ -64,17 +64,17 @@ def record(
 
 
 def tell_scalars(out: Output, *, is_given: bool) -> None:
-    """Say that the option ``--scalars`` of earlier versions does nothing any more."""
+    """Report that the option ``--scalars`` of earlier versions has no effect any more."""
     if is_given:
         out.say("note: --scalars does nothing any more: /DEVICE/cycles holds plain numbers")
 
 
 def check_output(file: Path, seconds: float | None) -> None:
-    """Check that a recording can be written to *file*, for so long.
+    """Check that a recording of this duration can be written to *file*.
 
     Raises:
-        click.BadParameter: the name, or the time, is none.
-        OrientdError: it is there already, or what it takes is not installed.
+        click.BadParameter: the name, or the time, is not valid.
+        OrientdError: it exists already, or a package for it is not installed.
     """
     if seconds is not None and not 0.0 < seconds < threading.TIMEOUT_MAX:
         raise click.BadParameter(f"expected more than 0, got {seconds:g}", param_hint="--seconds")
@@ -86,7 +86,7 @@ def check_output(file: Path, seconds: float | None) -> None:
 
 @contextlib.contextmanager
 def ending(session: LiveRecording, seconds: float | None) -> Iterator[None]:
-    """End a recording after so many seconds, or at Ctrl-C or SIGTERM."""
+    """End a recording after a number of seconds, or at Ctrl-C or SIGTERM."""
     before = {
         number: signal.signal(number, lambda *_: session.end())
         for number in (signal.SIGINT, signal.SIGTERM)
@@ -105,7 +105,7 @@ def ending(session: LiveRecording, seconds: float | None) -> Iterator[None]:
 
 
 def tell(session: LiveRecording, file: Path, out: Output) -> None:
-    """Say what was recorded to *file*."""
+    """Print what was recorded to *file*."""
     size = file.stat().st_size
     figures = {"cycles": session.cycles, "lost": session.lost, "events": session.events}
     lines = [

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 Pace = Literal["recorded", "minimum"]
-"""How fast a recording is repeated."""
+"""Speed of a replay."""
 
 
 def replay(
@@ -114,7 +114,7 @@ def replay(
 
 
 def _figures(topic: str, fit: Fit, notes: tuple[str, ...]) -> dict[str, Any]:
-    """Return how well a recording was fitted."""
+    """Return the quality of the fit."""
     count, left_out = len(fit.samples.times), fit.samples.left_out
     lost = f"more than half of the samples are left out: {left_out} of {left_out + count}"
     return {
@@ -132,7 +132,7 @@ def _figures(topic: str, fit: Fit, notes: tuple[str, ...]) -> dict[str, Any]:
 def _planned(
     fit: Fit, pace: Pace, plan: Callable[[MotionRequest], Any], output: Path | None
 ) -> tuple[Any, float]:
-    """Plan the replay, and write the motion file of it; return the plan and how much it is slower.
+    """Plan the replay, and write its motion file; return the plan and its factor of the duration.
 
     Raises:
         OrientdError: it cannot be planned, or the file cannot be written.

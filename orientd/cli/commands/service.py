@@ -18,19 +18,19 @@ service = Group(name="service", help="Run the daemon as a service of systemd.")
 NAME = "orientd.service"
 
 UNITS = Path(__file__).parents[1] / "units"
-"""The units, with braces around what depends on the machine."""
+"""The units, with braces around machine-dependent parts."""
 
 NOBODY = 65534
-"""Stands for a user who is yet to be made: one who owns nothing."""
+"""Stands for a user who does not exist yet and owns nothing."""
 
 
 def unit(*, python: str, config: Path, user: str | None) -> str:
     """Return the unit, of the system for *user*, or of the user if that is ``None``.
 
     Args:
-        python: the interpreter that orientd is installed for.
+        python: the interpreter of orientd's installation.
         config: the configuration.
-        user: as whom the daemon runs.
+        user: the user of the daemon.
     """
     template = UNITS / ("user.service" if user is None else "system.service")
     return template.read_text(encoding="utf-8").format(
@@ -50,7 +50,7 @@ def install(
     ] = "orientd",
     only_print: Annotated[bool, Option("--print", help="Print the unit; write nothing.")] = False,
 ) -> None:
-    """Write a hardened unit, and say how to start it.  Starts nothing itself."""
+    """Write a hardened unit, and print how to start it.  Starts nothing itself."""
     from orientd import config as configuration
 
     configuration.load(config)
@@ -72,12 +72,12 @@ def install(
 
 
 def check_runs(python: str, config: Path, user: str) -> None:
-    """Try whether *user*, or anybody where there is none yet, can run orientd with *config*.
+    """Check that *user*, or any user if it does not exist yet, can run orientd with *config*.
 
     Args:
-        python: the interpreter that orientd is installed for.
+        python: the interpreter of orientd's installation.
         config: the configuration.
-        user: as whom the daemon is to run.
+        user: the user of the daemon.
 
     Raises:
         ConfigError: they cannot.

@@ -14,7 +14,7 @@ from orientd.cli.parameters import Group, Option, part_of
 from orientd.errors import DaemonError
 
 _CARRIED = Path(__file__).parents[2] / "emulators"
-"""Where a wheel of orientd carries the emulators, for those who have not installed them."""
+"""Location of the emulators in a wheel of orientd."""
 
 
 def _emulator(name: str) -> ModuleType:

@@ -1,4 +1,4 @@
-"""`orientd teach`: move a device by hand and take its poses as the keyframes of a motion."""
+"""`orientd teach`: move a device by hand and record its poses as the keyframes of a motion."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 ENDINGS = (".yaml", ".yml", ".json")
 
 _REFRESH = 0.1
-"""How often the pose is shown anew, s."""
+"""Interval between two displays of the pose, s."""
 
 _KEYS = {" ": "take", "\n": "take", "\r": "take", "\x7f": "remove", "\b": "remove", "x": "remove",
          "n": "name", "q": "end", "\x04": "end"}  # fmt: skip
@@ -50,11 +50,10 @@ def teach(
     """Teach a motion file by moving a device by hand.
 
     An arm is in freedrive meanwhile.  A gimbal has no torque: hold it.  At the end the device holds
-    its pose, and follows setpoints again if it did before.
-    Keys: space takes the pose, with the time since the first; backspace removes the last keyframe,
-    n names it, q ends.  SIGUSR1 takes the pose, too.
-    Without a terminal each line of standard input is `take`, `take NAME`, `remove`, `name NAME` or
-    `end`.
+    its pose, and follows setpoints again if it did before. Keys: space takes the pose, with the
+    time since the first; backspace removes the last keyframe, n names it, q ends.  SIGUSR1 takes
+    the pose, too. Without a terminal each line of standard input is `take`, `take NAME`, `remove`,
+    `name NAME` or `end`.
     """
     check_ending(file, ENDINGS, named="OUT.yaml")
     if file.exists():
@@ -63,20 +62,20 @@ def teach(
     with at.connect("teach") as robot:
         if not watch:
             robot.acquire_lease(device)
-        # From here on a signal is an order, and whatever happens the device is held again.
+        # From here on a signal is a command, and in any case the device holds again at the end.
         with _Orders() as orders, robot.teach(device=device, by_hand=not watch) as teaching:
             out.say(f"{teaching.device}: {'watched' if watch else 'can be moved by hand'}")
             out.say(*([_HELP] if orders.is_terminal else ()))
             _follow(teaching, orders, file, name, out)
-            # Told before the device holds again: whether or not it does, the file is there.
+            # Reported before the device holds again: the file exists in any case.
             _conclude(teaching, file, name, out)
 
 
 def _conclude(teaching: Teaching, file: Path, name: str, out: Output) -> None:
-    """Write what was taken, and say so.
+    """Write the recorded keyframes, and report it.
 
     Raises:
-        OrientdError: nothing was.
+        OrientdError: there are none.
     """
     if not teaching.keyframes:
         file.unlink(missing_ok=True)
@@ -90,7 +89,7 @@ def _conclude(teaching: Teaching, file: Path, name: str, out: Output) -> None:
 
 
 def _follow(teaching: Teaching, orders: _Orders, file: Path, name: str, out: Output) -> None:
-    """Do as is told, until that is to end; what was taken is in the file after every order."""
+    """Execute commands until the end; after each, the file has all keyframes."""
     while True:
         order = orders.next(_REFRESH)
         if order is None:
@@ -112,10 +111,10 @@ def _follow(teaching: Teaching, orders: _Orders, file: Path, name: str, out: Out
 
 
 def _obey(teaching: Teaching, verb: str, text: str) -> str:
-    """Carry out one order and return what to say of it.
+    """Execute one command and return its message.
 
     Raises:
-        ValueError: it is none.
+        ValueError: it is not a command.
     """
     if verb == "take":
         return _told(len(teaching.keyframes), teaching.take(text))
@@ -157,7 +156,7 @@ def _show(line: str) -> None:
 
 
 class _Orders:
-    """What is to be done next: keys of a terminal, lines of a pipe, signals."""
+    """The next commands: keys of a terminal, lines of a pipe, signals."""
 
     def __init__(self) -> None:
         self.is_terminal = sys.stdin.isatty() and sys.stdout.isatty()
@@ -167,11 +166,11 @@ class _Orders:
 
     def __enter__(self) -> _Orders:
         if self.is_terminal:
-            # Every key is handed over at once, and none is shown.
+            # The terminal passes on every key at once, and shows none.
             self._cleanup.enter_context(_terminal_as_before())
             tty.setcbreak(sys.stdin)
         handlers = {signal.SIGUSR1: "take", signal.SIGINT: "end", signal.SIGTERM: "end"}
-        # A signal wakes who waits in select, too.
+        # A signal also wakes a process that waits in select.
         read, write = os.pipe()
         os.set_blocking(write, False)
         self._wake = read
@@ -187,7 +186,7 @@ class _Orders:
         self._cleanup.close()
 
     def next(self, seconds: float) -> str | None:
-        """Return the next order; ``None`` where there was none for so long."""
+        """Return the next command; ``None`` after a time without one."""
         if not self._orders:
             ready, _, _ = select.select([sys.stdin.fileno(), self._wake], [], [], seconds)
             if self._wake in ready:
@@ -197,11 +196,11 @@ class _Orders:
         return self._orders.pop(0) if self._orders else None
 
     def ask(self, prompt: str) -> str:
-        """Return a line that is typed in; empty where there is no terminal."""
+        """Return a typed line; empty without a terminal."""
         if not self.is_terminal:
             return ""
         with _terminal_as_before() as settings:
-            # Lines again, which are shown as they are typed.
+            # Line mode again, with echo.
             settings[3] |= termios.ICANON | termios.ECHO
             termios.tcsetattr(sys.stdin, termios.TCSADRAIN, settings)
             sys.stdout.write(f"{_CLEAR}{prompt}")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from orientd.protocol.control_pb2 import TrackTarget
 
 _NAMED = 10
-"""Bad lines that are named, at most."""
+"""Most bad lines that are reported."""
 
 
 def track(
@@ -31,9 +31,9 @@ def track(
 ) -> None:
     """Follow targets that arrive on standard input.
 
-    Each line is one JSON object.  The device comes to rest at the end of input.
-    A target has an orientation as in a motion file, and may have `angular_velocity` (rad/s) with
-    `velocity_frame`, `position` (m), `time_ns` (monotonic clock) and `time_to_live` (s):
+    Each line is one JSON object.  The device comes to rest at the end of input. A target has an
+    orientation as in a motion file, and may have `angular_velocity` (rad/s) with `velocity_frame`,
+    `position` (m), `time_ns` (monotonic clock) and `time_to_live` (s):
 
     {"rotation_vector": [0, 0, 0.3], "angular_velocity": [0, 0, 1], "time_to_live": 0.2}
 
@@ -62,21 +62,21 @@ def track(
 
 
 class _Lines:
-    """Targets from lines; a bad one is named once, counted and left out.
+    """Targets from lines; a bad line is reported once, counted and skipped.
 
     Attributes:
-        bad: lines that were no targets.
-        last: what was wrong with the last of them.
+        bad: number of lines that were no targets.
+        last: the problem of the last of them.
     """
 
     def __init__(self, time_to_live: float) -> None:
-        """Let a target count for *time_to_live* seconds that does not say so itself."""
+        """Set the default time to live of targets, in seconds."""
         self.bad = 0
         self.last = ""
         self._time_to_live = time_to_live
 
     def targets(self, lines: Iterable[bytes]) -> Iterator[TrackTarget]:
-        """Yield the target of every line that is one."""
+        """Yield the target of every valid line."""
         for number, line in enumerate(lines, 1):
             if not line.strip():
                 continue
@@ -93,7 +93,7 @@ class _Lines:
         """Return the target of a line.
 
         Raises:
-            ValueError: it is none.
+            ValueError: it is no target.
         """
         from orientd.client import TARGET_KEYS, target_message
         from orientd.protocol import target_from_message
@@ -106,7 +106,7 @@ class _Lines:
             raise ValueError(f"expected a JSON object, got {one_line(repr(mapping), 60)}")
         options = {key: mapping.pop(key) for key in TARGET_KEYS if key in mapping}
         message = target_message(mapping, **{"time_to_live": self._time_to_live, **options})
-        # The daemon's checks, but for how far ahead it is of the daemon's clock.
+        # The daemon's checks, except how far a target is ahead of the daemon's clock.
         target_from_message(message, message.time_ns)
         return message
 

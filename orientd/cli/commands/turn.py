@@ -1,4 +1,4 @@
-"""Commands that turn a device by themselves: home, and at a constant rate."""
+"""Commands that turn a device: home, and at a constant rate."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ def turn(
         Option("--frame", help="Frame of the axis: the tool's or the world's."),
     ] = "body",
 ) -> None:
-    """Turn at a constant rate, from rest to rest, as a turntable does.
+    """Turn at a constant rate, from rest to rest, like a turntable.
 
-    The turn begins at the present orientation.  Ctrl-C stops it on its path.  Without a duration
-    it goes on until a stop, or until an axis of a gimbal comes near the end of its range.
+    The turn begins at the present orientation.  Ctrl-C stops it on its path.  Without a duration it
+    continues until a stop, or until an axis of a gimbal comes near the end of its range.
     """
     omega = [rate if letter == axis else 0.0 for letter in "xyz"]
 

@@ -1,4 +1,4 @@
-"""`orientd view`: what a device was told and what it does, live in a browser."""
+"""`orientd view`: commanded and measured motion of devices, live in a browser."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def view(
 ) -> None:
     """Show a daemon's devices in the browser, until Ctrl-C or SIGTERM.
 
-    Prints a line that begins with "ready" and has the address.  Anybody who can open the page can
-    stop devices; taking the lease there allows moving them.
+    Prints a line that begins with "ready" and has the address.  Every user who can open the page
+    can stop devices.  Taking the lease there allows moving them.
     """
     need_extra("view")
     from orientd.viewer import View, is_loopback
@@ -61,11 +61,11 @@ def view(
 
 
 def serve_page(page: View | CellView, host: str, *, no_open: bool, out: Output) -> None:
-    """Serve a page until Ctrl-C or SIGTERM, and open it in a browser where there is one."""
+    """Serve a page until Ctrl-C or SIGTERM, and open it in a browser if there is one."""
     url = f"http://{f'[{host}]' if ':' in host else host}:{page.port}"
     with contextlib.suppress(KeyboardInterrupt):
         out.answer({"ready": True, "url": url}, f"ready at {url}")
-        # Without a display, a browser of the terminal would take the terminal.
+        # Without a display, a browser of the terminal would take over the terminal.
         if not no_open and {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
             webbrowser.open(url)
         page.run(threading.Event())
