@@ -142,7 +142,7 @@ def _described(error: Any) -> dict[str, Any]:  # noqa: ANN401 - Click's class is
         return described
     if isinstance(error, click.ClickException):
         return {"kind": "UsageError", "message": _usage(error)}
-    if isinstance(error, OSError):  # of a name that no file can have, if nobody else has looked
+    if isinstance(error, OSError):  # of an invalid file name, if it was not checked before
         what = f"{one_line(str(error.filename), 100)}: " if error.filename else ""
         return {"kind": "OrientdError", "message": f"{what}{error.strerror or error}"}
     if isinstance(error, MemoryError):

@@ -65,7 +65,7 @@ def batch(
                 _show(run, now - began, out)
     except KeyboardInterrupt:
         raise OrientdError(
-            f"interrupted with {run.done:,} requests done; the same command goes on from there"
+            f"interrupted with {run.done:,} requests done; run the same command to continue"
         ) from None
     if is_terminal():
         out.say("")

@@ -68,4 +68,4 @@ def _run(
         summary = follow(handle, out, title=name, lines=handle.plan.certificate.notes)
     conclude(handle, summary, out)
     if problem := getattr(handle, "problem", ""):
-        raise OrientdError(f"the turn could not go on: {problem}")
+        raise OrientdError(f"the turn could not continue: {problem}")
