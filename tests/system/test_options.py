@@ -88,10 +88,11 @@ def test_a_queued_motion_is_blended_by_at_most_what_is_given(daemon, tmp_path):
     keyframes = [{"rotation_vector": [0, 0, 1.5]}, {"rotation_vector": [0.6, 0, 1.5]}]
     on.write_text(json.dumps({"keyframes": keyframes, "approach": True}))
     with begin("move", there, "--socket", daemon.socket, "--json", env=environment()) as first:
-        until(lambda: daemon.device().path_time > 0.3, "the first motion")
+        until(lambda: daemon.device().state == pb.STATE_STREAMING, "the first motion")
         words = ("--queue", "--blend", "5", "--lease", "--socket", daemon.socket)
         assert told("move", on, *words)["summary"]["outcome"] == "done"
-        output, _ = first.communicate(timeout=30)
+        output, errors = first.communicate(timeout=30)
+    assert first.returncode == 0, errors
     assert json.loads(output)["summary"]["outcome"] == "passed"
     corner = exp([0.0, 0.0, 1.5])
     assert 1e-3 < angle(daemon.sent()[begun:], corner).min() <= np.radians(5.0) + 1e-9
