@@ -128,7 +128,7 @@ class Client:
             motion.end_velocity.CopyFrom(self._vector(0.4))
             motion.velocity_frame = pb.FRAME_BODY
         if random.random() < 0.4:
-            motion.limits.velocity = random.choice((0.05, 0.2, 1.0, 2.5))
+            motion.limits.velocity = random.choice((0.05, 0.1, 0.2, 1.0, 2.5))
         return motion
 
     def _keyframe(self):
@@ -420,6 +420,8 @@ class Weather:
         )  # fmt: skip
         while not self.is_over:
             self.system.scheduler.sleep(self.random.expovariate(1.0 / self.every))
+            if self.random.random() < 0.7:
+                self.await_motion()
             kind = self.random.choice(kinds)
             self.system.counts[kind] += 1
             if kind in HARMLESS:
@@ -428,6 +430,13 @@ class Weather:
             self.system.trouble = kind
             getattr(self, kind)()
             self.system.trouble, self.system.trouble_ns = "", self.system.scheduler.now_ns
+
+    def await_motion(self):
+        """Wait until something moves, for a while at the most."""
+        for _ in range(100):
+            if self.system.is_moving:
+                return
+            self.system.scheduler.sleep(0.1)
 
     def last(self, *longest):
         seconds = self.random.choice((0.005, 0.05, 0.3, 1.2, *(longest or (3.0,))))
@@ -467,7 +476,7 @@ class Weather:
         system, daemon = self.system, self.system.daemon
         daemon.was_frozen = True
         system.scheduler.freeze(daemon.group)
-        if self.last(*[AT_REST + 1.0] * 3) > AT_REST and system.is_moving:
+        if self.last(*[AT_REST + 1.0] * 8) > AT_REST and system.is_moving:
             system.tell("the device moves though its daemon stands still")
         system.scheduler.thaw(daemon.group)
         system.scheduler.sleep(0.1)
