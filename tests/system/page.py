@@ -47,6 +47,16 @@ class Page:
         self.until(lambda page: page.says(text), text)
 
     @property
+    def enabled(self):
+        """The controls that can be used now."""
+        return set(self.told["control"]["enabled"])
+
+    @property
+    def shown(self):
+        """The controls that are there only at times."""
+        return set(self.told["control"]["shown"])
+
+    @property
     def taken(self):
         """The keyframes that were taken by hand, as the page lists them."""
         return self.told["control"]["labels"]["taken"]

@@ -181,6 +181,42 @@ def test_pause_speed_and_resume_need_the_lease(daemon, page):
     page.await_line("Lease free")
 
 
+def test_buttons_can_be_pressed_if_the_state_allows_what_they_do(daemon, page):
+    page.await_line("Lease free")
+    page.ask("discard")
+    page.until(lambda page: not page.shown, "nothing to discard")
+    assert page.enabled == {"lease", "file"}
+    assert page.told["control"]["labels"]["lease"] == "Take the lease"
+    page.ask("lease")
+    page.await_line("held by this view")
+    assert page.enabled == {"lease", "file", "speed", "hand"}
+    assert page.told["control"]["labels"]["lease"] == "Give the lease back"
+    page.ask("file", name="turn.yaml", content=TURN + "duration: 30\n")
+    page.await_line("Not sent yet")
+    assert (page.enabled, page.shown) == (
+        {"lease", "file", "speed", "hand", "send"},
+        {"send", "discard"},
+    )
+    page.ask("send")
+    page.await_line("Moving")
+    assert page.enabled == {"lease", "file", "speed", "pause"}
+    assert page.told["control"]["labels"]["pause"] == "Ⅱ Pause"
+    page.ask("pause")
+    page.await_line("Paused")
+    assert page.told["control"]["labels"]["pause"] == "▶ Resume"
+    page.ask("speed", percent=70)
+    page.until(lambda page: page.told["control"]["speed"] == 70, "the speed on the page")
+    page.ask("stop")
+    page.await_line("was stopped on its path")
+    page.ask("speed", percent=100)
+    page.until(lambda page: page.told["control"]["speed"] == 100, "the speed on the page")
+    page.ask("lease")
+    page.await_line("Lease free")
+    assert page.shown == {"discard"}
+    page.ask("discard")
+    page.until(lambda page: not page.shown, "nothing to discard")
+
+
 def test_the_lease_is_given_back_once_no_page_is_open(daemon, view):
     with page_at(view.address) as page:
         page.ask("lease")
