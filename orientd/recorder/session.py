@@ -108,6 +108,7 @@ class DaemonRecorder:
         for device in self._devices:
             writer.add_device(self._prefix + device.name, device.rate_hz)
         writer.add_configuration(configuration.json, {}, prefix=self._prefix)
+        writer.flush()
         with ThreadPoolExecutor(len(self._devices) + 1) as pool:
             work = [pool.submit(self._record_events, writer, recording)]
             work += [

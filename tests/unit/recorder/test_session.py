@@ -91,6 +91,22 @@ def test_every_batch_event_and_state_is_in_the_file(tmp_path):
     assert state.devices[0].name == "arm"
 
 
+def test_a_file_says_whose_it_is_before_anything_has_happened(tmp_path):
+    path, sizes = tmp_path / "a.mcap", []
+    daemon = Daemon({})
+    live = LiveRecording(path)
+    end_when_served(daemon, live, 2)
+
+    def look():
+        sizes.append(len(path.read_bytes()))
+        assert b"clock_offset_ns" in path.read_bytes()
+
+    with RecordingWriter(path, offset_ns=OFFSET_NS) as writer:
+        recorder = DaemonRecorder(daemon, ["arm"])
+        recorder.run(writer, daemon.configuration(), live, on_state=look)
+    assert len(sizes) == 1
+
+
 def test_only_the_devices_that_are_named_are_recorded(tmp_path):
     daemon = Daemon({"arm": [(moving(5), 0)], "leg": [(moving(5), 0)]}, events())
     session = RecordingSession(daemon, tmp_path / "a.mcap", ["leg"])
