@@ -43,7 +43,7 @@ class PlayTiming:
         largest_seam: largest angle by which a chunk contradicted the one before, rad.
         behind: angle from the newest setpoint to the poses, rad: what the limits cut off.
         largest_behind: the largest that it has been, rad.
-        inference: longest time from the first pose of a chunk to its handing over, s.
+        inference: longest time from the first pose of a chunk until it is handed over, s.
         longest_inference: how long that may be before the poses run out, s; infinite before the
             second chunk.
     """
@@ -63,7 +63,7 @@ class PlayTiming:
 class Playing(Tracking):
     """A device that plays chunks of poses.
 
-    A context manager: its end waits until the poses have been played, unless an exception ends it.
+    A context manager: leaving it waits until the poses have been played, except after an exception.
     """
 
     _last_ns = 0
@@ -81,7 +81,7 @@ class Playing(Tracking):
         angular_velocities: ArrayLike | None = None,
         velocity_frame: Frame = "body",
     ) -> None:
-        """Hand a chunk of poses over; returns at once.
+        """Hand over a chunk of poses, and return at once.
 
         It replaces everything at and after its first pose that is still to come.  Poses that are
         late by then are left out, and so is a pose that is not finite or not of unit norm.
@@ -91,17 +91,17 @@ class Playing(Tracking):
                 ``Rotation`` of SciPy with as many rotations.  A mapping may have a ``position``.
             rate: poses a second.
             start: when the first pose is due, s, on the clock of :func:`time.monotonic` of the
-                daemon's machine; ``None`` for a period of *rate* from now.
+                daemon's machine; ``None`` for one period of *rate* from now.
             times: when each pose is due, s, on that clock; in place of *rate* and *start*.
             positions: where the device is at each pose, shape ``(n, 3)``, m; ``None`` for those of
                 the mappings, or for a position that comes to rest.
-            angular_velocities: at each pose, shape ``(n, 3)``, rad/s; ``None`` for those that the
-                poses tell.
+            angular_velocities: at each pose, shape ``(n, 3)``, rad/s; ``None`` to
+                derive them from the poses.
             velocity_frame: the frame of these.
 
         Raises:
             RequestError: the chunk is not well formed.
-            OrientdError: the device plays no more.
+            OrientdError: the device no longer plays.
         """
         if velocity_frame not in get_args(Frame):
             raise RequestError(
@@ -150,7 +150,7 @@ class Playing(Tracking):
             timeout: how long to wait at most, s; ``None`` for as long as it takes.
 
         Raises:
-            OrientdError: the device plays no more.
+            OrientdError: the device no longer plays.
         """
         give_up = math.inf if timeout is None else time.monotonic() + timeout
         while not self._has_played():

@@ -240,7 +240,7 @@ class Robot:
         return self._command(self._stub.Resume, device)
 
     def set_speed(self, speed: float, device: str = "") -> pb.DeviceReport:
-        """Run motions at *speed*, above 0 and at most 1 as planned, now and from now on."""
+        """Run motions at *speed* from now on: above 0, and at most 1, which is as planned."""
         return self._command(self._stub.SetSpeed, device, pb.SetSpeedRequest, speed=speed)
 
     def enable(self, device: str = "") -> pb.DeviceReport:
@@ -400,8 +400,8 @@ class Robot:
             device: name of the device.
             progress_rate_hz: reports a second, 0.1 to 100.
             queue: whether to follow the running motion rather than replace it.
-            blend_tolerance: for a queued motion, largest distance from the corner to the previous
-                motion, rad, so that the device need not stop there.
+            blend_tolerance: for a queued motion, largest angle by which the device may cut the
+                corner to it, rad, so that it need not stop there.
             start_time: start in seconds since the epoch, as of :func:`time.time`; motions with the
                 same start time stay in step.
             on_target: required measurement for the motion to count as done.

@@ -105,7 +105,7 @@ class Tracking:
         """Hold the clutch: a hand moves the device from where it is now; see :class:`Clutch`.
 
         Args:
-            scale: turn and way of the device for those of the hand.
+            scale: how far the device turns and moves, relative to the hand.
             frame: the axes about which the device turns as the hand does: those of the world, or
                 each of its own body.
             time_to_live: how long a pose of the hand counts, s.  Then the device comes to rest, so
