@@ -30,7 +30,7 @@ def read_bounded(path: Path, most_bytes: int) -> bytes:
         OSError: it cannot be read, holds more than *most_bytes*, is neither file nor pipe, or is a
             pipe that says nothing for :data:`SILENCE`; ``strerror`` says which.
     """
-    # Without waiting: to open a pipe that nobody writes to would take for ever.
+    # Without waiting: opening a pipe without a writer would take for ever.
     descriptor = os.open(path, _READING)
     try:
         found = os.fstat(descriptor)

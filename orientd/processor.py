@@ -18,7 +18,7 @@ LEVELS = {
     "x86-64-v3": ("abm", "avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "movbe"),
     "x86-64-v4": ("avx512bw", "avx512cd", "avx512dq", "avx512f", "avx512vl"),
 }
-"""What a processor must say of itself for each level, beside what the narrower ones ask for."""
+"""Processor flags for each level, in addition to those of the narrower levels."""
 
 FORCED = "ORIENTD_LEVEL"
 """The environment variable that names a level to run in place of the widest one."""
@@ -63,7 +63,7 @@ def library() -> Path:
     """Return the library of kernels for this machine.
 
     Raises:
-        KernelsError: there is none, or it was built from other sources than those beside it.
+        KernelsError: there is none, or it was built from other sources than the present ones.
     """
     found = KERNELS / level() / LIBRARY
     mend = f"run `python {BUILD}`" if SOURCES.is_dir() else "install orientd again"
@@ -86,7 +86,7 @@ def digest() -> str:
 
 
 def _lacking(level: str) -> list[str]:
-    """Return what the processor does not have of what *level* and the narrower ones ask for."""
+    """Return the missing processor flags of *level* and the narrower levels."""
     names = list(LEVELS)
     needed = names[: names.index(level) + 1] if level in LEVELS else []
     flags = _flags() if needed else set()
@@ -94,7 +94,7 @@ def _lacking(level: str) -> list[str]:
 
 
 def _flags() -> set[str]:
-    """Return what the processor says of itself; the least there is where nothing can be read."""
+    """Return the flags of the processor; the minimum if they cannot be read."""
     try:
         for line in Path("/proc/cpuinfo").read_text(errors="replace").splitlines():
             if line.startswith("flags"):

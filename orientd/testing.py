@@ -63,7 +63,7 @@ _TURN = 0.02
 
 
 class DriverConformance(ABC):
-    """What every driver must do.
+    """Tests of the driver contract, to inherit.
 
     Attributes:
         clock: hand it to the driver.
@@ -355,7 +355,7 @@ class DriverConformance(ABC):
             self.assert_near(start.q, again.q, "it moved after a fault")
 
     def test_it_can_be_let_go_and_enabled_again(self) -> None:
-        """While it can be moved by hand it goes on saying where it is."""
+        """While it can be moved by hand, it still reports its pose."""
         with self.opened() as driver:
             device = self.offering(driver, Freeable)
             driver.enable()
@@ -463,7 +463,7 @@ class DriverConformance(ABC):
                 )
 
     def test_its_mechanism_poses_the_tool_as_it_reports(self) -> None:
-        """What is planned with the mechanism is where the device then is."""
+        """The device reaches the poses that are planned with its mechanism."""
         with self.opened() as driver:
             start = driver.enable()
             mechanism = self.offering(driver, Mechanical).mechanism(may_ask=True)

@@ -23,7 +23,7 @@ LONGEST_LEAD = 1.0
 SPIN_US = 50
 """Spun before a deadline unless a device says otherwise, us: 2.5 % of a core at 500 Hz."""
 FIRST_PHASE = 5 / 16
-"""Phase of the first device: beside whole milliseconds, where the kernel's own timers are."""
+"""Phase of the first device: off whole milliseconds, where the kernel's own timers are."""
 
 
 def _interpreter(path: str) -> str:
@@ -90,14 +90,14 @@ class DeviceSettings(Table):
         name: the key of the table.
         driver: name of the driver.
         python: interpreter of another environment for the servo process, an absolute path.  It is
-            for a driver whose vendor's packages cannot be installed beside orientd.  Nothing of
+            for a driver whose vendor's packages cannot be installed with orientd.  Nothing of
             orientd needs to be installed there.
         rate_hz: cycle rate, Hz; the driver has the default, 100 for a gimbal, else 500.
         auto_enable: whether to enable the device at start and after a reset.
         heartbeat_timeout: the servo stops after this time without a sign of the daemon, s.
         feedback_timeout: feedback older than this is a fault, s.
         stall_timeout: a servo process that did not run for longer than this in motion is a fault,
-            s; after a shorter time the motion goes on from rest.
+            s; after a shorter time the motion resumes from rest.
         phase: start of the cycles within a period of the machine's monotonic clock, from 0 to below
             1.  Without it devices are spread over the period, so that they do not need the
             processor all at once; devices with the same phase have their cycles together.

@@ -56,7 +56,7 @@ class FleetSettings(Table):
             they carry calls.
         address: ``HOST:PORT`` at which others reach the daemon's ``[tcp]``, whose port takes
             their calls; by default ``tcp.listen``.
-        state_hz: rate at which the state is published while anybody listens, Hz.
+        state_hz: rate at which the state is published while a client listens, Hz.
     """
 
     cell: Name

@@ -28,7 +28,7 @@ from orientd.config.table import Positive, SomePath, Table, checked
 
 
 class Role(IntEnum):
-    """What a user may do; each role includes the ones before it."""
+    """Rights of a user; each role includes the ones before it."""
 
     OBSERVER = 1
     """Watch, and stop."""
@@ -102,10 +102,10 @@ class RecorderSettings(Table):
 
 
 class AccessSettings(Table):
-    """The table ``[access]``: roles of users, and limits of what one caller may ask for.
+    """The table ``[access]``: roles of users, and limits of one caller.
 
-    The user that runs the daemon is always an administrator, and so is root.  Nobody else may do
-    anything unless a table here says so.
+    The user that runs the daemon is always an administrator, and so is root.  Others have no
+    rights unless a table here grants them.
 
     Attributes:
         users: roles by name or number of a user, on the Unix socket.
@@ -117,7 +117,7 @@ class AccessSettings(Table):
         message_bytes: size of the largest message; 200,000 keyframes with times take 8 MB.
         keyframes: largest number of keyframes of a motion.
         streams: calls of one identity at the same time; stops and renewals do not count.
-        connections: of one identity at the same time. An idle one gives way to a later one; if all
+        connections: of one identity at the same time. An idle one is closed for a later one; if all
             are busy, as many more may connect, for a stop.
     """
 

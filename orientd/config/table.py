@@ -1,4 +1,4 @@
-"""What every table of the configuration is, and how its values are checked."""
+"""Base class of the tables of the configuration, and checks of their values."""
 
 from __future__ import annotations
 

@@ -20,27 +20,27 @@ MOTION_RECORD = Struct(f"@{PATH_FLOATS + 3}d")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionFacts:
-    """What there is to know of a motion besides its records.
+    """The properties of a motion apart from its records.
 
     Attributes:
-        id: identifies it.
-        name: what people call it; empty where they do not.
-        period: path time from one record to the next, s.
+        id: its identifier.
+        name: its label; empty if it has none.
+        period: path time between two records, s.
         record_count: number of records; the last one is at rest.
-        duration: path time from hold to hold, s.
+        duration: path time from start to finish, s.
         start_time: path time of the first keyframe, s.
         end_time: path time of the last keyframe, s.
-        last_passed: path time of the last keyframe before that one; 0 where there is none.
-        corner: of a motion that is blended with the one before, the path time at which it is
-            nearest to the end of that, s, and how near, rad.
-        limits: what it keeps.
-        brake_rate: share of full speed by which it may be slowed down in a second, 1/s.
-        stop_time: how long a stop on its path from full speed takes at the most, s.
-        omega_start: angular velocity asked for at the first keyframe, body frame, rad/s.
-        omega_end: the same at the last keyframe.
+        last_passed: path time of the keyframe before the last; 0 if there is none.
+        corner: for a motion blended with the previous one, the path time at which it is nearest to
+            the end of that, s, and the distance, rad.
+        limits: the limits that it keeps.
+        brake_rate: share of full speed that it may lose per second, 1/s.
+        stop_time: longest stop on its path from full speed, s.
+        omega_start: requested angular velocity at the first keyframe, body frame, rad/s.
+        omega_end: requested angular velocity at the last keyframe.
         device_options: of the device's driver.
-        first_joints: axis angles it begins at, rad; empty unless it was made for a device's axes.
-        last_joints: axis angles it ends at, rad.
+        first_joints: initial axis angles, rad; empty unless planned for a device's axes.
+        last_joints: final axis angles, rad.
     """
 
     id: str

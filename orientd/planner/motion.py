@@ -171,10 +171,10 @@ class Motion(Drawable):
         )
 
     def recorded(self, first: int = -HISTORY, end: int | None = None) -> RecordedMotion:
-        """Return the motion as its records tell it, those from *first* on at hand, before *end*.
+        """Return the motion in the form of its records, with those from *first* to *end* at hand.
 
-        Three records before record 0 say where the device came from: orientation, position and
-        axis angles of them count.
+        Three records before record 0 hold the previous setpoints of the device.  Only their
+        orientations, positions and axis angles count.
         """
         end = self.record_count if end is None else end
         rows = self.rows(max(first, 0), max(end, 0) - max(first, 0))

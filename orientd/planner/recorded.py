@@ -1,4 +1,4 @@
-"""A motion as its records tell it: all that is needed to leave it and to continue it.
+"""A motion in the form of its records: enough to leave it and to continue it.
 
 Only the planner of a motion can compute its records; all others use the records.  Between two
 records the path is that of the servo (:mod:`orientd.servo.path.segment`).
