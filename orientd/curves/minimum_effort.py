@@ -14,9 +14,9 @@ This system is banded if each multiplier is placed among the increments of its e
 the curvature of residuals and equations.  Near the solution, a step therefore shrinks the error by
 a factor that grows with the turn between keyframes: 0.03 at 45 degrees, 0.15 at 90, 0.5 at 170.
 Anderson's mixing (1965; Walker and Ni, 2011) of the last few steps halves the number of steps for a
-tiny least-squares problem.  Some cases converge only with it.  Far from the solution, a step is
-accepted if it lowers the effort plus the errors of the equations, each weighted more than its
-multiplier (the exact penalty of Han, 1977).
+tiny least-squares problem.  Some cases converge only with it.  Far from the solution, a step must
+lower the effort plus the errors of the equations, each weighted more than its multiplier.  This is
+the exact penalty of Han (1977).
 
 The search begins at a cumulative spline in finer knots.  A cumulative spline is not one over finer
 knots, as it would be in Euclidean space, but close to one.  Its control quaternions are estimated

@@ -39,10 +39,9 @@ class RestsInFault(Protocol):
     def rest_in_fault(self) -> None:
         """Hold the device where it is from now on, whatever setpoints follow.
 
-        Called once a fault has brought everything to rest, before :meth:`.Driver.disable` if that
-        follows at once, and again for every stop during the fault.  :meth:`.Driver.write` may still
-        be
-        called with the held setpoint.  Must neither wait nor raise.
+        Called once a fault has brought everything to rest, and again for every stop during the
+        fault.  If :meth:`.Driver.disable` follows at once, this comes first.  :meth:`.Driver.write`
+        may still be called with the held setpoint.  Must neither wait nor raise.
         """
 
 
@@ -68,8 +67,7 @@ class Parkable(Protocol):
         """Bring the device to where it may be left alone; it may move, and release its load.
 
         Called once, after :meth:`.Driver.disable`, and only at an orderly end.  Not called in a
-        fault,
-        nor if the daemon was lost: the device must then keep holding.  May take some 20 s.
+        fault, nor if the daemon was lost: the device must then keep holding.  May take some 20 s.
         """
 
 

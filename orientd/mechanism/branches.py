@@ -1,9 +1,8 @@
 """Choose branches and whole turns by dynamic programming over the whole path.
 
 The candidates at each sample are both branches with every whole turn inside the limits.  An axis
-can
-turn only so far from sample to sample.  A passage near the pole leads from its first sample to its
-last in one step.  Anything else is a slew, which costs more than any detour.
+can turn only so far from sample to sample.  A passage near the pole leads from its first sample to
+its last in one step.  Anything else is a slew, which costs more than any detour.
 """
 
 from __future__ import annotations
@@ -93,8 +92,7 @@ def continued(principal: Floats, bounds: Bounds, start: Floats) -> Choice:
     """Return the axis angles on the branch and turn of *start*, as far as the axes can follow.
 
     Without passages and slews there is no other solution: the outer axes of the two branches are
-    half
-    a turn apart.
+    half a turn apart.
 
     Args:
         principal: both branches, shape ``(n, 2, axes)``.

@@ -1,8 +1,8 @@
 r"""Gimbals: axis angles to orientation and back, both branches, for floats and for arrays.
 
-A gimbal turns about two or three of the coordinate axes, named from the base to the tool by
-capital letters: ``ZYX`` is yaw, pitch, roll.  Its rotation matrix is
-:math:`R = R_i(a) R_j(b) R_k(c)`.  A two-axis gimbal points the axis that it cannot turn about.
+A gimbal turns about two or three of the coordinate axes, named from the base to the tool by capital
+letters: ``ZYX`` is yaw, pitch, roll.  Its rotation matrix is :math:`R = R_i(a) R_j(b) R_k(c)`.  A
+two-axis gimbal points the axis that it cannot turn about.
 
 The formulas rest on one observation.  Let :math:`d = R e_t` be the direction of the innermost
 axis, or of the pointing axis of a two-axis gimbal.  For a given outer angle *a*, the best *b* and
@@ -217,8 +217,7 @@ class Gimbal(Mechanism):
     """A gimbal of two or three axes, with limits.
 
     The planner chooses branches and turns over the whole path, passes the pole, and stops to slew
-    if
-    that is allowed.  The driver takes joints, because an orientation at the pole does not define
+    if that is allowed.  The driver takes joints, because an orientation at the pole does not define
     them.
 
     Attributes:
@@ -289,8 +288,7 @@ class Gimbal(Mechanism):
         Args:
             q: tool orientation.
             last: axis angles that resolve the pole: of three axes the innermost one stays, of two
-                the
-                outer one.
+                the outer one.
         """
         m = self.kinematics.matrix(q)
         outer = self._outer(m, last)
@@ -335,8 +333,8 @@ class Gimbal(Mechanism):
         """Return two pins and a ring for each axis, from the base inwards, for drawing.
 
         Each ring carries the pins of the next axis, and lies in the plane of its own axis and the
-        next
-        one.  The innermost ring lies in the plane of its own axis and the tool's pointing axis.
+        next one.  The innermost ring lies in the plane of its own axis and the tool's pointing
+        axis.
 
         Args:
             joints: axis angles, rad.

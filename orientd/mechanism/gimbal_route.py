@@ -1,8 +1,7 @@
 """Axis angles of a gimbal for a path of orientations: branches, turns, pole and stops.
 
 The whole path is known in advance.  Branches and turns therefore have the least cost over all of
-it,
-and a passage near the pole has the least deviation that the axes need.  A path that the gimbal
+it, and a passage near the pole has the least deviation that the axes need.  A path that the gimbal
 cannot follow is refused with axis, value and time.
 """
 
@@ -76,10 +75,8 @@ def plan_axes(
     """Return axis angles of a gimbal for a path of orientations.
 
     A gimbal of two axes follows the direction of its pointing axis with any roll.  If the axes
-    cannot
-    follow exactly, the plan first leaves the path by a bounded angle, then stops and changes
-    branch.
-    Running the whole path slower is left to the caller.
+    cannot follow exactly, the plan first leaves the path by a bounded angle, then stops and changes
+    branch. Running the whole path slower is left to the caller.
 
     Args:
         gimbal: the gimbal, with the deviations that it allows.

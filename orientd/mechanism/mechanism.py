@@ -24,8 +24,7 @@ class Reserve(NamedTuple):
         value: the distance; 0 is singular.
         least: least distance on a planned path, same unit.
         least_followed: least distance while targets are followed.  It is larger, because a stop
-            must
-            begin before its end is known.
+            must begin before its end is known.
         unit: of the three.
         advice: how a motion can avoid the singularity.
     """
@@ -79,9 +78,8 @@ class Mechanism(ABC):
         """Return the joints for a pose on the branch and turns nearest to *near*, rad.
 
         The planner calls it for one record after the other, each time with the joints of the
-        previous
-        record.  Override it if continuing is faster than solving every branch, or if *near* must
-        resolve a singular pose.
+        previous record.  Override it if continuing is faster than solving every branch, or if
+        *near* must resolve a singular pose.
 
         Args:
             q: orientation ``(w, x, y, z)``, tool to world.
@@ -137,8 +135,7 @@ class Mechanical(Protocol):
 
         The planner calls it for every plan, and the daemon before targets are followed, on a driver
         that is not open.  The servo calls it on an enabled driver.  A driver should cache answers
-        of
-        the device.
+        of the device.
 
         Args:
             may_ask: whether to ask the device; otherwise the options alone decide.

@@ -1,11 +1,10 @@
 r"""Passages near the pole of a gimbal: the least deviation with which the axes can follow.
 
-Within a tube of error *E* the outer angle may deviate by
-:math:`\arcsin(\sin E / \rho)` from an exact one, :math:`\rho` the sine of the distance from the
-pole
-(:mod:`orientd.mechanism.gimbal`).  If :math:`\rho \le \sin E` it is free, and the line may leave on
-another branch.  For each branch to leave on, the taut string through the tube needs the least rate
-that *E* allows.  Bisection finds the smallest *E* whose rate the axis can reach.
+Within a tube of error *E* the outer angle may deviate by :math:`\arcsin(\sin E / \rho)` from an
+exact one, :math:`\rho` the sine of the distance from the pole (:mod:`orientd.mechanism.gimbal`).
+If :math:`\rho \le \sin E` it is free, and the line may leave on another branch.  For each branch to
+leave on, the taut string through the tube needs the least rate that *E* allows.  Bisection finds
+the smallest *E* whose rate the axis can reach.
 """
 
 from __future__ import annotations
@@ -69,8 +68,7 @@ def outer_line(gimbal: Gimbal, matrix: Floats, first: float | None = None) -> tu
 
     Exact angles lie half a turn apart, so the line is straight if the path goes through the pole.
     While the path stays at the pole any angle is exact, and the outer axis alone turns the tool.
-    The
-    line may then jump if the path leaves in another direction.
+    The line may then jump if the path leaves in another direction.
 
     Args:
         gimbal: the gimbal.
@@ -233,9 +231,8 @@ def _attempt(
 def taut_string(low: ArrayLike, high: ArrayLike, start: float, end: float) -> Floats:
     """Return the shortest line between two bounds, on a uniform grid.
 
-    Among all lines through the tube it has the least sum of every convex function of the slope, so
-    also
-    the least peak slope (Davies and Kovac 2001, section 2; Grasmair 2007).
+    Among all lines through the tube it has the least sum of every convex function of the slope.  So
+    it also has the least peak slope (Davies and Kovac 2001, section 2; Grasmair 2007).
 
     Args:
         low: lower bounds, shape ``(n,)``; may be ``-inf``.

@@ -1,10 +1,9 @@
 """Joint paths for a tool path, planned before the motion starts.
 
 The whole path is known in advance.  A gimbal chooses branches and turns by least cost over all of
-it, passes the pole with the least deviation that the axes need, and stops to slew if that is
-allowed.
-Any other mechanism follows the path exactly, on its initial branch.  An infeasible path is refused
-with axis, value and time.
+it.  It passes the pole with the least deviation that the axes need, and stops to slew if that is
+allowed.  Any other mechanism follows the path exactly, on its initial branch.  An infeasible path
+is refused with axis, value and time.
 """
 
 from __future__ import annotations

@@ -45,8 +45,7 @@ class Slew:
     """A stop of the path in which the axes change branch or unwind.
 
     It may also be a slow section of the path, from rest to rest, because an axis is too slow for
-    it.
-    The axes then stay on the path.
+    it. The axes then stay on the path.
 
     Attributes:
         start: s.
@@ -243,9 +242,8 @@ def _events(
     """Return ``(last before, first after, whether it is a slow section)`` of each stop.
 
     A step that is slightly too large means that the path is too fast there, and neighbouring ones
-    form
-    one slow section.  A large step is a change of branch or turn.  At the pole it is a turn of the
-    outer axis.
+    form one slow section.  A large step is a change of branch or turn.  At the pole it is a turn of
+    the outer axis.
     """
     found: list[tuple[int, int, bool]] = []
     for k in slews:

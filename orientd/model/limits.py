@@ -104,10 +104,8 @@ class Limits:
     """The largest rates of a motion or a device; infinity means "no limit".
 
     A quantity has a limit of its Euclidean norm.  For rotations, its components in the body frame
-    may
-    have limits too.  If only the components have limits, they imply one of the norm, which is
-    finite
-    and never the tighter one (:meth:`with_rates`).
+    may have limits too.  If only the components have limits, they imply one of the norm, which is
+    finite and never the tighter one (:meth:`with_rates`).
 
     Attributes:
         velocity: angular velocity, rad/s.
@@ -169,8 +167,7 @@ class Limits:
 
         Args:
             rates: new limits by the names of :data:`UNITS`.  Three numbers limit the components in
-                the
-                body frame, and the norm of the three then limits the norm.
+                the body frame, and the norm of the three then limits the norm.
 
         Raises:
             RequestError: a name is unknown.
@@ -285,8 +282,7 @@ class Limits:
         """Return the limits for timings that the planner computes.
 
         At the limit of the acceleration there is no reserve to brake with, and a stop on the path
-        would
-        never end.  :mod:`orientd.planner.certify.brake` derives the effect of a reserve.
+        would never end.  :mod:`orientd.planner.certify.brake` derives the effect of a reserve.
 
         Args:
             share: of acceleration and jerk that the timing may use.

@@ -269,8 +269,7 @@ class MotionRequest:
         duration: without times, from first to last keyframe, s; by default ``"minimum"``.  With a
             rate, how long to turn.
         pace: without times, a share of the full speed, or ``"even"``, the method's own timing
-            slowed
-            down.
+            slowed down.
         name: label of the motion in reports and logs; at most 80 printable characters.
         pointing_axis: tool axis that keyframes with a free roll point.
         frame: name of the frame of keyframes without one, of the end velocities and of reports;

@@ -168,11 +168,11 @@ def to_euler(q: ArrayLike, axes: str) -> Floats:
         axes: three letters as in :func:`from_euler`.
 
     Returns:
-        Angles in radians in the order of *axes*, shape ``(..., 3)``: the first and third in
-        ``[-pi, pi]``, the second in ``[0, pi]`` for orders like ``zxz`` and in
-        ``[-pi/2, pi/2]`` otherwise.  In gimbal lock, the first and third turn are about the same
-        line.  The third angle of an extrinsic order, or the first of an intrinsic one, then takes
-        the whole turn and the other one is zero.
+        Angles in radians in the order of *axes*, shape ``(..., 3)``: the first and third in ``[-pi,
+        pi]``, the second in ``[0, pi]`` for orders like ``zxz`` and in ``[-pi/2, pi/2]`` otherwise.
+        In gimbal lock, the first and third turn are about the same line.  The third angle of an
+        extrinsic order, or the first of an intrinsic one, then takes the whole turn and the other
+        one is zero.
 
     Raises:
         ValueError: *axes* does not name three turns, or *q* is not a unit quaternion.

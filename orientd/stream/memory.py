@@ -1,10 +1,9 @@
 """The shared memory between the daemon and one servo process: a sealed file with no name.
 
-A file without a name leaves nothing behind: however the two processes end, the kernel frees it.
-The daemon creates it and hands the servo its descriptor.  The length is sealed.  Otherwise a
-program
-of the same user could open it through ``/proc`` and cut it short, and the kernel kills a process
-that touches a missing page.
+A file without a name leaves nothing behind: however the two processes end, the kernel frees it. The
+daemon creates it and hands the servo its descriptor.  The length is sealed.  Otherwise a program of
+the same user could open it through ``/proc`` and cut it short, and the kernel kills a process that
+touches a missing page.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """The records between daemon and servo: path, cycles, commands, and their bytes.
 
 Every record carries its own index and a CRC-32.  A reader accepts a record only if both agree, so
-it
-never accepts a slot that is being overwritten, even on machines with weakly ordered memory.  The
+it never accepts a slot that is being overwritten, even on machines with weakly ordered memory.  The
 layouts are native: both processes run on one machine, from one installation.
 """
 

@@ -1,8 +1,7 @@
 """A ring of checked records in shared memory: one writer, any number of readers, no locks.
 
 A slot holds a record, whose first field is its index, and the CRC-32 of its bytes.  The writer
-fills
-the slot, then advances ``head``.  A reader accepts a record only if the slot still holds the
+fills the slot, then advances ``head``.  A reader accepts a record only if the slot still holds the
 requested index and the checksum agrees.  A torn or overwritten slot reads as ``None``.
 """
 

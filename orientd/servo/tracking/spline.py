@@ -2,9 +2,8 @@
 
 Between two poses the rotation vector is a cubic.  Its second derivative is continuous at the poses,
 which gives one tridiagonal system for all of them.  The increments of each pose are in its own
-frame.  The
-increments are the short way round, so neither the sign of a quaternion nor the choice of a rotation
-vector matters.  At both ends the second derivative stays as it is at the neighbour.
+frame.  The increments are the short way round, so neither the sign of a quaternion nor the choice
+of a rotation vector matters.  At both ends the second derivative stays as it is at the neighbour.
 
 If the sender gives velocities, they count.  The second derivative is then the mean of those of the
 cubics on either side.
