@@ -317,9 +317,12 @@ def test_the_demo_of_a_policy_keeps_the_limits_and_turns_the_short_way(folder):
     environ = environment(TMPDIR=str(folder))
     demo = told(orientd("demo", "policy", "--plot", path, "--json", cwd=folder, env=environ))
     assert demo["orientd"]["acceleration"] <= 1.001 * demo["limit"]
+    assert demo["orientd"]["cycles_above_limit"] == 0
     assert demo["straight_lines"]["acceleration"] > 1000.0 * demo["limit"]
+    assert demo["piecewise_slerp"]["acceleration"] > 10.0 * demo["limit"]
     # Four times to and fro, 47 degrees each; the twins of the vectors cost a turn every time.
     assert demo["orientd"]["turned"] < math.radians(5 * 47.0)
+    assert demo["piecewise_slerp"]["turned"] < math.radians(5 * 47.0)
     assert demo["straight_lines"]["turned"] > 2.0 * math.tau
     assert demo["timing"]["chunks"] == 27
     if demo["picture"]:

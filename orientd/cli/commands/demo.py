@@ -57,8 +57,8 @@ def demo(
     device to the first keyframe, and a lead-out brings it to rest after the last.  All figures are
     measured from the setpoints that the driver got.
 
-    `orientd demo policy` plays the chunks of a simulated policy, and compares the setpoints with
-    straight lines between its rotation vectors.
+    `orientd demo policy` plays the chunks of a simulated policy.  It compares the setpoints with
+    straight lines between the rotation vectors, and with a slerp from pose to pose.
     """
     from orientd import plots
     from orientd.cli import texts

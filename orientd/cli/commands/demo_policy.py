@@ -1,4 +1,4 @@
-"""`orientd demo policy`: a policy's chunks, joined by straight lines and by orientd."""
+"""`orientd demo policy`: the chunks of a policy, joined in two common ways and by orientd."""
 
 from __future__ import annotations
 
@@ -73,7 +73,33 @@ def straight(period: float) -> plots.Played:
             present = coming.pop(0)
         if present is not None:
             rows.append([np.interp(now, present.times, column) for column in present.vectors.T])
-    return plots.Played("straight lines between rotation vectors", period, rotation.exp(rows))
+    return plots.Played("straight lines", INFERENCE, period, rotation.exp(rows))
+
+
+def slerped(period: float) -> plots.Played:
+    """Return the setpoints of a spherical linear interpolation between the poses.
+
+    A chunk replaces all poses before it: the first piece leads from the present setpoint to its
+    next pose.  So does ``PoseTrajectoryInterpolator`` of diffusion_policy and UMI
+    (https://github.com/real-stanford/diffusion_policy, ``common``), here without its speed limits.
+    """
+    q = rotation.exp(FROM)
+    knots, poses = np.zeros(1), q[None]
+    sent: list[Floats] = []
+    coming = list(chunks())
+    for now in np.arange(INFERENCE, SECONDS, period):
+        while coming and coming[0].arrives <= now:
+            chunk = coming.pop(0)
+            live = chunk.times > now
+            knots = np.array([now, *chunk.times[live]])
+            poses = np.array([q, *rotation.exp(chunk.vectors[live])])
+        piece = min(int(np.searchsorted(knots, now, side="right")), len(knots) - 1)
+        span = knots[piece] - knots[piece - 1]
+        share = min((now - knots[piece - 1]) / span, 1.0)
+        turn = rotation.log(rotation.between(poses[piece - 1], poses[piece]))
+        q = rotation.multiply(poses[piece - 1], rotation.exp(share * turn))
+        sent.append(q)
+    return plots.Played("piecewise slerp", INFERENCE, period, np.array(sent))
 
 
 def played(robot: Robot, cycles: list[Cycle], period: float) -> tuple[plots.Played, PlayTiming]:
@@ -94,11 +120,11 @@ def played(robot: Robot, cycles: list[Cycle], period: float) -> tuple[plots.Play
             poses = Quaternion.from_array(rotation.exp(chunk.vectors), order="wxyz")
             play.chunk(poses if isinstance(poses, list) else [poses], times=chunk.times + begin)
     sent = [cycle.q for cycle in cycles if cycle.state is ServoState.TRACKING]
-    return plots.Played("orientd", period, np.array(sent)), play.timing()
+    return plots.Played("orientd", 0.0, period, np.array(sent)), play.timing()
 
 
 def show(robot: Robot, cycles: list[Cycle], out: Output, path: Path | None) -> None:
-    """Play the chunks in both ways, print the figures, and draw them to *path* if it is given."""
+    """Play the chunks in three ways, print the figures, and draw them to *path* if it is given."""
     (device,) = robot.devices()
     period = 1.0 / device.rate_hz
     out.say(
@@ -106,27 +132,33 @@ def show(robot: Robot, cycles: list[Cycle], out: Output, path: Path | None) -> N
         f"{LOSS:.0%} of the poses lost, rotation vectors that change their sign"
     )
     smooth, timing = played(robot, cycles, period)
-    players = (straight(period), smooth)
+    players = (straight(period), slerped(period), smooth)
     limit = device.limits.acceleration
     if path is not None:
-        plots.draw_played(path, players, limit, title="orientd demo: the chunks of a policy")
+        arrivals = [chunk.arrives for chunk in chunks()]
+        plots.draw_played(path, players, limit, arrivals, title="The chunks of a policy, as sent")
     figures = {
-        name: {
+        player.name.replace(" ", "_"): {
             "turned": float(player.turned[-1]),
+            "largest_step": float(player.steps.max()),
             "acceleration": float(player.acceleration.max()),
+            "cycles_above_limit": int(np.sum(player.acceleration > 1.001 * limit)),
         }
-        for name, player in zip(("straight_lines", "orientd"), players, strict=True)
+        for player in players
     }
     rows = [
-        f"  {player.name:<40} {np.degrees(one['turned']):6.0f} degrees turned, "
-        f"at most {one['acceleration']:.3g} rad/s^2"
-        for player, one in zip(players, figures.values(), strict=True)
+        f"  {name.replace('_', ' '):<20}{np.degrees(one['turned']):>13.0f}"
+        f"{np.degrees(one['largest_step']):>16.2f}{one['acceleration']:>23.3g}"
+        f"{one['cycles_above_limit']:>20}"
+        for name, one in figures.items()
     ]
     out.answer(
         {**figures, "limit": limit, "timing": timing, "picture": path and path.absolute()},
         "",
+        f"  {'':<20}{'turned, deg':>13}{'per cycle, deg':>16}{'acceleration, rad/s^2':>23}"
+        f"{'cycles above limit':>20}",
         *rows,
-        f"  {'limit of the device':<40} {limit:.3g} rad/s^2",
-        f"  {'late poses':<40} {timing.stale} in {timing.chunks} chunks",
-        f"  {'picture':<40} {path.absolute() if path else 'none'}",
+        f"  {'limit':<20}{'':>29}{limit:>23.3g}",
+        f"  {'late poses':<20} {timing.stale} in {timing.chunks} chunks",
+        f"  {'picture':<20} {path.absolute() if path else 'none'}",
     )
