@@ -1,4 +1,4 @@
-"""A camera that is triggered once the device is measured to be on target.  Before: orientd run."""
+"""A camera that is triggered once the device is measured to be on target.  First: orientd run."""
 
 from math import radians
 
@@ -10,7 +10,7 @@ ON_TARGET = orientd.OnTarget(tolerance=radians(0.1), rate=radians(0.5), settle_t
 
 
 def take_picture(name: str) -> None:
-    """Stand for a camera."""
+    """Stand in for a camera."""
     print(f"picture {name}")
 
 

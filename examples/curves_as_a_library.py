@@ -10,6 +10,6 @@ keys = Rotation.from_rotvec([[0, 0, 0], [0, 0.2, 0.5], [0.3, 0, 1], [0, -0.2, 1.
 asked = {"times": [0, 1, 2, 3, 4], "start_velocity": [0, 0, 0.5], "end_velocity": [0.2, 0, 0.4]}
 curve = orientd.curves.METHODS["c2_cumulative"](keys=keys, **asked)  # curve(t) is a Rotation
 q, omega_body, alpha_body = pickle.loads(pickle.dumps(curve)).evaluate([0.0, 1.5, 4.0])  # rad/s
-motion = orientd.plan(keys, **asked, approach=True)  # with run-up, lead-out and certificate
+motion = orientd.plan(keys, **asked, approach=True)  # with lead-in, lead-out and certificate
 motion.save("turn.npz")
 orientd.load_motion("turn.npz").plot("turn.svg")  # this one line needs Matplotlib

@@ -1,6 +1,6 @@
-"""A pass that climbs to 80 degrees and sinks again, as a satellite's, by a gimbal of three axes.
+"""A pass like a satellite's, up to 80 degrees of elevation and down, on a three-axis gimbal.
 
-Before: orientd sim dynamixel --link /tmp/gimbal, and orientd run --config config/gimbal.toml.
+First: orientd sim dynamixel --link /tmp/gimbal, and orientd run --config config/gimbal.toml.
 """
 
 import numpy as np

@@ -11,7 +11,7 @@ from orientd.testing import DriverConformance
 
 
 class LinesDriver(Driver):
-    """Write each setpoint as a line, and take it for done."""
+    """Write each setpoint as a line, and report it as reached."""
 
     name: ClassVar[str] = "lines"
 
@@ -28,7 +28,7 @@ class LinesDriver(Driver):
             raise LinkError(f"cannot write to {self.options['path']}: {error}") from error
 
     def enable(self):
-        """Stand where it stood last."""
+        """Hold the last pose."""
         before = self._newest or Feedback(0, IDENTITY, ZERO, ZERO)
         self._newest = Feedback(self.clock.now_ns(), before.q, ZERO, before.position)
         return self._newest
@@ -44,7 +44,7 @@ class LinesDriver(Driver):
         self._newest = Feedback(now, setpoint.q, setpoint.omega_body, setpoint.position)
 
     def disable(self):
-        """Stay."""
+        """Hold the pose."""
 
     def close(self):
         """Close the file, if it is open."""

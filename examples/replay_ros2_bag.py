@@ -1,4 +1,4 @@
-"""A ROS 2 bag that turns to and fro, fitted by a certified motion (extras `record` and `bags`)."""
+"""A ROS 2 bag of a turn to and fro, fitted by a certified motion (extras `record` and `bags`)."""
 
 import math
 import subprocess

@@ -1,4 +1,4 @@
-"""Follow a moving target, and say how far behind the device was.  Before: orientd run."""
+"""Follow a moving target, and say how far behind the device was.  First: orientd run."""
 
 import math
 import time

@@ -1,4 +1,4 @@
-"""Two devices that begin at one instant.  Before: orientd run --config two_arms.toml."""
+"""Two devices that start at the same instant.  First: orientd run --config two_arms.toml."""
 
 import time
 

@@ -15,6 +15,7 @@ An error means that a call failed.  A fault means that a device stopped and wait
     │   └── DeadlineError       planning it took too long
     ├── StateError              not possible in the device's present state
     │   └── LateError           the device has passed the intended point
+    │       └── NotYetError     the running motion cannot be replaced yet
     ├── LeaseError              the caller does not hold the lease
     ├── AccessError             the caller's role does not allow it
     ├── TooMuchError            the caller has too many requests at a time
@@ -24,7 +25,7 @@ An error means that a call failed.  A fault means that a device stopped and wait
     │   ├── FeedbackError       feedback is missing or older than its limit
     │   └── DeviceFaultError    the device reports that it cannot continue
     │       └── AxisFaultError  one axis cannot; the others can still brake on the path
-    ├── DaemonError             the daemon does not run, runs already, or did not answer
+    ├── DaemonError             the daemon is not running, is already running, or did not answer
     └── KernelsError            the compiled kernels are missing, or not for this machine
 """
 
@@ -230,11 +231,11 @@ class AxisFaultError(DeviceFaultError):
 
 
 class DaemonError(OrientdError):
-    """The daemon does not run, runs already, or did not answer."""
+    """The daemon is not running, is already running, or did not answer."""
 
 
 class KernelsError(OrientdError, ImportError):
-    """The compiled kernels are missing, or not for this machine, or of other sources."""
+    """The compiled kernels are missing, not for this machine, or built from other sources."""
 
 
 GOING_DOWN = "the daemon is going down"

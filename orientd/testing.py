@@ -69,7 +69,7 @@ class DriverConformance(ABC):
         clock: hand it to the driver.
         follow_tolerance: how near the feedback must come to a setpoint that stands still, rad.
         settle_cycles: how many cycles that may take.
-        protocols: those that the driver is meant to offer; a method with another name offers none.
+        protocols: those that the driver should offer; without it, a misspelt method goes unnoticed.
     """
 
     clock: Clock = MonotonicClock()
@@ -156,13 +156,13 @@ class DriverConformance(ABC):
         assert gap <= self.follow_tolerance, f"{what} by {gap:.3g} rad"
 
     def seconds(self, call: Callable[..., object], *arguments: object) -> float:
-        """Return how long a call takes, by whichever clock that is longer."""
+        """Return how long a call takes, s: the longer time of the two clocks."""
         begun, begun_ns = time.perf_counter(), self.clock.now_ns()
         call(*arguments)
         return max(time.perf_counter() - begun, (self.clock.now_ns() - begun_ns) * 1e-9)
 
     def assert_quick(self, driver: Driver, call: Callable[[], object]) -> None:
-        """Assert that what is called in a cycle takes less than a period, one time of three."""
+        """Assert that what is called in a cycle takes less than a period, once in three tries."""
         least = min(self.seconds(call) for _ in range(3))
         assert least < driver.period_ns * 1e-9, f"it took {least:.3g} s, longer than a period"
 
@@ -175,7 +175,7 @@ class DriverConformance(ABC):
         assert driver.default_rate_hz > 0, "default_rate_hz must be positive"
 
     def test_it_offers_what_it_is_meant_to(self) -> None:
-        """A protocol with a method missing, or of another name, is silently not offered."""
+        """A protocol with a missing or misspelt method is silently not offered."""
         driver = self.make_driver()
         assert driver.longest_call > 0, f"longest_call must be positive: {driver.longest_call}"
         for one in self.protocols:
@@ -270,7 +270,7 @@ class DriverConformance(ABC):
         raise AssertionError(f"reads or writes took {max(taken):.3g} s, longer than a period")
 
     def test_disabling_leaves_it_standing(self) -> None:
-        """Disabled in motion it comes to rest; disabling is idempotent and not the end."""
+        """Disabled in motion it comes to rest; disabling is idempotent; enabling works again."""
         with self.opened() as driver:
             self.turn(driver, driver.enable())
             driver.disable()
@@ -328,7 +328,7 @@ class DriverConformance(ABC):
     # Optional protocols
 
     def test_a_reset_leaves_it_ready_to_be_enabled(self) -> None:
-        """Resetting moves nothing, and does not wear off."""
+        """Resetting moves nothing, and works repeatedly."""
         with self.opened() as driver:
             device = self.offering(driver, Resettable)
             start = driver.enable()
@@ -366,7 +366,7 @@ class DriverConformance(ABC):
             self.hold(driver, self.setpoint(driver, again, 0.0), 3)
 
     def test_it_can_be_parked_and_opened_again(self) -> None:
-        """Parking is the last that is done to a device before its process ends."""
+        """Parking is the last thing done to a device before its process ends."""
         with self.opened() as driver:
             device = self.offering(driver, Parkable)
             start = driver.enable()
@@ -422,7 +422,7 @@ class DriverConformance(ABC):
             assert 0.0 <= device.speed_scaling <= 1.0, f"it is {device.speed_scaling}"
 
     def test_it_shifts_deadlines_by_half_a_period_at_most(self) -> None:
-        """After every cycle, from the first one on, at the phase that is nearest."""
+        """After every cycle, from the first one on, to the nearest phase."""
         with self.opened() as driver:
             device = self.offering(driver, PhaseLocked)
             most, start = driver.period_ns // 2, None

@@ -104,7 +104,7 @@ class Endpoint:
     ] = None
     ca: Annotated[
         Path | None,
-        Option("--ca", help="The authority that signs the daemon (with --address)."),
+        Option("--ca", help="The CA that signed the daemon's certificate (with --address)."),
     ] = None
 
     lease = False

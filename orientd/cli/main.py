@@ -171,10 +171,10 @@ def _usage(error: Any) -> str:  # noqa: ANN401 - a ClickException
 def _options(
     version: Annotated[bool, Option("--version", help="Print the version.")] = False,
     install_completion: Annotated[
-        bool, Option("--install-completion", help="Have your shell complete words, from now on.")
+        bool, Option("--install-completion", help="Install completion for your shell.")
     ] = False,
     show_completion: Annotated[
-        bool, Option("--show-completion", help="Print what has your shell complete words.")
+        bool, Option("--show-completion", help="Print the completion script for your shell.")
     ] = False,
 ) -> None:
     """Plan smooth orientation motion and stream it to robots."""

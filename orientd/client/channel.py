@@ -71,7 +71,7 @@ def certificate_files(
     """Return certificate, key and CA of a client; ``None`` means the environment's.
 
     Raises:
-        DaemonError: one of them is missing, which *address* needs.
+        DaemonError: one that *address* needs is missing.
     """
     files = {
         "ORIENTD_CERT": certificate or os.environ.get("ORIENTD_CERT"),
@@ -114,10 +114,10 @@ class Way:
         key: str | Path | None = None,
         ca: str | Path | None = None,
     ) -> Way:
-        """Return the way that is asked for; what is ``None`` is looked up in the environment.
+        """Return the requested endpoint; the environment supplies what is ``None``.
 
         ``ORIENTD_SOCKET``, or ``ORIENTD_ADDRESS`` with ``ORIENTD_CERT``, ``ORIENTD_KEY`` and
-        ``ORIENTD_CA``; a socket that is given goes before an address of the environment.
+        ``ORIENTD_CA``; a given socket takes precedence over an address in the environment.
 
         Raises:
             DaemonError: a certificate is missing for an address, or this system has no Unix socket.

@@ -33,8 +33,8 @@ class Clutch:
     """The hand that moves the device; a context manager that lets go at its end.
 
     The first pose of the hand moves nothing.  From then on the device turns by *scale* times each
-    turn of the hand, and moves by *scale* times its way.  The hand may go anywhere after the end,
-    since the next clutch begins where the device is.
+    turn of the hand, and moves by *scale* times its displacement.  The hand may go anywhere after
+    the end, since the next clutch begins where the device is.
 
     Attributes:
         q: orientation to which the device goes, ``(w, x, y, z)``.
@@ -85,7 +85,7 @@ class Clutch:
 
         Raises:
             RequestError: the pose is not well formed.
-            OrientdError: the following has ended.
+            OrientdError: tracking has ended.
         """
         q = orientation_of(hand, "hand")
         if not all(map(math.isfinite, (*q, *(position or ())))):
@@ -113,9 +113,9 @@ class Clutch:
             self.position = plus(self.position, way, 1.0)
 
     def release(self) -> None:
-        """Let go: the device comes to rest where it goes to now.
+        """Let go: the device comes to rest at its present target.
 
-        If the time to live of the last pose is over, the device rests already and stays there.
+        If the time to live of the last pose has expired, the device already rests and stays there.
         """
         if self._hand is not None and self.holds:
             _, position = self._hand

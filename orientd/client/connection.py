@@ -30,7 +30,7 @@ class StartAt:
 
     Attributes:
         monotonic_ns: on the daemon's monotonic clock.
-        armed_by: time of the call's cancellation unless the daemon has armed the motion, s, by
+        armed_by: when the call is cancelled if the daemon has not armed the motion by then, s, by
             :func:`time.monotonic` here.
     """
 

@@ -26,7 +26,7 @@ EXPECTED = (
 class RequestFields(TypedDict, total=False):
     """The arguments of a motion apart from its keyframes: the fields of a motion file.
 
-    :class:`~orientd.model.MotionRequest` describes them.  Two are columns of the keyframes.
+    :class:`~orientd.model.MotionRequest` describes them.  These two have a row for each keyframe.
 
     Attributes:
         times: when each keyframe is passed, s; without them as quickly as the limits permit.
@@ -89,7 +89,7 @@ def keyframe_mappings(
         positions: one for each, m.
 
     Raises:
-        RequestError: an item is none of these, or *times* or *positions* are not as many.
+        RequestError: an item is none of these, or *times* or *positions* differ in number.
 
     >>> import orientd
     >>> keyframe_mappings([orientd.Quaternion(w=1, x=0, y=0, z=0)], times=[0.5])

@@ -1,4 +1,4 @@
-"""A running motion, from the view of its client."""
+"""A running motion, from its client's point of view."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ class PlayTiming:
         skipped: poses that were not finite, not of unit norm, or out of reach.
         starved: chunks that came after the poses had run out.
         largest_seam: largest angle by which a chunk contradicted the one before, rad.
-        behind: angle from the newest setpoint to the poses, rad: what the limits cut off.
+        behind: angle from the newest setpoint to the poses, rad, because of the limits.
         largest_behind: the largest that it has been, rad.
         inference: longest time from the first pose of a chunk until it is handed over, s.
         longest_inference: how long that may be before the poses run out, s; infinite before the

@@ -165,7 +165,7 @@ class Robot:
         Args:
             device: its name.
             rate_hz: batches a second, 0.1 to 100.
-            decimation: yield one of this many cycles.
+            decimation: yield one cycle in this many.
 
         Raises:
             UnknownNameError: the device does not exist.
@@ -342,7 +342,7 @@ class Robot:
 
         Raises:
             RequestError: the motion is malformed.
-            StateError: the device is not at rest, ready to move.
+            StateError: the device is not at rest and ready to move.
             PlanError: it cannot be planned, or would break a limit.
         """
         from orientd.client.motion_request import motion_request, plan_seconds
@@ -363,7 +363,7 @@ class Robot:
         """Return the plan of a motion of any client; ``None`` before the first.
 
         Args:
-            motion_id: of a stored plan, or of the newest motion; empty for the newest.
+            motion_id: identifier of a stored plan; empty for that of the newest motion.
             device: name of the device.
             sample_rate_hz: as for :meth:`plan`.
 
@@ -411,7 +411,7 @@ class Robot:
         Raises:
             RequestError: the motion is malformed.
             LeaseError: another client holds the lease.
-            StateError: the device is not at rest, ready to move.
+            StateError: the device is not at rest and ready to move.
             PlanError: it cannot be planned, or would break a limit.
         """
         from orientd.client.motion_request import motion_request, plan_seconds
@@ -458,16 +458,16 @@ class Robot:
         return handle
 
     def home(self, device: str = "") -> MoveHandle:
-        """Move every gimbal axis to zero, unwinding its turns; raises as :meth:`move`."""
+        """Move every gimbal axis to zero, unwinding its turns; errors as for :meth:`move`."""
         anywhere = {"quaternion": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}}
         return self.move([anywhere], device=device, device_options={"home": True}, name="home")
 
     def turn(self, rate: Sequence[float], duration: float, **fields: Any) -> MoveHandle:  # noqa: ANN401 - as of move
-        """Turn at *rate*, rad/s, for *duration* s, from rest to rest; raises as :meth:`move`."""
+        """Turn at *rate*, rad/s, for *duration* s, rest to rest; errors as for :meth:`move`."""
         return self.move([], rate=rate, duration=duration, **fields)
 
     def turn_endlessly(self, rate: Sequence[float], **fields: Any) -> EndlessTurn:  # noqa: ANN401
-        """Turn at *rate*, rad/s, until stopped or this client ends; raises as :meth:`move`."""
+        """Turn at *rate*, rad/s, until stopped or this client ends; errors as for :meth:`move`."""
         from orientd.client.endless_turn import EndlessTurn
 
         return EndlessTurn(self, rate, **fields)

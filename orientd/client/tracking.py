@@ -82,7 +82,7 @@ class Tracking:
 
         Raises:
             RequestError: the target is malformed.
-            OrientdError: the following has ended.
+            OrientdError: tracking has ended.
         """
         self.hand_over(
             target_message(
@@ -109,7 +109,7 @@ class Tracking:
             frame: the axes about which the device turns as the hand does: those of the world, or
                 each of its own body.
             time_to_live: how long a pose of the hand counts, s.  Then the device comes to rest, so
-                a hand that is not heard of any more stops it.
+                that it stops if the hand sends no more poses.
 
         Raises:
             RequestError: a setting is out of range.
@@ -126,7 +126,7 @@ class Tracking:
         """Send a target made by :func:`target_message`; returns at once.
 
         Raises:
-            OrientdError: the following has ended.
+            OrientdError: tracking has ended.
         """
         self.send(pb.TrackRequest(target=message))
 
@@ -134,19 +134,19 @@ class Tracking:
         """Send a message of the call; returns at once.
 
         Raises:
-            OrientdError: the following has ended.
+            OrientdError: tracking has ended.
         """
         self.raise_if_ended()
         self._outgoing.put(request)
 
     def raise_if_ended(self) -> None:
-        """Raise the error that has ended the following, if it has ended.
+        """Raise the error that has ended tracking, if it has ended.
 
         Raises:
             OrientdError: it has.
         """
         if self._ended.is_set():
-            raise self._error or OrientdError("the device follows targets no more")
+            raise self._error or OrientdError("the device no longer follows targets")
 
     def close(self, timeout: float = 10.0) -> None:
         """Send no more targets, and wait until the device has come to rest.

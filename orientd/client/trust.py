@@ -45,7 +45,7 @@ def check_socket(path: Path) -> None:
     """Refuse a socket of an untrusted user, or one that this user may not use.
 
     Raises:
-        DaemonError: it is no socket, or belongs to another user.
+        DaemonError: it is not a socket, or belongs to another user.
         AccessError: its daemon admits only its own user.
     """
     try:
@@ -53,7 +53,7 @@ def check_socket(path: Path) -> None:
     except OSError:
         return  # gRPC says that there is none
     if not stat.S_ISSOCK(found.st_mode):
-        raise DaemonError(f"{path} is no socket")
+        raise DaemonError(f"{path} is not a socket")
     check_uid(path, found.st_uid)
     if not os.access(path, os.W_OK):
         raise AccessError(
@@ -66,7 +66,7 @@ def check_folder(folder: Path) -> None:
     """Refuse a socket's folder that another user owns, or that others can write.
 
     Raises:
-        DaemonError: it is one.
+        DaemonError: the folder is not safe.
     """
     found = folder.stat()
     check_uid(folder, found.st_uid)

@@ -1,4 +1,4 @@
-"""Compare all families on the same keyframes: curves, figures, and reasons if a family cannot.
+"""Compare all families on the same keyframes: curves, figures, and why a family does not apply.
 
 :func:`measure` computes the figures of a curve: errors, jumps, peaks, effort, length.
 """
@@ -52,8 +52,8 @@ class Figures:
         continuity: continuity of the curve at its knots: 0, 1 or 2.
         velocity_jump: largest jump of the angular velocity at a knot, rad/s.
         acceleration_jump: largest jump of the angular acceleration at a knot, rad/s^2.
-        end_velocity_error: largest difference to a requested end velocity, rad/s; ``None`` if none
-            is requested.
+        end_velocity_error: largest difference from a requested end velocity, rad/s; ``None`` if
+            none is requested.
         peak_velocity: rad/s.
         peak_acceleration: rad/s^2, between the knots.
         effort: integral of the squared angular acceleration, rad^2/s^3.
@@ -177,8 +177,8 @@ def ranked(candidates: Sequence[Candidate], column: str = "effort") -> list[Cand
     """Return *candidates* with the best of a column first.
 
     Curves that fulfil the whole task come first.  Next come those that miss a requested end
-    velocity, then those that only approach the keyframes, since both have an easier task.  Last are
-    the families that do not apply.  For acceleration, effort and torque, curves with velocity
+    velocity, then those that only approximate the keyframes, since both have an easier task.  Last
+    are the families that do not apply.  For acceleration, effort and torque, curves with velocity
     jumps, which take an infinite acceleration, come last in their group.
 
     Raises:

@@ -83,7 +83,7 @@ SHARED = {
 class Curve(Family, Drawable):
     """A curve of orientations over a time interval.
 
-    A family takes the keyword arguments that it :attr:`takes`.  Every family also takes ``keys``,
+    A family takes the keyword arguments named in :attr:`takes`.  Every family also takes ``keys``,
     ``times`` (``None`` for chord length), ``start_velocity`` and ``end_velocity`` (rad/s, in
     ``velocity_frame``), and ``turns`` (whole turns in each interval). :mod:`orientd.curves.roles`
     defines their meaning for a family.  Orientations may be ``Rotation``,
@@ -272,7 +272,7 @@ class Drawn(Curve):
 
 
 class DrawnOverKnots(Curve):
-    """A curve of an order over knots; ``_solve`` gets control quaternions, order and knots."""
+    """A curve of a given order over knots; ``_solve`` gets control quaternions, order and knots."""
 
     shared: ClassVar[Mapping[str, Any]] = {**Drawn.shared, "order": 4, "knots": None}
 

@@ -113,7 +113,7 @@ class Fit:
 
     @property
     def knot_count(self) -> int:
-        """Number of different knots."""
+        """Number of distinct knots."""
         return len(np.unique(self.knots))
 
     @property

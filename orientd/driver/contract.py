@@ -99,7 +99,7 @@ class Driver(ABC):
 
     @abstractmethod
     def disable(self) -> None:
-        """Stop following setpoints; the device stands still.  Must not raise twice."""
+        """Stop following setpoints; the device stands still.  If it raises, a repeat must not."""
 
     @abstractmethod
     def close(self) -> None:

@@ -57,7 +57,7 @@ def python_version(python: str) -> str:
     """Return the version of an interpreter, for example ``3.11.2``.
 
     Raises:
-        ConfigError: the interpreter does not exist, is no Python, or is too old for the servo
+        ConfigError: the interpreter does not exist, is not Python, or is too old for the servo
         process.
     """
     import subprocess  # no servo process needs it
@@ -75,7 +75,7 @@ def python_version(python: str) -> str:
         raise ConfigError(f"cannot run {python}: {error.strerror}") from error
     word, *numbers = done.stdout.split() or [""]
     if done.returncode or word != "Python":
-        raise ConfigError(f"{python} is no Python interpreter")
+        raise ConfigError(f"{python} is not a Python interpreter")
     found = ".".join(numbers)
     if tuple(map(int, numbers)) < OLDEST:
         oldest = ".".join(map(str, OLDEST))

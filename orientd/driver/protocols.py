@@ -145,7 +145,7 @@ class Explaining(Protocol):
     """A driver that knows why its device or its client library fails."""
 
     def why_stale(self) -> str:
-        """Return who causes late feedback, in words; empty if the driver cannot know.
+        """Return what causes late feedback, in words; empty if the driver cannot know.
 
         Called in the cycle in which feedback has become too old; must neither wait nor raise.
         """

@@ -72,8 +72,8 @@ def connect_fleet(
     """Connect to a cell of daemons.
 
     Args:
-        connect: Zenoh's endpoints of one or several daemons or routers, which know the others; by
-            default ``$ORIENTD_FLEET``, separated by blanks.
+        connect: Zenoh endpoints of one or several daemons or routers, which know the others; by
+            default ``$ORIENTD_FLEET``, separated by spaces.
         cell: its name; by default ``$ORIENTD_CELL``.
         certificate: of this client, a file; by default ``$ORIENTD_CERT``.
         key: of that certificate, a file; by default ``$ORIENTD_KEY``.
@@ -114,7 +114,7 @@ class Stopped:
 
     Attributes:
         daemon: its name.
-        devices: of each ``name``, ``state`` and ``motion`` when the stop reached it.
+        devices: for each, ``name``, ``state`` and ``motion`` when the stop reached it.
         seconds: from the call to the answer.
         taken_after: from the call until the servos had taken the stop, by the daemon's clock and
             its measured offset, s; ``None`` if that is not known.
@@ -168,7 +168,7 @@ class Fleet:
         self.close()
 
     def close(self) -> None:
-        """Leave the cell, and close the robots of it."""
+        """Leave the cell, and close its robots."""
         for robot in self._robots:
             robot.close()
         self._session.close()  # type: ignore[no-untyped-call] # Zenoh's stub
@@ -267,7 +267,7 @@ class Fleet:
     # Stop
 
     def stop(self, *, is_quickest: bool = False, timeout: float = STOP_TIMEOUT) -> list[Stopped]:
-        """Stop every device of the cell by one message; return each daemon's answer.
+        """Stop every device of the cell with one message; return each daemon's answer.
 
         Args:
             is_quickest: whether to leave the path if that is quicker.

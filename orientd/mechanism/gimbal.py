@@ -287,8 +287,8 @@ class Gimbal(Mechanism):
 
         Args:
             q: tool orientation.
-            last: axis angles that resolve the pole: of three axes the innermost one stays, of two
-                the outer one.
+            last: axis angles that decide at the pole: a three-axis gimbal keeps its innermost
+                angle, a two-axis gimbal its outer angle.
         """
         m = self.kinematics.matrix(q)
         outer = self._outer(m, last)

@@ -105,7 +105,7 @@ class Mechanism(ABC):
             wanted: the joints for the exact pose, rad.
 
         Returns:
-            The first one and whole turns do not count.
+            Axis angles, of which the first one and any whole turns are ignored.
         """
         return wanted
 

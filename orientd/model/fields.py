@@ -53,7 +53,7 @@ class EulerAngles(TypedDict):
     """Successive turns about coordinate axes.
 
     Attributes:
-        axes: one to three letters: xyz about fixed axes, XYZ about axes that turn along.
+        axes: one to three letters: xyz about fixed axes, XYZ about axes that turn with the body.
         degrees: one angle for each letter, degrees.
     """
 

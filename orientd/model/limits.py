@@ -68,10 +68,10 @@ _TABLE = (
 
 
 def linear_rate(content: object) -> float:
-    """Return the limit of a norm.
+    """Return the limit on a norm.
 
     Raises:
-        ValueError: *content* is no limit; the message is the expected value.
+        ValueError: *content* is not a limit; the message is the expected value.
     """
     if isinstance(content, bool) or not isinstance(content, int | float):
         raise ValueError("a number")
@@ -84,7 +84,7 @@ def linear_rate(content: object) -> float:
 
 
 def angular_rate(content: object) -> float | Triple:
-    """Return the limit of a norm, or three limits of the components in the body frame.
+    """Return the limit on a norm, or three limits on the components in the body frame.
 
     Raises:
         ValueError: *content* is neither; the message is the expected value.
@@ -103,9 +103,9 @@ def angular_rate(content: object) -> float | Triple:
 class Limits:
     """The largest rates of a motion or a device; infinity means "no limit".
 
-    A quantity has a limit of its Euclidean norm.  For rotations, its components in the body frame
-    may have limits too.  If only the components have limits, they imply one of the norm, which is
-    finite and never the tighter one (:meth:`with_rates`).
+    A quantity has a limit on its Euclidean norm.  For rotations, its components in the body frame
+    may have limits too.  If only the components have limits, they imply a limit on the norm, which
+    is finite and never the tighter one (:meth:`with_rates`).
 
     Attributes:
         velocity: angular velocity, rad/s.
@@ -113,12 +113,12 @@ class Limits:
         jerk: angular jerk, rad/s^3.
         linear_velocity: velocity of the position, m/s.
         linear_acceleration: acceleration of the position, m/s^2.
-        axis_velocity: sizes of the components of the angular velocity about the body's axes.
-        axis_acceleration: sizes of the components of the angular acceleration.
-        axis_jerk: sizes of the components of the angular jerk.
+        axis_velocity: magnitudes of the angular velocity about each of the body's axes.
+        axis_acceleration: magnitudes of the angular acceleration in the same way.
+        axis_jerk: magnitudes of the angular jerk in the same way.
 
     Raises:
-        TypeError: a limit is no number.
+        TypeError: a limit is not a number.
         ValueError: a limit is not positive.
     """
 

@@ -134,7 +134,7 @@ def read(form: str, given: Any, tolerance: float) -> Read:  # noqa: ANN401 - dep
         tolerance: largest deviation of a quaternion's norm from one.
 
     Raises:
-        RequestError: the value is no orientation.
+        RequestError: the value is not an orientation.
     """
     if form == "quaternion":
         return unit(given, tolerance)

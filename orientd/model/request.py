@@ -254,7 +254,7 @@ class MotionRequest:
 
     Attributes:
         keyframes: at least one.  A single one is the goal of a motion from the device's current
-            orientation.  None with a rate.
+            orientation.  Empty with a rate.
         method: a name in :data:`orientd.curves.METHODS`.
         start_velocity: angular velocity at the first keyframe, rad/s.  ``None`` leaves it to the
             method, which chooses rest if it can.

@@ -1,4 +1,4 @@
-"""What there is to know of a motion besides its records, and what a record is, without arrays."""
+"""The properties of a motion apart from its records, and the layout of a record, without arrays."""
 
 from __future__ import annotations
 

@@ -137,7 +137,7 @@ def start_of(rows: Floats) -> Start:
 
 
 def rows_of(records: bytes) -> Floats:
-    """Return the rows that records are, each a :data:`.MOTION_RECORD`.
+    """Return records as rows; each record is a :data:`.MOTION_RECORD`.
 
     Returns:
         Shape ``(n, STATE_FLOATS + 2 axes)``.

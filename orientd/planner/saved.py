@@ -41,7 +41,7 @@ def load_motion(path: str | Path) -> Motion:
     """Return the motion in a file, which is equal to the saved one.
 
     Raises:
-        OrientdError: the file cannot be read, is no motion, or is of a later version.
+        OrientdError: the file cannot be read, is not a motion, or is of a later version.
     """
     try:
         check_regular(Path(path))

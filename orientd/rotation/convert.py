@@ -121,7 +121,7 @@ def _axes(axes: str) -> tuple[list[int], bool]:
     ):
         raise ValueError(
             "axes must be one to three of the letters xyz (about fixed axes) or XYZ (about axes "
-            f"that turn along), no two neighbours the same, got {axes!r}"
+            f"that turn with the body), no two neighbours the same, got {axes!r}"
         )
     return ["xyz".index(letter) for letter in letters], is_intrinsic
 
@@ -130,8 +130,8 @@ def from_euler(axes: str, angles: ArrayLike) -> Floats:
     """Return the unit quaternions of successive turns about coordinate axes.
 
     Args:
-        axes: one to three letters, lower case about the fixed axes (extrinsic), upper case about
-            the axes that turn along (intrinsic), as in SciPy; ``"ZYX"`` is yaw, pitch, roll.
+        axes: one to three letters, lower case about fixed axes (extrinsic), upper case about axes
+            that turn with the body (intrinsic), as in SciPy; ``"ZYX"`` is yaw, pitch, roll.
         angles: angles in radians, in the order of *axes*, shape ``(..., len(axes))``.
 
     Returns:

@@ -172,7 +172,7 @@ def test_a_package_that_is_missing_there_is_one_line(tmp_path, python, pinned):
     ("interpreter", "problem"),
     [
         ("/no/such/python", "cannot run /no/such/python: No such file or directory"),
-        ("/bin/true", "/bin/true is no Python interpreter"),
+        ("/bin/true", "/bin/true is not a Python interpreter"),
         ("/etc/passwd", "cannot run /etc/passwd: Permission denied"),
     ],
 )

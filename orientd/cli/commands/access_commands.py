@@ -9,7 +9,7 @@ from orientd.cli.output import Output
 from orientd.cli.parameters import Group, Option, part_of
 from orientd.errors import OrientdError
 
-lease = Group(name="lease", help="Seize the lease to command.")
+lease = Group(name="lease", help="Seize a lease from its holder.")
 audit = Group(name="audit", help="No longer there.", hidden=True)
 
 

@@ -46,7 +46,7 @@ def batch(
 
     The plans go into FOLDER/plans.parquet. A line of a .jsonl file is a motion file.  In a table,
     rows with the same `motion` are one motion, a keyframe each.  Each row of the result is a
-    certificate or the reason of a refusal. The same command continues an interrupted run.
+    certificate or the reason for a refusal. The same command continues an interrupted run.
     """
     from orientd.batch import Batch, open_requests
 

@@ -26,14 +26,14 @@ def run(
     config: ConfigFile = None,
     listen: Socket = None,
     until_end_of_input: Annotated[
-        bool, Option("--until-end-of-input", help="End when standard input closes.")
+        bool, Option("--until-end-of-input", help="Exit when standard input closes.")
     ] = False,
     log_format: Annotated[
         Literal["auto", "text", "json"],
         Option("--log-format", help="auto: json if journald reads it, else text."),
     ] = "auto",
     require_devices: Annotated[
-        bool, Option("--require-devices", help="End if a device is not ready.")
+        bool, Option("--require-devices", help="Exit if a device is not ready.")
     ] = False,
 ) -> None:
     """Run the daemon in the foreground until SIGTERM or Ctrl-C.

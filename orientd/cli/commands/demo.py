@@ -53,9 +53,9 @@ def demo(
     """Show a motion without hardware, and how well it went.
 
     The command starts a daemon with a simulated device of its own, and ends it after the motion.
-    The motion passes six keyframes and has a velocity at both ends: a lead-in accelerates the
-    device to the first keyframe, and a lead-out brings it to rest after the last.  All figures are
-    measured from the setpoints that the driver got.
+    The motion passes through six keyframes and has a velocity at both ends: a lead-in accelerates
+    the device to the first keyframe, and a lead-out brings it to rest after the last.  All figures
+    are measured from the setpoints that the driver got.
 
     `orientd demo policy` plays the chunks of a simulated policy.  It compares the setpoints with
     straight lines between the rotation vectors, and with a slerp from pose to pose.

@@ -60,7 +60,7 @@ halt = _of_all(
     As quickly as the limits allow.  Needs no lease.
     """,
 )
-pause = _of_one("pause", "Stop on the path; `orientd resume` goes on.")
+pause = _of_one("pause", "Stop on the path; `orientd resume` continues.")
 resume = _of_one("resume", "Resume a paused motion.")
 enable = _of_one("enable", "Enable a device, so that it follows setpoints; it does not move.")
 disable = _of_one("disable", "Disable a device at rest, so that it no longer follows setpoints.")

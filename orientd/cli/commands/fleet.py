@@ -60,7 +60,7 @@ class Cell:
     ] = None
     ca: Annotated[
         Path | None,
-        Option("--ca", help="The authority that signs the cell; default: $ORIENTD_CA."),
+        Option("--ca", help="The CA that signed the cell's certificates; default: $ORIENTD_CA."),
     ] = None
 
     def connect(self) -> Fleet:
@@ -163,7 +163,7 @@ def stop(
         Option("--halt", help="As quickly as the limits allow, off the path if need be."),
     ] = False,
 ) -> None:
-    """Stop every device of the cell by one message, which each daemon acknowledges."""
+    """Stop every device of the cell with one message, which each daemon acknowledges."""
     from orientd.servo import set_scheduling
 
     set_scheduling(STOP_PRIORITY)
@@ -183,13 +183,15 @@ def stop(
 def move(
     at: Cell,
     out: Output,
-    plan: Annotated[Path, Argument(metavar="PLAN", help="A motion for each device.")],
+    plan: Annotated[
+        Path, Argument(metavar="PLAN", help="A YAML file with a motion for each device.")
+    ],
     start_in: Annotated[
         float | None,
         Option(metavar="SECONDS", help="Time from the end of planning to the start."),
     ] = None,
 ) -> None:
-    """Move devices of several daemons from one instant, or none.
+    """Start devices of several daemons at the same instant, or move none.
 
     Ctrl-C stops all of them on their paths.
     """
@@ -269,10 +271,11 @@ def record(
 @part_of(fleet)
 def router(
     config: Annotated[
-        Path, Option("--config", "-c", help="With [fleet] and [access.certificates].")
+        Path,
+        Option("--config", "-c", help="A configuration with [fleet] and [access.certificates]."),
     ],
     show: Annotated[
-        bool, Option("--print", help="Print the configuration for `zenohd`, and end.")
+        bool, Option("--print", help="Print the configuration for `zenohd`, and exit.")
     ] = False,
 ) -> None:
     """Run a router of a cell until Ctrl-C: connect networks, and refuse clients without a role.

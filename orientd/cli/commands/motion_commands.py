@@ -41,13 +41,13 @@ def plan(
     config: ConfigFile = None,
     device: DeviceName = "",
     from_robot: Annotated[
-        bool, Option("--from-robot", help="Ask the device where it stands; nothing moves.")
+        bool, Option("--from-robot", help="Ask the device for its pose; nothing moves.")
     ] = False,
 ) -> None:
     """Plan the motion of FILE without a daemon.
 
-    The device is assumed to stand at the first keyframe.  An arm stands where its options say, or
-    with --from-robot where the arm itself says. Rate and limits are those of the device in the
+    The device is assumed to be at the first keyframe.  An arm starts at the pose in its options, or
+    with --from-robot at the pose that it reports. Rate and limits are those of the device in the
     configuration.  The samples are the setpoints that its servo would send, along the path that its
     axes can follow.
     """
@@ -111,8 +111,8 @@ def move(
 ) -> None:
     """Run the motion of FILE on a device, and show its progress.
 
-    It replaces a running motion without a step.  Ctrl-C stops the device on its path.  From another
-    terminal `orientd pause`, `resume`, `speed` and another `move` need `--lease` meanwhile.
+    It replaces a running motion without a step.  Ctrl-C stops the device on its path.  While
+    it runs, `orientd pause`, `resume`, `speed` and `move` need `--lease` in another terminal.
     """
     from orientd import motion_file
     from orientd.cli import texts

@@ -61,7 +61,7 @@ def plot(
     """Draw a motion file, a recording, a family of curves or a figure.
 
     A motion file is drawn as its curve alone, without lead-in and limits of a device; `orientd plan
-    --plot` draws the motion.  A family is drawn as its example.  Figures of the papers have names.
+    --plot` draws the motion.  For a family, an example is drawn.  Figures of the papers have names.
     """
     from orientd import plots
     from orientd.curves import METHODS

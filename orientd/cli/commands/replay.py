@@ -52,7 +52,7 @@ def replay(
     pace: Annotated[
         Pace,
         Option(
-            "--pace", help="As recorded (slower if the limits ask for it), or as fast as possible."
+            "--pace", help="As recorded (slower if the limits require it), or as fast as possible."
         ),
     ] = "recorded",
     output: Annotated[
@@ -64,11 +64,11 @@ def replay(
     ] = False,
     config: ConfigFile = None,
 ) -> None:
-    """Repeat a recorded orientation.
+    """Repeat a recorded motion.
 
-    orientd fits a spline to it and shows the certificate before anything moves.  The fit copes with
-    noise, sign flips, outliers and gaps.  The motion begins with a lead-in from the present
-    orientation and ends with a stop; the certificate covers both.
+    orientd fits a spline to the orientations and shows the certificate before anything moves.  The
+    fit copes with noise, sign flips, outliers and gaps.  The motion begins with a lead-in from the
+    present orientation and ends with a stop; the certificate covers both.
     """
     need_extra("record")
     from orientd.cli.commands.motion_commands import conclude, follow

@@ -13,7 +13,7 @@ from orientd.cli.output import Output
 from orientd.cli.parameters import Group, Option, part_of
 from orientd.errors import ConfigError
 
-service = Group(name="service", help="Run the daemon as a service of systemd.")
+service = Group(name="service", help="Run the daemon as a systemd service.")
 
 NAME = "orientd.service"
 

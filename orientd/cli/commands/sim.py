@@ -44,7 +44,7 @@ def ur(
 
     RTDE on 30004, dashboard on 29999, URScript on 30001 to 30003, interpreter mode on 30020,
     faults on 29998 (send `help`).  Prints a line that begins with `ready` when it can be used.
-    Any address of 127.0.0.0/8 serves.
+    Any address in 127.0.0.0/8 works.
     """
     emulator = _emulator("emulated_ur")
     if model not in emulator.MODELS:
@@ -72,7 +72,7 @@ def dynamixel(
         float,
         Option(range=(0.0, 1e4), help="Longest time that the adapter holds an answer back, ms."),
     ] = 1.0,
-    ideal: Annotated[bool, Option("--ideal", help="Transmit bytes in no time.")] = False,
+    ideal: Annotated[bool, Option("--ideal", help="Transmit bytes instantly.")] = False,
     seed: Annotated[int, Option(help="Seed of everything random.")] = 0,
     console: Annotated[
         bool,

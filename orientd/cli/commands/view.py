@@ -44,7 +44,7 @@ def view(
     """Show a daemon's devices in the browser, until Ctrl-C or SIGTERM.
 
     Prints a line that begins with "ready" and has the address.  Every user who can open the page
-    can stop devices.  Taking the lease there allows moving them.
+    can stop devices.  Users who take the lease there can also move them.
     """
     need_extra("view")
     from orientd.viewer import View, is_loopback

@@ -87,7 +87,7 @@ def _remove_stale(path: Path) -> None:
     except FileNotFoundError:
         return
     if not stat.S_ISSOCK(mode):
-        raise DaemonError(f"{path} is there already, and is no socket")
+        raise DaemonError(f"{path} is there already, and is not a socket")
     with sockets.socket(sockets.AF_UNIX, sockets.SOCK_STREAM) as probe:
         try:
             probe.connect(str(path))

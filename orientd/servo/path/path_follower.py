@@ -223,7 +223,7 @@ class PathFollower:
             raise StarvedError(f"path record {index} is not in the ring")
         w, x, y, z = point.q
         if abs(w * w + x * x + y * y + z * z - 1.0) > NORM_TOLERANCE:  # no number: the guard's
-            raise StarvedError(f"path record {index} is no orientation")
+            raise StarvedError(f"path record {index} is not an orientation")
         self._loaded = index
         self._point = point
         self._segment = None

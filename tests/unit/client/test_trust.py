@@ -75,7 +75,7 @@ def test_what_is_no_socket_is_refused(folder, listening, kind):
         "link": lambda: path.symlink_to(listening),
     }
     make[kind]()
-    refused(path, "is no socket")
+    refused(path, "is not a socket")
 
 
 LISTENER = f"""

@@ -71,7 +71,7 @@ def test_a_socket_that_somebody_else_listens_at_is_left_alone(path):
 def test_a_file_that_is_no_socket_is_left_alone(path):
     path.parent.mkdir()
     path.write_text("precious")
-    with pytest.raises(DaemonError, match="is no socket"), claimed(path):
+    with pytest.raises(DaemonError, match="is not a socket"), claimed(path):
         pass
     assert path.read_text() == "precious"
 

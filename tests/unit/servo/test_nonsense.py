@@ -69,7 +69,7 @@ def test_a_record_that_is_no_orientation_is_not_sent():
         rig.memory.path.put([PATH_RECORD.pack(*fields)], index)
     rig.run_until(lambda servo: servo.state is ServoState.FAULT)
     assert rig.servo.setpoints.fault is Fault.PATH_STARVED
-    assert "is no orientation" in rig.servo.setpoints.fault_text
+    assert "is not an orientation" in rig.servo.setpoints.fault_text
     np.testing.assert_allclose(np.linalg.norm(rig.sent(), axis=1), 1.0, atol=1e-9)
 
 

@@ -127,7 +127,7 @@ def test_a_path_is_of_unit_quaternions_alone(ring, follower, part):
         put(ring, point(0, q=tuple(sqrt(c * c + (k == part) * excess) for k, c in enumerate(q))))
     for first in (0, 1):
         follower.begin(PathPart(1, first, TERMS))
-    with pytest.raises(StarvedError, match="path record 2 is no orientation"):
+    with pytest.raises(StarvedError, match="path record 2 is not an orientation"):
         follower.begin(PathPart(1, 2, TERMS))
 
 
