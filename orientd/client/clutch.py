@@ -6,7 +6,7 @@ import math
 import time
 from typing import TYPE_CHECKING, Self
 
-from orientd.client.target_messages import Frame, orientation_of
+from orientd.client.target_messages import Frame, orientation_of, vector_of
 from orientd.driver import ZERO, Vector3
 from orientd.driver import Quaternion as Orientation
 from orientd.errors import RequestError
@@ -88,13 +88,14 @@ class Clutch:
             OrientdError: tracking has ended.
         """
         q = orientation_of(hand, "hand")
-        if not all(map(math.isfinite, (*q, *(position or ())))):
+        place = None if position is None else vector_of(position, "position")
+        if not all(map(math.isfinite, (*q, *(place or ())))):
             return
         q, before = normalize(q), self._hand
-        self._hand = q, position
+        self._hand = q, place
         if before is not None:
-            self._follow(*before, q, position)
-        self._aim(None, self._time_to_live, position is not None)
+            self._follow(*before, q, place)
+        self._aim(None, self._time_to_live, place is not None)
 
     def _follow(
         self, q0: Orientation, p0: Vector3 | None, q: Orientation, p: Vector3 | None

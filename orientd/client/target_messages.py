@@ -10,7 +10,7 @@ from orientd.driver import Vector3
 from orientd.errors import RequestError
 from orientd.model import FORMS, joined, read_keyframe
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import quaternion
+from orientd.protocol import quaternion, vector
 from orientd.rotation import Quaternion
 from orientd.spelling import did_you_mean
 
@@ -45,19 +45,26 @@ def target_message(
     message = pb.TrackTarget(time_ns=time_ns, time_to_live=time_to_live)
     message.orientation.CopyFrom(quaternion(orientation_of(target)))
     if angular_velocity is not None:
-        message.angular_velocity.CopyFrom(_vector("angular_velocity", angular_velocity))
+        message.angular_velocity.CopyFrom(
+            vector(vector_of(angular_velocity, "target.angular_velocity"))
+        )
         message.velocity_frame = pb.FRAME_WORLD if velocity_frame == "world" else pb.FRAME_BODY
     if position is not None:
-        message.position.CopyFrom(_vector("position", position))
+        message.position.CopyFrom(vector(vector_of(position, "target.position")))
     return message
 
 
-def _vector(name: str, given: object) -> pb.Vector3:
+def vector_of(given: object, place: str) -> Vector3:
+    """Return three numbers as floats; *place* is their name in messages.
+
+    Raises:
+        RequestError: they are not three numbers.
+    """
     try:
         x, y, z = map(float, given)  # type: ignore[call-overload] # whatever came
     except (TypeError, ValueError):
-        raise RequestError(f"target.{name}", f"expected three numbers, got {given!r}") from None
-    return pb.Vector3(x=x, y=y, z=z)
+        raise RequestError(place, f"expected three numbers, got {given!r}") from None
+    return x, y, z
 
 
 def orientation_of(target: object, place: str = "target") -> Orientation:

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 import orientd
@@ -87,6 +88,15 @@ def test_letting_go_and_engaging_elsewhere_moves_nothing():
     again = Clutch(targets, (clutch.q, clutch.position), scale=1.0, frame="world", time_to_live=0.2)
     again.move(hand(exp((-2.0, 0.0, 1.0))))
     assert apart(targets.aimed[-1][0], rest[0]) < 1e-12
+
+
+def test_a_position_is_any_three_numbers():
+    targets, clutch = engaged()
+    clutch.move(hand(HAND), position=np.zeros(3))
+    clutch.move(hand(HAND), position=np.array([0.0, 0.1, 0.0]))
+    assert targets.aimed[-1][1]["position"] == pytest.approx((PLACE[0], PLACE[1] + 0.1, PLACE[2]))
+    with pytest.raises(RequestError, match="three numbers"):
+        clutch.move(hand(HAND), position=[0.0, 0.1])
 
 
 def test_a_hand_that_is_no_pose_is_left_out():
