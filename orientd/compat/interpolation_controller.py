@@ -65,6 +65,7 @@ class RTDEInterpolationController:
         max_rot_speed: largest angular velocity, rad/s; ``None`` for that of the device.
         launch_timeout: how long :meth:`start_wait` waits for the first state, s.
         get_max_k: states that are kept.
+        receive_latency: how old a state is when it arrives, s; UMI subtracts it.
         device: name of the device; it may be empty if the daemon has only one.
         socket: of the daemon, as :func:`orientd.connect` takes it.
         settings: the other arguments of the original, not needed either.
@@ -82,6 +83,7 @@ class RTDEInterpolationController:
         launch_timeout: float = 3.0,
         get_max_k: int = 128,
         *,
+        receive_latency: float = 0.0,
         device: str = "",
         socket: str | Path | None = None,
         **settings: object,
@@ -89,6 +91,7 @@ class RTDEInterpolationController:
         del shm_manager, robot_ip, lookahead_time, gain, settings
         self._speeds = {"linear_velocity": max_pos_speed, "velocity": max_rot_speed}
         self._launch_timeout, self._spacing_ns = launch_timeout, 1e9 / frequency
+        self._receive_latency = receive_latency
         self._device, self._socket = device, socket
         self._states: deque[dict[str, Floats]] = deque(maxlen=get_max_k)
         self._waypoints: list[tuple[float, Floats]] = []
@@ -210,7 +213,7 @@ class RTDEInterpolationController:
         Returns:
             The entries of :data:`KEYS`, shape ``(6,)`` or ``(k, 6)``: poses, and velocities in the
             world, m/s and rad/s; joints in rad and rad/s.  ``robot_receive_timestamp`` is the time
-            of each.
+            of each, and ``robot_timestamp`` that time without the receive latency.
         """
         del out
         states = list(self._states)
@@ -229,7 +232,10 @@ class RTDEInterpolationController:
                 for cycle in cycles:
                     if cycle.deadline_ns >= next_ns:
                         next_ns = cycle.deadline_ns + self._spacing_ns - SLACK_NS
-                        self._states.append(_state(cycle, before))
+                        state = _state(cycle, before)
+                        received = state["robot_receive_timestamp"]
+                        state["robot_timestamp"] = received - self._receive_latency
+                        self._states.append(state)
                         before = cycle
                         self._ready.set()
                 if self._ending.is_set():

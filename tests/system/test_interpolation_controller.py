@@ -28,7 +28,13 @@ def controller(process):
     with orientd.connect(process.socket) as robot:
         robot.move([{"rotation_vector": A, "position": [0, 0, 0]}], approach=True).wait(30.0)
     with RTDEInterpolationController(
-        None, "192.0.2.1", frequency=125, max_pos_speed=0.25, gain=300, socket=process.socket
+        None,
+        "192.0.2.1",
+        frequency=125,
+        max_pos_speed=0.25,
+        gain=300,
+        receive_latency=0.25,
+        socket=process.socket,
     ) as controller:
         yield controller
 
@@ -74,6 +80,7 @@ def test_states_have_the_names_and_shapes_of_the_original(controller):
     for name, width in KEYS.items():
         assert one[name].shape == (width,)
         assert some[name].shape == (5, width)
+    assert one["robot_timestamp"] == one["robot_receive_timestamp"] - 0.25
     stamps = controller.get_all_state()["robot_receive_timestamp"]
     assert abs(stamps[-1] - time.time()) < 5.0
     assert np.diff(stamps).mean() == pytest.approx(1 / 125, rel=0.3)
