@@ -1,8 +1,7 @@
 """The devices of a daemon, with the leases to command them and the plans for them.
 
-Nothing here knows of gRPC.  What plans is awaited in the event loop.  Every other method may be
-called from any thread; those that command may take as long as the device does, and belong into a
-worker thread.
+Nothing here knows of gRPC.  The event loop awaits the methods that plan.  Every other method may be
+called from any thread.  A command may take as long as the device does: call it in a worker thread.
 """
 
 from __future__ import annotations
@@ -117,7 +116,7 @@ class Devices:
     def _disown(self, lease: Lease, devices: Collection[str], what: str) -> None:
         """Stop what was started under a lease that is lost.
 
-        If it has run out, whoever let a device go to move it by hand is lost too: it holds again.
+        If the lease has expired, a device released for hand guiding holds again.
         """
         for name in devices:
             device = self.by_name[name]
@@ -145,8 +144,8 @@ class Devices:
         """Wait until every device is ready or has failed; return what is wrong, if anything.
 
         Args:
-            timeout: for how long at the most, s.
-            is_cancelled: whether nobody wants to know any more.
+            timeout: longest wait, s.
+            is_cancelled: returns whether the caller has given up.
         """
         deadline = time.monotonic() + timeout
         problems = []
@@ -285,7 +284,7 @@ def _stop(
 
 
 def planner_device(settings: DeviceSettings) -> PlannerDevice:
-    """Return what planners are told of a device."""
+    """Return the description of a device for the planners."""
     return PlannerDevice(
         settings.name,
         settings.driver,

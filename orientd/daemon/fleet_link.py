@@ -1,4 +1,4 @@
-"""The daemon's place in its cell: start the gateway, tell it the state, write down its stops."""
+"""Connect the daemon to its cell: start the gateway, publish the state, record its stops."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from orientd.protocol import control_pb2 as pb
 _log = logging.getLogger(__name__)
 
 _AGAIN, _SELDOM = 1.0, 30.0
-"""Time after which a gateway that has ended is started again: at first, and at the most, s."""
+"""Shortest and longest time before the daemon restarts a gateway that has ended, s."""
 
 _END = 2.0
 """How long the gateway may take to end, s."""
@@ -157,7 +157,7 @@ class FleetLink:
             _log.error("fleet: %s", told["failed"])
 
     async def _publish(self) -> None:
-        """Publish the state at its rate while anybody watches."""
+        """Publish the state at its rate while a client watches."""
         due = 0.0
         while True:
             await self._watched.wait()

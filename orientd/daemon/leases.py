@@ -2,7 +2,7 @@
 
 A lease is of one device or of several, and a device is in the leases of one identity alone.  Two
 programs of one identity share a device only if the second one asks for that.  Then each has a lease
-of its own: if one of them gives its lease back, or loses it, the other one and its motions go on.
+of its own: if one of them returns or loses its lease, the other lease and its motions continue.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class Lease:
         holder: what holds it, as it named itself.
         expires_ns: when it ends unless it is renewed, monotonic clock.
         devices: which may be commanded with it, in the order of the table.
-        owner: whose it is, as the daemon knows them; empty where it knows nobody.
-        name: of the owner, for people.
+        owner: key of the holder's identity; empty if the daemon does not know it.
+        name: readable name of the owner.
     """
 
     token: str
@@ -44,28 +44,28 @@ class Lease:
 
     @property
     def who(self) -> str:
-        """Whose it is, as far as that was checked."""
+        """Return the owner if the daemon has checked it, otherwise the holder's own name."""
         return f"{self.name} ({self.owner})" if self.owner and self.name else repr(self.holder)
 
 
 EXPIRED = "has expired"
-"""What happened to a lease that its holder did not renew."""
+"""Text for a lease that its holder did not renew."""
 
 Lost = Callable[[Lease, Collection[str], str], object]
-"""Told that a lease is lost: which, of which devices, and what happened to it."""
+"""Is called when a lease is lost: with the lease, its devices, and the reason."""
 
 
 class Leases:
     """Hand out leases, each device to one identity at a time.  Safe to call from any thread."""
 
     def __init__(self, devices: Sequence[str], *, seconds: float, clock: Clock, lost: Lost) -> None:
-        """Open with nobody holding a lease.
+        """Start without any lease.
 
         Args:
-            devices: all there are.
+            devices: names of all devices.
             seconds: how long a lease lasts from its acquisition or renewal, s.
-            clock: tells when it has run out.
-            lost: stops what was started under a lease, of which it is told when it is lost.
+            clock: times the leases.
+            lost: stops the motions of a lost lease.
         """
         self.seconds = seconds
         self._lost = lost
@@ -107,8 +107,7 @@ class Leases:
             owner: whose it will be.
             name: of the owner, for people.
             devices: which; all there are if empty.
-            beside: whether to command beside other leases of the same owner, which stay as they
-                are.
+            beside: whether to share the devices with other leases of the same owner.
 
         Raises:
             RequestError: the holder has no name.
@@ -137,7 +136,7 @@ class Leases:
         name: str = "",
         devices: Collection[str] = (),
     ) -> Lease:
-        """Give a lease of *devices*, all there are if empty, to *holder* whoever has them.
+        """Give *holder* a lease of *devices* (all if empty), even if others hold them.
 
         Raises:
             RequestError: the holder has no name, or there is no reason.
@@ -197,7 +196,7 @@ class Leases:
         Args:
             token: secret of its holder.
             device: that it must be of; empty for any.
-            owner: whose it must be; ``None`` for anybody's.
+            owner: key that its owner must have; ``None`` for any owner.
 
         Raises:
             LeaseError: there is no such lease.

@@ -1,4 +1,4 @@
-"""What of new settings can be taken up by a daemon that runs, and what cannot."""
+"""Separate the settings that a running daemon can change from those that need a restart."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CHANGEABLE = (
     "tcp.revoked",
     "metrics",
 )
-"""Keys, with everything below them; the files that they name are read anew too."""
+"""Keys, with everything below them; the daemon reads the files that they name again too."""
 
 
 def changes(before: Settings, after: Settings) -> tuple[list[str], list[str]]:

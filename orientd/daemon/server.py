@@ -77,11 +77,11 @@ def run(
     Args:
         settings: devices and lease.
         socket: where to listen.
-        configuration: where the settings are from, for those who ask.
-        reread: returns the settings as they are now, for SIGHUP; ``None`` where there is no file.
-        on_ready: called once commands are taken, with what is wrong with the devices, if anything;
-            and again once nothing is.
-        needs_devices: whether to end where a device is not ready.
+        configuration: source of the settings, for clients that ask.
+        reread: returns the settings as they are now, for SIGHUP; ``None`` if there is no file.
+        on_ready: called once the daemon accepts commands, with the problems of the devices if
+            there are any; called again once there are none.
+        needs_devices: whether to end if a device is not ready.
 
     Raises:
         ConfigError: a device of the settings is not possible here.
@@ -289,7 +289,7 @@ class _Daemon:
             notify("READY=1")
             if problems:
                 tasks.append(asyncio.create_task(self._start_again()))
-            # What was loaded stays for good; every full collection would take 20 ms over it.
+            # Loaded modules stay until the end; a full collection would spend 20 ms on them.
             gc.collect()
             gc.freeze()
         await self._stopping.wait()

@@ -33,8 +33,8 @@ def standard_methods(service: str, status: ServiceStatus) -> Mapping[str, Method
     """Return the calls of health and reflection.
 
     Args:
-        service: the full name of what the daemon offers.
-        status: how that is.
+        service: full name of the daemon's service.
+        status: health of that service.
     """
     offered = _Named(service)
     health = Health({offered: [status]})

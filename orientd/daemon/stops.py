@@ -1,8 +1,8 @@
 """Stops that reach the servos directly: who may stop, and what is written of each stop.
 
-The servo of each device listens at a socket of its own in a folder beside the control socket, and
-brakes whatever the daemon does (:mod:`orientd.servo.stop_socket`).  The daemon makes the folder,
-says who is admitted, and afterwards reads in the servo's memory who stopped.
+The servo of each device listens at its own socket, in a folder next to the control socket.  It
+brakes whatever the daemon does (:mod:`orientd.servo.stop_socket`).  The daemon makes the folder and
+lists the admitted users.  Afterwards it reads in the servo's memory who stopped.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Tell systemd how the daemon is, and feed its watchdog for as long as the servos make progress.
 
-Where it asks for that: sd_notify(3), sd_watchdog_enabled(3).  A thread of its own looks at the
-cycles that the servos publish.  A servo process that runs and does not come to its next cycle
-starves the watchdog; one that has ended in a fault waits for a reset, of which a restart would make
-nothing better.
+The daemon does so if systemd asks for it: sd_notify(3), sd_watchdog_enabled(3).  A thread watches
+the cycles that the servos publish.  If a servo process runs but its cycles stop, the watchdog is
+not fed.  A servo that has ended in a fault does not count: it waits for a reset, and a restart of
+the daemon would not help.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ def notify(state: str) -> None:
         return
     if address.startswith("@"):
         address = "\0" + address[1:]
-    # Whoever started the daemon has gone away: that is no reason not to run.
+    # The daemon runs even if the service manager that started it is gone.
     with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
         sender.connect(address)
         sender.sendall(state.encode())
 
 
 def watchdog_seconds() -> float | None:
-    """Return how often systemd wants to be told; ``None`` where it does not, or not by us."""
+    """Return systemd's watchdog interval, s; ``None`` if it does not watch this process."""
     wanted, pid = os.environ.get("WATCHDOG_USEC", ""), os.environ.get("WATCHDOG_PID", "")
     if not wanted.isdigit() or pid not in ("", str(os.getpid())):
         return None

@@ -1,4 +1,4 @@
-"""Who may do what: peer credentials, roles, authorization, and the audit log."""
+"""Control access: peer credentials, roles, authorization, and the audit log."""
 
 from __future__ import annotations
 

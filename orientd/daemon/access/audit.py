@@ -71,7 +71,7 @@ class AuditLog:
         try:
             self._append(line)
         except OSError as error:
-            # A full disk must not keep anybody from stopping a robot.
+            # A full disk must not keep a client from stopping a robot.
             if not self._is_failing:
                 _log.error("audit: cannot write to %s: %s", self._path, error)
             self._is_failing = True
@@ -94,7 +94,7 @@ class AuditLog:
                 fcntl.flock(self._descriptor, fcntl.LOCK_UN)
 
     def _lock(self) -> None:
-        """Hold the file at the path alone, opened anew where another daemon has put it aside."""
+        """Lock the file at the path; open it again if another daemon has rotated it."""
         while True:
             if self._descriptor < 0:
                 self._path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -35,7 +35,7 @@ def claimed(path: Path) -> Iterator[None]:
         finally:
             path.unlink(missing_ok=True)
     finally:
-        # While it is still locked: nobody can hold a lock on a file that is no longer there.
+        # Unlink before unlocking: no other daemon can then lock a file that is already deleted.
         lock_path.unlink(missing_ok=True)
         os.close(descriptor)
 

@@ -1,7 +1,7 @@
 """One connection of a client: gRPC as grpclib speaks it, with bounds that grpclib does not have.
 
-The messages of a client have a largest size, what floods the daemon is taken in pieces, and the
-daemon hangs up on a client that does not read what it asks for.
+A client's messages have a largest size.  The daemon reads a flood of them in pieces.  It hangs up
+on a client that does not read the answers.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from orientd.errors import MessageSizeError, RequestError
 _log = logging.getLogger(__name__)
 
 WINDOW = 256 * 1024
-"""Bytes that a client may send ahead of what is read, over one connection and for one call."""
+"""Bytes that a client may send before the daemon reads them, per connection and per call."""
 
 MOST_STREAMS = 1024
 """Calls over one connection that its client has not done with; a client waits with more."""
@@ -47,7 +47,7 @@ FindRoute = Callable[[str, Caller], Route | None]
 """Returns how to serve a call of a full name, ``/service/Name``, for a caller."""
 
 Meet = Callable[[asyncio.BaseTransport], Caller | None]
-"""Says who is at the other end of a connection; ``None`` for somebody to hang up on."""
+"""Identifies the client of a connection; ``None`` if the daemon must hang up on it."""
 
 _HTTP2 = H2Configuration(
     client_side=False,
@@ -100,7 +100,7 @@ class Connection(H2Protocol):
         return self._calls.check_closed()
 
     async def ends_within(self, seconds: float) -> None:
-        """Wait *seconds* at the most until no call is under way."""
+        """Wait at most *seconds* until no call is running."""
         if seconds and (tasks := self._calls.tasks):
             await asyncio.wait(tasks, timeout=seconds)
 
@@ -250,7 +250,7 @@ class Codec(ProtoCodec):
 
 
 class _Details(StatusDetailsCodecBase):
-    """The details of a status: all of it, with what google.rpc knows of errors."""
+    """Encode the details of a status: the whole status, with google.rpc's error details."""
 
     def encode(self, status: Any, message: str | None, details: status_pb2.Status) -> bytes:  # noqa: ANN401, ARG002
         return bytes(details.SerializeToString())

@@ -1,4 +1,4 @@
-"""Who somebody is and what they may do, by what the kernel or a certificate says of them."""
+"""Identify clients and their roles by the kernel's peer credentials or by a certificate."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _UCRED = struct.Struct("iII")
 
 @dataclass(frozen=True)
 class Process:
-    """What the kernel says of the process at the other end of a Unix socket.
+    """Hold the kernel's peer credentials of the process at the other end of a Unix socket.
 
     Attributes:
         pid: of the process that connected.
@@ -43,7 +43,7 @@ class Process:
 def peer_process(connected: socket.socket) -> Process:
     """Return what the kernel says of who connected: ``SO_PEERCRED`` and ``SO_PEERGROUPS``, unix(7).
 
-    Of somebody in more than 256 groups only the first one counts.
+    If a user is in more than 256 groups, only the first one counts.
 
     Raises:
         OSError: the kernel does not say.
@@ -62,12 +62,12 @@ def peer_process(connected: socket.socket) -> Process:
 
 @dataclass(frozen=True)
 class Identity:
-    """Somebody who has come in.
+    """Identify an admitted client.
 
     Attributes:
-        key: names them for good, ``user:NUMBER`` or ``certificate:NAME``.
-        name: for people.
-        role: what they may do.
+        key: permanent name, ``user:NUMBER`` or ``certificate:NAME``.
+        name: readable name.
+        role: decides which calls the client may make.
     """
 
     key: str
@@ -80,7 +80,7 @@ class Identity:
 
 @dataclass(frozen=True)
 class ClientCertificate:
-    """What a certificate says that was signed by who we trust.
+    """Hold the contents of a certificate that a trusted authority signed.
 
     Attributes:
         name: the common name.
@@ -145,15 +145,15 @@ class RolePolicy:
 
     @property
     def admits_others(self) -> bool:
-        """Whether anybody but the daemon's own user may come in by the Unix socket."""
+        """Whether users other than the daemon's own may connect to the Unix socket."""
         return bool(self._groups) or set(self._users) != {0, os.geteuid()}
 
     def tables(self) -> dict[str, list[int]]:
-        """Return the numbers of the users, and of the groups, that may come in."""
+        """Return the numbers of the users, and of the groups, that may connect."""
         return {"users": list(self._users), "groups": list(self._groups)}
 
     def identify(self, credentials: Credentials) -> Identity | None:
-        """Return who has these *credentials*; ``None`` for nobody who may do anything."""
+        """Return the client with these *credentials*; ``None`` if it has no role."""
         if isinstance(credentials, Process):
             return self._user(credentials.uid, credentials.gids)
         if credentials.serial in self._revoked or credentials.expires <= time.time():

@@ -37,7 +37,7 @@ HANDSHAKE_TIMEOUT = 5.0
 """Time that a TLS handshake may take from the connection on, s."""
 
 MOST_HANDSHAKES = 256
-"""Clients over TCP without a certificate yet; the oldest gives way to one more."""
+"""Most clients over TCP without a certificate yet; one more closes the oldest."""
 
 SILENCE = 15
 """Time after which the daemon hangs up on a client over TCP that the network has lost, s."""
@@ -47,7 +47,7 @@ BUSY = 2
 
 _OTHER_DESCRIPTORS = 200
 _BACKLOG = 1024  # a client that finds it full gives up at once
-_AGAIN = 0.1  # s before another is accepted where there was no descriptor for one
+_AGAIN = 0.1  # s before the next accept if the process has run out of descriptors
 
 Receive = Callable[[socket.socket, str], Awaitable[None]]
 """Receives a connection from somewhere."""
@@ -55,7 +55,7 @@ Receive = Callable[[socket.socket, str], Awaitable[None]]
 
 @dataclass(frozen=True)
 class _Tables:
-    """Who may come in: roles, and what TLS is spoken with."""
+    """Hold the roles of clients, and the TLS context and revocations."""
 
     policy: RolePolicy
     context: ssl.SSLContext | None = None
@@ -88,16 +88,16 @@ class Listener:
         find_route: FindRoute,
         audit: AuditLog,
     ) -> None:
-        """Let nobody in yet.
+        """Prepare the listener; it accepts no client yet.
 
         Args:
             access: roles and limits.
-            tcp: the way in over TCP, if there is one.
-            find_route: says how to serve each call.
-            audit: records who is refused.
+            tcp: settings of the TCP listener, if there is one.
+            find_route: returns how to serve each call.
+            audit: records refused clients.
 
         Raises:
-            ConfigError: the settings name what is not there.
+            ConfigError: the settings name a user, group or file that does not exist.
         """
         self._access, self._tcp = access, tcp
         self._tables = _Tables.read(access, tcp)
@@ -113,11 +113,11 @@ class Listener:
 
     @property
     def policy(self) -> RolePolicy:
-        """Who may do what at present."""
+        """Return the roles and permissions now in force."""
         return self._tables.policy
 
     async def open(self, path: Path) -> None:
-        """Listen at the Unix socket *path*, and for TLS where the settings say.
+        """Listen at the Unix socket *path*, and for TLS if the settings say so.
 
         Raises:
             DaemonError: that is not possible.
@@ -173,7 +173,7 @@ class Listener:
                 caller.identity = now
 
     async def close(self, grace: float = 0.0) -> None:
-        """Let nobody in any more, wait *grace* s for calls to end, then hang up on everybody."""
+        """Accept no more clients, wait *grace* s for calls to end, then close all connections."""
         for task in self._tasks:
             task.cancel()
         for listener in self._listeners:
@@ -270,7 +270,7 @@ class Listener:
                 credentials = credentials_of(transport)
                 identity = self._tables.policy.identify(credentials)
                 if identity is None:
-                    raise AccessError(f"nobody admits {credentials}")
+                    raise AccessError(f"no role admits {credentials}")
                 caller = Caller(credentials, origin, identity)
                 self._enter(connection, caller)
             except (AccessError, ValueError) as error:
@@ -287,10 +287,10 @@ class Listener:
         return connection
 
     def _enter(self, connection: Connection, caller: Caller) -> None:
-        """Count *connection*; an idle one of the same identity gives way if there are too many.
+        """Count *connection*; close an idle one of the same identity if there are too many.
 
-        If all of them are busy, the new one comes in as well: its caller may stop devices, and gets
-        an answer to a call that is one too many.
+        If all of them are busy, the daemon admits the new one as well.  Its caller can then still
+        stop devices, and gets an error for a call beyond the limit.
 
         Raises:
             AccessError: far too many are busy.

@@ -12,12 +12,12 @@ CONTROL = "orientd.v1.Control"
 
 @dataclass(frozen=True)
 class Rule:
-    """What a call takes.
+    """Describe the requirements of a call.
 
     Attributes:
-        role: needed for it; a higher one will do too.
+        role: lowest role that may make it.
         is_command: whether it changes something, and is therefore recorded.
-        is_limited: whether it counts against what one connection may ask for.
+        is_limited: whether it counts against the limit of calls at once of one identity.
     """
 
     role: Role
@@ -55,15 +55,15 @@ RULES: Mapping[str, Rule] = {
     "ReleaseLease": _COMMAND,
     "SeizeLease": Rule(Role.ADMINISTRATOR, is_command=True),
 }
-"""By the name of the call; anybody who may come in at all may stop."""
+"""By the name of the call; every client that may connect may stop."""
 
 _UNLISTED = Rule(Role.ADMINISTRATOR, is_command=True)
 
 
 def rule(method: str) -> Rule:
-    """Return what the call of the full name *method*, ``/service/Name``, takes.
+    """Return the requirements of a call by its full name *method*, ``/service/Name``.
 
-    Health and reflection are for whoever may look; a call that no table has is for administrators.
+    Health and reflection need the lowest role.  A call that no table lists needs an administrator.
     """
     service, _, name = method.removeprefix("/").partition("/")
     if service == CONTROL:
