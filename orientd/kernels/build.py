@@ -4,8 +4,8 @@ By hand it needs nothing but Python and a C compiler::
 
     python orientd/kernels/build.py [LEVEL ...]
 
-The compiler is the one that ``CC`` names, one that the machine has, or that of the package
-``ziglang``, which the package's build fetches where there is no other.
+The compiler is the one that ``CC`` names, one of the machine, or that of the package
+``ziglang``.  The package's build fetches ``ziglang`` if it finds no other compiler.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ ROOT = Path(__file__).parents[2]
 
 FLAGS = (
     "-std=gnu11", "-shared", "-fPIC", "-O3", "-Wall", "-Wextra", "-s",
-    # What one file of kernels calls in another is theirs alone, and need not go through a table.
+    # Calls between the files of the kernels need no procedure linkage table.
     "-fvisibility=hidden",
-    # Not -ffast-math: what is not a number keeps its meaning, and loading it must not change how
-    # the whole process rounds.
+    # Not -ffast-math: NaN keeps its meaning, and loading the library must not change the rounding
+    # of the whole process.
     "-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros", "-ffp-contract=fast",
 )  # fmt: skip
 WIDE = {"x86-64-v4": ("-mprefer-vector-width=512",)}
 
 ZIG = "ziglang>=0.14,<0.18"
 GLIBC = "2.28"
-"""The oldest C library that a build with Zig runs with: as old as NumPy and SciPy ask for."""
+"""The oldest C library that a build with Zig supports, the same as for NumPy and SciPy."""
 
 PROBE = "#include <math.h>\n#include <stdlib.h>\n#include <string.h>\n"
 
@@ -56,7 +56,7 @@ def build(levels: list[str]) -> list[Path]:
 
 
 def compiler() -> list[str] | None:
-    """Return the command of a C compiler, if there is one that knows what is asked of it."""
+    """Return the command of a usable C compiler, if there is one."""
     named = os.environ.get("CC", "").split()
     if named:
         return named
@@ -67,7 +67,7 @@ def compiler() -> list[str] | None:
         return None
     libc = f"gnu.{GLIBC}" if platform.libc_ver()[0] == "glibc" else "musl"
     target = f"{platform.machine().lower()}-linux-{libc}"
-    # Without its run-time library, which no kernel needs and every level would build for itself.
+    # No kernel needs Zig's run-time library, and every level would build it again.
     return [sys.executable, "-m", "ziglang", "cc", "-target", target, "-nostdlib", "-lc"]
 
 
@@ -99,12 +99,12 @@ def _build(command: list[str], level: str, processor: ModuleType) -> Path:
     )  # fmt: skip
     if done.returncode != 0:
         raise SystemExit(f"orientd: `{' '.join(command)}` could not compile the kernels: {level}")
-    fresh.replace(target)  # never a half-written library in the place of one in use
+    fresh.replace(target)  # never replaces a library in use with a half-written one
     return target
 
 
 def _processor() -> ModuleType:
-    """Return the module of that name, without the package that needs what is to be built."""
+    """Import ``orientd.processor`` alone: the rest of the package needs the built kernels."""
     if str(ROOT) not in sys.path:
         sys.path.insert(0, str(ROOT))
     from orientd import processor
@@ -113,7 +113,7 @@ def _processor() -> ModuleType:
 
 
 def get_build_hook() -> type:
-    """Return what hatchling calls while it builds a wheel, or an editable one."""
+    """Return the hook that hatchling calls while it builds a wheel, also an editable one."""
     from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
     class KernelsHook(BuildHookInterface[Any]):
@@ -130,7 +130,7 @@ def get_build_hook() -> type:
             platform_tag = sysconfig.get_platform().replace("-", "_").replace(".", "_")
             build_data["pure_python"] = False
             build_data["tag"] = f"cp311-abi3-{platform_tag}"
-            if version != "editable":  # there they are used where they lie, beside the sources
+            if version != "editable":  # an editable install uses the files next to the sources
                 for library in libraries:
                     place = library.relative_to(ROOT).as_posix()
                     build_data["force_include"][str(library)] = place

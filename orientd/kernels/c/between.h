@@ -30,7 +30,7 @@ INLINE bend_t bend_at(double after, vec_t s, vec_t t, vec_t rise) {
     return (bend_t){step, after, after <= 1.0 ? gap : INFINITY};
 }
 
-/* Return the step of the acceleration between two records, 0 where there is none. */
+/* Return the step of the acceleration between two records, or 0 if it is continuous. */
 INLINE bend_t find_bend(vec_t turn, vec_t v, vec_t w, vec_t a, vec_t rise) {
     vec_t s = minus(minus(minus(w, v), a), times(0.5, rise));
     vec_t t = minus(minus(times(2.0, minus(turn, v)), a), times(1.0 / 3, rise));

@@ -153,7 +153,7 @@ static void put_records(const block_t *block, index_t points, int column, double
     for (index_t i = 0; i < points; i++)
         for (index_t k = i + 1; k <= i + HISTORY; k++) {
             double size = size_of(vec(rows[7][k], rows[8][k], rows[9][k]), column);
-            /* What is not a number is not known. */
+            /* An acceleration of NaN is unknown and counts as zero. */
             size = size < LOCAL * most ? size : isnan(size) ? 0.0 : LOCAL * most;
             to[1][i] = larger(to[1][i], size);
         }

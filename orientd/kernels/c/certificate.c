@@ -84,7 +84,7 @@ index_t fill_block(const setpoints_t *from, index_t place, block_t *block) {
         }
     else if (stop > at)
         sample_block(from, from->first + record, at, stop, block);
-    /* What is held has no rates. */
+    /* The setpoints after the last one hold it, so their rates are zero. */
     for (index_t i = most(at, at + from->count - record); i < stop; i++)
         stop_at(block, i);
     block->count = stop;
@@ -106,7 +106,7 @@ void take_moves(const block_t *block, index_t past, extremes_t *found) {
         }
         double sizes[2] = {size, change};
         for (index_t order = 0; order < 2; order++)
-            /* What is not a number is the largest, and stays so. */
+            /* NaN counts as the largest value and is never replaced. */
             if (i >= (order ? 1 + past : 2 * past) && !(sizes[order] <= found->moved[order])
                 && found->moved[order] < INFINITY)
                 found->moved[order] = sizes[order],
@@ -161,7 +161,7 @@ typedef struct {
     sight_t sight;
 } certifying_t;
 
-/* What no difference of a block exceeds, and where it begins. */
+/* Bounds of the differences in a block, and the place where the block begins. */
 typedef struct { double bounds[12]; index_t place, past; } outline_t;
 
 static bool is_open(const certifying_t *at, const outline_t *outline, int slot) {
@@ -180,7 +180,7 @@ static void look_closely(certifying_t *at, const outline_t *outline) {
             note(outline->bounds[slot], at->found->squares + slot);
 }
 
-/* Write what bounds the differences of a block; return whether they are to be looked at now. */
+/* Write bounds of the differences in a block; return whether the block needs a check now. */
 static bool put_outline(const certifying_t *at, outline_t *outline) {
     double unit = 1.0;
     bool is_high = at->block.unknown > 0;

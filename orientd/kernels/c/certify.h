@@ -1,5 +1,5 @@
-/* Certify motions: hold what a device sees of setpoints against its limits, setpoints that come as
- * rows or from a trajectory.  What the kernels of this group offer. */
+/* Certify motions: compare the rates that a device sees with its limits.  The setpoints come as rows
+ * or from a trajectory.  This header declares the functions of this group of kernels. */
 #ifndef ORIENTD_CERTIFY_H
 #define ORIENTD_CERTIFY_H
 
@@ -84,7 +84,7 @@ typedef struct { double rate; index_t place; } slowest_t;
  *
  * velocity, acceleration: of the path, shape (n, k).
  * jerk: size of the jerk, shape (n,).
- * most, most_jerk: limits; infinite where there is none. */
+ * most, most_jerk: limits; infinite if there is no limit. */
 int least_rate(matrix_t velocity, matrix_t acceleration, row_t jerk, double most, double most_jerk,
                brake_law_t law, slowest_t *found);
 

@@ -90,7 +90,7 @@ static bool put_connector(row_t start, row_t end, matrix_t limits, double period
     return best->count && end_of(best) <= longest;
 }
 
-/* Whether an acceleration that goes on would take the velocity beyond its limit. */
+/* Whether the velocity would exceed its limit if the acceleration continued. */
 static bool has_to_fall(const motion_t *state, matrix_t limits) {
     double duration = 0.0;
     for (int k = 0; k < 4; k++)

@@ -289,7 +289,7 @@ bool find_connector(row_t start, row_t end, matrix_t limits, double period, doub
     motion_t from = search.into.ends[one], to = search.out_of.ends[other];
     times_of.v[0] = 0.0, times_of.v[1] = before;
     times_of.v[2] = kept->total - after, times_of.v[3] = kept->total;
-    /* The sign of each goes on from the one before. */
+    /* Each section begins with the quaternion sign at which the previous one ends. */
     if (before > 0.0) {
         put_increments(&begin, &from, before, of[0]);
         from.q = nearer(from.q, arrival(begin.q, of[0]));

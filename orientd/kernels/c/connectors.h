@@ -20,16 +20,16 @@ enum { FACTORS = 5 };  /* of a join */
 /* The functions b_i and their first two derivatives by u. */
 typedef struct { double value[FACTORS], rate[FACTORS], curvature[FACTORS]; } basis_t;
 
-/* What a connector keeps of velocity, acceleration and jerk: the norm, then the components, each
- * infinite where nothing limits it. */
+/* Limits of a connector's velocity, acceleration and jerk: the norm, then the components.  A value
+ * without a limit is infinite. */
 typedef struct { double most[3][4]; } bounds_t;
 
-/* What one of the four bounds is of: the norm of a vector, or the size of a component. */
+/* Return the value that one of the four bounds limits: the norm or the size of a component. */
 INLINE double size_of(vec_t v, int bound) {
     return bound == 0 ? norm(v) : fabs(bound == 1 ? v.x : bound == 2 ? v.y : v.z);
 }
 
-/* What a join is sampled from; a factor that does not turn has any axis. */
+/* A join in the form that is sampled; the axis of a factor without rotation is arbitrary. */
 typedef struct {
     vec_t axis[FACTORS];
     double length[FACTORS];
@@ -109,7 +109,7 @@ enum {
     FINE = 49, FINE_LANES = 56,    /* points of one that seems to do; lanes repeat the last one */
 };
 
-/* What joins are at points spread evenly, the same for all of them. */
+/* Basis functions of the joins at evenly spaced points, the same for all joins. */
 typedef struct {
     /* Velocity, acceleration and jerk of increments over a second, if turns commuted. */
     double rough[3][FACTORS][ROUGH_LANES];

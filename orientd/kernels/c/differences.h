@@ -81,19 +81,19 @@ typedef struct {
     index_t count, unknown, first;
 } block_t;
 
-/* What is known of the path between each record and the next, lengths of time being periods.
+/* Properties of the path between each record and the next.  The unit of time is a period.
  *
  * first, second, third, step, place: the law.
  * leave, arrive: angular velocity at both ends, rad.
  * begin, end, before, behind: angular acceleration at both ends and before and behind its step.
  * jerk, spin: the jerk at the beginning, and by how much it turns until the end.
  * speed, bend, twist: bounds of velocity, acceleration and jerk but for that of a step.
- * spread: by how much the jerk may differ from what is said of it.
+ * spread: largest difference between the real jerk and this one.
  * steps: the size of the step.
- * jump: by how much the acceleration jumps at the record behind.
+ * jump: step of the acceleration at the record behind.
  * coupling: bounds of F, N and N' of segments.c between the record, the next and the one after that.
  * slope: of the derivative of F by the rate.
- * rest: of what first differences over that time are off a polynomial of the fourth degree. */
+ * rest: error of the first differences over that time against a polynomial of the fourth degree. */
 typedef struct {
     lanes_t first, second, third, step;
     lane_t place;

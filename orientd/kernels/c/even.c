@@ -53,7 +53,7 @@ static index_t place_looks(const even_t *asked, double *instants) {
         double own = i < known ? knots[i] : INFINITY, move = j < moving ? moves[j] : INFINITY;
         double even = k <= pieces ? duration * (double)k / (double)pieces : INFINITY;
         double here = fmin(own, fmin(move, even));
-        /* What is not a number is passed over. */
+        /* Skip breaks that are NaN. */
         i += i < known && !(own > here), j += j < moving && !(move > here);
         k += k <= pieces && !(even > here);
         if (!(here >= 0.0 && here <= duration))
@@ -78,7 +78,7 @@ static void weigh_looks(const even_t *asked, double slower, survey_t *survey, sc
                           INFINITY, samples);
         for (index_t i = 0; i < size; i++) {
             double t = survey->instants[first + i];
-            /* What lies within a period counts as a step of the acceleration over one. */
+            /* A shorter interval counts as one period, as for a step of the acceleration. */
             double elapsed = fmax(slower * (t - before), asked->period);
             bool is_first = first + i == 0;
             for (int k = 0; k < 3; k++) {
@@ -115,7 +115,7 @@ static void weigh_looks(const even_t *asked, double slower, survey_t *survey, sc
 /* The largest differences found, and how many records may still be looked at. */
 typedef struct { extremes_t of; index_t left; } largest_t;
 
-/* Look at the records from a first to a last one of a motion of so many cycles. */
+/* Take in the records from first to last of a motion with the given number of cycles. */
 static void see_records(const even_t *asked, index_t first, index_t last, index_t final,
                         bool with_axes, largest_t *found, scratch_t *scratch) {
     double still[3] = {0.0}, state[HISTORY * STATE_ROWS];
@@ -188,7 +188,7 @@ static void add_spot(const even_t *asked, range_t *range, double begin, double e
     range->last = most(range->last, last);
 }
 
-/* Return by which factor a motion of so many cycles should take longer. */
+/* Return the factor by which a motion with this number of cycles should take longer. */
 static double look(const even_t *asked, survey_t *survey, index_t cycles, scratch_t *scratch) {
     largest_t found = {.left = scratch->left};
     double duration = asked->knots.v[asked->knots.n - 1];
@@ -197,7 +197,7 @@ static double look(const even_t *asked, survey_t *survey, index_t cycles, scratc
     if (asked->is_everywhere || is_short)
         range.last = cycles;
     else {
-        /* Where the acceleration goes on from that of a hold the ends are as smooth as the rest. */
+        /* If the acceleration is continuous with a hold, the ends are as smooth as the rest. */
         bool is_held = asked->is_held[0] && asked->is_held[1];
         bool with_ends = !(asked->has_one_shape && asked->step == 0.0 && is_held);
         index_t reach = asked->has_one_shape ? 0 : least(END_KNOTS, asked->knots.n - 1);
@@ -217,8 +217,8 @@ static double look(const even_t *asked, survey_t *survey, index_t cycles, scratc
     double factor = found.left < 0 ? INFINITY : excess_of(asked, &found);
     if (asked->step == 0.0)
         return factor;
-    /* What a step of the acceleration shows on the records changes with where it falls between them;
-     * a search needs something that depends on the duration smoothly. */
+    /* The effect of an acceleration step on the records depends on its place between them.  The
+     * search needs a factor that depends smoothly on the duration. */
     double largest = survey->largest;
     weigh_looks(asked, asked->period * (double)cycles / duration, survey, scratch);
     factor = fmax(factor, survey->largest);

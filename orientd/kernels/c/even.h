@@ -37,18 +37,18 @@ typedef struct {
     bool has_one_shape, is_everywhere;
 } even_t;
 
-/* What is found.
+/* The result of the search.
  *
- * cycles: the fewest that keep the limits, to 0.1 %; 0 where none are found.
- * factor: by which the motion of the cycles that were looked at last should take longer.
- * coarse: the same of the duration that the trajectory has, from the instants alone. */
+ * cycles: the fewest that keep the limits, to 0.1 %; 0 if the search finds none.
+ * factor: the last motion that was checked should take longer by this factor.
+ * coarse: the same factor for the trajectory's own duration, from the instants alone. */
 typedef struct { index_t cycles; double factor, coarse; } even_pace_t;
 
 /* More cycles are not looked for. */
 #define MOST_CYCLES 10000000000
 
-/* Find the fewest cycles between two numbers of them, beginning with a first guess; of 0 with what
- * the instants say.  Where both numbers are the same, just look.
+/* Find the fewest cycles between *least* and *most*, beginning with the guess *first*.  If *first* is
+ * 0, the instants give the guess.  If *least* equals *most*, only check that number of cycles.
  *
  * Return 0 or OUT_OF_MEMORY. */
 int time_even(const even_t *asked, index_t first, index_t least, index_t most, even_pace_t *found);

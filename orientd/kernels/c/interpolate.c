@@ -67,11 +67,11 @@ static int put_outer(row_t knots, index_t order, bool is_end, outer_t *outer) {
     return 0;
 }
 
-/* Write what an end asks of the outermost increments.
+/* Write the conditions that an end sets for the outermost increments.
  *
  * At an end with repeated knots only the outermost function has a slope, the outer two a curvature,
- * the outer three a third derivative, so that every condition is a linear one.  Without a condition
- * there is no acceleration, and no jerk where there are two. */
+ * the outer three a third derivative, so every condition is linear.  An end without conditions has no
+ * acceleration, and no jerk if it needs two conditions. */
 static void put_end(const interpolation_t *asked, const outer_t *outer, index_t end,
                     system_t *system) {
     index_t ties = system->ties;

@@ -9,7 +9,7 @@ enum { NOT_FOUND = 0, FOUND = 1 };
 
 /* interpolate.c */
 
-/* What is asked of a spline. */
+/* The conditions for a spline. */
 typedef struct {
     matrix_t keys;    /* unit quaternions with the signs wanted, shape (n, 4), n >= 2 */
     matrix_t steps;   /* half-angle vectors from each to the next, shape (n - 1, 3), which may be of more

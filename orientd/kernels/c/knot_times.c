@@ -165,7 +165,7 @@ static double level_of(const trial_t *t) {
     return level < INFINITY ? 0.5 * level : 1.0;
 }
 
-/* Return the duration with some shares, infinite where there is no way. */
+/* Return the duration with the given shares, or infinity if no profile exists. */
 static double duration_with(trial_t *t, const double *shares, double *c, bool is_first) {
     share_out(t, shares);
     if (put_geometry(t) != FOUND)
@@ -211,7 +211,7 @@ static double put_slope(trial_t *t, double *shares, const double *c, double *slo
     return size;
 }
 
-/* Take memory for curves with so many conditions at each end, 1 or 2, and for what follows. */
+/* Allocate memory for curves with 1 or 2 conditions at each end, and for the search. */
 static bool new_trial(trial_t *t, const knots_t *asked, index_t known, double **own) {
     index_t n = asked->keys.n, spans = n - 1 + 2 * (known == 2), elements = spans * asked->pieces;
     index_t spots = 2 * elements + 1;

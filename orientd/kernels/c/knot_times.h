@@ -1,16 +1,16 @@
-/* Times at keyframes that come without: those of the quickest way through them that is found.
+/* Choose times for keyframes without times, so that the motion through them is as quick as possible.
  *
- * The cubic through keyframes depends on how its time is shared out between them.  Shares tried are
- * powers of the angles between keyframes, then those down the slope of the duration.  That slope
- * costs no search: where a barrier method has found the best profile, the duration of another path
- * differs by what its barrier does at the same profile, to first order (the envelope theorem).
+ * The cubic through keyframes depends on the share of time that each interval gets.  The search first
+ * tries powers of the angles between keyframes, then descends along the gradient of the duration.
+ * This gradient needs no further search.  At the best profile of a barrier method, the duration of
+ * another path differs by the change of its barrier, to first order (the envelope theorem).
  */
 #ifndef ORIENTD_KNOT_TIMES_H
 #define ORIENTD_KNOT_TIMES_H
 
 #include "arrays.h"
 
-/* What is asked for. */
+/* The problem to solve. */
 typedef struct {
     matrix_t keys;      /* unit quaternions with the signs wanted, shape (n, 4), n >= 3 */
     row_t lengths;      /* of the turns between them, shape (n - 1,) */
@@ -23,8 +23,8 @@ typedef struct {
 /* Write times from 0 to the total, shape (n,), and of the profile that was found COEFFICIENTS and SHARES
  * (timing.h), shape (4, (n - 1) pieces + 2).
  *
- * Return FOUND, NOT_FOUND where no other times are quicker than those by the lengths on the curve
- * of an even pace, whose ends have no acceleration, or OUT_OF_MEMORY. */
+ * Return FOUND, NOT_FOUND or OUT_OF_MEMORY.  NOT_FOUND means that no times are quicker than those by
+ * the lengths on the curve of an even pace, whose ends have no acceleration. */
 int choose_knots(knots_t asked, row_t times, matrix_t profile);
 
 #endif

@@ -20,7 +20,7 @@ INLINE vec_t lane_logarithm(quat_t q, double size) {
     p = -0.3333333333333333 + z * (0.19999999999995516 + z * (-0.14285714284665682
       + z * (0.11111111015187018 + z * p)));
     double angle = 2.0 * (t + t * z * p);
-    /* What pi and pi/2 lack as doubles counts where the angle is subtracted from them. */
+    /* The rounding errors of pi and pi/2 matter when the angle is subtracted from them. */
     angle = length > w ? 1.5707963267948966 - (angle - 6.123233995736766e-17) : angle;
     angle = q.w < 0.0 ? 3.141592653589793 - (angle - 1.2246467991473532e-16) : angle;
     double over = length > 0.0 ? angle : q.w > 0.0 ? 1.0 : 0.0;

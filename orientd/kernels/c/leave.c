@@ -112,7 +112,7 @@ static double shortest_fall(const motion_t *state, matrix_t limits, double perio
         return 0.0;
     for (found = grid[place]; found - low > 1.0;) {
         double middle = floor(0.5 * (low + found));
-        if (!(middle > low && middle < found))  /* as far as numbers tell them apart */
+        if (!(middle > low && middle < found))  /* no double lies between them */
             break;
         if (parallel_keeps(state, period * middle, &bounds))
             found = middle;

@@ -1,8 +1,8 @@
 /* The quickest profile of a path by a logarithmic barrier and Newton's method.
  *
- * What is limited is looked at where every element begins, half way and where it ends, from inside.
- * The duration is taken by Simpson's rule on each.  The tangents of the jerk's limit are taken anew
- * in every step; each Hessian has five diagonals, so a step costs time proportional to the number of
+ * The search checks the limits at the beginning, middle and end of each element, from inside.
+ * Simpson's rule on each element gives the duration.  Every step computes new tangents of the jerk's
+ * limit.  Each Hessian has five diagonals, so the cost of a step is proportional to the number of
  * elements.
  */
 #include <math.h>
@@ -37,7 +37,7 @@ static index_t rows_of_search(int bends, int twists) {
     return 3 + 2 + 2 * SPOTS + 1 + SPOTS * (1 + 3 * bends + 6 * twists) + 9 + 9 + 7;
 }
 
-/* Products of what y, y' and y'' contribute to a rate at a place, in units of the limit. */
+/* Products of the contributions of y, y' and y'' to a rate at a place, in units of the limit. */
 static void put_products(const rate_t *rate, const double *p, const double *pp, const double *ppp,
                          double aim, double *to) {
     double scale = aim / rate->limit, columns[3][3];
@@ -133,7 +133,7 @@ INLINE double length3(double *const g[6], index_t e, double y, double d, double 
          + d * (g[3][e] * d + 2.0 * g[4][e] * b) + g[5][e] * b * b;
 }
 
-/* By what factor the limits would have to be higher for the profile that is spread. */
+/* The factor by which the spread profile exceeds the limits. */
 static double largest_share(const search_t *s) {
     double largest = 0.0;
     for (int spot = 0; spot < SPOTS; spot++)
@@ -269,7 +269,7 @@ static void add_spot(const search_t *s, int spot) {
     INDEPENDENT
     for (index_t e = 0; e < s->n; e++) {
         double a = rise[e], c = rise[e + 1], over = 1.0 / h[e], x = u * h[e];
-        /* What the three coefficients contribute to y, y' and y''. */
+        /* The contributions of the three coefficients to y, y' and y''. */
         double p2 = a * over, q2 = -(a + c) * over, r2 = c * over;
         double p1 = x * p2 - a, q1 = x * q2 + a, r1 = x * r2;
         double p0 = near[e] + x * (0.5 * x * p2 - a), q0 = far[e] + x * (0.5 * x * q2 + a);
@@ -304,7 +304,7 @@ static void fix(search_t *s, index_t i) {
         s->apart[i - 2] = 0.0;
 }
 
-/* Write the step of Newton's method and return its decrement, squared; 0 where there is none. */
+/* Write the step of Newton's method; return its squared decrement, or 0 if there is no step. */
 static double newton(search_t *s, double weight, double stretch) {
     index_t n = s->n, count = n + 2;
     for (int k = 0; k < 6; k++)
@@ -330,7 +330,7 @@ static double newton(search_t *s, double weight, double stretch) {
         fix(s, n), fix(s, n + 1);
     double *right = s->right, *step = s->step;
     memcpy(step, right, (size_t)count * sizeof(double));
-    /* L D L^T in place: beside and apart become the columns of L. */
+    /* L D L^T in place: the arrays `beside` and `apart` become the columns of L. */
     for (index_t i = 0; i < count; i++) {
         double pivot = s->diagonal[i] * (1.0 + LIFT);
         if (i > 0)

@@ -20,7 +20,7 @@
 
 enum { PROFILE_FOUND = 1, PROFILE_NOT_FOUND = 0 };
 
-/* A path that is to be run through. */
+/* A path for which a profile is sought. */
 typedef struct {
     row_t widths;                   /* of the elements, shape (n,) */
     matrix_t first, second;         /* derivatives of the orientation by the parameter, in body
@@ -49,7 +49,7 @@ int find_profile(const profile_path_t *path, double begin, double gap, row_t coe
 
 /* profile_shares.c */
 
-/* A limited rate along the path: derivatives of what it is of, and its limit. */
+/* A limited rate along the path: derivatives of its quantity, and its limit. */
 typedef struct { const double *first, *second; index_t axis; double limit; int order; } rate_t;
 enum { ALL_AXES = -1, MOST_RATES = 14 };
 

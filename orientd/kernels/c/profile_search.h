@@ -29,12 +29,12 @@ typedef struct {
     double *diagonal, *beside, *apart, *right, *step, *trial, *slack;
 } search_t;
 
-/* Take memory for the search of paths of so many elements and rates, to be freed; false if there
- * is none. */
+/* Allocate memory for the search, for as many elements and rates as the path has.  The caller frees
+ * it.  Return false if memory is short. */
 bool new_search(search_t *s, const profile_path_t *path, const rate_t *rates, int count);
 void free_search(search_t *s);
 
-/* Fill in what depends on the path alone. */
+/* Fill in the values that depend on the path alone. */
 void put_path(search_t *s, const rate_t *rates, int count);
 
 /* Write value and slope of a profile at the nodes, and what it is in the elements. */

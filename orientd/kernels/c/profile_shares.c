@@ -1,4 +1,4 @@
-/* What of its limits a profile uses, looked at five times in every element. */
+/* Shares of its limits that a profile uses, checked at five places in every element. */
 #include <math.h>
 
 #include "profile.h"

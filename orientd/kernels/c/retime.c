@@ -17,7 +17,7 @@ static const double PLACES[POINTS] = {
 };
 enum { MIDDLE = NODES + 1 };
 
-/* What a piece may miss at these points, as a share of how far r goes along it. */
+/* Largest error of a piece at these points, as a share of the length that r covers on it. */
 #define MISSED 1e-13
 /* Rad, that rotation vectors between two orientations may be off by rounding. */
 #define ROUNDING 1e-14
@@ -35,12 +35,13 @@ enum { MIDDLE = NODES + 1 };
 /* Where pieces are written. */
 typedef struct { row_t breaks; matrix_t pieces; index_t count; } table_t;
 
-/* What a piece is to be: its base, rotation vectors at the points less that at u = 0, which so have
- * all their digits, and their first two derivatives by u at both ends.
+/* The values that a piece must meet: its base, rotation vectors at the points and their first two
+ * derivatives by u at both ends.  The rotation vector at u = 0 is subtracted, so the others keep all
+ * their digits.
  *
- * rounding: what the rotation vectors may be off by, rad.
- * negligible: rad, up to which the last coefficients are left out.
- * slight: what a second derivative at an end may be off by. */
+ * rounding: largest rounding error of the rotation vectors, rad.
+ * negligible: the piece omits last coefficients up to this size, rad.
+ * slight: largest error of a second derivative at an end. */
 typedef struct {
     quat_t base;
     vec_t middle, r[POINTS], rates[2], changes[2];
@@ -61,7 +62,7 @@ static const double BENT[2][7] = {
     {0.03125, 0.0625, -0.03125, -0.125, -0.03125, 0.0625, 0.03125},
 };
 
-/* Make a derivative at an end, u = 1 or -1, what it is to be; what is below it stays. */
+/* Set a derivative at an end, u = 1 or -1, to the wanted value.  Lower derivatives stay. */
 static void pin(double *c, int order, double end, vec_t wanted, double slight) {
     vec_t missed = wanted;
     for (int j = DEGREE; j >= order; j--) {
@@ -91,7 +92,7 @@ static bool append(table_t *table, source_t *source, const void *from, double be
     if (fits) {
         double far = 0.0;
         missed = 0.0;
-        /* Signs go on: two bases are at most 2 rad apart, so their quaternions at most 1. */
+        /* Signs are continuous: bases are at most 2 rad apart, so their quaternions at most 1. */
         bool is_other = table->count && square_apart(quat_at(piece - PIECE), wanted.base, 1.0) > 2.0;
         put_quat(piece, is_other ? opposite(wanted.base) : wanted.base);
         for (int i = 0; i < NODES; i++)
@@ -206,7 +207,7 @@ index_t product_trajectory(const product_t *product, const double *given, index_
     return table.count;
 }
 
-/* What a clock makes of a trajectory. */
+/* Build a trajectory with the timing of a clock. */
 
 typedef struct {
     const clocked_t *clock;

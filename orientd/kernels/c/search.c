@@ -1,10 +1,10 @@
 /* The increments of an interpolating cumulative B-spline: Newton's method and one homotopy.
  *
- * Small steps are found by Newton's method from the spline of Euclidean space.  For large ones the
- * steps and end conditions are scaled from nothing up to their full size, and the solution is
- * followed by its length, so that it may fold back on its way (Keller, 1977, pseudo-arclength
- * continuation).  The solution is then the one connected with small rotations.  Where it does not
- * arrive, Newton's method with step control looks for one near the spline of Euclidean space.
+ * For small steps, Newton's method starts from the spline of Euclidean space.  For large ones, the
+ * search scales the steps and end conditions from zero to their full size.  It follows the solution
+ * by its length, so the solution may fold back (Keller, 1977, pseudo-arclength continuation).  The
+ * solution is then the one connected with small rotations.  If the homotopy does not arrive, Newton's
+ * method with step control searches near the spline of Euclidean space.
  */
 #include <stdlib.h>
 #include <string.h>
@@ -91,7 +91,7 @@ static bool approach(system_t *system, way_t *way, double *scale, bool is_last) 
     return false;
 }
 
-/* Follow the solution from where nothing turns to the full scale, and return whether it arrives. */
+/* Follow the solution from scale zero to the full scale; return whether it arrives. */
 static bool follow(system_t *system, way_t *way) {
     index_t n = 3 * system->count;
     double sense = 1.0, length = 0.0;
@@ -126,7 +126,7 @@ static bool follow(system_t *system, way_t *way) {
             if (length < SMALLEST_LENGTH || way->left <= 0)
                 return false;
         }
-        /* The way goes on in the direction that it came in. */
+        /* The homotopy keeps its direction. */
         double along = (ahead - way->scale) * way->weight;
         for (index_t i = 0; i < n; i++)
             along += system->rate[i] * (system->w[i] - way->w[i]);

@@ -1,16 +1,16 @@
 /* The shortest connector: an interior-point method over splines of the angular velocity.
  *
- * In body components the acceleration is the derivative of the velocity and the jerk that of the
- * acceleration, so every limit is convex in a velocity given by control points; only where it
- * leads to is not, and that is nearly linear in them.  The velocity is a quadratic spline
- * with a knot at each end of its elements, so that its jerk is constant in an element, as that of
- * the quickest motions; elements are narrow near the ends, where a connector that is late by a
- * part of one is late by that for good.
+ * In body components the acceleration is the derivative of the velocity, and the jerk that of the
+ * acceleration.  So every limit is convex in a velocity given by control points.  Only the final
+ * orientation is not convex, but it is nearly linear in the control points.  The velocity is a
+ * quadratic spline with a knot at each end of its elements.  So its jerk is constant in an element,
+ * as in the quickest motions.  Elements are narrow near the ends, because a delay there of part of an
+ * element cannot be made up later.
  *
- * Sought are the control points c and the duration, by a primal-dual interior-point method from an
- * infeasible start (Nocedal and Wright 2006, sec. 19.3) that keeps only the convex part of the
- * curvature.  The band of the matrix is that of a jerk, which takes three control points; the
- * duration and the orientation to arrive at are its border.
+ * The unknowns are the control points c and the duration.  A primal-dual interior-point method finds
+ * them from an infeasible start (Nocedal and Wright 2006, sec. 19.3).  It keeps only the convex part
+ * of the curvature.  The band of the matrix is that of a jerk, which takes three control points.  The
+ * duration and the final orientation are its border.
  */
 #ifndef ORIENTD_SHORTEN_H
 #define ORIENTD_SHORTEN_H
@@ -65,8 +65,8 @@ bool shorten(spline_t *spline, double period);
 
 /* shorten.c */
 
-/* Write the joins of a connector that is shorter than one already found, or than a guess, and
- * return how many they are; none where nothing was found.
+/* Write the joins of a connector that is shorter than one already found, or than a guess.  Return the
+ * number of joins, or 0 if there is no shorter connector.
  *
  * start, end, limits, period, least, most_turn: as of find_connector.
  * longest: it takes no longer than this, s.

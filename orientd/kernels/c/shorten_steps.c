@@ -10,8 +10,8 @@
 #define TO_BOUNDARY 0.95    /* of the way */
 #define LONGEST_STEP 0.3    /* of the duration */
 #define STUCK 1e-3          /* share of a step that is not worth another one */
-#define RIDGE 3e-4          /* on the diagonal, beside what is of the order of one: steps of what
-                             * few limits hold would else be too long for the orientation */
+#define RIDGE 3e-4          /* on the diagonal, next to values of the order of one: control points
+                             * with few limits would else step too far for the orientation */
 #define MISSED_FIRST 1e-3   /* share of a limit, and rad, that may be missed on the way */
 #define MISSED 1e-4         /* the same in the end */
 #define ARRIVED 1e-12       /* rad, in the end */
@@ -205,7 +205,7 @@ static void put_matrix(steps_t *at, double weight) {
     }
 }
 
-/* Solve the band for all right sides, by Cholesky's method; false where it is not positive. */
+/* Solve the band for all right sides, by Cholesky's method; false if it is not positive. */
 static bool solve_band(steps_t *at) {
     int rows = free_of(at->spline);
     for (int r = 0; r < rows; r++) {
@@ -315,7 +315,7 @@ INLINE void move_limit(limit_t *limit, double go, double go_dual) {
     limit->weight += go_dual * limit->value;
 }
 
-/* Take one step and return how much of it could be taken, or 0 where there is none. */
+/* Take one step and return the share of it that was possible, or 0 if there is no step. */
 static double advance(steps_t *at, double weight, double to) {
     spline_t *s = at->spline;
     double step, go = 1.0, go_dual = 1.0;
@@ -439,7 +439,7 @@ bool shorten(spline_t *spline, double period) {
         gap = gap_of(&at, &above);
         bool is_inside = above < MISSED_FIRST && missed(&at) < MISSED_FIRST;
         bool is_short = gone > TO_BOUNDARY - 0.2 && gap < CLOSE_ENOUGH;
-        /* What gets no shorter may still be a connector. */
+        /* Control points that get no shorter may still form a connector. */
         if ((is_inside && is_short) || step == STEPS || !(gone > STUCK))
             break;
         share = step == 0 ? 1.0 : gone > 0.9 ? 0.1 : gone > 0.5 ? 0.3 : 0.6;

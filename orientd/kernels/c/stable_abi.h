@@ -1,9 +1,9 @@
 /* The part of Python's stable ABI (3.11 and newer) that the kernels use.
  *
- * Declared here and not taken from Python's own headers, which many machines that have a compiler
- * lack, and which a build for another architecture would need of that one.  Nothing in it can change
- * without breaking every abi3 library there is; tests/unit/kernels/test_stable_abi.py holds it
- * against <Python.h>, beside which it may be included.
+ * These declarations replace Python's own headers.  Many machines with a compiler lack those headers,
+ * and a build for another architecture would need the headers of that one.  The stable ABI cannot
+ * change without breaking every abi3 library.  tests/unit/kernels/test_stable_abi.py compares this
+ * file with <Python.h>, and a source may include both.
  */
 #ifndef ORIENTD_STABLE_ABI_H
 #define ORIENTD_STABLE_ABI_H

@@ -19,7 +19,7 @@ enum {
     FEWEST_PIECES = 100,    /* of all intervals together */
     MANY_PARTS = 64,        /* of which each is found a little less exactly, in half the time */
     FEWEST_OF_MANY = 60,
-    LEAST_PIECES = 3,       /* of an interval where there are very many */
+    LEAST_PIECES = 3,       /* of an interval, if there are very many intervals */
     MOST_ELEMENTS = 400000, /* more of them are not cut into narrower ones */
     MOST_CUTS = 4,          /* pieces of an element in one round */
     LEAVING_CUTS = 3,       /* of the element that leaves rest */
@@ -269,7 +269,7 @@ static bool first_mesh(const part_t *part, mesh_t *mesh) {
     for (index_t i = 0; i < 3; i++)
         for (e = 0; e < mesh->n; e++)
             row(mesh, AIMS + (int)i)[e] = 1.0;
-    /* What is given at an end is inside, by a little: nothing can be done about that. */
+    /* The timing cannot change the rates given at an end, so the limits there just admit them. */
     for (int side = 0; side < 2; side++)
         for (int order = 0; order < 2 && part->moves[side]; order++) {
             const double *given = order ? part->ends[side].alpha : part->ends[side].omega;
@@ -309,7 +309,7 @@ static bool cut(const mesh_t *mesh, const index_t *pieces, mesh_t *finer) {
     return true;
 }
 
-/* Count into how many pieces to cut each element; return whether any is to be cut. */
+/* Count into how many pieces to cut each element; return whether any element is cut. */
 static bool put_cuts(const part_t *part, const mesh_t *mesh, const profile_path_t *path,
                      double *wanted, index_t *pieces) {
     index_t n = mesh->n;
@@ -323,12 +323,12 @@ static bool put_cuts(const part_t *part, const mesh_t *mesh, const profile_path_
         for (int order = 0; order < 3; order++)
             wanted[e] = fmax(wanted[e], row(mesh, SHARES + order)[e] / MISSED);
     }
-    /* The jerk of what leaves rest bends between the places that were looked at. */
+    /* Near rest the jerk changes between the places that were checked. */
     for (int side = 0; side < 2; side++)
         if (part->leaves[side] > 0.0)
             wanted[side ? n - 1 : 0] = fmax(wanted[side ? n - 1 : 0], LEAVING_CUTS);
     for (index_t e = 0; e < n; e++) {
-        /* What is beside a quick change may become one. */
+        /* The neighbour of a quick change may become one. */
         double around = fmax(wanted[e], fmax(e ? wanted[e - 1] : 0.0,
                                              e + 1 < n ? wanted[e + 1] : 0.0));
         double time = 2.0 * path->widths.v[e] / (sqrt(y[e]) + sqrt(y[e + 1]));
@@ -341,9 +341,9 @@ static bool put_cuts(const part_t *part, const mesh_t *mesh, const profile_path_
 
 /* Aim lower around steps of the jerk.
  *
- * Where the jerk has a step between two records, what a servo draws there has up to a 192nd of the
- * step more, as a cubic that has place and velocity in common with the motion at both.  There is room
- * for less of it above the share of the limits that is used. */
+ * Between two records a servo interpolates a cubic with the motion's positions and velocities at both.
+ * If the jerk has a step there, the cubic's jerk is larger by up to a 192nd of the step.  The margin
+ * above the used share of the limits is smaller than that. */
 static void aim_lower_at_steps(const part_t *part, const mesh_t *mesh, const profile_path_t *path) {
     index_t n = mesh->n;
     const double *y = row(mesh, VALUES), *d = row(mesh, SLOPES), *t = row(mesh, TIMES);
@@ -352,7 +352,7 @@ static void aim_lower_at_steps(const part_t *part, const mesh_t *mesh, const pro
     for (index_t e = 0; e < n; e++) {
         double step[3];
         for (int k = 0; k < 3; k++) {
-            /* What both sides of a node have in common is left out. */
+            /* Omit the terms that both sides of a node have in common. */
             const double *first = path->first.v + 6 * e + 6 + k, *at = path->second.v + 6 * e + k;
             double width = path->widths.v[e];
             step[k] = (at[0] - 4.0 * at[3] + 3.0 * at[6]) / width * y[e + 1]
@@ -580,7 +580,7 @@ static int time_part(const part_t *part, begin_t begin, mesh_t *mesh) {
             slow_inside(part, mesh, begin.slower);
         found = solve(part, mesh, !is_slower, is_slower ? 1.0 : AGAIN * LAST_GAP, LAST_GAP);
     }
-    /* What is known may be of no use where the limits are other ones. */
+    /* A known profile may be useless for other limits. */
     if (!is_improved || (found == PROFILE_NOT_FOUND && begin.slower == 1.0)) {
         free(mesh->rows.v);
         if (!first_mesh(part, mesh))

@@ -25,21 +25,21 @@ enum {
  * whether it moves at its beginning and its end, and the path times of both. */
 enum { PART_NUMBERS = 7 };
 
-/* What is to be timed.
+/* A trajectory to time, and its limits.
  *
  * breaks, pieces: the trajectory by path time from 0 on, see trajectory.h.
  * knots: path times at which a derivative may have a step, both ends included.
  * edges: knots between which there are parts, both ends included, shape (p + 1,).
- * is_at_rest: whether every part begins and ends at rest where the path moves there.  Where not,
- *     the path keeps the velocities and accelerations of its ends; there is one part then.
+ * is_at_rest: whether every part begins and ends at rest where the path moves there.  If false, the
+ *     path keeps the velocities and accelerations of its ends, and there is one part.
  * move_breaks, moves: the position, quintics by the time since each begins, at rest outside, shape
  *     (m + 1,) and (m, 18): three components of each of six coefficients; or (0,) and (0, 18).
  * limits: of velocity, acceleration and jerk, norm and components, shape (3, 4).
  * move_limits: of the position's velocity and acceleration, shape (2,).
- * room: share of the jerk that is used, over what the law between two records may have of it.
+ * room: used share of the jerk, over the share that the law between two records may have.
  * period: of the device, s.
- * total: how long it is to take, s; 0 for the shortest time, which is a whole number of periods
- *     where the path goes on moving at its end. */
+ * total: wanted duration, s; 0 for the shortest.  If the path still moves at its end, the shortest
+ *     duration is a whole number of periods. */
 typedef struct {
     row_t breaks;
     matrix_t pieces;

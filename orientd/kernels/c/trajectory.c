@@ -216,7 +216,7 @@ INLINE void load(tile_t *tile, double t, double start, double end, const double 
         tile->piece[number][i] = piece[number];
 }
 
-/* How many of the next STRIDE instants are in a piece, in a loop without a way out. */
+/* Count how many of the next STRIDE instants are in a piece, in a loop without a break. */
 INLINE index_t inside(const double *instants, double start, double end) {
     index_t found = 0;
     for (index_t i = 0; i < STRIDE; i++)
@@ -280,7 +280,7 @@ index_t sample_trajectory(row_t instants, row_t breaks, matrix_t pieces, double 
             index_t whole = (stop - i) / FEW * FEW;
             fill_piece(instants.v + i, whole, start, end, numbers, out.n, out.v + i, out.m);
             i += whole;
-            /* What is written beyond the end of the piece is written again by those that follow. */
+            /* The next pieces overwrite the samples beyond the end of this piece. */
             if (i < stop && i + FEW <= instants.n)
                 fill_piece(instants.v + i, FEW, start, end, numbers, out.n, out.v + i, out.m);
             else if (i < stop)
