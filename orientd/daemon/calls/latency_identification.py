@@ -45,8 +45,8 @@ class Latency:
 
     Attributes:
         seconds: the delay.
-        error: root mean square of what was measured against what was sent, rad.
-        error_led: the same, against what was sent that much earlier, rad.
+        error: root mean square angle between measurements and setpoints of the same time, rad.
+        error_led: root mean square angle to the setpoints sent that much earlier, rad.
     """
 
     seconds: float
@@ -75,7 +75,7 @@ def measure_latency(settings: DeviceSettings) -> Latency:
             [(time_ns * 1e-9, q) for time_ns, q in measured.items()],
         )
     except ValueError as error:
-        raise DaemonError(f"the latency cannot be told: {error}") from error
+        raise DaemonError(f"cannot identify the latency: {error}") from error
 
 
 async def _measure(settings: DeviceSettings) -> list[Cycle]:
@@ -113,7 +113,7 @@ async def _move(device: Device) -> list[Cycle]:
 
 
 async def _holding(device: Device, seconds: float) -> None:
-    """Wait until the device holds; the event loop, which feeds it, goes on meanwhile."""
+    """Wait until the device holds; meanwhile the event loop continues to feed it."""
     ends = time.monotonic() + seconds
     while (now := device.snapshot()).state is not ServoState.HOLDING:
         if now.state is ServoState.FAULT:
@@ -128,8 +128,8 @@ def identify(
 ) -> Latency:
     """Return the delay at which *measured* correlates best with *sent*.
 
-    The mean square of the difference is smallest where the cross-correlation of the two is
-    largest; a parabola through the three least values finds the delay between two steps.
+    The cross-correlation is largest at the delay with the smallest mean square difference.  A
+    parabola through the three smallest values finds the delay between two steps.
 
     Args:
         sent: time (s) and orientation of each setpoint, in order.

@@ -1,4 +1,4 @@
-"""What the daemon reports, as messages: itself, its devices, their cycles and motions."""
+"""Build the daemon's reports as messages: itself, its devices, their cycles and motions."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ class CycleReader:
         """Do the same with records, which are the cycles as the servo has packed them.
 
         Args:
-            most: how many to return at once; the next call goes on from there.
+            most: how many to return at once; the next call continues from there.
         """
         if self._device.next_cycle < self._next:
             self._next = 0  # another servo process, which counts from the beginning

@@ -110,7 +110,7 @@ def _start_ns(request: pb.MoveRequest) -> int:
 def _instant(time_ns: int) -> int:
     """Return when it will be *time_ns* since the epoch, on the monotonic clock.
 
-    All requests for one time get the same instant, even if somebody sets the wall clock meanwhile.
+    All requests for one time get the same instant, even if the wall clock is set meanwhile.
     """
     return time.monotonic_ns() + time_ns - time.time_ns()
 

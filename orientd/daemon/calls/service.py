@@ -67,7 +67,7 @@ _CommandRequest = pb.CommandRequest | pb.SetSpeedRequest | pb.DisableRequest
 
 
 class Service:
-    """What the control socket offers."""
+    """Serve the calls of the control socket."""
 
     def __init__(
         self, devices: Devices, *, keyframes: int, socket: Path, configuration: str, began: float
@@ -249,7 +249,7 @@ class Service:
     def _plan_call(
         self, request: pb.PlanRequest | pb.MoveRequest, caller: Caller, rate_hz: float = 0.0
     ) -> PlanCall:
-        """Return what is to be planned, for whom, and for how long at the most.
+        """Return the motion to plan, its caller, and the planning timeout.
 
         Raises:
             RequestError: the time is none, or the motion has too many keyframes.
@@ -425,7 +425,7 @@ class Service:
             return await self._done(device, lease, "pause", device.pause)
 
     async def Resume(self, request: pb.CommandRequest, caller: Caller) -> pb.CommandResponse:
-        """Go on with a paused motion."""
+        """Resume a paused motion."""
         async with self._commanded(request, caller) as (device, lease):
             moving(device, "resume")
             return await self._done(device, lease, "resume", device.resume)
@@ -478,7 +478,7 @@ class Service:
     async def AcquireLease(
         self, request: pb.AcquireLeaseRequest, caller: Caller
     ) -> pb.LeaseResponse:
-        """Take the lease of devices that nobody else has."""
+        """Acquire the lease of devices that no other client holds."""
         devices = self._devices.named(request.devices)
         lease = await self._acquire(request.holder, devices, caller, beside=request.beside)
         return pb.LeaseResponse(lease=self._lease_message(lease))
@@ -486,7 +486,7 @@ class Service:
     async def _acquire(
         self, holder: str, devices: Sequence[str], caller: Caller, *, beside: bool
     ) -> Lease:
-        # Whoever had the lease before may have let it run out: then a motion of theirs is stopped.
+        # In a worker thread: if the previous lease has expired, this first stops its motion.
         name = caller.identity.name
         acquire = partial(self._leases.acquire, name=name, devices=devices, beside=beside)
         return await self._devices.in_worker(acquire, holder, caller.identity.key)
@@ -506,7 +506,7 @@ class Service:
         return pb.ReleaseLeaseResponse()
 
     async def SeizeLease(self, request: pb.SeizeLeaseRequest, caller: Caller) -> pb.LeaseResponse:
-        """Take the lease whoever holds it."""
+        """Take the lease, even if another client holds it."""
         who, devices = caller.identity, self._devices.named(request.devices)
         seize = partial(self._leases.seize, name=who.name, devices=devices)
         lease = await self._devices.in_worker(seize, request.holder, who.key, request.reason)
@@ -522,10 +522,10 @@ class Service:
 
 
 async def _with_reason(device: Device) -> pb.DeviceReport:
-    """Return a device as it is now, in a fault with its reason.
+    """Return the report of a device now; if it is in a fault, with the reason.
 
-    The device's thread hears the reason only when it is done with what it was about, which takes
-    its time after the daemon itself stood still.
+    The device's thread reads the reason only after its current work.  That takes a while if the
+    daemon itself was suspended.
     """
     now = report.device_report(device)
     for _ in range(_LOOKS):

@@ -1,4 +1,4 @@
-"""What a Prometheus server scrapes: how punctual the servos are, what moves, and who asks.
+"""Serve metrics to Prometheus: punctuality of the servos, motions, and calls by client.
 
 ``prometheus-client`` is imported only where a port is configured.  Cycles are counted by a thread
 that reads what the servos have published anyhow; no servo and no call waits for it.
@@ -143,7 +143,7 @@ class Telemetry:
     def _of(self, name: str, *labels: str) -> Any:  # noqa: ANN401 - of the library
         return self._metrics[name].labels(*labels)
 
-    # What is told
+    # Events and calls
 
     def hear(self, event: DeviceEvent, device: Device) -> None:
         """Count an event of *device*."""
@@ -227,7 +227,7 @@ class _Followed:
         for cycle in cycles:
             counted = cycle.overruns, cycle.missed
             pairs = zip(counted, self._last or counted, strict=True)
-            # A servo process that was started anew counts from the beginning.
+            # A restarted servo process counts from zero.
             late, left_out = (now - last if now >= last else now for now, last in pairs)
             overruns += late
             missed += left_out

@@ -19,7 +19,7 @@ _ASK_AGAIN = 5.0
 
 
 class DeviceAxes:
-    """What is known of a device's mechanism, from any thread.
+    """Provide a device's mechanism as far as it is known, from any thread.
 
     Args:
         driver: of the device; it is not open.
@@ -62,7 +62,7 @@ class DeviceAxes:
                 self._find(may_ask=False)
             return () if self._mechanism is None else self._mechanism.outline(joints)
         except PlanError:
-            # Whoever draws does not wait for the device.
+            # Drawing does not wait for the device.
             now = time.monotonic()
             if now - self._asked >= _ASK_AGAIN:
                 self._asked = now
@@ -73,7 +73,7 @@ class DeviceAxes:
         return ()
 
     def _ask(self) -> None:
-        with contextlib.suppress(PlanError):  # asked again as long as somebody looks
+        with contextlib.suppress(PlanError):  # the next drawing asks again
             self._find(may_ask=True)
 
     def _find(self, *, may_ask: bool) -> None:

@@ -1,8 +1,8 @@
 """The newest cycles of a device, kept in memory as the servo has packed them.
 
-What the servo publishes stays in shared memory for a few seconds only.  Every now and then the
-device's thread copies what is new there, slot by slot as it is, to a file in memory, which is one
-or two calls; whether a slot holds a whole record is for its reader to check.
+The servo's cycles stay in shared memory for a few seconds only.  At intervals the device's thread
+copies the new slots unchanged to a file in memory, in one or two calls.  The reader of that file
+checks whether a slot holds a whole record.
 """
 
 from __future__ import annotations
@@ -61,10 +61,10 @@ class CycleMemory:
         self._next = head
 
     def copy_to(self, descriptor: int) -> None:
-        """Write all that is there to a file, oldest first; it goes on changing, the oldest first.
+        """Write all cycles to a file, oldest first; new cycles meanwhile overwrite the oldest.
 
         Raises:
-            OSError: there is no room for it.
+            OSError: the file's disk or memory is full.
         """
         sent, end = max(0, self.end - self._size), self.end
         while sent < end:

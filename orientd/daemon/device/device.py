@@ -51,8 +51,10 @@ _MEASURE = 0.1
 
 GONE = "its caller has gone away"
 _READ_AHEAD = 8.0
-"""Path time that the ring holds ahead of the servo, s, and more if a stop takes longer; it has
-room for as much again at the least."""
+"""Path time that the ring holds ahead of the servo, s, and more if a stop takes longer.
+
+The ring has at least twice that capacity.
+"""
 
 _RESTART = 60.0
 """How long a servo may take that a reset has started again, s."""
@@ -103,7 +105,7 @@ class Device:
             settings: the device's part of the configuration.
             planners: plan for it.
             on_event: called from the device's thread, or from a command.
-            leases: who may move it; ``None`` if it is nobody else's.
+            leases: leases of the device; ``None`` if this process alone uses it.
             cycle_memory: keeps the newest cycles for the flight recorder, if there is one.
             stops: where the servo listens for stops, and who records them.
 
@@ -297,7 +299,7 @@ class Device:
         return lease
 
     def _note_begun(self, queued: QueuedMotion, lease: Lease | None, text: str) -> None:
-        """Tell that a motion has begun; stop it if somebody stopped the device meanwhile."""
+        """Report that a motion has begun; stop it if a client stopped the device meanwhile."""
         queued.begun_ns = time.monotonic_ns()
         if queued.options.start_ns != UNKNOWN:
             self._timed.append(queued)
@@ -352,7 +354,7 @@ class Device:
         """Stop on the path; nothing happens to a device at rest.  Waits for no other command.
 
         Args:
-            reason: is given to whoever runs a motion.
+            reason: reported to the clients whose motions it ends.
             is_quickest: whether to leave the path if that is quicker.
 
         Raises:
@@ -363,7 +365,7 @@ class Device:
         self._servo.ask(Command.HALT if is_quickest else Command.STOP)
 
     def note_stop(self, reason: str) -> None:
-        """Note why the device was told to stop."""
+        """Note the reason for a stop of the device."""
         for queued in self.unfinished():
             queued.reason = queued.reason or reason
 
@@ -455,11 +457,11 @@ class Device:
         if not self._servo.is_alive:
             return False
         try:
-            self._servo.hear()  # or it would be taken for what goes wrong after the reset
+            self._servo.hear()  # an old fault would otherwise count as one after the reset
             self._queue.tend()
             self._servo.leave_fault()
         except DaemonError:
-            # A servo whose device is lost may be on its way out when it is asked.
+            # A servo that has lost its device may be ending when the reset arrives.
             if self._servo.ends_within(_ENDING):
                 return False
             raise
@@ -471,7 +473,7 @@ class Device:
             self._queue.pause()
 
     def resume(self) -> None:
-        """Go on after :meth:`pause`, at the speed that was set."""
+        """Resume after :meth:`pause`, at the set speed."""
         with self._lock:
             self._queue.go_on()
 

@@ -1,4 +1,4 @@
-"""What a device reports: what has happened to it."""
+"""Describe the events of a device, such as the start of a motion or a fault."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from orientd.daemon.leases import Lease
 
 
 class EventKind(Enum):
-    """What the daemon reports of a device."""
+    """Name the events that the daemon reports for a device."""
 
     READY = "ready"
     MOTION_STARTED = "motion started"
@@ -37,8 +37,8 @@ class DeviceEvent:
         text: in words.
         time_ns: when the daemon saw it, monotonic clock.
         queued: the motion that it happened to; ``None`` if it happened to none.
-        ended: how that motion has ended and why; ``None`` if it goes on.
-        lease: the lease of who has started it.
+        ended: how that motion has ended and why; ``None`` if it continues.
+        lease: the lease under which it was started.
     """
 
     device: str

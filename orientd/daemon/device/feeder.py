@@ -64,7 +64,7 @@ class Feeder:
 
     @property
     def is_done(self) -> bool:
-        """Whether everything that is to be fed has been."""
+        """Whether all records have been fed."""
         return self._fed >= self._until
 
     def has(self, record: int) -> bool:
@@ -72,11 +72,11 @@ class Feeder:
         return self._fed > record
 
     def feed(self, most: int, *, is_urgent: bool = False) -> int:
-        """Put up to *most* records more into the ring, as far as it has room; return how many.
+        """Add up to *most* records to the ring while it has space; return how many.
 
         Args:
-            most: records.
-            is_urgent: whether to use the room that is kept free otherwise.
+            most: largest number of records.
+            is_urgent: whether to use the reserved space too.
         """
         ring = self._ring
         size = ring.capacity - MARGIN if is_urgent else self._read_ahead
@@ -100,7 +100,7 @@ class Feeder:
         return len(places)
 
     def take_up(self) -> None:
-        """Note that the servo has the motion on its path; it is told where it ends from now on."""
+        """Note that the servo runs the motion; from now on declare its end to the servo."""
         self._is_taken_up = True
         self._declare_end()
 

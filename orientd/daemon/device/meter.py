@@ -1,8 +1,8 @@
 """Measure a motion from the cycles the servo has published: what was sent, not what was planned.
 
-The figures grow no memory: lateness goes into a histogram with bins 1 % wide, peaks are kept as
-they pass.  Nothing here waits for the device or keeps it waiting: cycles stay in their ring for
-seconds, and whoever wants the figures takes in those that are still missing.
+The statistics need constant memory: a histogram of lateness with bins 1 % wide, and running peaks.
+Nothing here waits for the device or delays it.  Cycles stay in their ring for seconds, and each
+request for the statistics first reads the missing ones.
 """
 
 from __future__ import annotations
@@ -62,11 +62,11 @@ class Histogram:
 class LedSetpoints:
     """The setpoints of the recent past, to compare feedback with those sent a lead before it.
 
-    What is sent to a device that is led is the path a lead ahead of the path time that is reported,
-    so that the device is where the plan says for that time.  Path time begins when the device does:
-    the first record is sent a lead before it, and the device holds on the last record for the lead
-    after.  Along the path this is a shift in time and nothing else, so derivatives, limits, guard
-    and stops are those of what is sent.
+    With latency compensation, each setpoint is the path one lead ahead of the reported path time.
+    The device is then where the plan says for that time.  Path time begins when the device begins
+    to move: the servo sends the first record one lead before that.  At the end it holds the last
+    record for one lead.  Along the path this only shifts time, so derivatives, limits, guard and
+    stops are those of the setpoints sent.
     """
 
     def __init__(self, lead: float) -> None:
@@ -99,9 +99,9 @@ class LedSetpoints:
 class MotionMeter:
     """Measure one motion.
 
-    Peaks are of backward differences, which are not taken across a stall, from which the motion
-    goes on from rest.  Feedback is compared with what was sent in the same cycle; for a device that
-    is led, with what was sent a lead before it.
+    Peaks are of backward differences.  None is taken across a stall, because the motion then
+    continues from rest.  Feedback is compared with the setpoint of the same cycle.  With latency
+    compensation it is compared with the setpoint sent one lead earlier.
 
     Attributes:
         number: the motion's number.
@@ -161,7 +161,7 @@ class MotionMeter:
             self._end = self._cycles.head
 
     def measure(self) -> bool:
-        """Take in what cycles have come; return whether that was the last of them."""
+        """Read the new cycles; return whether they include the last one."""
         with self._lock:
             ring, end = self._cycles, self._end
             if ring is not None:
@@ -294,9 +294,9 @@ class MotionMeter:
     ) -> float | None:
         """Return the error of the velocity sent at *instant*, if the recent cycles span it.
 
-        Where no cycle falls on the instant, the velocity is the cubic through velocity and
-        acceleration of the two cycles before it, or after it: between the one before and the one
-        after, another curve begins with a step in jerk.
+        If no cycle falls on the instant, a cubic through velocity and acceleration of two cycles
+        gives the velocity.  Both lie before the instant, or both after it: another curve may begin
+        at the instant with a step in jerk.
         """
         recent, h = self._recent, self._facts.period
         k = next((k for k, (time, _) in enumerate(recent) if time >= instant - _SAME * h), None)

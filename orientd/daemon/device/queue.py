@@ -23,7 +23,7 @@ from orientd.servo import TAIL_WORD
 from orientd.stream import MOVING, UNKNOWN, Command, Cycle, ServoLimits, ServoState
 
 _FEED_TIME = 0.25
-"""How much of a motion is fed before the servo is told of it, beyond what a stop takes; s."""
+"""Path time, beyond that of a stop, that is fed before the servo gets a new motion, s."""
 
 
 STOPPED = "stopped on its path"
@@ -33,11 +33,11 @@ STOPPED = "stopped on its path"
 class MotionQueue:
     """The motions of a device, in order; the servo is on one of them or on its way to the first.
 
-    The device calls it with its lock held, except for what only looks.
+    The device holds its lock while it calls methods that change the queue.
 
     Attributes:
-        speed: how fast motions run, as a share of what is planned.
-        is_paused: whether a motion stands on its path, to go on.
+        speed: speed of motions relative to the planned one.
+        is_paused: whether a motion is paused on its path.
     """
 
     def __init__(self, servo: ServoProcess, tell: Tell, *, lead: float, read_ahead: int) -> None:
@@ -45,8 +45,8 @@ class MotionQueue:
 
         Args:
             servo: runs the motions.
-            tell: is told of everything that happens to a motion.
-            lead: by how much the device is led, s.
+            tell: called for each event of a motion.
+            lead: latency compensation of the device, s.
             read_ahead: how many records to keep ahead of the servo.
         """
         self.speed, self.is_paused = 1.0, False
@@ -61,7 +61,7 @@ class MotionQueue:
         self._meters: list[MotionMeter] = []
 
     def restart(self) -> None:
-        """Begin anew with a new servo process, which knows of no motion."""
+        """Clear the state for a new servo process, which has no motion."""
         self._targets = self._shown = None
         self._tuned, self.is_paused = {}, False
 
@@ -189,12 +189,12 @@ class MotionQueue:
         self._targets, self.is_paused = queued, False
 
     def pause(self) -> None:
-        """Come to rest on the path, to go on later."""
+        """Come to rest on the path until :meth:`go_on`."""
         self._servo.ask(Command.SPEED, speed=0.0)
         self.is_paused = True
 
     def go_on(self) -> None:
-        """Go on after :meth:`pause`, at the speed that was set."""
+        """Resume after :meth:`pause`, at the set speed."""
         self._servo.ask(Command.SPEED, speed=self.speed)
         self.is_paused = False
 
@@ -244,7 +244,7 @@ class MotionQueue:
     def append(self, queued: QueuedMotion, leave: SplicePoint) -> None:
         """Have a motion follow the last queued motion, from *leave* on.
 
-        The servo is told of it at once if the one before is in the ring.
+        The servo learns of it at once if the motion before it is in the ring.
 
         Raises:
             LateError: the last queued motion is another one by now, or the servo has passed
@@ -287,7 +287,7 @@ class MotionQueue:
             left = queued
 
     def _follow(self, queued: QueuedMotion, left: QueuedMotion) -> None:
-        """Have *queued* follow *left*; until the servo takes that up, *left* goes on in the ring.
+        """Have *queued* follow *left*; the ring keeps the rest of *left* until the servo changes.
 
         Raises:
             LateError: the servo has passed the record where *left* is left, or moves no more.
@@ -305,7 +305,7 @@ class MotionQueue:
             left.feeder.leave_at(left.last_record)
 
     def miss(self) -> list[QueuedMotion]:
-        """Take out what the servo could not be told of in time, unless it follows at rest."""
+        """Remove the motions that reached the servo too late, unless they follow at rest."""
         place = next(k for k, queued in enumerate(self._motions) if not queued.is_running)
         left = self._motions[place - 1]
         if left.leave == left.motion.last_record:
@@ -455,7 +455,7 @@ class MotionQueue:
             leave_index = (left.first_index or 0) + record
             posted = self._command(Command.SPLICE, queued, feeder, leave_index=leave_index)
         except OrientdError as error:
-            # Nobody has heard of these records; what is fed next goes where they are.
+            # The servo does not know these records; the next ones overwrite them.
             ring.advance(head)
             queued.feeder = queued.first_index = None
             if isinstance(error, LateError | DaemonError):

@@ -18,7 +18,7 @@ Ended = tuple[pb.Outcome, str]
 
 @dataclass(frozen=True, slots=True)
 class ArrivalCondition:
-    """When a motion counts as having arrived: by what is measured, not by what was sent.
+    """Define when a motion has arrived, by measurements rather than setpoints.
 
     Attributes:
         tolerance: largest angle to the target, rad.
@@ -48,8 +48,8 @@ class MoveOptions:
 
     Attributes:
         is_queued: whether it follows what runs; otherwise it replaces that.
-        blend: how far from the corner to what runs before it may pass, rad; 0 joins them there.
-        start_ns: when it is to begin, monotonic clock; :data:`~orientd.stream.UNKNOWN` for at once.
+        blend: largest angle from the corner to the motion before, rad; 0 passes the corner itself.
+        start_ns: start time, monotonic clock; :data:`~orientd.stream.UNKNOWN` for at once.
         gate: when it has arrived; ``None`` for when its last setpoint is sent.
     """
 
@@ -93,7 +93,7 @@ class QueuedMotion:
         feeder: puts it into the ring; ``None`` before its turn and after its end.
         is_running: whether the servo knows of it.
         meter: has measured it since it began to run; ``None`` before.
-        reason: why it was told to end, by itself or with its device; empty if it was not.
+        reason: why a client stopped it or its device; empty if none did.
         ended: how it ended and why, once it has.
         settled_after: how long after its last setpoint it was on target, s, if that is known.
     """
@@ -118,7 +118,7 @@ class QueuedMotion:
 
     @property
     def motion(self) -> PlannedMotion:
-        """What is run, of a motion that is planned."""
+        """The planned motion; ``ValueError`` if there is none yet."""
         if self.planned is None:
             raise ValueError("the motion is not planned")
         return self.planned
@@ -135,7 +135,7 @@ class QueuedMotion:
 
     @property
     def statistics(self) -> pb.MotionStatistics | None:
-        """What was measured of it; ``None`` before it begins."""
+        """Its measured statistics; ``None`` before it begins."""
         return None if self.meter is None else self.meter.statistics()
 
     @property

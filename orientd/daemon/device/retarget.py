@@ -1,9 +1,9 @@
 """The way from a request to a motion that runs: from where it is planned, and when again.
 
-A motion on a device that moves leaves what runs at a record a little ahead of the servo: the
-replanning horizon.  By the time it is planned, the servo may have passed that record, or the axes
-cannot go on from it.  Then the motion is planned again, from a later one.  This is the only place
-that tries anything again.
+A new motion on a moving device leaves the running one at a record a little ahead of the servo.  How
+far ahead is the replanning horizon.  By the time it is planned, the servo may have passed that
+record, or the axes cannot continue from it.  The planner then starts from a later record.  Only
+this module tries a plan again.
 """
 
 from __future__ import annotations
@@ -58,9 +58,10 @@ _LATER_ATTEMPTS = 3
 """How often a later record on the way is tried: then a motion of shaped axes begins at rest."""
 
 _LATER = ((0.0,), (0.0, 0.15), (0.0, 0.3))
-"""How much later on the way is tried what cannot go on there, s.
+"""Delays after which to leave the path if a motion cannot continue from the first record, s.
 
-The planners try a row side by side, from where the device is once they have refused the row before.
+The planners try the delays of a row in parallel.  If they refuse all of them, the next row starts
+from the newest cycle.
 """
 
 _FIRST = 0.004
@@ -79,9 +80,9 @@ Kind = tuple[int, bool]
 class ReplanningHorizon:
     """How far ahead of the servo a new motion takes over, by the kind of plan.
 
-    That is from the moment when the record to take over at is chosen until the servo can see the
-    motion, learnt from what plans of the same kind have lately taken.  The second longest of the
-    last few counts: a plan that was held up does not make those after it wait.
+    It covers the time from choosing the record until the servo can see the motion.  It is learnt
+    from recent plans of the same kind.  The second longest of them counts, so that one delayed plan
+    does not delay the next ones.
     """
 
     def __init__(self) -> None:
@@ -263,7 +264,7 @@ class Retargeting:
     def _choose(
         self, queued: QueuedMotion, kind: Kind, late: Sequence[float]
     ) -> SplicePoint | None:
-        """Return where what runs is to be left at the earliest; ``None`` if nothing runs.
+        """Return the earliest point to leave the running motion; ``None`` if nothing runs.
 
         Raises:
             StateError: the device cannot move.
@@ -293,12 +294,12 @@ class Retargeting:
     ) -> tuple[float, SplicePoint | None, PlannedMotion | None]:
         """Plan a motion from *leave* on, or from a record a little later.
 
-        If the planner refuses all of them, as in the midst of a passage near a singularity, the
-        device stops on its path, unless the planner refuses a motion from rest there too.
+        The planner may refuse all of them, for example on a passage near a singularity.  The device
+        then stops on its path, unless the planner refuses a motion from rest there too.
 
         Returns:
             When the record was chosen, monotonic s; which one; and the motion.  ``None`` for both
-            if the motion is to begin at rest.
+            if the motion must begin at rest.
         """
         chosen, left = time.monotonic(), self._left(leave)
         is_shaped = bool(left.facts.first_joints)
@@ -334,7 +335,7 @@ class Retargeting:
                 break
             leave, left = now, self._left(now)
         else:
-            # What cannot be planned from rest near there is not worth a stop.
+            # Stop only if the motion can be planned from rest near there.
             plan_input = PlanInput(self._name, call.motion, _at_rest(left.read(leave.record, 1)))
             await self._planners.plan(plan_input, call)
         cycle = self._servo.newest()
@@ -404,7 +405,7 @@ class Retargeting:
         """Wait while the speed along the path is changing.
 
         Raises:
-            StateError: it goes on changing.
+            StateError: the speed keeps changing.
         """
         end, before = time.monotonic() + LONGEST_STOP, self._servo.newest()
         while time.monotonic() < end:

@@ -105,7 +105,7 @@ class ServoProcess:
         Args:
             settings: the device's part of the configuration.
             read_ahead: path records that are kept ahead of the servo, a power of two.
-            tell: is told of a servo that is ready, in a fault, or has ended.
+            tell: called when the servo is ready, in a fault, or has ended.
             explaining: the driver, if it knows what ends the process.
             stops: where the servo listens for stops that the daemon has no part in.
 
@@ -158,7 +158,7 @@ class ServoProcess:
         if self._has_ended:
             raise DaemonError(GOING_DOWN)
         self._ready.clear()
-        # Whoever still reads the old memory keeps it until then.
+        # A thread that still reads the old memory keeps it alive.
         self._process = self._memory = None
         self._forget()
         settings = self._process_settings()
@@ -257,7 +257,7 @@ class ServoProcess:
         process = self._process
         if process is not None and self.is_alive:
             if self._is_stopped(process):
-                # It cannot stop on its path, nor end, unless it goes on.
+                # A suspended process can neither stop on its path nor end.
                 process.send_signal(signal.SIGCONT)
             with contextlib.suppress(DaemonError, StateError):
                 self.ask(Command.SHUTDOWN)
@@ -268,7 +268,7 @@ class ServoProcess:
         self._has_ended = True
 
     def ends_within(self, seconds: float) -> bool:
-        """Wait for a process that is on its way out; return whether it has ended."""
+        """Wait for the process to end; return whether it has."""
         deadline = time.monotonic() + seconds
         while self.is_alive and time.monotonic() < deadline:
             self.beat()
@@ -299,9 +299,9 @@ class ServoProcess:
     ) -> float:
         """Send a command and wait until the servo has taken it.
 
-        The servo does not carry out a command later whose sender has given up waiting, unless it
-        stops something.  While the driver talks to the device at length nothing moves, and nobody
-        waits for the answer to a stop.
+        If the sender has given up waiting, the servo drops the command, unless it is a stop.  While
+        the driver talks to the device at length nothing moves, and a stop does not wait for its
+        answer.
 
         Args:
             command: what to do.
@@ -415,7 +415,7 @@ class ServoProcess:
 
         Args:
             index: number of the command.
-            is_awaited: whether somebody goes on waiting for an answer that has not come.
+            is_awaited: whether the caller will still wait for a missing answer.
         """
         self._listen()
         with self._lock:
@@ -448,7 +448,7 @@ class ServoProcess:
                 if note.command in self._awaited:
                     self._answers[note.command] = note
                 if note.command == self._reset and note.code == Answer.DONE:
-                    # What was wrong before is over.
+                    # The reset has cleared the earlier faults.
                     left = [word for word in self._words if word.kind is not NoteKind.FAULT]
                     self._words = deque(left, self._words.maxlen)
 
@@ -499,7 +499,7 @@ class ServoProcess:
 
     @property
     def next_cycle(self) -> int:
-        """Number of the cycle that comes next; a process that is started anew begins with 0."""
+        """Number of the next cycle; a restarted process begins with 0."""
         memory = self._memory
         return 0 if memory is None else memory.cycles.head
 
@@ -540,7 +540,7 @@ class ServoProcess:
     # What the process says
 
     def hear(self) -> None:
-        """Take note of what the servo has said since this was last called."""
+        """Process the servo's notes since the last call."""
         memory = self._memory
         if memory is None:
             return
@@ -569,7 +569,7 @@ class ServoProcess:
             self._hear_health(memory)
 
     def _hear_health(self, memory: SharedMemory) -> None:
-        """Take note of how the device's parts are; warn of what was well before."""
+        """Update the health of the device's parts; warn of each new problem."""
         self._health_heard = memory.health.head
         known = {part.warning for part in self.health}
         self.health = newest_health(memory.health) or self.health

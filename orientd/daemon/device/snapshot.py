@@ -20,18 +20,18 @@ class DeviceSnapshot:
 
     Attributes:
         cycle: the newest cycle, ``None`` before the first.
-        state: the servo's state; ``FAULT`` where there is no servo.
-        fault: why it is in a fault.
-        fault_text: in words.
+        state: the servo's state; ``FAULT`` if there is no servo.
+        fault: kind of the fault.
+        fault_text: the fault in words.
         is_paused: whether a motion stands on its path, to be resumed.
         speed: the speed that motions run at, or are resumed at.
         motion: the motion last started.
         motion_number: its number, 0 before the first.
-        path_time: time within that motion, s; for a device that is led, where the device is to be,
-            not what is being sent.
-        tracking_error: angle between the feedback and where the device is to be, rad; ``None``
-            without feedback.
-        servo_pid: process id of the servo, ``None`` where there is none.
+        path_time: time within that motion, s; with latency compensation, the time that the device
+            has reached, not the time of the setpoint.
+        tracking_error: angle between the feedback and the setpoint due now, rad; ``None`` without
+            feedback.
+        servo_pid: process id of the servo; ``None`` if there is none.
         scheduling: what scheduling the servo has got.
         memory_locked: whether its memory is locked.
         health: how the device's parts are, as last measured.
@@ -73,7 +73,7 @@ def take_snapshot(
         fault = Fault(cycle.fault)
     due = cycle
     if cycle is not None and lead_cycles:
-        # The device is to be at the setpoint that was sent a lead before the newest.
+        # The setpoint due now was sent one lead before the newest.
         records = servo.cycle_records(max(0, cycle.index - lead_cycles), 1)
         due = unpack_cycle(records[0]) if records else cycle
     error = None

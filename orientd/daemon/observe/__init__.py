@@ -1,4 +1,4 @@
-"""What happened: the journal, the flight recorder, the log."""
+"""Record events: the journal, the flight recorder, the log."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Write lines in a thread of its own, so that no caller waits for a full disk or an unread pipe.
 
-The standard library's queue handler and listener do most of that.  But a full queue makes the
-handler print a traceback for every line, to the very stream that nobody reads, and the listener
-waits for its thread without a bound.
+The standard library's queue handler and listener do most of that.  But if the queue is full, the
+handler prints a traceback for every line, to the same blocked stream.  And the listener waits for
+its thread without a timeout.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class DetachedWriter:
             self._lost += 1
 
     def close(self, patience: float | None = None) -> None:
-        """Wait until the last line is written, for *patience* s at the most."""
+        """Wait until the last line is written, at most *patience* s."""
         if self._is_closed.is_set():
             return
         self._is_closed.set()

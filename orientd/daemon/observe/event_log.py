@@ -1,4 +1,4 @@
-"""The log lines of what happens to devices."""
+"""Write the events of devices to the log."""
 
 from __future__ import annotations
 

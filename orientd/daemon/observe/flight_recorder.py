@@ -1,9 +1,9 @@
 """The flight recorder: after a fault, the minute before it is written to a file.
 
 Every device keeps its newest cycles in memory (:mod:`orientd.daemon.device.cycle_memory`), the
-journal its newest events.  When a device falls into a fault, a thread waits for what comes right
-after, hands all of it to a process of its own as one unlinked file in memory, and waits for how
-that went. Neither the servo nor whoever commands waits for any of it.
+journal its newest events.  After a fault, a thread waits for the cycles that follow it.  It passes
+all of them to a separate process as one unlinked file in memory, and waits for the result.  Neither
+the servo nor a command waits for any of this.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 AFTERWARDS = 1.0
-"""What is recorded after a fault, s: how the device came to rest."""
+"""Time recorded after a fault, in which the device comes to rest, s."""
 
-_NOTICE = 0.2  # s from the cycle of a fault until it is told
+_NOTICE = 0.2  # s from the cycle of a fault until the daemon reports it
 _COPYING = 0.3  # s in which cycles have been copied from shared memory
-_MARGIN = 1.0  # s of room, for cycles that come while a file is handed over
+_MARGIN = 1.0  # s of spare capacity, for cycles that come while a file is passed on
 _LONGEST = 60.0  # s that writing a file may take
 _LOOK = 0.1  # s between looks at the process that writes it
 
 FINISHING = 2.0
-"""Time that files may take when the daemon ends, s; their processes then go on without it."""
+"""Longest wait for files when the daemon ends, s; their processes then continue without it."""
 
 _FAULTS = (EventKind.FAULT, EventKind.SERVO_DIED)
 
@@ -96,9 +96,9 @@ class FlightRecorder:
         self._thread.start()
 
     def hear(self, event: DeviceEvent) -> None:
-        """Take note of what happened to a device; waits for nothing."""
+        """Queue a recording if *event* is a fault; do not wait."""
         memory = self._memories.get(event.device)
-        # A device that was never there has nothing to tell, however often it is started again.
+        # A device that never ran has no cycles to record, however often the daemon restarts it.
         if event.kind in _FAULTS and memory is not None and memory.end:
             self._faults.put(event)
 

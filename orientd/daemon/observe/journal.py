@@ -119,7 +119,7 @@ class Journal:
             thread.join()
 
     def _keep(self, event: DeviceEvent, content: bytes) -> None:
-        """Keep an event; forget the oldest ones that are too old or leave it no room."""
+        """Keep an event; drop the oldest ones that exceed the age or the size."""
         self._kept.append((event.device, event.time_ns, content))
         self._kept_bytes += len(content)
         oldest_ns = event.time_ns - self._oldest_ns

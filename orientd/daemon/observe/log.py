@@ -102,8 +102,8 @@ class LineFormatter(logging.Formatter):
 class LogHandler(logging.Handler):
     """Write log lines to a file descriptor without making the caller wait.
 
-    A terminal held by Ctrl-S or a pipe that nobody reads would otherwise hold up the thread that
-    keeps a servo informed, and with it the motion.
+    A terminal stopped by Ctrl-S or a full pipe would otherwise block the thread that feeds a servo,
+    and so interrupt the motion.
     """
 
     def __init__(self, descriptor: int) -> None:

@@ -1,8 +1,8 @@
 """Planner processes: warm, few, and each of them may be killed.
 
-The daemon waits for many, a planner calculates: under one interpreter's lock each would spoil the
-other.  A :class:`PlanInput` holds everything that a plan depends on, so whichever process does it,
-and however often, the motion is the same to the last bit; no process keeps anything that matters.
+The daemon mostly waits and a planner calculates, so under one interpreter's lock each would delay
+the other.  A :class:`PlanInput` holds everything that a plan depends on.  Any process that plans it
+again gets the same motion to the last bit.  No process keeps state that a plan needs.
 """
 
 from __future__ import annotations

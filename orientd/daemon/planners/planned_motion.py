@@ -14,13 +14,13 @@ from orientd.errors import OrientdError
 from orientd.planner import HISTORY
 
 _WAIT = 1.0
-"""How long the journal waits for what it is to report of a motion, s."""
+"""Longest wait of the journal for the planner's report of a motion, s."""
 
 _BEHIND = 4096
 """Records kept behind those that were fed last: the meter compares the device with them."""
 
 _TAIL = 16_384
-"""Records from the end of a motion, at the most, on which one that follows it may leave it."""
+"""Most records before the end of a motion at which the next motion may leave it."""
 
 More = Callable[[PlanInput, RecordFile, int], "Future[int]"]
 """Has a planner add records to a file, from one on; returns the end.  From any thread."""

@@ -62,7 +62,7 @@ class Planners:
     """Planner processes, replaced whenever one ends.
 
     Attributes:
-        timeout: how long a request may take at the most, s.
+        timeout: longest time for a request, s.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Planners:
         Args:
             devices: to plan for.
             processes: how many planners there are.
-            timeout: how long a request may take at the most, s.
+            timeout: longest time for a request, s.
         """
         self.timeout = timeout
         self._devices = devices
@@ -99,12 +99,12 @@ class Planners:
         self._spawn(self._start_all())
 
     async def close(self) -> None:
-        """End every process; whoever waits is told that the daemon is going down."""
+        """End every process; waiting requests fail because the daemon is shutting down."""
         self._is_closing = True
         for waiting in self._waiting:
             if not waiting.turn.done():
                 waiting.turn.set_exception(DaemonError(GOING_DOWN))
-        # Whoever is being served hears of it by the end of their planner.
+        # Requests being planned fail when their planner ends.
         for planner in self._planners.values():
             planner.kill()
         if self._work:
@@ -209,7 +209,7 @@ class Planners:
             del answer
 
     async def _finish(self, planner: PlannerProcess, rest: Future[Rest]) -> None:
-        """Hear what follows an answer; then the planner may serve somebody else."""
+        """Read the rest that follows an answer; then release the planner."""
         try:
             async with asyncio.timeout(_MORE):
                 found = await planner.rest()
@@ -246,7 +246,7 @@ class Planners:
         except BaseException as error:
             turn = waiting.turn
             if turn.done() and not turn.cancelled() and turn.exception() is None:
-                self._release(turn.result())  # the turn came when nobody waited any more
+                self._release(turn.result())  # the turn came after the request had given up
             if isinstance(error, TimeoutError):
                 why = "the planners are busy"
                 if self._start_problem and not self._planners:
@@ -276,9 +276,9 @@ class Planners:
     def _take_idle(self, rank: Rank) -> PlannerProcess | None:
         """Return an idle planner that serves *rank*, which then is idle no more.
 
-        A moving device is served by the first planner, which gives way to nobody and has done the
-        same lately; all else by the last, so that the first stay free.  The last planner of those
-        that have started serves everything.
+        The first planner serves moving devices: it has no other work and has planned the same
+        lately.  The last one serves everything else, so that the first stay free.  The last planner
+        that has started serves any request.
         """
         last = max(self._planners, default=0)
         able = [one for one in self._idle if one == last or rank <= one]

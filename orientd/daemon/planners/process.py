@@ -165,7 +165,7 @@ class PlannerProcess:
         return rest
 
     def kill(self) -> None:
-        """End it at once; whoever waits for its answer hears of that."""
+        """End it at once; a call that waits for its answer fails."""
         if self._handle >= 0:
             with contextlib.suppress(ProcessLookupError):
                 signal.pidfd_send_signal(self._handle, signal.SIGKILL)

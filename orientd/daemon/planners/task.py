@@ -1,10 +1,10 @@
-"""What crosses between the daemon and a planner process: a task, an answer, and the rest.
+"""Define the messages between the daemon and a planner process: task, answer, and rest.
 
-A message is its length and a pickle; both ends are of one installation and one user.  With each
-task comes the descriptor of a file in memory, to which the planner writes the records of the motion
-and, in words, what it is doing.  The daemon copies records and calculates nothing with them, so
-that they stay bytes there.  A planner answers a task twice: with a :class:`Planned`, or the
-error why there is none, and with the :class:`Rest`, for which nobody waits.
+A message is its length and a pickle; both ends are of one installation and one user.  Each task
+carries the descriptor of a file in memory.  The planner writes the records of the motion to it, and
+its current stage in words.  The daemon only copies records, so they stay bytes there.  A planner
+answers a task twice.  The first answer is a :class:`Planned` or an error.  The second is the
+:class:`Rest`, and no request waits for it.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _PUNCH_HOLE = 0x02 | 0x01  # FALLOC_FL_PUNCH_HOLE, FALLOC_FL_KEEP_SIZE
 
 
 class Rank(IntEnum):
-    """What may wait for what."""
+    """Rank requests: those of a higher rank wait for those of a lower one."""
 
     URGENT = 0
     SMALL = 1
@@ -51,7 +51,7 @@ class Rank(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class PlannerDevice:
-    """What a planner knows of a device.
+    """Describe a device to a planner.
 
     Attributes:
         name: of the device.
@@ -77,7 +77,7 @@ class PlanCall:
     Attributes:
         motion: a serialised ``orientd.v1.MotionRequest``.
         caller: who asks; how much of one caller may wait is bounded.
-        timeout: how long planning may take, waiting for a turn and planning anew included, s.
+        timeout: longest planning time, s, including waits for a planner and repeated plans.
         rate_hz: samples a second to report with the plan; 0 for none.
         began: when that time began, monotonic s.
         waits: s, each that the device was waited for; see :meth:`waiting`.
@@ -106,7 +106,7 @@ class PlanCall:
 
     @property
     def rank(self) -> Rank:
-        """What it may wait for, on a device at rest."""
+        """The rank of the request on a device at rest."""
         return Rank.SMALL if len(self.motion) <= SMALL_BYTES else Rank.LARGE
 
 
@@ -118,9 +118,9 @@ class PlanInput:
         device: what is to move.
         motion: a serialised ``orientd.v1.MotionRequest``.
         motion_id: names the motion, and no other.
-        records: of where it begins: that one, at rest; or with the three before it that one of
-            the motion that it takes over from; or the end of the motion that it is to follow.
-        after: the motion that it is to follow; ``None`` if it begins at the last of *records*.
+        records: where the motion begins.  From rest: one record.  From a running motion: the record
+            at which to leave it and the three before.  After a motion: the end of that motion.
+        after: the motion to follow; ``None`` if it begins at the last of *records*.
         tolerance: how far from the corner between the two the device may pass, rad.
         earliest: the record of *after* before which that cannot be left any more.
     """
@@ -136,7 +136,7 @@ class PlanInput:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """What a planner is asked.
+    """Ask a planner for a motion's records.
 
     Attributes:
         input: what to plan.
@@ -152,10 +152,10 @@ class Task:
 
 
 class Planned(NamedTuple):
-    """What a planner answers, once the first records are in the file.
+    """Answer a task, once the first records are in the file.
 
     Attributes:
-        facts: what there is to know of the motion.
+        facts: summary of the motion.
         leave: record of the motion before at which it begins, of one that follows another.
         plan: a serialised ``orientd.v1.Plan``.
         response: a serialised ``PlanResponse`` with samples, if the task asks for some.
@@ -172,11 +172,11 @@ class Planned(NamedTuple):
 
 
 class Rest(NamedTuple):
-    """What a planner adds when nobody waits for it any more.
+    """Complete an answer; no request waits for this.
 
     Attributes:
         end: the record behind the last one in the file by now.
-        event: a serialised ``Event``, with what the journal reports when the motion starts.
+        event: a serialised ``Event``, which the journal reports when the motion starts.
         resident: bytes of memory that the process uses now.
     """
 
@@ -204,7 +204,7 @@ class RecordFile:
 
     @property
     def stage(self) -> str:
-        """What the planner is doing, in words."""
+        """The planner's current stage, in words."""
         found = os.pread(self.descriptor, _STAGE_BYTES, 0)
         return found.partition(b"\0")[0].decode(errors="replace") or "reading the request"
 

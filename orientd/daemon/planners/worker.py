@@ -99,7 +99,7 @@ class Worker:
         )
 
     def rest(self, task: Task, planned: Planned, file: RecordFile) -> Rest:
-        """Write the other records of a first chunk; return what nobody waits for."""
+        """Write the other records of a first chunk; return the rest of the answer."""
         motion, *_ = self._known[task.input.motion_id]
         end = min(task.count, motion.record_count)
         for first in range(planned.end, end, _BLOCK):
@@ -152,14 +152,14 @@ def main(channel: int) -> None:
     """
     _end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the daemon's to hear
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for planners here
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # the kernel reaps ended planners
     with socket.socket(fileno=channel) as peer:
         devices = _received(peer, [])
         if devices is None:
             return
         worker = Worker(devices)
         worker.warm_up()
-        # What there is now is shared with every planner, as long as nobody touches it.
+        # Planners share this memory until one of them writes to it.
         gc.collect()
         gc.freeze()
         peer.sendall(packed(reporting.methods()))
@@ -194,7 +194,7 @@ def serve(peer: socket.socket, worker: Worker) -> None:
         except Exception as error:  # noqa: BLE001 - one request fails, and says why
             answer = PlanError(f"planning failed: {type(error).__name__}: {error}")
         peer.sendall(packed(answer))
-        # Whoever waits for the motion does not wait for the rest of it.
+        # The request gets its answer before the rest is written.
         rest = Rest(0, b"", resident())
         if isinstance(answer, Planned) and task.count and not task.first:
             with contextlib.suppress(MemoryError):
