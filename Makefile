@@ -8,7 +8,7 @@ BIN = $(VENV)/bin
 ROUNDS ?= 50
 SEED ?= 1
 
-.PHONY: demo test runs calculates check docs follow bench peers sanitize soak events hours chaos storm standard proto lock clean
+.PHONY: demo test runs calculates check docs follow bench peers lerobot sanitize soak events hours chaos storm standard proto lock clean
 
 demo: $(VENV)/.user
 	$(BIN)/orientd demo
@@ -73,6 +73,13 @@ peers:
 	for peer in $(PEERS); do \
 	    build/peers/bin/python -m pip install --quiet --disable-pip-version-check $$peer; done; true
 	build/peers/bin/python tests/bench/compare_peers.py
+
+# The robot of examples/lerobot_robot_orientd, driven by LeRobot itself; its environment takes 8 GB.
+lerobot:
+	$(PYTHON) -m venv build/lerobot
+	build/lerobot/bin/python -m pip install --quiet --disable-pip-version-check \
+	    -e . -e examples/lerobot_robot_orientd pytest
+	build/lerobot/bin/python -m pytest -q -p no:cacheprovider examples/lerobot_robot_orientd
 
 # The kernels with addresses and arithmetic checked, called with spoilt tables; longer: ORIENTD_CASES=20000.
 sanitize: $(VENV)/.dev

@@ -23,6 +23,7 @@ REASONS = {
     "another terminal",
     "a real-time host",
     "a cluster",
+    "LeRobot",
 }
 
 _INCLUDED = re.compile(
