@@ -38,7 +38,7 @@ STOP_TIMEOUT = 2.0
 _ASK_TIMEOUT = 1.0
 
 ADDRESS = "fleet:"
-"""What the address of a daemon of a cell begins with: ``fleet:DAEMON``."""
+"""Prefix of the address of a daemon of a cell: ``fleet:DAEMON``."""
 
 
 def daemon_address(

@@ -1,10 +1,9 @@
-"""Where another machine's monotonic clock stands against ours, and within what bound.
+"""Estimate the offset of another machine's monotonic clock from ours, and its error bound.
 
-A daemon that answers with its clock at some instant between our question and its answer has an
-offset somewhere between two values as far apart as the round trip took (Cristian, 1989); what is
-older has become looser by what clocks may drift.  All of many round trips hold at once, so the
-offset is in what their intervals have in common (Marzullo, 1984): that is the bound.  Within it the
-estimate is the mean of the shortest trips, in which the two ways differ least.
+A daemon reads its clock at some instant between our request and its answer.  Its offset therefore
+lies in an interval as long as the round trip (Cristian, 1989).  Clock drift widens older intervals.
+The offset lies in the intersection of many such intervals, which gives the bound (Marzullo, 1984).
+Within it the estimate is the mean of the shortest trips, because their two delays differ least.
 """
 
 from __future__ import annotations
@@ -79,7 +78,7 @@ class ClockOffset:
         self._trips: deque[_Trip] = deque(maxlen=KEPT)
 
     def measure(self, trips: int = BURST) -> Offset | None:
-        """Make some round trips; return the offset now, ``None`` where nobody ever answered."""
+        """Make some round trips; return the offset now, ``None`` if no answer ever came."""
         heard = [threading.Event() for _ in range(trips)]
         for is_heard in heard:
             self._ask(functools.partial(self._hear, self._now_ns(), is_heard))

@@ -8,7 +8,7 @@
     orientd/CELL/DAEMON/stop/CALLER     stops every device; asked of DAEMON `*`, of the cell
 
 ADDRESS and CALLER are percent-encoded.  CALLER is the common name of the caller's certificate:
-access control lets nobody use another's.
+access control lets no client use another's.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ LOCAL = "local"
 """The caller's name in a cell without certificates."""
 
 UNIX_ADDRESS = "unix:"
-"""What the address of a control socket begins with; any other address is ``HOST:PORT``."""
+"""Prefix of the address of a control socket; any other address is ``HOST:PORT``."""
 
 PACKET_BYTES = 1 << 18
 """The largest packet between a daemon and its gateway."""

@@ -8,7 +8,7 @@
         device: arm                # if the daemon has several
         motion: {keyframes: [{rotation_vector: [0, 0, 0.5]}]}
       - daemon: arm-2
-        file: turn.yaml            # beside this file
+        file: turn.yaml            # in the folder of this file
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def read_plan(path: Path) -> tuple[list[FleetMotion], float]:
         for number, one in enumerate(content["motions"])
     ]
     if not motions:
-        raise RequestError("motions", "expected one at the least, got none")
+        raise RequestError("motions", "expected at least one, got none")
     names = [str(motion) for motion in motions]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:

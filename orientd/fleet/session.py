@@ -1,4 +1,4 @@
-"""A session of Zenoh: opened by our own settings, never by what happens to be on the network."""
+"""Open a Zenoh session with our own settings only."""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ def move_together(
         tell: called with each step.
 
     Raises:
-        LeaseError: somebody else commands one of the devices.
+        LeaseError: another client holds the lease of one of the devices.
         PlanError: one motion cannot be planned.
         OrientdError: one motion cannot begin.  In all of these cases no device has moved.
     """

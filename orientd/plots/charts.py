@@ -25,7 +25,7 @@ NEAR = 1.6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Traces:
-    """What a picture of a motion shows.
+    """Hold the curves of a motion that a picture shows.
 
     Attributes:
         times: s, shape ``(n,)``.

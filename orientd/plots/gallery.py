@@ -131,7 +131,7 @@ def draw_gallery(directory: Path, ending: str = "svg") -> Iterator[Path]:
             yield path
         _draw_sheet(sheet)
     else:
-        # Not forked: whoever draws may have threads.
+        # Not forked: the calling process may have threads.
         pool = ProcessPoolExecutor(
             len(os.sched_getaffinity(0)), get_context("spawn"), _leave_interrupts
         )

@@ -1,4 +1,4 @@
-"""Placing short labels beside points, clear of each other and of the lines."""
+"""Place short labels next to points, clear of each other and of the lines."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _REACHES = (1.0, 1.7)
 
 
 def places(anchors: Floats, sizes: Floats, obstacles: Floats, *, gap: float) -> Floats:
-    """Return centres for labels beside their anchors.
+    """Return centres for labels next to their anchors.
 
     Each label in turn takes the place around its anchor that covers the fewest obstacles and
     no label already placed; of equals, the one farthest from the origin.

@@ -1,9 +1,9 @@
 """The sheet that pictures are drawn on: colours, strokes, figures, files.
 
 Three colours stand for the three axes of a body everywhere.  They differ in lightness as well as in
-hue, so that they stay apart for the colour-blind and in grey print, and each comes with a stroke
-and a mark of its own.  Matplotlib is imported when the first figure is made; no window and no
-global state is touched.
+hue, so they stay distinct for colour-blind readers and in grey print.  Each has its own stroke and
+mark.  The first figure imports Matplotlib.  This module opens no window and changes no global
+state.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ SERIES = (
     AxisStyle("6", "#3b8fc4", "#b5d5ea", (0.0, (3.0, 1.2)), "P"),
     AxisStyle("7", "#555555", "#bfbfbf", (0.0, (7.0, 1.2, 1.2, 1.2, 1.2, 1.2)), "X"),
 )
-"""For what does not belong to an axis: curves of one chart, in their order."""
+"""Colours of curves that belong to no axis, in their order within one chart."""
 
 FORMATS = ("png", "svg", "pdf")
 

@@ -69,7 +69,7 @@ def draw_triads(
         keyframe_q: the keyframes, shape ``(k, 4)``.
         style: how large and how detailed.
         ideal: orientations of another curve to compare with, drawn dotted, shape ``(m, 4)``.
-        is_met: whether the curve passes its keyframes; marks are hollow where it does not.
+        is_met: whether the curve passes its keyframes; if not, the marks are hollow.
     """
     _sphere(axes, style)
     turned = [style.view.project(rotate(thinned(q, style.step), tip)) for tip in np.eye(3)]
@@ -217,7 +217,7 @@ def _numbers(axes: Axes, marks: Floats, traces: Floats, style: TriadStyle) -> No
     unit = 2.0 * style.reach / _width_in_points(axes)
     texts: list[tuple[str, Floats, AxisStyle]] = []
     for axis, points in zip(AXES, marks, strict=True):
-        # What lies in front never shares a label with what lies behind.
+        # Points in front never share a label with points behind.
         lifted = points[:, :2] + np.where(points[:, 2] >= 0.0, 0.0, 100.0)[:, None]
         for group in grouped(lifted, 0.75 * style.number * unit):
             numbers = [k + 1 for k in group if k % every == 0 or k == marks.shape[1] - 1]

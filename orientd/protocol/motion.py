@@ -116,8 +116,10 @@ _COLUMNS: tuple[tuple[str, str, int, object], ...] = (
     ("frames", "frame", 1, ""),
     ("names", "name", 1, ""),
 )
-"""Columns, the fields of a keyframe that they are of, how many entries each keyframe has in one,
-and what all of them have in a field whose column is empty."""
+"""Each column: its name, the field of a keyframe, entries per keyframe, and the default.
+
+The default is the value of the field if the column is empty.
+"""
 
 _NOWHERE = (math.nan, math.nan, math.nan)
 """In the column of positions, of a keyframe without one."""
@@ -142,7 +144,7 @@ def _rows(columns: pb.KeyframeColumns) -> list[dict[str, Any]]:
 
 
 def from_request(request: MotionRequest) -> pb.MotionRequest:
-    """Return the message that asks for what *request* does; orientations become quaternions."""
+    """Return *request* as a message; its orientations become quaternions."""
     message = pb.MotionRequest(**dict(_fields(request)))
     for column, name, _, usual in _COLUMNS:
         values = [getattr(keyframe, name) for keyframe in request.keyframes]

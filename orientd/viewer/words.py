@@ -1,4 +1,4 @@
-"""What the page says, in plain words.
+"""Write the texts of the page.
 
 A line is a kind and two texts.  ``current`` lines are hidden once they are old, ``row`` lines are a
 name and a value, ``alert`` lines stand out, and ``note`` lines have one text.
@@ -147,7 +147,7 @@ def cell(members: Sequence[Member]) -> list[Line]:
 
 
 def _age(member: Member) -> str:
-    """Return the age of what a daemon has said, in steps that a reader can follow."""
+    """Return the age of a daemon's report in words, in steps slow enough to read."""
     if member.age is None:
         return ""
     text = "less than 0.3 s old" if member.age < 0.3 else f"{member.age:.1f} s old"

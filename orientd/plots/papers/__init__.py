@@ -1,4 +1,4 @@
-"""The figures of the papers, made anew, and what is only for them: bodies along a motion."""
+"""Reproduce the figures of the papers, with bodies drawn along a motion."""
 
 from __future__ import annotations
 

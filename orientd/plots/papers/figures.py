@@ -1,4 +1,4 @@
-"""The figures of the papers, made anew from data of our own, each by its name."""
+"""Reproduce the figures of the papers from our own data, each by its name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The data behind the figures of the papers, made anew: the papers print no numbers.
+"""Make data for the figures of the papers: the papers print no numbers.
 
 Every function here returns the same data each time it is called.
 """
