@@ -15,7 +15,7 @@ project_copyright = "the authors of orientd, Apache-2.0"
 html_title = f"orientd {version}"
 
 extensions = [
-    "generators",
+    "generators.build",
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",

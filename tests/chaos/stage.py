@@ -21,6 +21,7 @@ from harness import (
     channel_to,
     is_alive,
     nudge,
+    request_of,
     until,
 )
 from ledger import Tally, rounds_of
@@ -186,7 +187,7 @@ class Stage:
 
     def command(self, name, **fields):
         """Give a command with the lease, measured."""
-        kind = getattr(pb, f"{name}Request")
+        kind = request_of(name)
         if "lease_token" in kind.DESCRIPTOR.fields_by_name:
             fields["lease_token"] = self.daemon.token
         stub, request = getattr(self.daemon.stub, name), kind(device=DEVICE, **fields)

@@ -10,7 +10,7 @@ from importlib.util import find_spec
 import grpc
 import pytest
 from command_line import begin, environment
-from harness import DEVICE, is_alive, until
+from harness import DEVICE, is_alive, request_of, until
 from ledger import Tally
 from scenes import under_way
 from stage import rehearse
@@ -111,7 +111,7 @@ def command(stage, name):
     if name == "RenewLease":
         stage.call(name, pb.RenewLeaseRequest(token=stage.daemon.token))
     elif name in ("Stop", "Halt"):
-        stage.call(name, getattr(pb, f"{name}Request")(device=DEVICE))
+        stage.call(name, request_of(name)(device=DEVICE))
     else:
         stage.command(name, **({"speed": 0.5} if name == "SetSpeed" else {}))
 

@@ -9,7 +9,7 @@ import time
 
 import pytest
 from device_stage import DeviceStage
-from harness import until
+from harness import request_of, until
 from ledger import Tally, rounds_of
 
 from emulated_ur import EmulatedRobot
@@ -36,7 +36,7 @@ def each_call_once(stage):
     for name in ("Reset", "Stop", "Halt", "Enable", "Disable", "Enable", "Stop", "Reset", "Stop"):
 
         def call(name=name):
-            request = getattr(pb, f"{name}Request")(device=stage.device)
+            request = request_of(name)(device=stage.device)
             if name not in ("Stop", "Halt"):
                 request.lease_token = robot.lease_token
             robot._connection.ask(getattr(robot._stub, name), request)

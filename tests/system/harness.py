@@ -14,6 +14,8 @@ from types import SimpleNamespace
 
 import grpc
 import numpy as np
+from google.protobuf.message import Message
+from google.protobuf.message_factory import GetMessageClass
 from grpclib.health.v1.health_pb2 import HealthCheckRequest, HealthCheckResponse
 
 from orientd import rotation
@@ -41,6 +43,12 @@ def until(condition, what, seconds=30.0):
             return found
         time.sleep(0.002)
     raise AssertionError(f"{what}: not within {seconds} s")
+
+
+def request_of(name: str) -> type[Message]:
+    """Return the class of the request of a call of the control socket."""
+    calls = pb.DESCRIPTOR.services_by_name["Control"].methods_by_name
+    return GetMessageClass(calls[name].input_type)
 
 
 def channel_to(socket: Path) -> grpc.Channel:

@@ -23,6 +23,7 @@ from orientd_ur.wire import (
 )
 
 HEADER = struct.Struct(">HB")
+SO_TIMESTAMPNS = 35
 
 
 def rtde(peer, *answers):
@@ -154,6 +155,22 @@ def arrived(sock, count):
     raise AssertionError("nothing comes")
 
 
+@pytest.fixture
+def stamps():
+    """Wait until the kernel stamps what arrives: it begins some time after a socket asks for it."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        sender = socket.create_connection(server.getsockname())
+        receiver, _ = server.accept()
+        with sender, receiver:
+            receiver.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+            notes = []
+            while not notes:
+                sender.sendall(b"x")
+                _, notes, _, _ = receiver.recvmsg(1, 64)
+            yield
+
+
+@pytest.mark.usefixtures("stamps")
 def test_arrival_of_packages_is_told_by_the_kernel_until_nothing_comes_any_more(peer):
     *stamps, later = [package("U", struct.pack(">Bd", 1, k)) for k in (1.0, 2.0, 3.0)]
     host, _ = peer(
