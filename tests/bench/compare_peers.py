@@ -1,7 +1,7 @@
 """Write the tables of the page "How it compares", every cell from a run.
 
-``make peers`` makes an environment with the peers and runs this file in it.  What cannot be
-imported there says so in its cells.
+``make peers`` makes an environment with the peers and runs this file in it.  If a package is
+missing there, its cells say so.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ PACKAGES = ("numpy", "scipy", "splines", "drake", "ruckig", "toppra")
 
 
 def table(what, rows, peers):
-    """Return a Markdown table: a row a property, a column a package, each cell measured."""
+    """Return a Markdown table of measurements: rows are properties, columns are packages."""
     lines = [
         f"| {what} | " + " | ".join(f"{peer.name}<br>{peer.what}" for peer in peers) + " |",
         "|" + "---|" * (len(peers) + 1),
@@ -32,7 +32,7 @@ def table(what, rows, peers):
 
 
 def cell(measure, peer):
-    """Return what was measured, or that the package is not there."""
+    """Return the measurement, or a note that the package is missing."""
     try:
         return measure(peer)
     except ImportError as error:
@@ -40,7 +40,7 @@ def cell(measure, peer):
 
 
 def versions():
-    """Return the versions of the packages that were run."""
+    """Return the versions of the packages."""
     found = []
     for package in PACKAGES:
         try:

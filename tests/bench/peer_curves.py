@@ -102,13 +102,13 @@ def rates(curve, t, h):
 
 
 def end_velocity(peer):
-    """What becomes of an angular velocity that is asked for at the end."""
+    """Return whether the curve meets a requested angular velocity at the end."""
     keys, times = keyframes()
     try:
         curve = peer(keys, times, END_VELOCITY)
     except TypeError:
         missed = rates(peer(keys, times), times[-1], -H)[0] - END_VELOCITY
-        return f"not taken (off by {np.linalg.norm(missed):.2f})"
+        return f"not supported (off by {np.linalg.norm(missed):.2f})"
     except NotImplementedError:
         return "not implemented"
     missed = rates(curve, times[-1], -H)[0] - END_VELOCITY
@@ -191,11 +191,11 @@ def duration(seconds):
 
 
 ROWS = (
-    ("ω asked for at the end, rad/s", end_velocity),
+    ("requested ω at the end, rad/s", end_velocity),
     ("largest step of ω at a keyframe, rad/s", velocity_step),
     ("largest step of α at a keyframe, rad/s²", acceleration_step),
-    ("some keyframes given as −q", sign_flip),
-    ("keyframes half a turn and 1 s apart; largest ω", half_turn),
-    (f"{MANY:,} keyframes are built in", building),
-    (f"a sample (q, ω, α) at {INSTANTS:,} instants takes", sampling),
+    ("keyframes with mixed signs (q and −q)", sign_flip),
+    ("keyframes half a turn and 1 s apart: largest ω", half_turn),
+    (f"time to build a curve through {MANY:,} keyframes", building),
+    (f"time per sample (q, ω, α), for {INSTANTS:,} instants", sampling),
 )

@@ -54,7 +54,7 @@ def single(peer):
 
 
 def on_the_way(peer):
-    """Mean duration of motions that are given another aim on the way."""
+    """Return the mean duration of motions that get a new target on the way."""
     return "not from motion" if peer is SciPy else mean_duration(peer)
 
 
@@ -68,6 +68,6 @@ def through_keyframes(peer):
 PEERS = (Orientd, Ruckig, Toppra, SciPy)
 ROWS = (
     ("one orientation to another, from rest to rest", single),
-    ("the same with another aim after a third of the way", on_the_way),
+    ("the same, with a new target after a third of the duration", on_the_way),
     (f"through {KEYFRAMES} keyframes, from rest to rest", through_keyframes),
 )

@@ -42,13 +42,13 @@ def excess(q):
 
 
 def turned(q):
-    """Return by how much setpoints turn altogether, degrees."""
+    """Return the total rotation of setpoints, degrees."""
     steps = rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:]))
     return float(np.degrees(np.linalg.norm(steps, axis=1).sum()))
 
 
 def aims():
-    """Return a start, an aim and a second aim given on the way, as rotation vectors, many times."""
+    """Return cases of a start, a target and a new target, as rotation vectors."""
     random = np.random.default_rng(3)
     return [[random.uniform(-1.2, 1.2, 3) for _ in range(3)] for _ in range(CASES)]
 
@@ -208,7 +208,7 @@ def redirected(peer):
 
 
 def kept(peer):
-    """Largest norms on motions that are given another aim on the way, over the limits."""
+    """Return the largest norms over their limits, for motions that get a new target."""
     found = redirected(peer)
     worst = np.max([excess(q) for q, _, _ in found], axis=0)
     failed = CASES - len(found)
@@ -217,23 +217,23 @@ def kept(peer):
 
 
 def mean_duration(peer):
-    """How long these motions take on the average."""
+    """Return the mean duration of these motions."""
     return f"{PERIOD * np.mean([len(q) - 1 for q, _, _ in redirected(peer)]):.2f} s"
 
 
 def acceleration_step(peer):
-    """Largest step of the acceleration where another aim is given."""
+    """Return the largest step of the acceleration at the change of target."""
     return f"{max(step for _, step, _ in redirected(peer)):.1g}"
 
 
 def planning(peer):
-    """Median CPU time to plan that."""
+    """Return the median CPU time to plan the motion to the new target."""
     redirected(peer)
     return duration(float(np.median([taken for _, _, taken in redirected(peer)])))
 
 
 def short_way(peer):
-    """How far it turns from +170 to -170 degrees about one axis, 20 degrees apart."""
+    """Return the rotation from +170 to -170 degrees about one axis, 20 degrees apart."""
     start, aim = (np.array([0.0, 0.0, np.radians(angle)]) for angle in (170.0, -170.0))
     return f"{turned(peer.setpoints(peer.go(start, aim))):.0f}°"
 
@@ -296,7 +296,7 @@ def stop(peer):
 
     worst = 0.0
     for start, aim, second in aims():
-        # A path that bends: the second half of a motion that was given another aim.
+        # A curved path: the second half of a motion that got a new target.
         first = peer.go(start, aim)
         here = first.at_time(first.duration / 3.0)
         path = peer.go(here[0], second, here[1], here[2])
@@ -330,14 +330,14 @@ def _streamed():
 
 
 ROWS = (
-    ("90° about one axis: duration over the least possible", step_duration),
-    ("another aim on the way: norms of ω / α / jerk over their limits", kept),
-    ("step of α where the aim changes, rad/s²", acceleration_step),
-    ("the new aim is planned in", planning),
-    ("from +170° to −170° it turns by", short_way),
+    ("90° about one axis: duration divided by the shortest possible", step_duration),
+    ("new target during the motion: norms of ω / α / jerk over their limits", kept),
+    ("step of α at the change of target, rad/s²", acceleration_step),
+    ("time to plan the motion to the new target", planning),
+    ("rotation from +170° to −170°", short_way),
     (
-        "through 8 keyframes, limits of ω and α (TOPP-RA: along the curve of an even pace)",
+        "duration through 8 keyframes, limits of ω and α (TOPP-RA: on the curve of an even pace)",
         same_curve,
     ),
-    ("a stop on a curved path leaves it by", stop),
+    ("largest deviation from a curved path during a stop", stop),
 )

@@ -1,4 +1,4 @@
-/* The clock on the wall as a process sees it, moved by what stands in a file: for LD_PRELOAD.
+/* The wall clock of a process, shifted by the offset in a file: for LD_PRELOAD.
  *
  * A time namespace has no CLOCK_REALTIME of its own, and the machine's is everybody's.  Here
  * clock_gettime, gettimeofday and time answer with an offset, in nanoseconds, that is read from

@@ -192,7 +192,7 @@ class DeviceStage:
                 fault = word(self.state(), "fault")
                 if fault not in STARVED or longest_wait(pid, before) <= LONGEST:
                     raise
-                self.tally.met["begun anew, the daemon waiting for a processor"] += 1
+                self.tally.met["repeated because the daemon waited for a processor"] += 1
                 self.reset()
         return work()
 

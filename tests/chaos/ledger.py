@@ -1,7 +1,7 @@
-"""What was tried and what came of it: one file for each fault, and the table of the documentation.
+"""Write the results of the chaos tests: a file for each fault, and the table in the docs.
 
-``python tests/chaos/ledger.py`` gathers what `make chaos` has left in ``build/chaos`` into
-``tests/chaos/results.json`` and writes the table between its markers.
+`make chaos` leaves its results in ``build/chaos``.  ``python tests/chaos/ledger.py`` gathers them
+into ``tests/chaos/results.json`` and writes the table between its markers.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ BEGIN, END = "<!-- chaos:begin -->", "<!-- chaos:end -->"
 ROUNDS = int(os.environ.get("ORIENTD_CHAOS_ROUNDS", "50"))
 SEED = int(os.environ.get("ORIENTD_CHAOS_SEED", "1"))
 ONLY = os.environ.get("ORIENTD_CHAOS_ONLY", "")
-"""Number of a single round to run, as a failure names it."""
+"""Number of a single round to run, from the message of a failure."""
 
 
 @dataclass
 class Broken:
-    """A round in which something did not hold."""
+    """A round in which a check failed."""
 
     number: int
     what: str
@@ -43,15 +43,15 @@ class Tally:
     """All rounds of one fault.
 
     Attributes:
-        fault: in words, for the table.
-        order: place in the table.
-        claims: what was checked, in words.
-        seed: of every random choice, together with the fault's name and the round's number.
-        rounds: that were run.
-        met: what happened, and how often.
-        slowest: the slowest call apart from the first motion of a daemon, its name and s.
-        broken: the rounds in which something did not hold.
-        skipped: why it could not be tried, or nothing.
+        fault: its name in the table.
+        order: its place in the table.
+        claims: the checks, as text.
+        seed: with the fault's name and the round's number, the seed of every random choice.
+        rounds: number of rounds so far.
+        met: the events, and the number of each.
+        slowest: name and duration in s of the slowest call, except the first motion of a daemon.
+        broken: the rounds in which a check failed.
+        skipped: the reason if the fault cannot be tried, otherwise empty.
     """
 
     fault: str
@@ -65,13 +65,13 @@ class Tally:
     skipped: str = ""
 
     def skip(self, name: str, why: str) -> None:
-        """Write down that it could not be tried, and skip the test."""
+        """Write the reason why the fault cannot be tried, and skip the test."""
         self.skipped = why
         self.keep(name)
         pytest.skip(why)
 
     def keep(self, name: str) -> None:
-        """Write it down."""
+        """Write the tally to its file."""
         FOLDER.mkdir(parents=True, exist_ok=True)
         path = FOLDER / f"{self.order:02d}-{name}.json"
         path.write_text(json.dumps(vars(self), indent=1, default=vars) + "\n")
@@ -80,22 +80,22 @@ class Tally:
 def rounds_of(
     name: str, tally: Tally, one: Callable[[int, random.Random], object], *, rounds: int = ROUNDS
 ) -> None:
-    """Run *one* for every round, go on after those in which something breaks, and tell at the end.
+    """Run *one* for every round, also after a failed one, and report the failures at the end.
 
     Args:
-        name: of the fault, part of every seed.
-        tally: what is known of it so far.
-        one: runs a round, and raises what did not hold.
-        rounds: how many.
+        name: name of the fault, part of every seed.
+        tally: its results so far.
+        one: runs a round, and raises an error if a check fails.
+        rounds: number of rounds.
 
     Raises:
-        AssertionError: something did not hold in one of them.
+        AssertionError: a check failed in one of the rounds.
     """
     for number in [int(ONLY)] if ONLY else range(rounds):
         tally.rounds += 1
         try:
             one(number, random.Random(f"{name}/{tally.seed}/{number}"))
-        except Exception as error:  # noqa: BLE001 - whatever it is, it is a result
+        except Exception as error:  # noqa: BLE001 - every error is a result
             where = traceback.extract_tb(error.__traceback__)[-1]
             what = str(error).split("debug_error_string")[0] or str(where.line)
             tally.broken.append(Broken(number, f"{type(error).__name__}: {what}"[:600]))
@@ -113,7 +113,7 @@ def rounds_of(
 def table(results: list[dict]) -> str:
     """Return the table of `docs/explanation/faults.md`."""
     lines = [
-        "| fault | how often | what held | what did not |",
+        "| fault | rounds | checks that held | failures |",
         "|---|---|---|---|",
     ]
     for result in results:
@@ -121,20 +121,20 @@ def table(results: list[dict]) -> str:
             lines.append(f"| {result['fault']} | not tried | | {result['skipped']} |")
             continue
         kept = result["rounds"] - len(result["broken"])
-        met = ", ".join(f"{what} {count}" for what, count in sorted(result["met"].items()))
+        met = ", ".join(f"{what} ({count})" for what, count in sorted(result["met"].items()))
         name, seconds = result["slowest"]
         slowest = f"; slowest answer {seconds:.2f} s (`{name}`)" if name else ""
         held = f"{result['claims']}: {kept} of {result['rounds']}{slowest}"
         if met:
-            held += f". Met: {met}"
+            held += f". Observed: {met}"
         kinds = Counter(_gist(broken["what"]) for broken in result["broken"])
-        bad = "; ".join(f"{what} ({count})" for what, count in kinds.most_common(3)) or "nothing"
+        bad = "; ".join(f"{what} ({count})" for what, count in kinds.most_common(3)) or "none"
         lines.append(f"| {result['fault']} | {result['rounds']} | {held} | {bad} |")
     return "\n".join(lines)
 
 
 def _gist(what: str) -> str:
-    """Return what a failure says: the words of a call's error or of a motion's end, if any."""
+    """Return the message of a failure: that of a call's error or of a motion's end, if any."""
     words = re.search(r'(?:details = |text: )"([^"]+)"', what)
     text = words.group(1) if words else what.split("\n")[0].split(": ", 1)[-1]
     return text[:110].replace("|", "/")

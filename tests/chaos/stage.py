@@ -270,7 +270,7 @@ class Stage:
         assert holders == [holder] * bool(holder), told["daemon"]
         met = fault = device["fault"]
         if fault not in faults and self.was_starved(self._waited):
-            met = f"{fault}, the daemon waiting for a processor"
+            met = f"{fault} while the daemon waited for a processor"
         else:
             assert fault in faults, (fault, device["fault_text"])
         is_fault = fault != "none"
@@ -354,7 +354,7 @@ class Stage:
             except AssertionError:
                 if not self.was_starved(waited):
                     raise
-                self.tally.met["begun anew, the daemon waiting for a processor"] += 1
+                self.tally.met["repeated because the daemon waited for a processor"] += 1
         self.check_sent()
         self.check_clean()
         assert not self.calls.late, "; ".join(self.calls.late)

@@ -57,7 +57,7 @@ def garbage(stage, generator, tally):
                 line.sendall(head + generator.randbytes(generator.randrange(1, 20_000)))
                 head = b""
         except OSError:
-            tally.met["hung up on"] += 1
+            tally.met["disconnected"] += 1
         lines.append(line)
     return lines
 
@@ -191,18 +191,18 @@ def crowd(stage, generator, tally):
                 line.sendall(PREFACE + SETTINGS)
                 answered += bool(line.recv(9))
             except OSError:
-                tally.met["hung up on"] += 1
+                tally.met["disconnected"] += 1
     tally.met["connected"] += len(lines)
     tally.met["answered"] += answered
     return lines
 
 
 KINDS = {
-    silent: "20 clients that say nothing, or half of it, or half-close",
-    garbage: "20 clients that send bytes that are no HTTP/2",
+    silent: "20 clients that send nothing or half a request, or half-close",
+    garbage: "20 clients that send bytes other than HTTP/2",
     oversized: "messages beyond 64 MiB; a name of 1 MB",
     fuzzed: "100 fuzzed protobuf messages",
-    slow: "20 clients that ask for every cycle and read none",
+    slow: "20 clients that request every cycle and read none",
     crowd: "1000 connections at once",
 }
 
@@ -210,8 +210,8 @@ KINDS = {
 @pytest.mark.parametrize("harm", KINDS, ids=lambda harm: harm.__name__)
 def test_a_client_does_no_harm(tmp_path, harm):
     order = 30 + list(KINDS).index(harm)
-    tally = Tally(KINDS[harm], order, "no fault, every call of others answered, "
-                  "limits, status, nothing left open")  # fmt: skip
+    tally = Tally(KINDS[harm], order, "no fault, every call of other clients "
+                  "answered, limits, status, open files closed")  # fmt: skip
 
     def one(stage, number, generator):
         before = descriptors(stage)

@@ -1,4 +1,4 @@
-"""The clock on the wall steps while things move; run with `make chaos`.
+"""The wall clock steps during motions; run with `make chaos`.
 
 A time namespace has no CLOCK_REALTIME of its own, and stepping the machine's would do harm to
 others: the daemon and its servo are given a libc that tells another time of day.
@@ -22,7 +22,7 @@ STEPS = (-86_400.0, -60.0, -1.0, -0.3, 0.3, 1.0, 60.0, 86_400.0)
 
 
 def test_the_clock_on_the_wall_steps(tmp_path):
-    tally = Tally("clock on the wall steps by 0.3 s to a day, back and forth", 50, "no fault, "
+    tally = Tally("wall clock steps by 0.3 s to a day, forwards and backwards", 50, "no fault, "
                   "limits, lease and status undisturbed")  # fmt: skip
     compiler = shutil.which("cc")
     if compiler is None:

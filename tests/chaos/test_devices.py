@@ -51,7 +51,7 @@ def test_a_device_is_lost(tmp_path, name, harm):
     word = {"kill": "SIGKILL", "stop": "SIGSTOP, SIGCONT"}[harm.__name__]
     tally = Tally(
         f"`orientd sim {name}`: {word}", 60 + (name != "ur"),
-        "fault in time and in words, limits in what was sent, status, reset, a motion",
+        "fault in time and with its reason, setpoints within limits, status, reset, a motion",
     )  # fmt: skip
 
     def one(number, generator):

@@ -24,8 +24,8 @@ GROWTH_KIB = 4096
 
 
 def test_a_soak_in_real_time(tmp_path):
-    tally = Tally("soak at 500 Hz in real time", 70, f"{SECONDS:.0f} s: every motion done, limits, "
-                  "memory and open files as they were")  # fmt: skip
+    tally = Tally("soak at 500 Hz in real time", 70, f"{SECONDS:.0f} s: all motions done, limits, "
+                  "bounded memory and open files")  # fmt: skip
 
     def sizes(stage):
         pid = stage.daemon.process.pid
@@ -53,8 +53,8 @@ def test_a_soak_in_real_time(tmp_path):
         tally.met["motions"] = motions
         tally.met["cycles"] = cycle.index
         tally.met["missed deadlines"] = cycle.missed
-        tally.met["KiB of growth, daemon"] = int(growth[0])
-        tally.met["KiB of growth, servo"] = int(growth[1])
+        tally.met["growth of the daemon in KiB"] = int(growth[0])
+        tally.met["growth of the servo in KiB"] = int(growth[1])
         assert (growth[:2] < GROWTH_KIB).all() or SECONDS < 120.0, growth
         assert growth[2] <= 2, growth
         assert not stage.calls.late, "; ".join(stage.calls.late)
@@ -67,7 +67,7 @@ def test_a_soak_in_real_time(tmp_path):
 
 def test_a_soak_in_virtual_time():
     tally = Tally("soak in virtual time: the servo, its rings and the loopback driver", 71,
-                  f"{VIRTUAL_SECONDS:.0f} s: every motion arrives, limits, memory as it was",
+                  f"{VIRTUAL_SECONDS:.0f} s: all motions done, limits, bounded memory",
                   )  # fmt: skip
 
     def one(number, generator):
@@ -103,7 +103,7 @@ def test_a_soak_in_virtual_time():
         tally.met["motions"] = motions
         tally.met["cycles"] = rig.servo._cycle_count
         growth = resident_kib(os.getpid()) - before if before else 0
-        tally.met["KiB of growth"] = growth
+        tally.met["growth in KiB"] = growth
         assert growth < 4 * GROWTH_KIB, growth
         assert TERMS.floats()
 

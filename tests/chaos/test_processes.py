@@ -42,8 +42,8 @@ def renew(stage):
 
 
 def test_the_daemon_is_killed(tmp_path):
-    tally = Tally("daemon: SIGKILL", 10, "stop on the path within the limits, servo gone, next "
-                  "daemon at once and a motion")  # fmt: skip
+    tally = Tally("daemon: SIGKILL", 10, "stop on the path within the limits, servo ended, a new "
+                  "daemon starts at once, a motion")  # fmt: skip
 
     def harm(stage, number, generator):
         with under_way(stage, number, generator):
@@ -55,8 +55,8 @@ def test_the_daemon_is_killed(tmp_path):
 
 
 def test_the_daemon_is_stopped_and_goes_on(tmp_path):
-    tally = Tally("daemon: SIGSTOP 0.1 to 2.5 s, SIGCONT", 11, "limits, no fault but a lost "
-                  "heartbeat or path, status, recovery")  # fmt: skip
+    tally = Tally("daemon: SIGSTOP 0.1 to 2.5 s, SIGCONT", 11, "limits, no fault except "
+                  "heartbeat_lost or path_starved, status, recovery")  # fmt: skip
 
     def harm(stage, number, generator):
         with under_way(stage, number, generator):
@@ -87,8 +87,9 @@ def test_the_servo_is_killed(tmp_path):
 
 
 def test_the_servo_is_stopped_and_goes_on(tmp_path):
-    tally = Tally("servo: SIGSTOP 0.02 to 1.5 s, SIGCONT", 13, "on from rest within the limits, or "
-                  "fault servo_stalled, every call answered, status, recovery")  # fmt: skip
+    tally = Tally("servo: SIGSTOP 0.02 to 1.5 s, SIGCONT", 13, "resumes from rest within the "
+                  "limits or fault servo_stalled, every call answered, status, "
+                  "recovery")  # fmt: skip
 
     def harm(stage, number, generator):
         with under_way(stage, number, generator):
@@ -100,7 +101,7 @@ def test_the_servo_is_stopped_and_goes_on(tmp_path):
                 os.kill(servo, signal.SIGCONT)
             time.sleep(generator.uniform(0.0, 0.1))
         stage.come_to_rest()
-        # A motion that is to follow cannot be handed over to who is stopped: internal.
+        # If a queued motion cannot be handed to the stopped servo, the fault is `internal`.
         stage.settle(faults=("none", "servo_stalled", "internal"))
 
     rehearse(tmp_path, "servo-stopped", tally, harm)
@@ -122,7 +123,7 @@ COMMANDS = (
 
 
 def test_commands_to_a_stopped_servo_are_answered(tmp_path):
-    tally = Tally("servo: SIGSTOP for good, any command", 14, "every call answered within a "
+    tally = Tally("servo: SIGSTOP without SIGCONT, any command", 14, "every call answered within a "
                   "second, status, recovery after SIGKILL")  # fmt: skip
 
     def harm(stage, number, generator):
@@ -152,8 +153,8 @@ LOSSES = pytest.mark.parametrize("loss", [signal.SIGKILL, signal.SIGSTOP])
 
 @LOSSES
 def test_a_client_is_lost(tmp_path, loss):
-    after = {signal.SIGKILL: "the call breaks", signal.SIGSTOP: "the lease ends"}[loss]
-    tally = Tally(f"client `orientd move`: {loss.name}", 20, f"stop once {after}, limits, lease "
+    after = {signal.SIGKILL: "the broken call", signal.SIGSTOP: "the end of the lease"}[loss]
+    tally = Tally(f"client `orientd move`: {loss.name}", 20, f"stop after {after}, limits, lease "
                   "free")  # fmt: skip
     path = tmp_path / "motion.json"
     path.write_text(json.dumps(MOTION))
@@ -193,7 +194,7 @@ def onlooker(stage, what, output):
 
 
 def check_onlooker(process, what, address):
-    """See that it has gone on: its file opens, or its page answers."""
+    """Check that the command continues: `view` answers, and both end with exit code 0."""
     if what == "view":
         with urllib.request.urlopen(address, timeout=20.0) as page:
             assert page.status == 200
@@ -208,8 +209,9 @@ def test_an_onlooker_is_lost(tmp_path, loss, what):
     needed, order = ONLOOKERS[what]
     goes_on = loss is signal.SIGSTOP
     word = "SIGSTOP 0.3 to 2 s, SIGCONT" if goes_on else "SIGKILL"
-    tally = Tally(f"`orientd {what}`: {word}", order, "no fault, limits, status, recovery, what is "
-                  "recorded opens" + ", and it goes on" * goes_on)  # fmt: skip
+    claim = {"record": ", the recording opens", "view": ", the page answers" * goes_on}[what]
+    claims = f"no fault, limits, status, recovery{claim}{', exit code 0' * goes_on}"
+    tally = Tally(f"`orientd {what}`: {word}", order, claims)
     name = f"{what}-{loss.name.lower()}"
     if find_spec(needed) is None:
         tally.skip(name, f"{needed} was not installed")

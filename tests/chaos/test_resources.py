@@ -61,8 +61,8 @@ def skip_without_namespaces(tally, name):
 
 
 def test_shared_memory_is_full(tmp_path):
-    tally = Tally("/dev/shm full in motion, then servo: SIGKILL", 40, "the motion goes on within "
-                  "limits, status, reset, a motion")  # fmt: skip
+    tally = Tally("/dev/shm full in motion, then servo: SIGKILL", 40, "the motion continues "
+                  "within limits, status, reset, a motion")  # fmt: skip
     skip_without_namespaces(tally, "shm-full")
 
     def harm(stage, number, generator):
@@ -83,8 +83,8 @@ def test_shared_memory_is_full(tmp_path):
 
 
 def test_a_daemon_is_started_where_shared_memory_is_full(tmp_path):
-    tally = Tally("/dev/shm full when the daemon starts", 41, "refused in one line, nothing left "
-                  "behind")  # fmt: skip
+    tally = Tally("/dev/shm full when the daemon starts", 41, "refusal in one line, no socket "
+                  "left")  # fmt: skip
     skip_without_namespaces(tally, "shm-start")
 
     def one(number, generator):
@@ -127,8 +127,8 @@ def test_the_disk_is_full(tmp_path):
 
 
 def test_the_setpoints_of_a_recording_driver_find_no_room(tmp_path):
-    tally = Tally("disk full under the driver's own recording", 43, "fault internal that says so, "
-                  "status, reset refused or done, recovery")  # fmt: skip
+    tally = Tally("disk full under the driver's own recording", 43, "fault internal that names the "
+                  "cause, status, reset refused or done, recovery")  # fmt: skip
     skip_without_namespaces(tally, "driver-disk-full")
     folder = tmp_path / "small"
     folder.mkdir()
@@ -168,7 +168,7 @@ def test_the_setpoints_of_a_recording_driver_find_no_room(tmp_path):
 
 def test_descriptors_run_out(tmp_path):
     tally = Tally("no descriptors left (RLIMIT_NOFILE), then servo: SIGKILL", 44, "motion within "
-                  "limits, plain refusals, status, recovery once there are some")  # fmt: skip
+                  "limits, plain refusals, status, recovery with free descriptors")  # fmt: skip
 
     def one(number, generator):
         pid = stage.daemon.process.pid

@@ -53,7 +53,7 @@ def each_call_once(stage):
 def test_a_controller_takes_its_time(tmp_path, harm):
     pytest.importorskip("rtde_control")
     orders, mend = HARMS[harm]
-    tally = Tally(f"a UR arm: {harm}", 65, "fault in words, every stop within 1 s, a motion")
+    tally = Tally(f"a UR arm: {harm}", 65, "fault with its reason, every stop within 1 s, a motion")
 
     def one(_number, generator):
         with stage.round():
