@@ -150,67 +150,68 @@ class ControlServicer(object):
     """Missing associated documentation comment in .proto file."""
 
     def GetState(self, request, context):
-        """Everything about the daemon and its devices, as of now.
+        """Return the present state of the daemon and its devices.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def WatchState(self, request, context):
-        """The cycles of one device as they happen, in batches, until the caller goes.
+        """Stream the cycles of one device in batches until the caller ends the call.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def WatchEvents(self, request, context):
-        """What happens to devices, as it happens, until the caller goes.
+        """Stream the events of devices until the caller ends the call.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def GetConfiguration(self, request, context):
-        """The settings that the daemon runs with.
+        """Return the settings that the daemon runs with.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def ListMethods(self, request, context):
-        """The families of curves that a motion can be made of.
+        """List the families of curves for motions.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def ListDevices(self, request, context):
-        """The devices of the configuration.
+        """List the devices of the configuration.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def Plan(self, request, context):
-        """Plan from where the device is commanded to be, or will be once its present motions have ended,
-        and keep the plan for a Move.
+        """Plan a motion and keep the plan for a Move. The motion begins at the commanded state of the
+        device, or where its present motions end.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def GetPlan(self, request, context):
-        """The plan of a motion: of the one that runs or ran last, or one that is kept for a Move.
+        """Return a plan: that of the running or last motion, or one that is kept for a Move.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def Move(self, request, context):
-        """Start a motion and report until it ends. A motion that runs is replaced from a point a little
-        ahead, without a step in orientation, velocity or acceleration, or is followed, as the request
-        says. To cancel the call is to stop the device on its path, unless the motion has ended, or waits
-        for its turn: then it is taken out, and what runs goes on.
+        """Start a motion and report until it ends. The new motion replaces a running one, or follows it if
+        the request sets `queue`. A replacement takes over a little ahead of the setpoint, without a step
+        in orientation, velocity or acceleration. Cancelling the call stops the device on its path. If
+        the motion is still queued, cancelling only removes it from the queue. If it has ended,
+        cancelling does nothing.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -224,7 +225,7 @@ class ControlServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def Halt(self, request, context):
-        """Bring a device, or all of them, to rest as quickly as the limits allow, leaving the path where
+        """Bring a device, or all of them, to rest as quickly as the limits allow, and leave the path if
         that is quicker. Needs no lease.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
@@ -232,8 +233,8 @@ class ControlServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def Track(self, request_iterator, context):
-        """Follow targets, or chunks of poses, as they arrive, within the limits. The first message begins
-        it; the end of the caller's messages, or of the call, brings the device to rest.
+        """Follow targets, or chunks of poses, as they arrive, within the limits. The first message is a
+        TrackStart. The device comes to rest when the caller's messages or the call end.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -247,7 +248,7 @@ class ControlServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def Resume(self, request, context):
-        """Go on with a paused motion.
+        """Resume a paused motion.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -261,7 +262,7 @@ class ControlServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def Enable(self, request, context):
-        """Make a device follow setpoints; it does not move by this.
+        """Make a device follow setpoints. This does not move it.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -275,35 +276,36 @@ class ControlServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def Reset(self, request, context):
-        """Clear a fault; starts the servo process anew if it has ended.
+        """Clear a fault. Restart the servo process if it has ended.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def AcquireLease(self, request, context):
-        """Take the lease of devices if nobody else has one of them.
+        """Acquire the lease of devices if no other client holds one of them.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def RenewLease(self, request, context):
-        """Hold the lease for its full time again, from now.
+        """Renew the lease for its full time from now.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def ReleaseLease(self, request, context):
-        """Give the lease back.
+        """Release the lease.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def SeizeLease(self, request, context):
-        """Take the lease whoever holds it, for administrators; motions that run under it are stopped.
+        """Take the lease even if another client holds it. Only for administrators. The daemon stops the
+        motions that run under it.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
