@@ -1,4 +1,4 @@
-"""An emulated device and a daemon that drives it, to do harm to."""
+"""An emulated device and its daemon, under fault injection."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from orientd.stream import CycleFlag
 
 
 class DeviceStage:
-    """An emulated device, a daemon that drives it, and every setpoint that it is sent."""
+    """An emulated device, the daemon that drives it, and every setpoint."""
 
     def __init__(self, folder, tally, name):
         self.tally = tally
@@ -64,7 +64,7 @@ class DeviceStage:
         assert kind or not self.left_servos(), "servo processes are left"
 
     def start(self):
-        """Start both, and have a first motion made."""
+        """Start both, and make a first motion."""
         self.start_emulator()
         self.daemon.start()
         self.robot = orientd.connect(self.daemon.socket)
@@ -90,18 +90,18 @@ class DeviceStage:
         run_first(self.emulator.pid)
 
     def left_servos(self, *but):
-        """Return the servo processes seen so far that are still there."""
+        """Return the servo processes seen so far that still run."""
         return [pid for pid in self.servos if pid not in but and is_alive(pid)]
 
     def state(self):
-        """Return the device as the daemon tells of it, measured."""
+        """Return the device's state as the daemon reports it, and measure the call."""
         report = self.calls.measure("GetState", self.robot.state).devices[self.device]
         if report.servo_pid:
             self.servos.add(report.servo_pid)
         return report
 
     def check_well(self):
-        """See that there is no fault yet."""
+        """Check that there is no fault yet."""
         report = self.state()
         assert report.state != pb.STATE_FAULT, f"before any harm: {report.fault_text}"
 
@@ -111,7 +111,7 @@ class DeviceStage:
 
     @contextlib.contextmanager
     def round(self):
-        """One round: all that is sent is looked at; both are started anew if it fails."""
+        """Run one round and check all setpoints; restart both processes if it fails."""
         self.calls.late.clear()
         try:
             with self._watched() as cycles:
@@ -125,7 +125,7 @@ class DeviceStage:
 
     @contextlib.contextmanager
     def _watched(self):
-        """Collect what is sent, cycle by cycle."""
+        """Collect the setpoints, cycle by cycle."""
         cycles, ending = [], threading.Event()
 
         def watch():
@@ -145,20 +145,20 @@ class DeviceStage:
             ending.set()
 
     def check_sent(self, cycles):
-        """See that the setpoints that were written one after the other keep the limits."""
+        """Check that the consecutive setpoints keep the limits."""
         for run in _runs([cycle for cycle in list(cycles) if cycle.flags & CycleFlag.WRITTEN]):
             q = np.array([cycle.q for cycle in run])
             for found, limit in zip(peaks_within(q, 1 / self.rate_hz), self.limits, strict=True):
                 assert found <= 1.001 * limit, (found, limit)
 
     def recover(self):
-        """Bring it back as a user would, and see that it moves again."""
+        """Recover the device as a user would, and check that it moves again."""
         self.reset()
         self.unless_starved(self.turn_once)
         assert not self.left_servos(self.state().servo_pid)
 
     def reset(self):
-        """Reset the device until it holds, unless it does already."""
+        """Reset the device until it holds, unless it holds already."""
         end = time.monotonic() + 30.0
         while self.state().state != pb.STATE_HOLDING:
             # Servos and robots need some time after their own stops until they can be unlocked.
@@ -182,7 +182,7 @@ class DeviceStage:
         assert summary.outcome == pb.OUTCOME_DONE, summary.text
 
     def unless_starved(self, work):
-        """Return what *work* returns, begun anew where the daemon had no processor for it."""
+        """Return the result of *work*, and repeat it if the daemon had no processor."""
         for _ in range(ATTEMPTS - 1):
             pid = self.daemon.process.pid
             before = waiting(pid)
@@ -198,9 +198,9 @@ class DeviceStage:
 
 
 def _runs(cycles):
-    """Return the cycles that followed one another, cut where the servo process was held up.
+    """Return the runs of consecutive cycles between delays of the servo process.
 
-    In a cycle itself, by the device, it was as long as the cycle after it says of its work.
+    If the device delays a cycle, the next cycle reports the delay in its ``work_ns``.
     """
     runs, longest = [[]], 0.8 * SHORTEST_NS
     for before, cycle, after in zip([None, *cycles], cycles, [*cycles[1:], None], strict=False):

@@ -1,4 +1,4 @@
-"""What is under way when harm is done."""
+"""Motions and commands that run when a test does harm."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from orientd.protocol import control_pb2 as pb
 
 
 class Scene:
-    """Something under way; a thread keeps it going until :meth:`end`."""
+    """Activity on the device; a thread continues it until :meth:`end`."""
 
     def __init__(self, stage: Stage, generator: random.Random) -> None:
         self.stage = stage
@@ -29,30 +29,30 @@ class Scene:
         self._thread.start()
 
     def begin(self) -> None:
-        """Set something in motion."""
+        """Begin a motion."""
         self.stage.begin(spin(4.0))
 
     def go_on(self) -> None:
-        """Do what belongs to the scene, until it is to end."""
+        """Send the commands of the scene until its end."""
 
     def end(self) -> None:
-        """Do no more."""
+        """End the activity."""
         self.ending.set()
         self._thread.join(40.0)
         assert not self._thread.is_alive(), "a call hangs"
 
     def _run(self) -> None:
-        # Once harm is done, calls may be refused or fail; how long they take is measured.
+        # After the harm, calls may fail.  The stage measures their duration.
         with contextlib.suppress(grpc.RpcError, StopIteration):
             self.go_on()
 
 
 class Move(Scene):
-    """A motion runs."""
+    """One motion runs."""
 
 
 class Retarget(Scene):
-    """It is replaced again and again."""
+    """New motions replace the running one, again and again."""
 
     def go_on(self) -> None:
         while not self.ending.wait(self.random.uniform(0.0, 0.15)):
@@ -60,7 +60,7 @@ class Retarget(Scene):
 
 
 class Queue(Scene):
-    """Others are to follow, some of them without a stop."""
+    """Queued motions follow, some of them without a stop."""
 
     def begin(self) -> None:
         self.stage.begin(nudge(0.5))
@@ -74,7 +74,7 @@ class Queue(Scene):
 
 
 class Track(Scene):
-    """A target is followed."""
+    """The device tracks a moving target."""
 
     def begin(self) -> None:
         self.outgoing: queue.SimpleQueue = queue.SimpleQueue()
@@ -98,7 +98,7 @@ class Track(Scene):
 
 
 class Pause(Scene):
-    """A motion pauses and goes on."""
+    """The motion pauses and resumes."""
 
     def go_on(self) -> None:
         while not self.ending.wait(self.random.uniform(0.02, 0.4)):
@@ -115,7 +115,7 @@ class Slow(Scene):
 
 
 class Stop(Scene):
-    """It comes to rest just now."""
+    """The motion comes to rest."""
 
     def go_on(self) -> None:
         self.ending.wait(self.random.uniform(0.1, 1.4))
@@ -129,7 +129,7 @@ LATEST = 1.5
 
 @contextlib.contextmanager
 def under_way(stage: Stage, number: int, generator: random.Random):
-    """Have one of the scenes under way at a random moment of it."""
+    """Run one of the scenes, and yield at a random moment of it."""
     kind = SCENES[number % len(SCENES)]
     scene = kind(stage, generator)
     try:

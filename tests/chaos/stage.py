@@ -1,4 +1,4 @@
-"""A daemon to do harm to: every call is measured, and afterwards everything is looked at."""
+"""A daemon under fault injection: the stage measures every call and checks the state afterwards."""
 
 from __future__ import annotations
 
@@ -30,27 +30,27 @@ from orientd.protocol import control_pb2 as pb
 from orientd.protocol.control_pb2_grpc import ControlStub
 
 LONGEST = 1.0
-"""What no call may take, s."""
+"""Longest permitted duration of a call, s."""
 
 RESTART = "Reset, new servo process"
 LONGEST_RESTART = 10.0
-"""What a reset may take that starts an interpreter, s."""
+"""Longest permitted duration of a reset that starts an interpreter, s."""
 
 FLIGHT_RECORDER = 100.0
-"""What the flight recorder, which gives way to all others, may take to write and end, s."""
+"""Longest time for the flight recorder to write and end, at its low priority, s."""
 
 ATTEMPTS = 5
-"""How often what a busy machine has spoilt is begun anew."""
+"""Most attempts if the machine is busy."""
 
 STARVED = ("heartbeat_lost", "path_starved")
-"""What a servo says of a daemon that has had no processor for :data:`LONGEST`."""
+"""Faults of a servo whose daemon has had no processor for :data:`LONGEST`."""
 
 _MARK = "ORIENTD_CHAOS_MARK"
 _marks = itertools.count()
 
 
 def waiting(*pids: int) -> dict[str, int]:
-    """Return how long each thread of the processes has waited for a processor so far, ns."""
+    """Return the time that each thread of the processes has waited for a processor, ns."""
     found = {}
     for pid in pids:
         with contextlib.suppress(OSError):
@@ -62,10 +62,11 @@ def waiting(*pids: int) -> dict[str, int]:
 
 
 class Calls:
-    """Measures calls; those that wait for a stopped daemon count from when it goes on.
+    """Measures the duration of calls.
 
-    A call is late if it took longer than is allowed and than it had to wait for a processor: the
-    longest such wait of one thread here and of one thread of the daemon are not held against it.
+    If a call waits for a stopped daemon, its time begins when the daemon continues.  From the time
+    of a long call :meth:`measure` subtracts the longest waits for a processor: that of one thread
+    here and that of one thread of the daemon.
     """
 
     def __init__(self, tally: Tally, daemon_pid=lambda: 0) -> None:
@@ -76,7 +77,7 @@ class Calls:
         self.went_on = 0.0
 
     def measure(self, name, work):
-        """Do *work* and note how long it took, whether or not it fails."""
+        """Do *work* and note its duration, whether or not it fails."""
         begun = time.monotonic()
         pids = (os.getpid(), self._daemon_pid())
         before = [waiting(pid) for pid in pids]
@@ -93,14 +94,14 @@ class Calls:
 
 
 def longest_wait(pid: int, before: dict[str, int]) -> float:
-    """Return for how long a thread of a process has waited for a processor since *before*, s."""
+    """Return the longest wait of a thread of a process for a processor since *before*, s."""
     now = waiting(pid)
     waits = (ns - before.get(task, ns) for task, ns in now.items())
     return 1e-9 * max(waits, default=0)
 
 
 class Probe(threading.Thread):
-    """Asks for the state all the time."""
+    """Requests the state all the time."""
 
     def __init__(self, stage: Stage) -> None:
         super().__init__(daemon=True)
@@ -125,7 +126,7 @@ class Probe(threading.Thread):
 
 
 class Stage:
-    """A daemon with a loopback device, one round after the other."""
+    """A daemon with a loopback device, for one round after another."""
 
     def __init__(
         self, folder: Path, tally: Tally, *, prefix=(), environment=None, lease_seconds=30.0
@@ -158,7 +159,7 @@ class Stage:
             assert not left, f"left behind: {left}"
 
     def start(self) -> None:
-        """Start the daemon, and have it load all that a first motion needs."""
+        """Start the daemon, and make it load all modules of a first motion."""
         self.calls.went_on = float("inf")
         self.daemon.start()
         self._is_warm = False
@@ -166,7 +167,7 @@ class Stage:
         self.calls.went_on = time.monotonic()
 
     def family(self) -> dict[int, str]:
-        """Return the processes that the daemon, or one before it, has brought about."""
+        """Return the processes that this daemon or an earlier one has started."""
         mark, found = f"{_MARK}={self.mark}".encode(), {}
         for path in Path("/proc").glob("[0-9]*"):
             with contextlib.suppress(OSError):
@@ -181,12 +182,12 @@ class Stage:
     # Commands
 
     def call(self, name, request):
-        """Call the daemon, measured."""
+        """Call the daemon, and measure the call."""
         stub = getattr(self.daemon.stub, name)
         return self.calls.measure(name, lambda: stub(request, timeout=30))
 
     def command(self, name, **fields):
-        """Give a command with the lease, measured."""
+        """Send a command with the lease, and measure the call."""
         kind = request_of(name)
         if "lease_token" in kind.DESCRIPTOR.fields_by_name:
             fields["lease_token"] = self.daemon.token
@@ -197,7 +198,7 @@ class Stage:
         )
 
     def begin(self, motion, **fields):
-        """Begin a motion, and return its stream once it has begun."""
+        """Begin a motion, and return its stream after the start."""
         request = pb.MoveRequest(
             lease_token=self.daemon.token, device=DEVICE, motion=motion, **fields
         )
@@ -214,7 +215,7 @@ class Stage:
 
     @contextlib.contextmanager
     def _lease_kept(self):
-        """Renew the lease all the while."""
+        """Renew the lease meanwhile."""
         ended = threading.Event()
 
         def renew():
@@ -230,24 +231,24 @@ class Stage:
             thread.join()
 
     def device(self) -> pb.DeviceReport:
-        """Return the device as the daemon tells of it."""
+        """Return the device's state as the daemon reports it."""
         return self.call("GetState", pb.GetStateRequest(device=DEVICE)).devices[0]
 
     def status(self) -> dict:
-        """Return what `orientd status` tells."""
+        """Return the report of `orientd status`."""
         told = inside("status", "--socket", self.daemon.socket, "--json")
         assert told.returncode == 0, told
         return json.loads(told.stdout)
 
     @property
     def servo(self) -> int:
-        """The servo's process."""
+        """The process ID of the servo."""
         return self.device().servo_pid
 
     # What must hold
 
     def check_sent(self) -> None:
-        """Look at all that was sent since this was last done; the device is at rest now."""
+        """Check all setpoints since the last check; the device must be at rest."""
         for stretch in self.daemon.stretches():
             if len(stretch):
                 assert np.isfinite(stretch).all()
@@ -255,14 +256,14 @@ class Stage:
         os.truncate(self.daemon.recording, 0)
 
     def rests(self) -> None:
-        """Wait until nothing moves and see that it holds what was last sent."""
+        """Wait until nothing moves, and check that the device holds the last setpoint."""
         until(lambda: self.device().state in (pb.STATE_HOLDING, pb.STATE_FAULT), "rest", 8.0)
         time.sleep(0.01)
         sent = self.daemon.sent()
         assert len(sent) < 2 or np.array_equal(sent[-1], sent[-2]), "rest, but it moves"
 
     def check_truth(self, *, faults, holder="test") -> str:
-        """See that what is told agrees with what is there; return the fault that is told of."""
+        """Check that the reported state is true, and return the reported fault."""
         told = self.status()
         device = told["devices"][DEVICE]
         assert told["daemon"]["pid"] == self.daemon.process.pid
@@ -283,15 +284,15 @@ class Stage:
         return fault
 
     def was_starved(self, waited: dict[str, int]) -> bool:
-        """Whether the fault is that the daemon, less what it had *waited*, had no processor.
+        """Whether the daemon had no processor since *waited*, and the fault says so.
 
-        The servo says of it what it should; but it is no consequence of the harm.
+        The servo reports such a fault correctly, but the harm is not its cause.
         """
         fault = pb.Fault.Name(self.device().fault).removeprefix("FAULT_").lower()
         return fault in STARVED and longest_wait(self.daemon.process.pid, waited) > LONGEST
 
     def check_clean(self) -> None:
-        """See that there is the daemon, its planners, one servo, and no more."""
+        """Check that only the daemon, its planners and one servo run."""
         expected = {self.daemon.process.pid, self.servo}
         end = time.monotonic() + FLIGHT_RECORDER
         # The flight recorder ends by itself once it has written its file.
@@ -308,29 +309,29 @@ class Stage:
     def _is_of_daemon(self, pid: int, words: str) -> bool:
         """Whether a process plans for the daemon that runs."""
         parent = parent_of(pid)
-        # A planner, or what planners are forked from.
+        # A planner, or the process from which planners fork.
         return "orientd.daemon.planners" in words and self.daemon.process.pid in (
             parent, parent_of(parent),
         )  # fmt: skip
 
     def move_once(self) -> None:
-        """Make a small motion and see that it is done."""
+        """Make a small motion, and check that it is done."""
         self._side = -self._side
         *_, last = self.begin(nudge(0.05 * self._side))
         assert last.summary.outcome == pb.OUTCOME_DONE, last
         self.streams.clear()
 
     def await_fault(self, seconds: float = 2.0) -> None:
-        """Wait until the daemon tells of a fault."""
+        """Wait until the daemon reports a fault."""
         until(lambda: self.device().state == pb.STATE_FAULT, "the fault", seconds)
 
     def come_to_rest(self) -> None:
-        """Stop whatever moves still, as anybody may."""
+        """Stop a motion that still runs, as every user may."""
         self.call("Stop", pb.StopRequest(device=DEVICE))
         self.rests()
 
     def settle(self, *, faults, holder="test") -> None:
-        """After the harm: what is told is true, what was sent kept the limits, and it recovers."""
+        """Check after the harm the reported state, the limits of the setpoints, and recovery."""
         self.streams.clear()
         self.check_truth(faults=faults, holder=holder)
         self.check_sent()
@@ -340,7 +341,7 @@ class Stage:
         self.recover()
 
     def recover(self) -> None:
-        """Bring it back as a user would, and see that it moves again."""
+        """Recover the device as a user would, and check that it moves again."""
         for _ in range(ATTEMPTS):
             self.call("RenewLease", pb.RenewLeaseRequest(token=self.daemon.token))
             if self.device().state == pb.STATE_FAULT:
@@ -360,7 +361,7 @@ class Stage:
         assert not self.calls.late, "; ".join(self.calls.late)
 
     def again(self) -> None:
-        """After a failure: go on with a new daemon, whatever state the old one was in."""
+        """Replace the daemon after a failure, whatever state the old one was in."""
         self.calls.late.clear()
         self.streams.clear()
         self._kill()
@@ -383,7 +384,7 @@ class Stage:
 
     @contextlib.contextmanager
     def round(self):
-        """One round: probed all the while; begun anew if it fails."""
+        """Run one round under a probe, and replace the daemon if it fails."""
         os.truncate(self.daemon.recording, 0)
         self.calls.late.clear()
         self._waited = waiting(self.daemon.process.pid)
@@ -404,12 +405,12 @@ def rehearse(folder: Path, name: str, tally: Tally, harm, **settings) -> None:
     """Do harm to one stage, round after round.
 
     Args:
-        folder: of the daemon.
-        name: of the fault.
-        tally: of its rounds.
-        harm: does it, and looks at what came of it; told the stage, the round's number and its
-            generator.
-        settings: of the stage.
+        folder: the daemon's folder.
+        name: name of the fault.
+        tally: results of its rounds.
+        harm: function that does the harm and checks the effect.  Its arguments are the stage, the
+            round's number and its generator.
+        settings: options of the stage.
     """
     with Stage(folder, tally, **settings) as stage:
 
@@ -421,7 +422,7 @@ def rehearse(folder: Path, name: str, tally: Tally, harm, **settings) -> None:
 
 
 def parent_of(pid: int) -> int:
-    """Return the parent of a process; 0 if there is no such process any more."""
+    """Return the parent of a process, or 0 if the process has ended."""
     try:
         return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
     except (OSError, IndexError):

@@ -35,7 +35,7 @@ def connected(stage):
 
 
 def silent(stage, generator, tally):
-    """Connect and say nothing, or half of what is to be said."""
+    """Connect and send nothing, or half a request."""
     lines = [connected(stage) for _ in range(20)]
     for line in lines:
         line.sendall(PREFACE[: generator.randrange(len(PREFACE) + 1)])
@@ -47,7 +47,7 @@ def silent(stage, generator, tally):
 
 
 def garbage(stage, generator, tally):
-    """Say what is no HTTP/2, or HTTP/2 of nonsense."""
+    """Send bytes other than HTTP/2, or HTTP/2 frames of random bytes."""
     lines = []
     for _ in range(20):
         line = connected(stage)
@@ -87,7 +87,7 @@ class Raw:
             code, details = error.code().name.lower(), error.details()
         else:
             return "ok"
-        # What cannot be read is gRPC's own business; nothing else may come as a surprise.
+        # gRPC itself answers unreadable messages.  Every other status must be an expected one.
         is_unreadable = code == "unknown" and "DecodeError" in details
         assert is_unreadable or code not in ("unknown", "internal"), (method, details)
         return "unreadable" if is_unreadable else code
@@ -97,10 +97,10 @@ class Raw:
 
 
 def oversized(stage, generator, tally):
-    """Send messages beyond the limit, and a long one that means nothing below it."""
+    """Send a message beyond the limit, and a long useless one below it."""
     raw = Raw(stage)
     met = [raw.call("Plan", bytes(MAX_MESSAGE_BYTES + generator.randrange(1, 9_000_000)), 20.0)]
-    # 1 MB of a caller's name: Stop tells a part of it to whoever runs the motion.
+    # 1 MB of a caller's name: Stop reports a part of it to the client of the motion.
     stop = pb.StopRequest(device="nobody", caller="x" * 1_000_000)
     met.append(raw.call("Stop", stop.SerializeToString()))
     for status in met:
@@ -109,7 +109,7 @@ def oversized(stage, generator, tally):
 
 
 def _requests(token, generator):
-    """Return a request of every kind that harms nobody, to be spoiled."""
+    """Return a harmless request of every kind, for random changes."""
     motion = pb.MotionRequest(
         keyframes=[
             pb.Keyframe(rotation_vector=pb.Vector3(x=generator.uniform(-4, 4)), time=k)
@@ -186,7 +186,7 @@ def crowd(stage, generator, tally):
             continue
         lines.append(line)
         if number % 10 == 0:
-            # Beyond so many, the door hangs up at once.
+            # Above its limit of connections, the daemon closes new ones at once.
             try:
                 line.sendall(PREFACE + SETTINGS)
                 answered += bool(line.recv(9))

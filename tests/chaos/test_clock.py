@@ -1,7 +1,7 @@
 """The wall clock steps during motions; run with `make chaos`.
 
-A time namespace has no CLOCK_REALTIME of its own, and stepping the machine's would do harm to
-others: the daemon and its servo are given a libc that tells another time of day.
+A time namespace has no CLOCK_REALTIME of its own, and a step of the machine's clock would harm
+other programs.  So the daemon and its servo load a library that shifts the wall clock.
 """
 
 import mmap

@@ -24,7 +24,7 @@ def kill(stage):
 
 
 def stop(stage):
-    """Stop the emulator; return what lets it go on."""
+    """Stop the emulator; return a function that continues it."""
     stage.emulator.send_signal(signal.SIGSTOP)
     return lambda: stage.emulator.send_signal(signal.SIGCONT)
 

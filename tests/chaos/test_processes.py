@@ -108,7 +108,7 @@ def test_the_servo_is_stopped_and_goes_on(tmp_path):
 
 
 def command(stage, name):
-    """Give a command that needs no more than its name."""
+    """Send a command that needs only its name."""
     if name == "RenewLease":
         stage.call(name, pb.RenewLeaseRequest(token=stage.daemon.token))
     elif name in ("Stop", "Halt"):
@@ -187,7 +187,7 @@ ONLOOKERS = {"record": ("mcap", 21), "view": ("websockets", 22)}
 
 
 def onlooker(stage, what, output):
-    """Begin to record, or to show, and return the process and where it can be reached."""
+    """Begin `record` or `view`, and return the process and its address."""
     arguments = [output] if what == "record" else ["--no-open", "--port", "0"]
     process = begin(what, *arguments, "--socket", stage.daemon.socket)
     return process, process.stdout.readline().split()[-1]

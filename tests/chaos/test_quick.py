@@ -23,12 +23,12 @@ STALL_TIMEOUT = 2.0
 def stage(tmp_path_factory):
     tally = Tally("one round", 0, "")
     it = Stage(tmp_path_factory.mktemp("stage"), tally)
-    # Whoever wakes the servo process again may be late himself, where others compile or test.
+    # On a busy machine, the test itself may be late to continue the servo process.
     config = it.daemon.config
     table = f"stall_timeout = {STALL_TIMEOUT!r}\n[devices.{DEVICE}.options]\n"
     config.write_text(config.read_text().replace(f"[devices.{DEVICE}.options]\n", table))
     with it:
-        it.calls.longest = 30.0  # only hanging is told of here
+        it.calls.longest = 30.0  # only a call that hangs fails here
         yield it
 
 

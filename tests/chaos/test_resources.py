@@ -1,7 +1,7 @@
-"""What there is too little of: shared memory, disk, descriptors; run with `make chaos`.
+"""Lack of shared memory, disk space and descriptors; run with `make chaos`.
 
-Each daemon gets file systems of its own, in a mount namespace of its own; they are reached from
-here through its root in /proc.
+Each daemon has its own file systems in its own mount namespace.  The tests reach them through the
+root of the daemon in /proc.
 """
 
 import os
@@ -24,7 +24,7 @@ HOLDS = "motion within limits or a plain refusal, every call answered, status, r
 
 
 def has_namespaces():
-    """Whether this user may mount file systems where nobody else sees them."""
+    """Whether this user may mount file systems in a private namespace."""
     try:
         return subprocess.run(["unshare", "-m", "true"], capture_output=True).returncode == 0
     except FileNotFoundError:

@@ -1,7 +1,7 @@
-"""A UR controller that is slow, silent, frozen, locked or lies, mid-motion; `make chaos`.
+"""A UR controller that is slow, silent, frozen, locked or wrong during a motion; `make chaos`.
 
-Each round: the motion ends in a fault in words, stops are answered within a second while commands
-wait for the device, and a motion is made afterwards.
+In each round the motion ends in a fault with its reason.  The daemon answers stops within a second
+while commands wait for the device.  Afterwards the arm makes a motion.
 """
 
 import contextlib
@@ -31,7 +31,7 @@ HARMS = {
 
 
 def each_call_once(stage):
-    """Give every command, and measure those that stop."""
+    """Send every command, and measure those that stop."""
     robot = stage.robot
     for name in ("Reset", "Stop", "Halt", "Enable", "Disable", "Enable", "Stop", "Reset", "Stop"):
 
@@ -41,7 +41,7 @@ def each_call_once(stage):
                 request.lease_token = robot.lease_token
             robot._connection.ask(getattr(robot._stub, name), request)
 
-        # What it says is looked at in the tests of the driver; here it is that it is said.
+        # The tests of the driver check the error itself.
         with contextlib.suppress(OrientdError):
             if name in ("Stop", "Halt"):
                 stage.calls.measure(name, call)

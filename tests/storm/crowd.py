@@ -39,9 +39,9 @@ def large_motion(keyframes: int, **more) -> pb.MotionRequest:
 
 
 def endless_motion(keyframes: int = 6000) -> pb.MotionRequest:
-    """Return what takes minutes to plan, in little memory, and can be told to end at any moment.
+    """Return a motion that takes minutes to plan in little memory and can be cancelled any time.
 
-    The curve of least acceleration is searched for in steps, each over all keyframes.
+    The search for the curve of least acceleration takes many steps, each over all keyframes.
     """
     numbers = 0.7 * np.arange(keyframes)
     vectors = np.stack([np.sin(numbers), np.cos(1.3 * numbers), np.sin(0.4 * numbers)], axis=1)

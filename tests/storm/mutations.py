@@ -105,7 +105,7 @@ def _unpack(source, path):
 
 
 def _poses(path, times, q):
-    """Write what somebody else has recorded, as JSON."""
+    """Write poses as JSON, as the recording of another program."""
     with path.open("wb") as stream:
         writer = Writer(stream, compression=CompressionType.NONE, enable_crcs=False)
         writer.start()

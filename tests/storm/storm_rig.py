@@ -20,8 +20,8 @@ RATE_HZ = 500.0
 PERIOD = 1.0 / RATE_HZ
 
 NEARLY_NS, STALL_NS = 30_000_000, 75_000_000
-"""A servo process that did not run for 50 ms goes on from rest; a setpoint tells only when it was
-due, so that between these two it may go on either way."""
+"""A servo process that did not run for 50 ms resumes from rest.  A setpoint has only its deadline,
+so between these two limits it may resume from rest or not."""
 
 MOST_CUTS = 30
 """Looked back at, of those that may be."""
@@ -33,7 +33,7 @@ SETPOINT = np.dtype(
 
 
 class Rig(DaemonProcess):
-    """A daemon with loopback devices that record what they are sent; its lease is free."""
+    """A daemon with loopback devices that record their setpoints; its lease is free."""
 
     def __init__(
         self, folder: Path, *, devices: Sequence[str] = DEVICES, planner: str = ""
@@ -73,7 +73,7 @@ class Rig(DaemonProcess):
         return {report.servo_pid for report in reports if report.servo_pid}
 
     def planners(self) -> set[int]:
-        """Return the processes that plan: children of what they are forked from."""
+        """Return the planners: children of the process from which they fork."""
         forking = {pid for pid in children(self.pid) if "planners" in command_line(pid)}
         return {pid for parent in forking for pid in children(parent)}
 
@@ -138,10 +138,10 @@ def sent(path: Path) -> np.ndarray:
 
 
 def stretches(setpoints: np.ndarray, limits) -> list[np.ndarray]:
-    """Return what was sent without a stall, each time from rest at what was sent before.
+    """Return the sections of setpoints between stalls, each from rest at the previous setpoint.
 
-    Cycles that were run late are stamped with when they were due, so the first one from rest may be
-    next to the gap; and a short gap may have been none.  What keeps *limits* best is what was.
+    A late cycle carries its deadline, so the first cycle from rest may be next to the gap.  A short
+    gap may be no stall.  The function chooses the division that keeps *limits* best.
     """
     gaps = np.diff(setpoints["time_ns"])
     near = {gap + after for gap in np.flatnonzero(gaps > NEARLY_NS).tolist() for after in range(3)}
@@ -179,7 +179,7 @@ def shares_of_limits(setpoints: np.ndarray, limits) -> tuple[dict[str, float], i
 
 
 def _shares(stretch: np.ndarray, limits) -> dict[str, float]:
-    """Return the largest rates of a stretch as shares of *limits*, by backward differences."""
+    """Return the largest rates of a section as shares of *limits*, by backward differences."""
     omega = rotation_vectors(stretch["q"]) / PERIOD
     alpha = np.diff(omega, axis=0) / PERIOD
     velocity = np.diff(stretch["position"], axis=0) / PERIOD

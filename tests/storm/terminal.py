@@ -1,4 +1,4 @@
-"""A terminal: one client of a daemon that does as it is told on standard input, a JSON list a line.
+"""A terminal: a client of a daemon that reads commands from standard input, a JSON list a line.
 
 ``python terminal.py SOCKET UID``.
 """
@@ -17,7 +17,7 @@ from orientd.errors import OrientdError
 
 
 class Terminal:
-    """What can be told to it; every answer is a JSON value."""
+    """The commands of the terminal; every answer is a JSON value."""
 
     def __init__(self, robot):
         self.robot, self.moves = robot, {}
@@ -36,7 +36,7 @@ class Terminal:
                         limits={"velocity": 1e9})  # fmt: skip
 
     def cancel(self, device, number):
-        handle = self.moves.get((device, number))  # else of what was killed in its place
+        handle = self.moves.get((device, number))  # else the motion of a killed terminal
         if handle is not None:
             handle.cancel()
 
@@ -54,7 +54,7 @@ class Terminal:
 
 
 def main(socket, uid):
-    # Whoever is somebody else by now may not be able to load what is missing.
+    # After the change of user, Python may not be able to load further modules.
     with contextlib.suppress(OrientdError), orientd.connect(socket) as robot:
         robot.plan([{"rotation_vector": [0.1, 0.0, 0.0]}], device=robot.devices()[0].name)
     if uid:

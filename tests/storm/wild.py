@@ -1,4 +1,4 @@
-"""Random motions of every kind that somebody may ask for, as a motion file would say them."""
+"""Random motions of every kind, in the form of a motion file."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ Quaternion = tuple[float, float, float, float]
 
 MOST_KEYFRAMES = 10
 PAIRS = ("slerp", "kks_hermite", "kks_quintic_hermite")
-"""What takes two keyframes, and is asked for more now and then."""
+"""Methods for two keyframes; some motions have more."""
 
 
 def wild_motion(
     chance: random.Random, methods: list[str], *, nearest: float = 1e-12
 ) -> tuple[list[Any], dict[str, Any]]:
-    """Return the keyframes of a motion and what else is asked for, of any of *methods*.
+    """Return the keyframes and options of a motion, with any of *methods*.
 
-    Keyframes lie anywhere, a step, half a turn or next to nothing from the one before, with either
-    sign; some of the motions are timed, some run as quickly as the limits permit everywhere.
+    A keyframe lies anywhere, or a step, half a turn or almost nothing from the one before.  Its
+    sign is random.  Some motions are timed, and some run as quickly as the limits permit.
 
     Args:
         chance: of everything.

@@ -76,7 +76,7 @@ class Cell:
         return [json.loads(line) for line in path.read_text().splitlines()]
 
     def hold(self):
-        """Hold the lease for its full time again, or anew if it has run out."""
+        """Renew the lease for its full time, or acquire it again if it has expired."""
         stub = self.daemon.stub
         try:
             stub.RenewLease(pb.RenewLeaseRequest(token=self.daemon.token))

@@ -1,6 +1,7 @@
-"""Make every call of the service, as whoever runs this, and say what came of each.
+"""Make every call of the service as the current user, and report the result of each.
 
-As a program, ``every_call.py SOCKET TOKEN UID GID [GROUP...]``: give up being root first.
+As a program, ``every_call.py SOCKET TOKEN UID GID [GROUP...]`` first changes from root to
+that user.
 """
 
 from __future__ import annotations
@@ -75,7 +76,7 @@ def walk(channel, token="", skip=()):
 
 if __name__ == "__main__":
     socket, token, uid, gid, *groups = sys.argv[1:]
-    # What calls import only when they are made may lie where the user to become cannot look.
+    # Calls import some modules late, and the new user may not have access to them.
     with grpc.insecure_channel("unix:/dev/null") as nobody:
         walk(nobody)
     os.setgroups([int(group) for group in groups])

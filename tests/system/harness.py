@@ -1,4 +1,4 @@
-"""A real daemon in a process of its own, on a socket of its own."""
+"""Run a real daemon in its own process, on its own socket."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ DEVICE = "arm"
 VELOCITY, ACCELERATION, JERK = 2.5, 17.0, 8500.0
 
 DEVICE_PRIORITY = 70
-"""Of an emulated device, among those of SCHED_FIFO."""
+"""SCHED_FIFO priority of an emulated device."""
 
 
 def until(condition, what, seconds=30.0):
-    """Wait until *condition* returns something true, and return that.
+    """Wait until *condition* returns a true value, and return it.
 
-    So long only fails what would fail for ever: a busy machine lets a process wait for seconds.
+    The timeout is long because a process on a busy machine may wait for seconds.
     """
     end = time.monotonic() + seconds
     while time.monotonic() < end:
@@ -52,7 +52,7 @@ def request_of(name: str) -> type[Message]:
 
 
 def channel_to(socket: Path) -> grpc.Channel:
-    """Return a channel of its own: others of this process may still try to reach a dead daemon."""
+    """Return a separate channel: others of this process may still try to reach a dead daemon."""
     return grpc.insecure_channel(f"unix:{socket}", options=[("grpc.use_local_subchannel_pool", 1)])
 
 
@@ -73,9 +73,9 @@ def health(channel: grpc.Channel) -> SimpleNamespace:
 
 
 class DaemonProcess:
-    """``orientd run`` with one loopback device that records what it is sent.
+    """``orientd run`` with one loopback device that records its setpoints.
 
-    Nobody renews the lease it takes, so that lasts as long as a test.
+    No client renews its lease, so the lease lasts as long as a test.
     """
 
     def __init__(
@@ -92,8 +92,9 @@ class DaemonProcess:
     ) -> None:
         """Configure a daemon in *folder*.
 
-        A machine that stands still for a second is no fault before *patience* s; ``None`` leaves
-        that to the daemon.  *others* are loopback devices beside the one that records.
+        *patience* replaces the timeouts of stall, heartbeat and feedback, s, so a busy machine
+        causes no fault.  ``None`` keeps the defaults.  *others* are more loopback devices, without
+        recording.
         """
         folder.mkdir(exist_ok=True)
         self.arguments = ["--config", str(folder / "config.toml"), *arguments]
@@ -123,7 +124,7 @@ class DaemonProcess:
         self.end()
 
     def start(self) -> None:
-        """Start it and wait until it is ready."""
+        """Start the daemon and wait until it is ready."""
         self.log = (self.folder / "log").open("ab")
         self.process = subprocess.Popen(
             [*self.prefix, sys.executable, "-m", "orientd", "run", *self.arguments],
@@ -144,14 +145,14 @@ class DaemonProcess:
             self.stub = ControlStub(self.channel)
             self.token = self.stub.AcquireLease(pb.AcquireLeaseRequest(holder="test")).lease.token
         except BaseException:
-            # Nobody would end it: a test that cannot begin has no end either.
+            # If a test cannot begin, its end does not stop the daemon either.
             self.process.kill()
             self.process.communicate()
             self.log.close()
             raise
 
     def end(self) -> int:
-        """Have it end in order and return its status."""
+        """Terminate the daemon and return its exit code."""
         self.channel.close()
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
@@ -159,7 +160,7 @@ class DaemonProcess:
             self.process.wait(30.0)
         is_stuck = self.process.poll() is None
         if is_stuck:
-            self.process.send_signal(signal.SIGABRT)  # it writes down where its threads are
+            self.process.send_signal(signal.SIGABRT)  # it prints the stacks of its threads
             self.process.wait()
         self.process.stdout.close()
         self.log.close()
@@ -168,25 +169,25 @@ class DaemonProcess:
         return self.process.returncode
 
     def device(self) -> pb.DeviceReport:
-        """Return the device's state as the daemon tells it."""
+        """Return the device's state as the daemon reports it."""
         return self.stub.GetState(pb.GetStateRequest(device=DEVICE)).devices[0]
 
     def move(self, motion: pb.MotionRequest):
-        """Begin a motion and return the stream of its progress, once it has started."""
+        """Begin a motion and return the stream of its progress after the start."""
         request = pb.MoveRequest(lease_token=self.token, device=DEVICE, motion=motion)
-        # A call that nobody refers to is cancelled, and with it the motion.
+        # gRPC cancels a call without references, which ends the motion.
         self.stream = self.stub.Move(request)
         self.started = next(iter(self.stream)).started
         return self.stream
 
     def renew(self) -> None:
-        """Hold the lease for its full time again."""
+        """Renew the lease for its full time."""
         self.stub.RenewLease(pb.RenewLeaseRequest(token=self.token))
 
     def stretches(self, begin: int = 0) -> list[np.ndarray]:
-        """Return what was sent from setpoint *begin* on, cut where the servo process did not run.
+        """Return the setpoints from *begin* on, divided where the servo process did not run.
 
-        The device has come to rest then, and each stretch begins where the one before ends.
+        The device comes to rest there, and each section begins where the previous one ends.
         """
         setpoints = read_recording(self.recording)[begin:]
         q = np.array([setpoint.q for setpoint in setpoints])
@@ -196,12 +197,12 @@ class DaemonProcess:
         return [q[a:b] for a, b in zip([0, *cuts], ends, strict=True)]
 
     def assert_limits_kept(self, begin: int = 0) -> None:
-        """Check that what was sent from setpoint *begin* on kept the default limits."""
+        """Check that the setpoints from *begin* on keep the default limits."""
         for stretch in self.stretches(begin):
             assert_limits_kept(stretch, self.period)
 
     def sent(self) -> np.ndarray:
-        """Return the orientations the driver has recorded so far, shape (n, 4)."""
+        """Return the orientations that the driver has recorded so far, shape (n, 4)."""
         return np.array([setpoint.q for setpoint in read_recording(self.recording)])
 
 
@@ -239,7 +240,7 @@ def peaks(q: np.ndarray, period: float) -> tuple[float, float, float]:
 
 
 def peaks_within(q: np.ndarray, period: float) -> tuple[float, float, float]:
-    """Return the largest velocity, acceleration and jerk of what need not begin at rest."""
+    """Return the largest velocity, acceleration and jerk of setpoints that may begin in motion."""
     derivative = rotation.log(rotation.multiply(rotation.conjugate(q[:-1]), q[1:])) / period
     found = []
     for _ in range(3):
@@ -249,7 +250,7 @@ def peaks_within(q: np.ndarray, period: float) -> tuple[float, float, float]:
 
 
 def assert_limits_kept(q: np.ndarray, period: float) -> None:
-    """Check that what was sent kept the default limits."""
+    """Check that setpoints keep the default limits."""
     velocity, acceleration, jerk = peaks(q, period)
     assert velocity <= VELOCITY * 1.001
     assert acceleration <= ACCELERATION * 1.001
@@ -257,7 +258,7 @@ def assert_limits_kept(q: np.ndarray, period: float) -> None:
 
 
 def is_alive(pid: int) -> bool:
-    """Whether a process runs; one that has ended and is not yet waited for does not."""
+    """Whether a process runs; a zombie does not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
     except (FileNotFoundError, ProcessLookupError):
@@ -265,7 +266,7 @@ def is_alive(pid: int) -> bool:
 
 
 def run_first(pid: int) -> None:
-    """Have an emulated device run before all else, where that is permitted.
+    """Give an emulated device the highest priority, if the system permits it.
 
     A real device has a processor of its own.  On a busy machine an emulated one would answer too
     late, or would not empty its line.
@@ -276,7 +277,7 @@ def run_first(pid: int) -> None:
 
 
 def children(pid: int) -> set[int]:
-    """Return the processes that run and that *pid* has begun, by whichever of its threads."""
+    """Return the running processes that any thread of *pid* has started."""
     tasks = Path(f"/proc/{pid}/task").glob("*/children")
     found = {int(child) for task in tasks for child in task.read_text().split()}
     return set(filter(is_alive, found))

@@ -1,7 +1,8 @@
 """Two network namespaces and a link between them that delays, loses and can be cut.
 
-It carries IP packets from one TUN device to another, so TCP sends again what is lost as it would on
-a real network.  It needs root; the scheduler ``netem`` of the kernel would do, where there is one.
+The link carries IP packets from one TUN device to another, so TCP repeats lost packets as on a real
+network.  It needs root.  The kernel's scheduler ``netem`` would do the same, but not every kernel
+has it.
 """
 
 import ctypes

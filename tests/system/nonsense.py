@@ -1,6 +1,6 @@
 """Calls that no client would make, many at a time over a few channels.
 
-Random bytes, requests with bytes changed, and requests that parse but say what nobody means.
+Random bytes, requests with bytes changed, and valid requests without a sensible meaning.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def anything(rng, field):
 def some_nonsense(rng, without=()):
     """Return a method, none of those named, and what to call it with.
 
-    A lease that comes of it does no harm, for nobody knows its token.
+    A lease from such a request does no harm, because no client knows its token.
     """
     method = rng.choice([one for one in SERVICE.methods if one.name not in without])
     match rng.randrange(3):

@@ -1,4 +1,4 @@
-"""What a recording says beside cycles and events: states and settings of daemons, and clocks."""
+"""Read a recording's states and settings of daemons, and its clocks."""
 
 import json
 from typing import NamedTuple
