@@ -1,4 +1,4 @@
-"""Building the default curve beside scipy's RotationSpline."""
+"""Time to build the default curve, compared with scipy's RotationSpline."""
 
 import math
 import time

@@ -1,8 +1,8 @@
-"""How soon a command is heeded: from the shell to the servo's first braking cycle.
+"""Time from a command in the shell to the servo's first braking cycle.
 
     python -m pytest tests/bench/test_commands.py -m bench -s
 
-Beside what it takes to load gRPC's library alone, in the same run.
+The same run measures the time to load gRPC's library alone.
 """
 
 import statistics

@@ -1,4 +1,4 @@
-"""The servo's punctuality while everybody looks, against nobody, in paired slots."""
+"""The servo's punctuality with many watching clients and without, in paired slots."""
 
 import contextlib
 import shutil

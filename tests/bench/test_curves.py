@@ -1,4 +1,4 @@
-"""The default curve beside scipy's RotationSpline: sampled, and built ever longer."""
+"""The default curve, compared with scipy's RotationSpline: sampling, and building longer curves."""
 
 import json
 import os

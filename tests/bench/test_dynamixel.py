@@ -1,4 +1,4 @@
-"""The gimbal's stream beside the vendor's SDK written plainly, in the same run.
+"""The gimbal's stream, compared with plain use of the vendor's SDK in the same run.
 
 Both send goals to three emulated servos and read their position, velocity and current each cycle,
 over a pseudo-terminal paced like 1 Mbps with a 1 ms adapter, the emulator in its own process.  Set

@@ -2,7 +2,7 @@
 
     python -m pytest tests/bench/test_phases.py -m bench -s
 
-Their phases spread over the period, as they are by themselves, beside one phase for all of them.
+One run spreads their phases over the period, as by default; the other gives all one phase.
 """
 
 import contextlib

@@ -1,4 +1,4 @@
-"""Planning in motion beside scipy's RotationSpline built and sampled at the same rate."""
+"""Planning in motion, compared with scipy's RotationSpline, built and sampled at the same rate."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""How quick motions without times are: beside Ruckig, TOPP-RA, an even pace, and stops."""
+"""Durations of motions without times, compared with Ruckig, TOPP-RA, an even pace and stops."""
 
 import logging
 import os

@@ -1,4 +1,4 @@
-"""What recording costs: of a core, of the disk, of the daemon's memory."""
+"""Cost of recording: processor time, disk and the daemon's memory."""
 
 import os
 import signal

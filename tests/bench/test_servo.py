@@ -1,4 +1,4 @@
-"""The servo's punctuality beside a bare C loop, and what the processes cost."""
+"""The servo's punctuality, compared with a bare C loop, and the cost of the processes."""
 
 import os
 import signal

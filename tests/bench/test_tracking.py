@@ -1,4 +1,4 @@
-"""What a cycle of the tracker costs beside a bare update of ruckig."""
+"""Cost of a cycle of the tracker, compared with a bare update of ruckig."""
 
 import random
 import time

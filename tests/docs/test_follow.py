@@ -1,4 +1,4 @@
-"""Whoever does what the pages say, word by word, gets what they show."""
+"""A reader who follows the pages word by word gets the output that they show."""
 
 import subprocess
 import sys

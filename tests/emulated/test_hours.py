@@ -1,4 +1,4 @@
-"""Hours of a whole system in virtual time: a seed says all of what happens, and says it again.
+"""Hours of a whole system in virtual time: a seed determines all events, and reproduces them.
 
 ``make hours SEED=1 HOURS=10`` plays rounds of ten minutes each, from a seed on.  A problem names
 its seed and when it was; ``make hours SEED=17 HOURS=0.1`` plays that round again.

@@ -1,4 +1,4 @@
-"""What a real browser shows while a process behind the page stands still.
+"""A real browser's display while a process behind the page stands still.
 
 Run with `make storm`; fewer rounds: ORIENTD_STORM_FREEZES=3.
 """

@@ -1,6 +1,6 @@
-"""Whose motion it is: two users, four terminals and two devices at random.
+"""Leases of two users with four terminals and two devices, at random.
 
-``ORIENTD_STORM_SEQUENCES`` is how many sequences there are (500), ``ORIENTD_STORM_SEED`` the first.
+``ORIENTD_STORM_SEQUENCES`` sets the number of sequences (500), ``ORIENTD_STORM_SEED`` the first.
 Run by ``make storm``, or: ``python -m pytest tests/storm/test_leases.py -m storm --timeout=0 -s``.
 """
 

@@ -1,4 +1,4 @@
-"""The punctuality of a motion while a crowd plans large files, against nobody, in paired slots.
+"""The punctuality of a motion with a crowd that plans large files and without, in paired slots.
 
 Run with `make storm`.  For a smaller crowd: ORIENTD_STORM_CLIENTS, ORIENTD_STORM_KEYFRAMES and
 ORIENTD_STORM_AT_ONCE; for shorter slots: ORIENTD_STORM_SLOT, s.

@@ -1,4 +1,4 @@
-"""The punctuality of a motion while calls of nonsense pour in, against nobody, in paired slots.
+"""The punctuality of a motion with a flood of nonsense calls and without, in paired slots.
 
 Run with `make storm`.  For fewer calls: ORIENTD_FUZZ_CALLS.
 """

@@ -1,4 +1,4 @@
-"""Who may do what: every call, by every role, over the Unix socket and over TCP."""
+"""Permissions: every call by every role, over the Unix socket and over TCP."""
 
 import json
 import os

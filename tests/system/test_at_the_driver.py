@@ -1,4 +1,4 @@
-"""What arrives at the driver of a real daemon, held against what was asked for."""
+"""Setpoints at the driver of a real daemon, compared with the request."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The page of a cell of real daemons: by itself, and in a browser where there is Chromium."""
+"""The page of a cell of real daemons: on its own, and in a browser if Chromium is installed."""
 
 import signal
 

@@ -1,4 +1,4 @@
-"""What happens to a gimbal's motions on their way: a real daemon on the emulated bus."""
+"""Changes to a gimbal's running motions: a real daemon on the emulated bus."""
 
 import contextlib
 import itertools

@@ -1,4 +1,4 @@
-"""What is left of a motion when a process is killed in the midst of it."""
+"""Effects on a motion when a process is killed during it."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Whose motion it is: terminals, users and devices at one daemon, through real processes."""
+"""Leases of terminals, users and devices at one daemon, through real processes."""
 
 import json
 import os

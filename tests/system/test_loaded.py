@@ -1,4 +1,4 @@
-"""What the daemon's own process has loaded once motions have run."""
+"""Modules that the daemon's own process has loaded after motions."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What happens between planned motions, in a real daemon: replaced, followed, halted, tracked."""
+"""Transitions between motions in a real daemon: replace, queue, halt, track."""
 
 import time
 from pathlib import Path

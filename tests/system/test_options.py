@@ -1,4 +1,4 @@
-"""What options of commands change; the tests of the commands give the others."""
+"""Effects of options of commands; the tests of the commands cover the other options."""
 
 import json
 import os

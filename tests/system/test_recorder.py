@@ -1,4 +1,4 @@
-"""Recordings of a real daemon: nothing missing, nothing confused, nobody disturbed."""
+"""Recordings of a real daemon are complete and correct, and disturb no motion."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""What takes minutes: many motions in a row, and one that is very long.  Run with `make soak`."""
+"""Tests of minutes: many motions in a row, and one very long motion.  Run with `make soak`."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The page of `orientd view` as a browser shows it; skipped where there is no Chromium."""
+"""The page of `orientd view` in a browser; skipped without Chromium."""
 
 import base64
 import io

@@ -1,4 +1,4 @@
-"""What docstrings list as arguments and attributes is there, by that name."""
+"""Arguments and attributes in docstrings exist by that name."""
 
 import ast
 import re

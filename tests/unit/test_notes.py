@@ -1,4 +1,4 @@
-"""What a certificate says of how a request was read: scaled quaternions, angles beyond a turn."""
+"""Notes of a certificate about the request: scaled quaternions, angles beyond a turn."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Which build of the kernels is chosen, by what a processor says of itself."""
+"""Choice of the build of the kernels, by the flags of the processor."""
 
 import subprocess
 import sys

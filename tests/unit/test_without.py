@@ -1,4 +1,4 @@
-"""What works without SciPy, and without what only Linux has."""
+"""orientd without SciPy, and without the features that only Linux has."""
 
 import subprocess
 import sys

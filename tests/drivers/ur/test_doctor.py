@@ -1,4 +1,4 @@
-"""What the doctor finds at a robot, and what it says."""
+"""The doctor's checks of a robot, and its messages."""
 
 import pytest
 

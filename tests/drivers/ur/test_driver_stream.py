@@ -1,4 +1,4 @@
-"""What the emulated robot receives and does, against what was planned."""
+"""Setpoints and motion of the emulated robot, compared with the plan."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,6 @@
-"""The client library's own methods, one by one: each does what it says, or fails.
+"""The client library's own methods, one by one: each has its documented effect, or fails.
 
-What is not tested here is in `sim/emulated_ur/METHODS.md`, too, with why.
+`sim/emulated_ur/METHODS.md` lists the untested methods, too, with the reasons.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""What was certified is what arrives, by a controller that shares no code with the driver."""
+"""The certified setpoints arrive at a controller that shares no code with the driver."""
 
 import json
 import math

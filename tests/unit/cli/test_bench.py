@@ -1,4 +1,4 @@
-"""What `orientd bench` tells of what was measured."""
+"""The report of `orientd bench`."""
 
 import json
 

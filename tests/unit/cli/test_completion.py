@@ -1,4 +1,4 @@
-"""What a shell is told when somebody presses Tab."""
+"""Completions that a shell receives for the Tab key."""
 
 import shutil
 import subprocess

@@ -1,4 +1,4 @@
-"""Whose socket it is: what others own, can write or have put there is refused, with the reason."""
+"""Ownership of the socket: the client refuses one that others own or can replace."""
 
 import contextlib
 import os

@@ -1,4 +1,4 @@
-"""What the interpolating cumulative spline does beyond the shared laws: steps, turns, ends."""
+"""Properties of the interpolating cumulative spline beyond the shared laws: steps, turns, ends."""
 
 import numpy as np
 import pytest

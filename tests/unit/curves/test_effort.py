@@ -1,6 +1,6 @@
 """The effort of the families on random keyframes, against medians that other code has measured.
 
-Their keyframes were other random ones, so agreement is to be had within the scatter of medians.
+That code had other random keyframes, so the values agree within the scatter of medians.
 """
 
 import effort

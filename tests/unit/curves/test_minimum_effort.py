@@ -1,4 +1,4 @@
-"""The spline of least effort: beside the optimum, its derivatives, its ends, its limits."""
+"""The spline of least effort: distance from the optimum, derivatives, ends, limits."""
 
 import json
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""What the log says of devices: a start that fails as before is said once."""
+"""Log entries about devices: a start that fails as before is logged once."""
 
 import logging
 from types import SimpleNamespace

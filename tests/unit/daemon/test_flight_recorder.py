@@ -1,4 +1,4 @@
-"""The flight recorder holds up nobody, not even the end of the daemon."""
+"""The flight recorder delays no other process, not even the end of the daemon."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""Log lines that nobody reads."""
+"""Log lines without a reader do not block the daemon."""
 
 import contextlib
 import logging

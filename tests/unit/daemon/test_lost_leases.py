@@ -1,4 +1,4 @@
-"""Whoever loses the lease loses the motions that were started with it, and only those."""
+"""A client that loses the lease loses the motions that it started with it, and only those."""
 
 import logging
 from functools import partial

@@ -1,4 +1,4 @@
-"""What is measured of a motion, from cycles as the servo publishes them."""
+"""Measurements of a motion, from cycles as the servo publishes them."""
 
 import numpy as np
 import pytest

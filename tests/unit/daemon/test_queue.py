@@ -1,4 +1,4 @@
-"""What a motion queue keeps in the path ring, with a servo that answers as the test says."""
+"""Contents of the path ring for a motion queue, with a servo that the test controls."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What can change while the daemon runs is told from what cannot."""
+"""A reload separates settings that can change in a running daemon from those that cannot."""
 
 import contextlib
 import logging

@@ -1,4 +1,4 @@
-"""What the daemon says about its devices: no cycle twice, none invented."""
+"""The daemon's reports about its devices: no cycle twice, none invented."""
 
 from dataclasses import replace
 from types import SimpleNamespace

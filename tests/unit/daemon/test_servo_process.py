@@ -1,4 +1,4 @@
-"""What is between the daemon and a servo process: a real one, with the loopback driver."""
+"""The link between the daemon and a real servo process with the loopback driver."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""What Prometheus is told, in its own format, by its own conventions."""
+"""Metrics for Prometheus, in its format and by its conventions."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""What was certified of a motion's axes is what goes over the wire, read by somebody else."""
+"""The certified axes of a motion go over the wire; an independent reader checks them."""
 
 import math
 

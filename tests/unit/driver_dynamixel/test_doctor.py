@@ -1,4 +1,4 @@
-"""What the doctor finds on an emulated bus, and what it says."""
+"""The doctor's checks of an emulated bus, and its messages."""
 
 from dataclasses import replace
 

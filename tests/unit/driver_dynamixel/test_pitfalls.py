@@ -1,4 +1,4 @@
-"""What goes wrong with the vendor's SDK, each reproduced with it first, then driven around.
+"""Defects of the vendor's SDK: each test reproduces one, then shows that the driver avoids it.
 
 01  an exception leaves the port busy for ever
     test_01_port_stays_busy_after_an_exception

@@ -1,4 +1,4 @@
-"""What a controller's bytes say of its arm, from a socket of the test's own."""
+"""Identification of an arm from its controller's bytes, on a socket of the test."""
 
 import contextlib
 import math

@@ -1,4 +1,4 @@
-"""What a look at a controller finds, and what the doctor says of it."""
+"""Findings about a controller, and the doctor's messages about them."""
 
 import struct
 from dataclasses import replace

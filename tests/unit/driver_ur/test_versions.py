@@ -1,4 +1,4 @@
-"""What a version of the robot's software has, and what a long silence is said to be."""
+"""Features of a version of the robot's software, and the reported reason of a long silence."""
 
 import os
 import random

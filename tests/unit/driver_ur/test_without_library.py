@@ -1,4 +1,4 @@
-"""What the UR driver does on a machine without the client library ``ur-rtde``."""
+"""The UR driver on a machine without the client library ``ur-rtde``."""
 
 import json
 import subprocess

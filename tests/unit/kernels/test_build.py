@@ -1,4 +1,4 @@
-"""How the kernels are built: with which compiler, and what is said where there is none."""
+"""Build of the kernels: choice of the compiler, and the error if there is none."""
 
 import sys
 

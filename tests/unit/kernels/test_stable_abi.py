@@ -1,4 +1,4 @@
-"""What ``stable_abi.h`` declares is what Python's own headers do."""
+"""The declarations of ``stable_abi.h`` agree with Python's own headers."""
 
 import re
 import subprocess

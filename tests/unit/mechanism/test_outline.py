@@ -1,4 +1,4 @@
-"""What is drawn of a gimbal."""
+"""The drawing of a gimbal."""
 
 from itertools import pairwise
 

@@ -1,4 +1,4 @@
-"""Curves with corners, and with velocities at their ends that nobody asked for, run quickly."""
+"""Quick motions on curves with corners, and on curves with velocities at free ends."""
 
 import inspect
 import math

@@ -1,4 +1,4 @@
-"""An end of travel is what a motion is refused for, where no slower one would do."""
+"""The planner refuses a motion at an end of travel if no slower one would stay inside it."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What every motion keeps, over random requests, limits and rates."""
+"""Laws of every motion, over random requests, limits and rates."""
 
 import numpy as np
 import pytest

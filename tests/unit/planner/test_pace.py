@@ -1,4 +1,4 @@
-"""What a pace, a duration and keyframes that are nearly the same make of a motion."""
+"""Effects of a pace, a duration and nearly equal keyframes on a motion."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What was recorded is repeated inside the limits, as fast as it was or slower."""
+"""A replay repeats a recording inside the limits, at its speed or slower."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""No motion makes a whole turn that nobody asked for, however fast the device moves before it."""
+"""No motion makes an unrequested whole turn, however fast the device moves before it."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""What the flight recorder's process makes of the memory it is handed."""
+"""Recordings that the flight recorder's process writes from the shared memory."""
 
 import io
 import json

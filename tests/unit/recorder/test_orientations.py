@@ -1,4 +1,4 @@
-"""Orientations out of what others have recorded: other schemas, other encodings, tables."""
+"""Orientations from recordings of other programs: other schemas, other encodings, tables."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""What a recorder writes of a daemon, which a stand-in plays here; tests/system has real ones."""
+"""Recordings of a fake daemon; tests/system has real daemons."""
 
 import threading
 from types import SimpleNamespace

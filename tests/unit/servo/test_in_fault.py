@@ -1,4 +1,4 @@
-"""What a servo still does in a fault: stop, disable, and nothing that would move the device."""
+"""A servo in a fault stops and disables, and does nothing that would move the device."""
 
 import pytest
 from rig import Rig

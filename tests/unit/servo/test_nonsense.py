@@ -1,4 +1,4 @@
-"""Shared memory that somebody writes nonsense into: the servo comes to rest inside the limits."""
+"""Nonsense in the shared memory: the servo comes to rest inside the limits."""
 
 import random
 

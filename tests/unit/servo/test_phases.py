@@ -1,4 +1,4 @@
-"""What is sent off the records, after a pause or another speed, and what is certified of it."""
+"""Setpoints between the records, after a pause or another speed, and their certificate."""
 
 from itertools import pairwise
 

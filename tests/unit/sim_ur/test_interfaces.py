@@ -1,4 +1,4 @@
-"""What the emulated controller says at its interfaces: RTDE names, dashboard, primary messages."""
+"""Interfaces of the emulated controller: RTDE names, dashboard, primary messages."""
 
 import struct
 

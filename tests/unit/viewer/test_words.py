@@ -1,4 +1,4 @@
-"""What the page says."""
+"""Texts of the page."""
 
 import math
 from dataclasses import replace

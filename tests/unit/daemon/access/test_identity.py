@@ -1,4 +1,4 @@
-"""Who somebody is: the kernel's word or a certificate's, and the tables of roles."""
+"""Identity of a client, from the kernel or a certificate, and the tables of roles."""
 
 import os
 import socket

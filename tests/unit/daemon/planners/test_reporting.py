@@ -1,4 +1,4 @@
-"""What callers are told of a motion, as bytes."""
+"""Reports of a motion to its clients, as bytes."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a tracker promises about the targets it follows; the guard judges every setpoint."""
+"""Promises of a tracker about its targets; the guard checks every setpoint."""
 
 import random
 from dataclasses import replace
