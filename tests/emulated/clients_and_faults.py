@@ -1,8 +1,8 @@
-"""Who uses the system, and what happens to it: clients, weather, and somebody who mends.
+"""Clients of the system, faults, and an operator who resets the device.
 
-Every choice is the seed's.  What must hold is written where it can be seen: a client expects an
-answer or an error of orientd's, a stop to stop, the weather that whatever was left alone has come
-to rest.
+The seed makes every choice.  Each check stands next to its cause.  A client expects an answer or an
+error of orientd's, and it expects that a stop stops.  The faults expect that a motion without a
+client has come to rest.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ from orientd.protocol import control_pb2 as pb
 from orientd.stream import ServoState
 
 PATIENCE = 75.0
-"""s within which every command has its answer: a driver may take 60."""
+"""Longest time for the answer to a command, s: a driver may take 60."""
 
 AT_REST = 4.0
-"""s within which whatever is to stop does."""
+"""Longest time until a stop is complete, s."""
 
 _DRIVEN = (ServoState.STREAMING, ServoState.TRACKING, ServoState.STOPPING)
 
 
 HARMLESS = ("disk", "wall_clock")
-"""What no device may feel."""
+"""Faults that must not affect the device."""
 
 
 class GoneError(Exception):
-    """There is no daemon to ask."""
+    """No daemon runs."""
 
 
 class Client:
-    """Somebody with an identity, who asks for one thing after the other."""
+    """A client with an identity, which sends one request after another."""
 
     def __init__(self, system, name, user):
         self.system, self.name, self.random = system, name, system.random
@@ -80,7 +80,7 @@ class Client:
         return self.wait_for(lambda service: getattr(service, method)(request, self.caller))
 
     def live(self):
-        """Do one thing after the other, and now and then leave it to somebody else."""
+        """Send one request after another, and now and then let another client continue."""
         kinds = (
             *["move"] * 6, *["queue"] * 3, *["replace"] * 4, "track", "stop", "stop_one", "halt",
             "pause", "resume", "set_speed", "look", "plan", "run_plan", "leave", "lease",
@@ -104,7 +104,7 @@ class Client:
                 self.attempt(self.renew)
 
     def attempt(self, act):
-        """Do something that may be refused; return what comes of it."""
+        """Send a request that the daemon may refuse; return the result."""
         try:
             return act()
         except GoneError:
@@ -142,7 +142,7 @@ class Client:
         return pb.Vector3(x=x, y=y, z=z)
 
     def move(self, **options):
-        """Run a motion, and listen to how it goes until it is over or this client leaves."""
+        """Run a motion, and read its progress until its end or until this client leaves."""
         request = pb.MoveRequest(device="arm", lease_token=self.token, **options)
         request.progress_rate_hz = self.random.choice((1.0, 20.0))
         if not request.motion_id:
@@ -170,7 +170,7 @@ class Client:
         future.add_done_callback(lambda one: self._look_at(one, answers))
 
     def _look_at(self, future, answers):
-        """Check how a motion ended, which somebody may have left."""
+        """Check the end of a motion, also if its client has left."""
         if future.cancelled():
             return
         error = future.exception()
@@ -197,7 +197,7 @@ class Client:
         self.move(start_ns=self.system.scheduler.now_ns + round(ahead * 1e9))
 
     def leave(self):
-        """Go away from a motion, as a program that is killed does."""
+        """Leave a motion, as a killed program does."""
         if self.moves:
             self.moves.pop(self.random.randrange(len(self.moves))).cancel()
 
@@ -279,7 +279,7 @@ class Client:
         self._stop("Halt", pb.StopRequest())
 
     def _present(self):
-        """Return in which state the device is, and on which motion."""
+        """Return the state of the device, and its motion."""
         daemon = self.system.daemon
 
         async def look(_service):
@@ -289,7 +289,7 @@ class Client:
         return self.wait_for(look)
 
     def _stop(self, method, request):
-        """Stop, and see that what moved is at rest soon, unless the machine stands still."""
+        """Stop, and check that the device is at rest soon, unless the machine stands still."""
         state, motion = self._present()
         self.ask(method, request)
         self.system.scheduler.sleep(AT_REST)
@@ -315,7 +315,7 @@ class Client:
             raise
 
     def release(self):
-        """Give the lease back, if there is one, or try to."""
+        """Release the lease, if there is one, or try to."""
         token, self.token = self.token, ""
         self.ask("ReleaseLease", pb.ReleaseLeaseRequest(token=token))
 
@@ -329,7 +329,7 @@ def random_size(random):
 
 
 class Mender(Client):
-    """Resets what is in a fault, as an operator would."""
+    """Resets a device in a fault, as an operator would."""
 
     def live(self):
         while True:
@@ -348,7 +348,7 @@ class Mender(Client):
                 self.attempt(self.release)
 
     def audit(self):
-        """See that nothing moves for long under a lease that nobody holds."""
+        """Check that the device does not move for long without a holder of the lease."""
         lost = {}
         while True:
             self.system.scheduler.sleep(0.5)
@@ -370,7 +370,7 @@ class Mender(Client):
         return self.wait_for(look)
 
     def see_to_the_end(self):
-        """Mend what is left, move once more, and end the daemon in good order."""
+        """Reset the device, move once more, and terminate the daemon."""
         system = self.system
         for _ in range(20):
             system.scheduler.sleep(2.0)
@@ -407,7 +407,7 @@ class Mender(Client):
 
 
 class Weather:
-    """What happens to the device, the processes, the disk and the clock."""
+    """Faults of the device, the processes, the disk and the clock."""
 
     def __init__(self, system, every):
         self.system, self.random, self.every = system, system.random, every
@@ -432,7 +432,7 @@ class Weather:
             self.system.trouble, self.system.trouble_ns = "", self.system.scheduler.now_ns
 
     def await_motion(self):
-        """Wait until something moves, for a while at the most."""
+        """Wait until the device moves, but not for long."""
         for _ in range(100):
             if self.system.is_moving:
                 return
@@ -499,7 +499,7 @@ class Weather:
         system.start_daemon()
 
     def restart_daemon(self):
-        """End the daemon in good order, and start another."""
+        """Terminate the daemon, and start another."""
         system, daemon = self.system, self.system.daemon
         if not daemon.is_serving:
             return

@@ -8,11 +8,11 @@ made in place, after a time that the seed decides.  The seed also decides on fau
 * link: it is lost, feedback goes stale, a setpoint is not taken, the device has a fault;
 * process: the servo or the daemon is killed, stands still or is late;
 * disk: nothing can be written any more;
-* clock: somebody sets the wall clock.
+* clock: the wall clock is set.
 
-Meanwhile every setpoint keeps the limits, every refusal is an error of orientd's own, every call
-has its answer in time, and what is stopped or left alone comes to rest.  Afterwards no motion is
-left unfinished, the device can be mended and moves, and everything ends in good order.
+Meanwhile every setpoint keeps the limits, and every refusal is an error of orientd's own.  Every
+call has its answer in time.  After a stop or the loss of its client, the device comes to rest.
+Afterwards no motion is unfinished, the device moves after a reset, and all processes end.
 """
 
 from __future__ import annotations
@@ -60,11 +60,11 @@ SETTINGS = {
 SERVO_PID = 99
 
 CALM_NS = 5_000_000_000
-"""How long what has been the matter may still be felt."""
+"""Longest time for which a past fault may still have effects."""
 
 
 class EmulatedProcess:
-    """What the daemon has of a servo process."""
+    """The daemon's handle of a servo process."""
 
     stdin = None
 
@@ -130,7 +130,7 @@ class EmulatedPlanners(DirectPlanners):
 
 
 class Daemon:
-    """One life of the daemon: what serves, and its loop."""
+    """One run of the daemon: its service and its loop."""
 
     def __init__(self, system, number):
         self.system, self.group = system, f"daemon {number}"
@@ -146,11 +146,11 @@ class Daemon:
         self.has_ended = True
 
     def end(self):
-        """End in good order, as at SIGTERM."""
+        """Terminate, as at SIGTERM."""
         self.loop.call_soon_threadsafe(self._ending.set)
 
     def leave(self):
-        """Let every caller know that there is nobody to answer."""
+        """Report to every caller that the daemon has gone."""
         for task in self.callers:
             self.system.scheduler.wake(task)
 
@@ -182,7 +182,7 @@ class Daemon:
         self.devices.close()
 
     def _hear(self, event, _device):
-        """Wonder about what goes wrong while nothing is the matter."""
+        """Note failures that occur without a fault."""
         system = self.system
         if event.kind in (EventKind.FAULT, EventKind.SERVO_DIED) and system.is_calm:
             system.tell(f"{event.kind.value}: {event.text}")
@@ -195,7 +195,7 @@ class Daemon:
 
 
 class System:
-    """Everything, for as long as somebody wants to see it.
+    """The whole system, for as long as a test runs it.
 
     Attributes:
         problems: what must never happen, and did.
@@ -234,7 +234,7 @@ class System:
         self._servo_count += 1
         process = self.servo = EmulatedProcess(self, f"servo {self._servo_count}")
         daemon = self.daemon
-        # What another process would be started with.
+        # The arguments of another process.
         settings = replace(settings, driver="emulated_device:EmulatedDriver", options={})
 
         def run():
@@ -245,7 +245,7 @@ class System:
         return process
 
     def parent_pid(self):
-        """Return what ``getppid`` is in a servo: 1 once its daemon is gone."""
+        """Return ``getppid`` of a servo: 1 after the end of its daemon."""
         daemon = self.parents[self.scheduler.current().group]
         return os.getpid() if daemon is self.daemon else 1
 
@@ -257,7 +257,7 @@ class System:
 
     @property
     def is_calm(self):
-        """Whether nothing is the matter, and has not been for a while."""
+        """Whether there is no fault, and has been none for a while."""
         return not self.trouble and self.scheduler.now_ns - self.trouble_ns > CALM_NS
 
     @property
@@ -266,7 +266,7 @@ class System:
         return self.device.is_moving(self.scheduler.now_ns)
 
     def tell(self, problem):
-        """Note what must never happen."""
+        """Note a violation."""
         at = (self.scheduler.now_ns - BEGIN_NS) * 1e-9
         self.problems.append(f"seed {self.seed}, {at:.3f} s: {problem}")
 

@@ -30,7 +30,7 @@ BEGIN_NS = 10**12
 
 
 class Task:
-    """What runs by itself: a thread, or a process that has one."""
+    """A task: a thread, or a process with one thread."""
 
     def __init__(self, scheduler, work, name, group):
         self.name, self.group = name, group
@@ -75,7 +75,7 @@ class Scheduler:
         self._buried = []
 
     def spawn(self, work, name, group=None):
-        """Have *work* done from now on, in the group of the present task by default."""
+        """Start *work* as a task, in the group of the present task by default."""
         present = self.current()
         task = Task(self, work, name, group or (present.group if present else "world"))
         self._of[task.greenlet] = task
@@ -101,7 +101,7 @@ class Scheduler:
     def sleep(self, seconds):
         until_ns = self.now_ns + max(0, math.ceil(seconds * 1e9))
         while self.wait(until_ns):
-            pass  # woken for the sake of what it has waited for before
+            pass  # an earlier wait has woken it
 
     def give_way(self):
         """Let others run first, now and then, as a thread does whose time is over."""
@@ -124,7 +124,7 @@ class Scheduler:
         return group in self._frozen
 
     def kill(self, group):
-        """End a process in the midst of what it does; nothing of it runs any more."""
+        """Kill a process at once; none of its tasks runs any more."""
         self.thaw(group)
         for task in [one for one in self._of.values() if one.group == group]:
             del self._of[task.greenlet]
@@ -135,7 +135,7 @@ class Scheduler:
                 self.wake(other)
 
     def stacks(self):
-        """Return where every task waits, for whoever looks for one that does not end."""
+        """Return where every task waits, to find one that does not end."""
         lines = []
         for task in self._of.values():
             lines.append(f"{task.group}: {task.name}\n")
@@ -143,7 +143,7 @@ class Scheduler:
         return "".join(lines)
 
     def run(self, until_ns):
-        """Run whatever is due until an instant, or until nothing is."""
+        """Run the due tasks until an instant, or until none is due."""
         while self._due and self._due[0][0] <= until_ns:
             entry = heapq.heappop(self._due)
             at_ns, _, _, task, turn, woken = entry
@@ -186,7 +186,7 @@ class VirtualLock:
         if not self._is_locked:
             raise RuntimeError("release unlocked lock")
         self._is_locked = False
-        # Whoever died or stands still while it waits is no reason for others to.
+        # A waiting task that is dead or stopped must not block the others.
         for task in self._waiting:
             self._scheduler.wake(task)
 
@@ -227,7 +227,7 @@ class VirtualThread:
 
 
 class _Selector:
-    """What an event loop waits in."""
+    """The selector of an event loop."""
 
     def __init__(self, scheduler):
         self._scheduler, self._task, self._is_woken = scheduler, None, False

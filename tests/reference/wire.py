@@ -1,4 +1,4 @@
-"""What goes over a Dynamixel bus, as somebody reads it who shares nothing with either end.
+"""An independent reader of a Dynamixel bus, which shares no code with either end.
 
 Protocol 2.0 from the vendor's e-Manual alone: neither the emulated bus nor the client library has
 part in it.

@@ -1,4 +1,4 @@
-"""What planner processes do, done in this process: for tests of what asks them."""
+"""Planners that run in the test's own process, for tests of their clients."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Devices without a servo process: what they are told happens at once, or when the test says so."""
+"""Devices without a servo process: commands take effect at once, or when the test says so."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from orientd.protocol import control_pb2 as pb
 from orientd.stream import CYCLE_RECORD, UNKNOWN, Command, Cycle, ServoState, SharedMemory
 
 STATISTICS = pb.MotionStatistics(cycles=7, lateness=pb.Durations(), work=pb.Durations())
-"""What is measured of every motion."""
+"""The measurements of every motion."""
 
 
 def cycle(index=0, *, state=ServoState.HOLDING, lateness_ns=0, motion=0, overruns=0):
@@ -76,7 +76,7 @@ class FakeDevice:
 
 
 class FakeServo(ServoProcess):
-    """A servo that takes what it is told at once, or refuses that.
+    """A servo that obeys a command at once, or refuses it.
 
     Attributes:
         asked: the names of the commands.

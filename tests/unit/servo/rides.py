@@ -22,14 +22,14 @@ LIMITS = [
     Limits(10.0, 200.0, 3e4, 3.0, 30.0),
 ]
 KINDS = ["reserve", "minimum", "at limits"]
-"""The planner's reserve of acceleration, the little that the quickest timing leaves, and limits
-lowered to what is reached."""
+"""The planner's reserve of acceleration, the small rest of the quickest timing, and limits lowered
+to the rates of the motion."""
 # Those that are planned quickly; smooth ones, and ones with steps of the acceleration or jerk.
 SOME_METHODS = ["c2_cumulative", "kks_hermite_spline", "schlag_bspline", "squad"]
 
 
 def random_motion(random, limits, methods, pace="even"):
-    """Return a motion of one of *methods*, or ``None`` where none is planned."""
+    """Return a motion of one of *methods*, or ``None`` if the planner refuses it."""
     vectors = random.normal(size=(int(random.integers(2, 6)), 3)) * random.uniform(0.05, 1.5)
     q = [random.normal(size=4)]
     q[0] /= np.linalg.norm(q[0])
@@ -54,7 +54,7 @@ def random_motion(random, limits, methods, pace="even"):
 
 
 def up_to_its_limits(random, motion):
-    """Return a motion with limits lowered to what it reaches, as a user's own times may do."""
+    """Return a motion with limits lowered to its own rates, as with a user's own times."""
     certificate = motion.certificate
     peaks = {
         name: 1.0005 * getattr(certificate, f"peak_{name}").value
@@ -153,7 +153,7 @@ class Ride:
         self.path_times = []
 
     def run(self):
-        """Let a cycle pass and note where on its path the setpoint is to be."""
+        """Run a cycle and note the place of the setpoint on the path."""
         cycle = self.rig.run()
         self.path_times.append((cycle.path_index - self.first + cycle.path_fraction) * PERIOD)
 
@@ -189,7 +189,7 @@ class Ride:
         return np.diff([self.record, *(np.array(self.path_times) / PERIOD)])
 
     def excess(self):
-        """Return the largest share of a limit that what was written has reached."""
+        """Return the largest share of a limit that the setpoints have reached."""
         limits = self.motion.limits
         setpoints = self.rig.driver.setpoints
         q = np.vstack([self.before[0], [s.q for s in setpoints]])
