@@ -1,4 +1,4 @@
-"""Move a device by hand from afar: relative to where it is, while a clutch is held."""
+"""Teleoperate a device with a clutch: it follows the hand relative to its own pose."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ if TYPE_CHECKING:
     from orientd.client.tracking import Tracking
 
 LONGEST_REST = 60.0
-"""Seconds for which the order to rest at the end counts."""
+"""Time to live of the last target, at which the device rests, s."""
 
 
 class Clutch:
-    """The hand that moves the device; a context manager that lets go at its end.
+    """Move the device with the hand; a context manager that releases the clutch at its end.
 
     The first pose of the hand moves nothing.  From then on the device turns by *scale* times each
-    turn of the hand, and moves by *scale* times its displacement.  The hand may go anywhere after
-    the end, since the next clutch begins where the device is.
+    turn of the hand, and moves by *scale* times its displacement.  Between two clutches the hand
+    may move freely, because the next clutch begins at the pose of the device.
 
     Attributes:
-        q: orientation to which the device goes, ``(w, x, y, z)``.
-        position: position to which it goes, m.
+        q: target orientation, ``(w, x, y, z)``.
+        position: target position, m.
     """
 
     def __init__(
@@ -73,11 +73,11 @@ class Clutch:
 
     @property
     def holds(self) -> bool:
-        """Whether the device still goes to the pose of this clutch."""
+        """Whether the device still follows this clutch."""
         return time.monotonic() < self._expires
 
     def move(self, hand: object, *, position: Vector3 | None = None) -> None:
-        """Follow the hand; returns at once.  A pose that is not finite is left out.
+        """Follow the hand; return at once.  A pose that is not finite is skipped.
 
         Args:
             hand: its orientation, in a form that :meth:`.Tracking.aim` takes.
@@ -100,7 +100,7 @@ class Clutch:
     def _follow(
         self, q0: Orientation, p0: Vector3 | None, q: Orientation, p: Vector3 | None
     ) -> None:
-        """Turn and move the goal as the hand did, from its pose before to the present one."""
+        """Turn and move the target as the hand moved from its last pose to the present one."""
         scale, tool = self._scale, self.q
         if self._is_world:
             turn = difference(conjugate(q0), conjugate(q))
@@ -108,13 +108,13 @@ class Clutch:
         else:
             self.q = normalize(multiply(tool, exp(plus(ZERO, difference(q0, q), scale))))
         if p is not None and p0 is not None:
-            way = combine(p, scale, p0, -scale)
+            displacement = combine(p, scale, p0, -scale)
             if not self._is_world:
-                way = rotate_back(conjugate(tool), rotate_back(q0, way))
-            self.position = plus(self.position, way, 1.0)
+                displacement = rotate_back(conjugate(tool), rotate_back(q0, displacement))
+            self.position = plus(self.position, displacement, 1.0)
 
     def release(self) -> None:
-        """Let go: the device comes to rest at its present target.
+        """Release the clutch: the device comes to rest at its present target.
 
         If the time to live of the last pose has expired, the device already rests and stays there.
         """

@@ -32,20 +32,20 @@ _LOOK = 0.01
 
 @dataclass(frozen=True, slots=True)
 class PlayTiming:
-    """How the chunks of a session were followed so far.
+    """Report how the device has followed the chunks of a session so far.
 
     Attributes:
-        chunks: how many the servo was given.
-        live: poses of the newest one that were still to come when the servo took it.
-        stale: poses of all chunks that had passed by then.
+        chunks: number of chunks that the servo received.
+        live: poses of the newest one that were still in the future when the servo received it.
+        stale: poses of all chunks that were in the past by then.
         skipped: poses that were not finite, not of unit norm, or out of reach.
         starved: chunks that came after the poses had run out.
         largest_seam: largest angle by which a chunk contradicted the one before, rad.
         behind: angle from the newest setpoint to the poses, rad, because of the limits.
-        largest_behind: the largest that it has been, rad.
-        inference: longest time from the first pose of a chunk until it is handed over, s.
-        longest_inference: how long that may be before the poses run out, s; infinite before the
-            second chunk.
+        largest_behind: largest value of *behind* so far, rad.
+        inference: longest time from the first pose of a chunk until the call that sends it, s.
+        longest_inference: largest *inference* for which the poses do not run out, s; infinite
+            before the second chunk.
     """
 
     chunks: int
@@ -61,9 +61,10 @@ class PlayTiming:
 
 
 class Playing(Tracking):
-    """A device that plays chunks of poses.
+    """Play chunks of poses on a device.
 
-    A context manager: leaving it waits until the poses have been played, except after an exception.
+    A context manager: at its end it waits until the device has played the poses, except after an
+    exception.
     """
 
     _last_ns = 0
@@ -81,10 +82,10 @@ class Playing(Tracking):
         angular_velocities: ArrayLike | None = None,
         velocity_frame: Frame = "body",
     ) -> None:
-        """Hand over a chunk of poses, and return at once.
+        """Send a chunk of poses, and return at once.
 
-        It replaces everything at and after its first pose that is still to come.  Poses that are
-        late by then are left out, and so is a pose that is not finite or not of unit norm.
+        It replaces all poses at and after the first of its own that is still in the future.  The
+        daemon skips late poses, and poses that are not finite or not of unit norm.
 
         Args:
             poses: 1 to 64 orientations, each in a form that :meth:`.Robot.move` takes, or a
@@ -93,11 +94,11 @@ class Playing(Tracking):
             start: when the first pose is due, s, on the clock of :func:`time.monotonic` of the
                 daemon's machine; ``None`` for one period of *rate* from now.
             times: when each pose is due, s, on that clock; in place of *rate* and *start*.
-            positions: where the device is at each pose, shape ``(n, 3)``, m; ``None`` for those of
-                the mappings, or for a position that comes to rest.
-            angular_velocities: at each pose, shape ``(n, 3)``, rad/s; ``None`` to
-                derive them from the poses.
-            velocity_frame: the frame of these.
+            positions: position of each pose, shape ``(n, 3)``, m; ``None`` for those of the
+                mappings, or for a position that comes to rest.
+            angular_velocities: at each pose, shape ``(n, 3)``, rad/s; ``None`` to derive them from
+                the poses.
+            velocity_frame: frame of the angular velocities.
 
         Raises:
             RequestError: the chunk is not well formed.
@@ -126,7 +127,7 @@ class Playing(Tracking):
         self._inference = max(self._inference, 1e-9 * (time.monotonic_ns() - min(stamps)))
 
     def timing(self) -> PlayTiming:
-        """Return how the chunks were followed so far, as of the newest report."""
+        """Return how the device has followed the chunks, from the newest report."""
         found = self.report.chunks
         left = found.least_left if found.HasField("least_left") else math.inf
         inference = max(self._inference, 0.0)
@@ -206,7 +207,7 @@ def _poses(poses: Sequence[object]) -> tuple[list[Orientation], list[list[float]
 
 
 def _components(given: object) -> Quaternion | None:
-    """Return a quaternion as it is, whatever its norm; ``None`` if it is not well formed."""
+    """Return a quaternion unchanged, whatever its norm; ``None`` if it is not well formed."""
     mapping = to_plain(given)
     if not isinstance(mapping, Mapping) or set(mapping) != set("wxyz"):
         return None

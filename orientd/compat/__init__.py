@@ -1,3 +1,3 @@
-"""Classes of other projects, with the same names and shapes, that move devices of orientd."""
+"""Move devices of orientd with classes of other projects, under the same names and shapes."""
 
 from orientd.compat.interpolation_controller import RTDEInterpolationController

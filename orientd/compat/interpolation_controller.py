@@ -1,10 +1,10 @@
-"""The controller that policies of diffusion_policy and UMI drive a UR arm with, on orientd.
+"""Run policies of diffusion_policy and UMI on orientd, through their controller of a UR arm.
 
 It replaces ``RTDEInterpolationController`` of
 https://github.com/real-stanford/diffusion_policy (``real_world/rtde_interpolation_controller.py``):
-the same methods, shapes and units.  The daemon does the work in place of a process of its own.
-There the path is linear between waypoints, so its velocity has steps; here the acceleration is
-continuous and the limits of the device are kept.
+the same methods, shapes and units.  The daemon does the work of the original's own process.  In the
+original the path is linear between waypoints, so its velocity has steps.  Here the acceleration is
+continuous, and the motion keeps the limits of the device.
 
 A pose is six numbers: position in m, then a rotation vector in rad.  Times are seconds of
 :func:`time.time`.
@@ -31,13 +31,13 @@ from orientd.stream import CHUNK_POSES, Cycle
 Floats = NDArray[np.float64]
 
 CONTEXT = 4
-"""Waypoints that have passed and still shape the curve of those to come."""
+"""Past waypoints that still shape the curve through the next ones."""
 
 WATCH_HZ = 100.0
 """Batches of states a second that the daemon sends."""
 
 SLACK_NS = 1e6
-"""By how much a state may come before it is due, ns: cycles are not exactly on time."""
+"""Time by which a state may be early, ns: cycles are not exactly on time."""
 
 KEYS = {
     "ActualTCPPose": 6,
@@ -49,26 +49,26 @@ KEYS = {
     "TargetQ": 6,
     "TargetQd": 6,
 }
-"""Entries of a state and their lengths; not a number where the device does not say."""
+"""Entries of a state and their lengths; NaN if the device does not report the value."""
 
 
 class RTDEInterpolationController:
-    """Drives one device through waypoints; a context manager.
+    """Drive one device through waypoints; a context manager.
 
     Args:
-        shm_manager: not needed; accepted so that calls stay as they are.
-        robot_ip: not needed; the daemon's configuration says where the robot is.
-        frequency: states a second that are kept.
-        lookahead_time: not needed.
-        gain: not needed.
+        shm_manager: ignored; accepted so that existing calls work.
+        robot_ip: ignored; the daemon's configuration has the address of the robot.
+        frequency: states to keep per second.
+        lookahead_time: ignored.
+        gain: ignored.
         max_pos_speed: largest speed, m/s; ``None`` for that of the device.
         max_rot_speed: largest angular velocity, rad/s; ``None`` for that of the device.
         launch_timeout: how long :meth:`start_wait` waits for the first state, s.
-        get_max_k: states that are kept.
-        receive_latency: how old a state is when it arrives, s; UMI subtracts it.
+        get_max_k: number of states to keep.
+        receive_latency: age of a state on arrival, s; UMI subtracts it.
         device: name of the device; it may be empty if the daemon has only one.
         socket: of the daemon, as :func:`orientd.connect` takes it.
-        settings: the other arguments of the original, not needed either.
+        settings: the other arguments of the original; ignored.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class RTDEInterpolationController:
     # Life
 
     def start(self, wait: bool = True) -> None:
-        """Connect to the daemon and begin; wait for the first state if asked to.
+        """Connect to the daemon and begin; wait for the first state if *wait* is true.
 
         Raises:
             OrientdError: there is no daemon, or the device cannot follow.

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-MEALS = 4
-"""Within the time after which systemd would act."""
+FEEDS = 4
+"""Messages to the watchdog within its interval."""
 
 
 def notify(state: str) -> None:
@@ -61,7 +61,7 @@ class Watchdog:
         seconds = watchdog_seconds()
         if seconds is not None:
             self._thread = threading.Thread(
-                target=self._feed, args=(seconds / MEALS,), name="watchdog", daemon=True
+                target=self._feed, args=(seconds / FEEDS,), name="watchdog", daemon=True
             )
             self._thread.start()
 

@@ -224,9 +224,9 @@ class Layout:
             table["flags"] |= np.where(fixed[name], np.uint32(FLAGS[name][0]), np.uint32(0))
         table["feedback_time_ns"][(table["flags"] & CycleFlag.FEEDBACK) == 0] = 0
         tails = {one[end:] for one in messages}
-        told = {tail: self._strings(tail) for tail in tails}
+        strings = {tail: self._strings(tail) for tail in tails}
         for name in self.strings:
-            table[name] = numbers(name, [told[one[end:]][name] for one in messages])
+            table[name] = numbers(name, [strings[one[end:]][name] for one in messages])
         return table
 
     def _strings(self, tail: bytes) -> dict[str, str]:

@@ -36,10 +36,10 @@ def frames(device: str, cycles: Table, offset_ns: int) -> Iterator[tuple[int, Fr
         cycles: that are shown.
         offset_ns: from the monotonic clock to the time of day.
     """
-    told = cycles[(cycles["flags"] & CycleFlag.FEEDBACK) != 0]
+    measured = cycles[(cycles["flags"] & CycleFlag.FEEDBACK) != 0]
     for which, rows, stamps in (
         ("sent", cycles, cycles["deadline_ns"]),
-        ("measured", told, told["feedback_time_ns"]),
+        ("measured", measured, measured["feedback_time_ns"]),
     ):
         for due, stamp, q, position in zip(
             (rows["deadline_ns"] + offset_ns).tolist(),

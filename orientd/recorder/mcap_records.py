@@ -110,12 +110,12 @@ class Damages:
         return bool(self.parts or self.is_cut or self.has_no_index or self.lost)
 
     def saw(self, time_ns: int) -> None:
-        """Take note of the time of a message."""
+        """Record the time of a message."""
         self.first_ns = time_ns if self.first_ns is None else min(self.first_ns, time_ns)
         self.last_ns = time_ns if self.last_ns is None else max(self.last_ns, time_ns)
 
     def lose(self, offset: int, length: int, index: Mapping[int, ChunkIndex | Chunk]) -> None:
-        """Take note that a part cannot be read, which holds the chunks of *index* inside it."""
+        """Record an unreadable part, which contains the chunks of *index* inside it."""
         known = [one for place, one in index.items() if offset <= place < offset + length]
         ends = (self.last_ns, *(part.end_ns for part in self.parts[-1:]))
         begin = max((time for time in ends if time is not None), default=None)
@@ -126,8 +126,8 @@ class Damages:
         end = max((one.message_end_time for one in known), default=unknown)
         self.parts.append(Damage(offset, length, begin, end))
 
-    def told(self) -> str:
-        """Return where the damage is and how much is missing, in one line."""
+    def describe(self) -> str:
+        """Return the place and size of the damage in one line."""
         words = [self._part(part) for part in self.parts[:_SHOWN]]
         if len(self.parts) > _SHOWN:
             words.append(f"{len(self.parts) - _SHOWN} more parts cannot be read")

@@ -85,7 +85,7 @@ def read_orientations(path: Path, topic: str = "", *, partial: bool = False) -> 
         raise RecordingError(f"{path}: no orientations in {topic!r}, there is {_listed(tables)}")
     name = topic if topic in tables else _meant(path, tables)
     samples = tables[name]
-    damages = [recording.damages.told()] if recording.damages else []
+    damages = [recording.damages.describe()] if recording.damages else []
     q, norms = scaled(samples)
     notes = (*damages, *check_order(path, samples), *norms)
     return Orientations(name, samples.seconds(), q, notes)
@@ -123,11 +123,11 @@ def _from_mcap(path: Path, *, partial: bool) -> tuple[Tables, Recording]:
 def _from_ours(recording: Recording) -> Tables:
     tables: Tables = {}
     for device, cycles in recording.cycles.items():
-        told = cycles[(cycles["flags"] & CycleFlag.FEEDBACK) != 0]
-        if len(told):
+        measured = cycles[(cycles["flags"] & CycleFlag.FEEDBACK) != 0]
+        if len(measured):
             # A measurement that is read twice is one measurement.
-            stamps, first = np.unique(told["feedback_time_ns"], return_index=True)
-            tables[f"/{device}/measured"] = Samples(stamps, told["measured_q"][first])
+            stamps, first = np.unique(measured["feedback_time_ns"], return_index=True)
+            tables[f"/{device}/measured"] = Samples(stamps, measured["measured_q"][first])
         written = cycles[(cycles["flags"] & CycleFlag.WRITTEN) != 0]
         if len(written):
             tables[f"/{device}/sent"] = Samples(written["deadline_ns"], written["sent_q"])

@@ -70,8 +70,8 @@ def _first_index(event: pb.Event, cycles: Table, period: float) -> int:
 def _path(event: pb.Event, times: Floats) -> Floats:
     """Return the orientations of a motion at path times."""
     knots = np.array([sample.path_time for sample in event.samples])
-    told = [(sample.q, sample.omega_body) for sample in event.samples]
-    rows = np.array([[q.w, q.x, q.y, q.z, omega.x, omega.y, omega.z] for q, omega in told])
+    samples = [(sample.q, sample.omega_body) for sample in event.samples]
+    rows = np.array([[q.w, q.x, q.y, q.z, omega.x, omega.y, omega.z] for q, omega in samples])
     times = np.clip(times, knots[0], knots[-1])
     span = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
     length = knots[span + 1] - knots[span]

@@ -159,7 +159,7 @@ def _load(path: Path, *, partial: bool) -> Recording:
 
 
 def _not_whole(path: Path, recording: Recording) -> RecordingError:
-    words = "; ".join([recording.damages.told(), *_to_go(recording)])
+    words = "; ".join([recording.damages.describe(), *_to_go(recording)])
     return RecordingError(
         f"{path} is not whole: {words}; `--partial` (in Python `partial=True`) takes what can be "
         "read"

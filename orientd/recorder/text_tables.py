@@ -33,7 +33,7 @@ _HEADING = re.compile(r"#?\s*([^\[\]]*?)\s*(?:\[([^\]]*)\])?\s*")
 _NO_SECONDS = 10**17
 """A whole number of seconds from here on is one of nanoseconds."""
 _FAR_APART = 1e3
-"""Two rows so many seconds apart mean that the numbers are in another unit."""
+"""Seconds between two rows beyond which the times must be in another unit."""
 _LATEST = 2**62
 _LONGEST_ROW = MEBIBYTE
 """Bytes of a row of a table; of a wide one, some thousand."""
@@ -131,7 +131,7 @@ def _tum_rows(path: Path, lines: _Lines) -> Iterator[Row]:
 def _quaternion_columns(
     places: Mapping[str, int],
 ) -> Iterator[tuple[str, tuple[str, ...], str]]:
-    """Yield topic, columns of the quaternion and, if it has one, the column of its own times."""
+    """Yield topic, columns of the quaternion and, if there is one, the column of its times."""
     for name in places:
         if not name.endswith("w"):
             continue

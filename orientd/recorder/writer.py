@@ -1,4 +1,4 @@
-"""Writes recordings: MCAP files with compressed, indexed chunks.
+"""Write recordings: MCAP files with compressed, indexed chunks.
 
 Topics of a file, for a device called ``arm``:
 
@@ -47,7 +47,7 @@ CONFIGURATION, CLOCK = "configuration.json", "clock"
 
 
 class RecordingError(OrientdError):
-    """A recording that cannot be written any further, or not be read."""
+    """Report a recording that can no longer be written, or cannot be read."""
 
 
 class RecordingWriter:
@@ -90,7 +90,7 @@ class RecordingWriter:
         self.close()
 
     def add_device(self, name: str, rate_hz: float) -> None:
-        """Say how fast a device's cycles come, before the first of them."""
+        """Set the rate of a device's cycles, before the first of them."""
         with self._lock:
             self._rates[name] = rate_hz
 
@@ -115,7 +115,7 @@ class RecordingWriter:
         self._add("/log", time_ns, foxglove.log_line(event, time_ns))
 
     def add_state(self, state: pb.GetStateResponse, time_ns: int, *, prefix: str = "") -> None:
-        """Add what the daemon said of itself and its devices at *time_ns*, monotonic clock.
+        """Add a report of the daemon and its devices at *time_ns*, monotonic clock.
 
         Args:
             state: as the daemon says it, on its own clock.
@@ -125,7 +125,7 @@ class RecordingWriter:
         self._add(f"/{prefix}state", time_ns + self._offset_ns, state)
 
     def add_configuration(self, json: str, facts: dict[str, str], *, prefix: str = "") -> None:
-        """Add the daemon's settings, and what else there is to know of the recording.
+        """Add the daemon's settings and other metadata of the recording.
 
         Args:
             json: the settings.
@@ -143,7 +143,7 @@ class RecordingWriter:
             self._writer.add_attachment(0, 0, name, "application/json", content)
 
     def add_clock(self, daemon: str, *, time_ns: int, offset_ns: int, bound_ns: int) -> None:
-        """Add where the clock of a daemon stood against that of the file.
+        """Add the offset of a daemon's clock from the clock of the file.
 
         Args:
             daemon: its name.
@@ -151,10 +151,10 @@ class RecordingWriter:
             offset_ns: how far it was ahead, by which its times in the file are shifted.
             bound_ns: how far that may be wrong, either way.
         """
-        told = {"time_ns": time_ns, "offset_ns": offset_ns, "bound_ns": bound_ns}
+        times = {"time_ns": time_ns, "offset_ns": offset_ns, "bound_ns": bound_ns}
         with self._guarded():
             self._writer.add_metadata(
-                CLOCK, {"daemon": daemon, **{name: str(ns) for name, ns in told.items()}}
+                CLOCK, {"daemon": daemon, **{name: str(ns) for name, ns in times.items()}}
             )
 
     def flush(self) -> None:
@@ -197,7 +197,7 @@ class RecordingWriter:
 
     @contextlib.contextmanager
     def _guarded(self) -> Iterator[None]:
-        """Let one thread write; turn the end of the disk into the end of the recording."""
+        """Let one thread write; end the recording if a write fails, for example on a full disk."""
         with self._lock:
             if self._ended:
                 raise RecordingError(self._ended)

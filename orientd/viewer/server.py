@@ -56,10 +56,10 @@ class Source(Protocol):
 
 
 class PageServer:
-    """The server, in a thread of its own.
+    """Serve pages in a separate thread.
 
     Attributes:
-        port: where it listens.
+        port: TCP port of the server.
         pages: how many are open.
     """
 

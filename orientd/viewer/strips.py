@@ -43,7 +43,7 @@ class Strips:
         self._rows = deque[Row](maxlen=COUNT)
 
     def add(self, cycles: Sequence[Cycle]) -> None:
-        """Take in cycles, in the order in which they happened."""
+        """Add cycles in their order."""
         with self._lock:
             for cycle in cycles:
                 span, values = cycle.deadline_ns // _SPAN_NS, self._values(cycle)
@@ -73,7 +73,7 @@ class Strips:
         )
 
     def _error(self, cycle: Cycle) -> float | None:
-        """Return the angle between what is measured and what was commanded a lead ago."""
+        """Return the angle between the measurement and the setpoint sent one lead ago."""
         index, q = self._sent[0]
         if not cycle.has_feedback or cycle.index - index != self._lead_cycles:
             return None

@@ -299,7 +299,7 @@ class View:
         robot.stop() if kind == "stop" else robot.halt()
 
     def _hold(self) -> None:
-        """Have a device that was let go hold; the keyframes that were taken stay."""
+        """End hand guiding: the device holds, and the recorded keyframes stay."""
         if self._is_free and self._teaching is not None:
             self._is_free = False
             self._teaching.close()
@@ -310,7 +310,7 @@ class View:
         return robot is not None and sight.cell is not None and robot.holds_lease(sight.device)
 
     def _give_up(self) -> None:
-        """Give the lease back; what was started with it stops, and what was let go holds."""
+        """Release the lease; its motions stop, and a device in hand guiding holds again."""
         robot = self._watcher.connection
         if robot is not None and self._may_command:
             with contextlib.suppress(OrientdError):

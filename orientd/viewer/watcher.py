@@ -84,7 +84,7 @@ def sample_rate(duration: float, device_hz: float) -> float:
 
 
 class Watcher:
-    """Looks at a daemon from a thread of its own, the only one that changes :attr:`sight`.
+    """Watch a daemon from its own thread, which alone changes :attr:`sight`.
 
     Attributes:
         sight: the newest state.
@@ -152,7 +152,7 @@ class Watcher:
             robot.close()
 
     def _look(self, robot: Robot) -> None:
-        """Take in the state, and fetch the plan of a motion that is new."""
+        """Store the state, and fetch the plan of a new motion."""
         asked = time.monotonic()
         cell = robot.state()
         device = self.chosen if self.chosen in cell.devices else next(iter(cell.devices))
@@ -174,7 +174,7 @@ class Watcher:
         )
 
     def _stream(self, robot: Robot) -> None:
-        """Take in cycles while a page is open and shows this device."""
+        """Store cycles while a page is open and shows this device."""
         report, looked, chosen = self.sight.report, self.sight.seen, self.chosen
         if report is None:
             return

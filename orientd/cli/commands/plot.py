@@ -126,7 +126,7 @@ def _draw_recording(
                 marks=marks(recording, name),
                 title=f"{file.name}: {name}",
             )
-            return (recording.damages.told(),) if recording.damages else ()
+            return (recording.damages.describe(),) if recording.damages else ()
     found = read_orientations(file, topic, partial=partial)
     title = ": ".join(filter(None, (file.name, found.topic)))
     plots.draw_orientations(path, found.times, found.q, title=title)

@@ -143,7 +143,7 @@ def export(
 
     recording = load_recording(file, partial=partial)
     rows = write(recording, recording.device(device), output)
-    cut = [] if recording.is_complete else [f"{file} is not whole: {recording.damages.told()}"]
+    cut = [] if recording.is_complete else [f"{file} is not whole: {recording.damages.describe()}"]
     out.answer(
         {"output": output, "rows": rows, "is_complete": recording.is_complete},
         *cut,

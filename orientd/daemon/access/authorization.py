@@ -201,11 +201,11 @@ class Authorization:
         if started is not None and started.ByteSize():
             call.result["motion"] = started.motion_number
             call.result["motion_id"] = started.plan.motion_id
-            told = call.told()
-            self._audit.record(event="began", **told)
+            fields = call.fields()
+            self._audit.record(event="began", **fields)
             name, number = call.caller.identity.name, started.motion_number
             what = f"{name} began motion {number} ({started.plan.motion_id})"
-            _log.info("call %d: %s", call.number, what, extra=about(**told))
+            _log.info("call %d: %s", call.number, what, extra=about(**fields))
         if summary is not None and summary.ByteSize():
             kind = summary.DESCRIPTOR.fields_by_name["outcome"].enum_type
             call.result["motion_outcome"] = kind.values_by_number[summary.outcome].name
@@ -220,14 +220,14 @@ class Authorization:
         level = logging.INFO if is_command else logging.DEBUG
         if code != "OK" and is_command:
             level = logging.WARNING
-        told = call.told()
+        fields = call.fields()
         detail = f": {text}" if text else ""
         _log.log(level, "call %d: %s: %s%s", call.number, name, code, detail,
-                 extra=about(outcome=code, **told))  # fmt: skip
+                 extra=about(outcome=code, **fields))  # fmt: skip
         is_refused = code in ("PERMISSION_DENIED", "RESOURCE_EXHAUSTED")
         is_foreign = name == "RenewLease" and code == "FAILED_PRECONDITION"
         if is_command or is_refused or is_foreign:
-            self._audit.record(event="answered", outcome=code, text=text[:400], **told)
+            self._audit.record(event="answered", outcome=code, text=text[:400], **fields)
 
 
 @dataclass(eq=False)
@@ -242,8 +242,8 @@ class _Call:
     asked: dict[str, Any] = field(default_factory=dict)
     result: dict[str, Any] = field(default_factory=dict)
 
-    def told(self) -> dict[str, Any]:
-        """Return what every record of this call says."""
+    def fields(self) -> dict[str, Any]:
+        """Return the fields that every record of this call has."""
         identity = self.caller.identity
         return {
             "call": self.number,

@@ -236,7 +236,7 @@ class Planners:
         planner = self._take_idle(rank)
         if planner is not None:
             return planner
-        self._check_room(call)
+        self._check_waiting(call)
         waiting = _Waiting(call, rank, asyncio.get_running_loop().create_future())
         self._waiting.append(waiting)
         self._waiting.sort(key=lambda one: one.rank)
@@ -259,7 +259,7 @@ class Planners:
             if waiting in self._waiting:
                 self._waiting.remove(waiting)
 
-    def _check_room(self, call: PlanCall) -> None:
+    def _check_waiting(self, call: PlanCall) -> None:
         """Refuse a call if too much waits: of its caller or, unless it is the first, of all.
 
         Raises:
