@@ -1,4 +1,4 @@
-"""Curves through keyframes, ours and those of packages from PyPI, measured in the same way."""
+"""Measure curves through keyframes: those of orientd and of packages from PyPI."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def end_velocity(peer):
 
 
 def steps(peer):
-    """Largest steps of velocity and acceleration at a keyframe."""
+    """Return the largest steps of velocity and acceleration at a keyframe."""
     keys, times = keyframes()
     curve = peer(keys, times)
     sides = [(rates(curve, t, H), rates(curve, t, -H)) for t in times[1:-1]]
@@ -133,7 +133,7 @@ def acceleration_step(peer):
 
 
 def sign_flip(peer):
-    """How far the curve moves when some keyframes are given as -q."""
+    """Return the change of the curve if some keyframes are given as -q."""
     keys, times = keyframes()
     flipped = keys * np.where(np.arange(COUNT) % 3 == 1, -1.0, 1.0)[:, None]
     at = np.linspace(times[0], times[-1], 500)
@@ -145,7 +145,7 @@ def sign_flip(peer):
 
 
 def half_turn(peer):
-    """What becomes of two keyframes half a turn apart."""
+    """Return the curve's behaviour between two keyframes half a turn apart."""
     keys = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], [0.6, 0.0, 0.0, 0.8]])
     curve = peer(keys, np.array([0.0, 1.0, 2.0]))
     q = curve.q(np.linspace(0.0, 2.0, 2001))
@@ -167,7 +167,7 @@ def _median(work, rounds):
 
 
 def sampling(peer):
-    """CPU time of orientation, velocity and acceleration at many sorted instants."""
+    """Return the CPU time of orientation, velocity and acceleration at many sorted instants."""
     keys, times = keyframes()
     curve = peer(keys, times)
     at = np.linspace(times[0], times[-1], INSTANTS)
@@ -177,7 +177,7 @@ def sampling(peer):
 
 
 def building(peer):
-    """CPU time to build a curve of many keyframes."""
+    """Return the CPU time to build a curve of many keyframes."""
     keys, times = random_walk(MANY, STEP), np.arange(float(MANY))
     return duration(_median(lambda: peer(keys, times), 5))
 

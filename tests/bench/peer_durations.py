@@ -1,4 +1,4 @@
-"""How long the motions of one task take, ours and those of packages from PyPI, in one run."""
+"""Measure durations of the same motions with orientd and with packages from PyPI."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def through(peer, vectors):
 
 
 def single(peer):
-    """Mean duration from rest to rest between two orientations."""
+    """Return the mean duration from rest to rest between two orientations."""
     if peer is SciPy:
         return "not from rest"
     random = np.random.default_rng(3)
@@ -59,7 +59,7 @@ def on_the_way(peer):
 
 
 def through_keyframes(peer):
-    """Mean duration through keyframes."""
+    """Return the mean duration through keyframes."""
     return f"{np.mean([through(peer, vectors) for vectors in walks()]):.2f} s" + (
         ", stops at each" if peer is Ruckig else ""
     )

@@ -1,4 +1,4 @@
-"""Motion within limits, ours and that of packages from PyPI, measured on setpoints 2 ms apart.
+"""Measure motions within limits, of orientd and of packages from PyPI, on setpoints 2 ms apart.
 
 The peers know of axes, not of orientations: they are given rotation vectors.  Of a limit on a norm
 each component then gets the share ``1 / sqrt(3)``, with which the norm of the three is kept.
@@ -179,7 +179,7 @@ PEERS = (Orientd, Ruckig, Toppra)
 
 
 def step_duration(peer):
-    """Duration of a turn by 90 degrees about one axis over the least under all three limits."""
+    """Return the duration of a turn by 90 degrees about one axis over the shortest possible."""
     least = 0.5 * np.pi / V + V / A + A / J  # all three limits are reached
     aim = np.array([0.0, 0.0, 0.5 * np.pi])
     if peer is Ruckig:
@@ -239,7 +239,7 @@ def short_way(peer):
 
 
 def same_curve(peer):
-    """Duration along one curve under limits of the components of velocity and acceleration."""
+    """Return the duration on one curve with limits of velocity and acceleration per component."""
     if peer is Ruckig:
         return NOT_RUN
     most = {"velocity": [1.5, 1.2, 1.8], "acceleration": [4.0, 6.0, 5.0]}
@@ -286,7 +286,7 @@ def same_curve(peer):
 
 
 def stop(peer):
-    """How far a stop on the way leaves the path: through a daemon, or as calculated."""
+    """Return the path deviation of a stop: streamed through a daemon, or calculated."""
     if peer is Toppra:
         return NOT_RUN
     if peer is Orientd:

@@ -1,4 +1,4 @@
-"""The search for the shortest connector: all ramps with a grid of durations, then the best ones."""
+"""Search for the shortest connector: all ramps with a grid of durations, then the best ones."""
 
 from __future__ import annotations
 
@@ -14,34 +14,34 @@ from orientd.planner.certify import limit_table
 from orientd.rotation import Floats, between, exp, log, multiply
 
 VELOCITY_MARGIN = 0.9995
-"""Of the limit, for peaks between the points that are looked at."""
+"""Used share of the velocity limit; peaks between the checked points take the rest."""
 
 ROUNDING = 1e-9
-"""Ramps go right up to the bounds: rounding must not decide which of them keep them."""
+"""Tolerance for rounding: ramps reach their bounds exactly."""
 
 RAMPS = 6
-"""At most, at either end."""
+"""Most ramps at either end."""
 
 SUBSTEPS = 2
-"""Of Magnus' expansion, in a ramp."""
+"""Steps of Magnus' expansion in a ramp."""
 
 GRID = 16
-"""Durations of the first look."""
+"""Number of durations in the first search."""
 
 REFINED = 12
-"""Durations of the second look."""
+"""Number of durations in the second search."""
 
 BEST = 6
-"""Connectors that are measured first."""
+"""Number of connectors that are measured first."""
 
 CLOSE = (1.0, 1.004, 1.012, 1.03, 1.07, 1.15)
-"""How much longer they may be."""
+"""Factors of their durations to try."""
 
 SHORTEST = 1e-6
-"""Of a join between two ramps, s."""
+"""Shortest join between two ramps, s."""
 
 STILL = 1e-9
-"""Sizes that count as none, rad/s and rad/s^2."""
+"""Rates up to this size count as zero, rad/s and rad/s^2."""
 
 _BLOCK = 12  # connectors measured in one go: the first few mostly decide
 
@@ -76,7 +76,7 @@ class Ramps(NamedTuple):
 
 
 def search(start: State, end: State, limits: Limits, period: float, least: float) -> Way | None:
-    """Return the shortest connector that is found; ``None`` if there is none.
+    """Return the shortest connector, or ``None`` if the search finds none.
 
     Args:
         start: where it begins.
@@ -196,7 +196,7 @@ def _first_kept(
 
 
 class Bounds(NamedTuple):
-    """What a connector keeps: the limits with their reserve, but never less than it begins with.
+    """Bounds of a connector: the limits with their reserve, but never below its initial rates.
 
     Attributes:
         most: velocity, acceleration and jerk: the norm, and the components where they are limited,
@@ -211,7 +211,7 @@ class Bounds(NamedTuple):
     def of(
         cls, start: State, end: State, limits: Limits, reserve: float = ACCELERATION_RESERVE
     ) -> Bounds:
-        """Return the bounds for a way between two states."""
+        """Return the bounds for a connector between two states."""
         reserved = limits.with_reserve(reserve)
         most = limit_table(reserved).copy()
         most[0] *= VELOCITY_MARGIN
@@ -225,12 +225,12 @@ class Bounds(NamedTuple):
 
     @property
     def least(self) -> tuple[float, float, float]:
-        """What is allowed in any direction."""
+        """The bounds that hold in any direction."""
         velocity, acceleration, jerk = self.most.min(axis=1).tolist()
         return velocity, acceleration, jerk
 
     def keeps(self, rates: Floats) -> Booleans:
-        """Return which of several ways keep the bounds, by their largest rates."""
+        """Return which of several connectors keep the bounds, by their largest rates."""
         kept: Booleans = np.all(rates <= self.most[..., None], axis=(0, 1))
         return kept
 
