@@ -18,7 +18,7 @@ settings.load_profile("untimed")
 # The path of a socket has at most 107 bytes, and other users cannot look into a private home.
 os.environ["TMPDIR"] = tempfile.tempdir = "/tmp"
 
-# What is started here starts and prints as it does for a user, whatever the surroundings say.
+# Processes of the tests start and print as for a user, whatever the environment says.
 for name in ("PYTHONUNBUFFERED", "PYTHONDONTWRITEBYTECODE"):
     os.environ.pop(name, None)
 

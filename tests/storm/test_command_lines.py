@@ -16,7 +16,7 @@ from orientd.cli.main import app
 LINES = int(os.environ.get("ORIENTD_STORM_LINES", "10000"))
 SEED = int(os.environ.get("ORIENTD_STORM_SEED", "1"))
 
-# What goes on until it is told to end, writes outside the folder or takes minutes.
+# Commands that run until a signal, write outside the folder or take minutes.
 BEYOND = {"run", "sim", "view", "demo", "bench", "service", "doctor", "batch"}
 LENGTHY = {"--gallery", "--install-completion", "--show-completion", "--jobs", "--help"}
 WILD = (

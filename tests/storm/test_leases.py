@@ -39,7 +39,7 @@ BEGUN = re.compile(r"(\w+): motion (\d+) is commanded by .* \(user:(\d+)\)$")
 
 
 class Terminal:
-    """A process of one user that does as it is told."""
+    """A process of one user that reads commands."""
 
     def __init__(self, name, daemon, uid):
         self.name, self.daemon, self.uid = name, daemon, uid
@@ -119,7 +119,7 @@ class Storm:
             one.do("share", device)
 
     def judge(self, log):
-        """Check that everything in *log* that ended did so by somebody who may end it."""
+        """Check that only permitted clients ended the motions in *log*."""
         ends = {}
         for line in log.splitlines():
             begun, ended = BEGUN.search(line), ENDED.search(line)
@@ -143,7 +143,7 @@ class Storm:
                 assert not by or any(two.uid == owner.uid for two in by), line
             if kind != "stopped":
                 continue
-            # What waits behind a motion that is withdrawn goes with it.
+            # A withdrawn motion takes the motions queued behind it with it.
             behind = [key for key in self.owner if key[0] == device and key[1] <= number]
             may = [*self.reasons.get(device, ())]
             for key in [(device, number), *behind]:

@@ -42,7 +42,7 @@ MOST_LATENESS, MOST_RETARGET = 1.2, 2.0
 
 @dataclass
 class Slot:
-    """What was measured in one slot, s, and which faults there were."""
+    """Measurements of one slot, s, and its faults."""
 
     lateness: list[float] = field(default_factory=list)
     retargets: list[float] = field(default_factory=list)
@@ -101,7 +101,7 @@ def run_slot(stub, token, chance):
         )
         begun_ns = time.monotonic_ns()
         call = stub.Move(request, timeout=PATIENCE)
-        calls.append(call)  # a call that nobody refers to is cancelled, and its motion stopped
+        calls.append(call)  # gRPC cancels a call without references, which stops its motion
         try:
             number = next(call).started.motion_number
         except grpc.RpcError as error:

@@ -49,7 +49,7 @@ def test_calls_of_nonsense_disturb_no_motion(tmp_path):
     ratios, codes, sizes = [], set(), []
     process = DaemonProcess(tmp_path, lease=3600.0)
     text = process.config.read_text()
-    # Who spins before a deadline is late by nothing, of which there is no ratio.
+    # A servo that spins before a deadline has no lateness, so there is no ratio.
     process.config.write_text(text.replace("rate_hz = 500.0", "rate_hz = 500.0\nspin_us = 0"))
     with (
         process as daemon,

@@ -18,7 +18,7 @@ from orientd.protocol.control_pb2_grpc import ControlStub
 DEVICE = "arm"
 PLAN_TIMEOUT = 2.0
 NO_DEADLINE = 300.0
-"""s; a planner that nobody frees or replaces is busy for so long."""
+"""Time for which a planner is busy if it is neither freed nor replaced, s."""
 PROMPT = 30.0
 """s; far less than that, and long enough for a busy machine."""
 

@@ -80,7 +80,7 @@ def nothing(daemon):
 
 @contextlib.contextmanager
 def hanging(daemon):
-    """Stop the whole daemon, as a debugger does; it goes on to tell of the stop."""
+    """Stop the whole daemon, as a debugger does; it continues to report the stop."""
     daemon.process.send_signal(signal.SIGSTOP)
     try:
         yield
@@ -256,7 +256,7 @@ def test_a_stop_reaches_the_servo_under_attack(daemon, way, attack):
                 waited.append(admitted(daemon))
             asked = way(daemon, ("stop", "halt")[number % 2])
             if attack is hanging:
-                time.sleep(0.2)  # for whoever does not wait for an answer
+                time.sleep(0.2)  # for a client that does not wait for an answer
         *_, last = daemon.stream
         assert last.summary.text.startswith("stopped by "), last.summary
         braked = until(lambda: cycles.braking(asked), "braking")  # noqa: B023

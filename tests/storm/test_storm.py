@@ -33,7 +33,7 @@ SECONDS = float(os.environ.get("ORIENTD_STORM_SECONDS", "600"))
 SEED = int(os.environ.get("ORIENTD_STORM_SEED", "1"))
 
 LONGEST = 1.0
-"""What no call may take, s, but a plan that says how long it took, or is refused at a deadline."""
+"""Longest permitted duration of a call, s, except for plans with a reported time or a deadline."""
 
 MOST_MIB = {"daemon": 90.0, "planner": 160.0, "servo": 20.0}
 
@@ -114,7 +114,7 @@ class Pilot:
             self.mend()
 
     def mend(self):
-        """Clear a fault, which has been told of, so that the storm goes on."""
+        """Clear a reported fault, so that the storm continues."""
         report = self.robot.state().devices[self.device]
         if report.fault != pb.FAULT_NONE:
             self.calls.fail(f"fault {word(report, 'fault')}: {report.fault_text}")
@@ -179,7 +179,7 @@ class Pilot:
                 time.sleep(rest)
             tracking.close()
         except OrientdError as error:
-            # What ends the following otherwise is told as a fault, or was asked for.
+            # Any other end of the tracking is a reported fault, or a request.
             self.calls.refusals[f"target: {type(error).__name__}"] += 1
             with contextlib.suppress(OrientdError):
                 tracking.close()
@@ -234,7 +234,7 @@ class Watch:
 
     def _command(self):
         while not self._ending.wait(5.0):
-            # Where nobody answers, it takes what a command takes to start on a machine this busy.
+            # No daemon answers here, so this measures the start of a command on a busy machine.
             begun = time.monotonic()
             orientd("status", "--socket", self.rig.folder / "nowhere")
             middle = time.monotonic()
