@@ -128,7 +128,7 @@ class Devices:
                 if what == EXPIRED:
                     device.end_free()
             except OrientdError as error:
-                _log.warning("lease: %s was let go and does not hold again: %s", name, error)
+                _log.warning("lease: cannot end hand guiding of %s: %s", name, error)
 
     # Life
 

@@ -258,7 +258,7 @@ class Leases:
             if names & set(held.devices):
                 raise LeaseError(self._taken(held))
         if lease is not None:
-            raise LeaseError(f"the lease is of {_listed(lease)}, not of {device}: acquire that too")
+            raise LeaseError(f"the lease covers {_listed(lease)}, not {device}: acquire that too")
         raise LeaseError("the lease of this token has expired or was released: acquire it again")
 
     def _taken(self, held: Lease) -> str:
@@ -275,5 +275,5 @@ def _listed(lease: Lease) -> str:
 def _named(holder: str) -> str:
     name = one_line(holder, 200)
     if not name:
-        raise RequestError("holder", "expected a name to tell others, got nothing")
+        raise RequestError("holder", "expected a name that other clients see, got nothing")
     return name

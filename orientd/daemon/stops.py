@@ -75,7 +75,7 @@ class StopFolder:
             with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sending:
                 sending.settimeout(_TAKING)
                 for path in self._folder.iterdir():
-                    # A servo that is not there hears of it when it starts.
+                    # A servo that does not run yet reads it when it starts.
                     with contextlib.suppress(OSError):
                         sending.sendto(news, f"/proc/self/fd/{folder}/{path.name}")
         finally:

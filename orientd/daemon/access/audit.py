@@ -83,7 +83,7 @@ class AuditLog:
         try:
             size = os.fstat(self._descriptor).st_size
             if size and size + len(line) > self._most_bytes:
-                self._put_aside()
+                self._rotate()
                 self._lock()
                 size = os.fstat(self._descriptor).st_size
             if os.write(self._descriptor, line) < len(line):
@@ -106,8 +106,8 @@ class AuditLog:
             os.close(self._descriptor)
             self._descriptor = -1
 
-    def _put_aside(self) -> None:
-        """Put the file aside, under the lock, and let go of it."""
+    def _rotate(self) -> None:
+        """Rotate the file while locked, and close it."""
         for number in range(self._most_files - 1, 0, -1):
             if self._aside(number).exists():
                 self._aside(number).replace(self._aside(number + 1))

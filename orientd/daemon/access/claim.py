@@ -87,7 +87,7 @@ def _remove_stale(path: Path) -> None:
     except FileNotFoundError:
         return
     if not stat.S_ISSOCK(mode):
-        raise DaemonError(f"{path} is there already, and is not a socket")
+        raise DaemonError(f"cannot listen at {path}: the file exists and is not a socket")
     with sockets.socket(sockets.AF_UNIX, sockets.SOCK_STREAM) as probe:
         try:
             probe.connect(str(path))
@@ -96,4 +96,4 @@ def _remove_stale(path: Path) -> None:
         except OSError as error:
             raise DaemonError(f"cannot use the socket {path}: {error.strerror}") from error
         else:
-            raise DaemonError(f"something that is no orientd listens at {path} already")
+            raise DaemonError(f"cannot listen at {path}: another program listens there")

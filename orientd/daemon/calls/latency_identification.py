@@ -119,7 +119,7 @@ async def _holding(device: Device, seconds: float) -> None:
         if now.state is ServoState.FAULT:
             raise OrientdError(f"device {device.name} is in a fault: {now.fault_text}")
         if time.monotonic() > ends:
-            raise DaemonError(f"device {device.name} does not come to hold within {seconds:g} s")
+            raise DaemonError(f"device {device.name} is not holding after {seconds:g} s")
         await asyncio.sleep(_POLL)
 
 
@@ -136,10 +136,12 @@ def identify(
         measured: the same of the measurements, on the same clock.
 
     Raises:
-        ValueError: there are too few measurements, or the motion turned by too little to tell.
+        ValueError: there are too few measurements, or the motion turned by too little.
     """
     if len(sent) < 3 or len(measured) < 3:
-        raise ValueError(f"3 of each are needed, got {len(sent)} and {len(measured)}")
+        raise ValueError(
+            f"expected at least 3 setpoints and 3 measurements, got {len(sent)} and {len(measured)}"
+        )
     origin = rotation.conjugate(sent[0][1])
     times, path = _turned(origin, sent)
     turned = float(np.linalg.norm(path, axis=1).max())
@@ -147,7 +149,7 @@ def identify(
         raise ValueError(f"the motion must turn by {_LEAST_TURN} rad or more, got {turned:.3g}")
     instants, points = _turned(origin, [one for one in measured if times[0] <= one[0] <= times[-1]])
     if len(points) < 3:
-        raise ValueError("the measurements are not of the time of the setpoints")
+        raise ValueError("fewer than 3 measurements fall into the time of the setpoints")
 
     def mean_square(delay: float) -> float:
         expected = [np.interp(instants - delay, times, component) for component in path.T]

@@ -86,7 +86,7 @@ class Device:
         phase: where in a period its cycles begin, as a share of it.
         limits: what no motion of it may exceed.
         targets: hands targets and chunks of poses to the servo while it follows them.
-        is_free: whether it was let go when it was disabled, to be moved by hand.
+        is_free: whether it was disabled for hand guiding.
     """
 
     def __init__(
@@ -414,7 +414,7 @@ class Device:
         self.is_free, self._was_following = is_freed, was_following
 
     def end_free(self) -> None:
-        """Have a device that was let go hold where it is if it followed before, else not follow."""
+        """End hand guiding: hold if the device was enabled before, otherwise stay disabled."""
         if self.is_free and self._was_following:
             self.enable()
         elif self.is_free:
@@ -500,7 +500,7 @@ class Device:
         )
 
     def _learn_why(self) -> None:
-        """Hear what the servo has said of its fault, if the device's thread has not yet."""
+        """Read the servo's notes on its fault, if the device's thread has not yet."""
         if self._servo.fault is Fault.NONE and self._lock.acquire(timeout=TICK):
             try:
                 self._servo.hear()
@@ -562,7 +562,7 @@ class Device:
 
     def _give_up(self, error: Exception) -> None:
         """Have the servo stop, since it cannot be watched any more."""
-        # It stops by itself once it hears nothing more; this is sooner.
+        # Without a heartbeat it stops anyway; the command is sooner.
         self._servo.brake()
         is_known = isinstance(error, DaemonError)
         what = "%s: watching the servo failed: %s"

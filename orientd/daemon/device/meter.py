@@ -123,7 +123,7 @@ class MotionMeter:
             number: of the motion.
             first_index: ring index of its first record.
             cycles: the ring of cycles, in which those of the motion come.
-            lead: by how much the device is led, s.
+            lead: latency compensation of the device, s.
         """
         self.number = number
         self._motion, self._facts = motion, motion.facts

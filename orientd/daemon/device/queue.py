@@ -108,7 +108,7 @@ class MotionQueue:
         """
         motions = self._motions[:]
         if not motions:
-            raise LateError("what ran has ended")
+            raise LateError("the running motion has ended")
         place = next((k for k, s in enumerate(motions) if s.number == cycle.motion), 0)
         queued = motions[place]
         here = 0
@@ -154,7 +154,7 @@ class MotionQueue:
             self.tend()
             self._servo.commanded()
             if self._motions:
-                raise LateError("a motion that was to follow has begun")
+                raise LateError("a queued motion has begun")
             late = (time.monotonic_ns() - queued.options.start_ns) * 1e-9
             if queued.options.start_ns != UNKNOWN and late > 0.0:
                 raise StateError(f"the motion was ready {late:.3f} s after its start time")
@@ -365,7 +365,7 @@ class MotionQueue:
             self._come_to_rest(cycle, fault_text)
 
     def _look_at_targets(self, queued: QueuedMotion, cycle: Cycle) -> None:
-        """Say so when the device has come to rest after following targets."""
+        """Report the end of tracking when the device has come to rest."""
         is_following = cycle.state in (ServoState.TRACKING, ServoState.STOPPING)
         if cycle.motion == queued.number and not is_following:
             self._targets = None
@@ -374,7 +374,7 @@ class MotionQueue:
             self._tell(EventKind.MOTION_STOPPED, queued, text)
 
     def _come_to_rest(self, cycle: Cycle, fault_text: str) -> None:
-        """Note how the motion ended that has come to rest, and those that were to follow it."""
+        """Note how the motion that has come to rest ended, and the queued ones behind it."""
         self.is_paused = False
         ended, *following = self.clear()
         is_fault = cycle.state is ServoState.FAULT

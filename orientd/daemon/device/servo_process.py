@@ -83,7 +83,7 @@ class ServoProcess:
     """The servo process of one device, and what is wrong with it.
 
     Attributes:
-        fault: why the device is in a fault, as far as the servo has said so.
+        fault: why the device is in a fault, if the servo has reported it.
         fault_text: in words.
         failure: why there is no servo; empty while there is one.
         scheduling: what scheduling the process has got.
@@ -347,7 +347,7 @@ class ServoProcess:
         self.ask(Command.TUNE)
 
     def brake(self) -> None:
-        """Have the servo stop on its path as soon as it hears of it; waits for no answer."""
+        """Tell the servo to stop on its path; do not wait for an answer."""
         with contextlib.suppress(DaemonError):
             memory = self.running()
             values = (0, 0, UNKNOWN, UNKNOWN, 0, 0.0)
@@ -363,7 +363,7 @@ class ServoProcess:
             now, slow = time.monotonic(), self._slow
             if slow is not None and command not in _STOPPING:
                 taken = f"{slow.command.name.lower()} is under way, for {now - slow.begun:.1f} s"
-                raise StateError(f"{taken} so far: the device takes its time")
+                raise StateError(f"{taken} so far: the device has not answered yet")
             index = memory.commands.head
             self._awaited.add(index)
             if command is Command.RESET:

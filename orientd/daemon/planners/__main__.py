@@ -1,4 +1,4 @@
-"""``python -m orientd.daemon.planners SOCKET``: what the daemon's planners are forked from."""
+"""Run the process that forks planners: ``python -m orientd.daemon.planners SOCKET``."""
 
 import sys
 

@@ -37,7 +37,7 @@ _ENVIRONMENT = {
 
 
 class ForkServer:
-    """The process that planners are forked from.
+    """Manage the process that forks planners.
 
     Attributes:
         methods: the families of curves, as a serialised ``ListMethodsResponse``.
@@ -88,7 +88,7 @@ class ForkServer:
                 handle = os.pidfd_open(pid)
             except (asyncio.IncompleteReadError, OSError) as error:
                 ours.close()
-                raise DaemonError("what planners are forked from has ended") from error
+                raise DaemonError("the process that forks planners has ended") from error
         try:
             os.setpriority(os.PRIO_PROCESS, pid, nice)
         except OSError:

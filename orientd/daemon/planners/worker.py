@@ -143,7 +143,7 @@ def _planner(device: PlannerDevice) -> DevicePlanner:
 
 
 def main(channel: int) -> None:
-    """Be what planners are forked from, until the daemon says no more.
+    """Fork planners until the daemon closes the channel.
 
     Args:
         channel: descriptor of a stream socket to the daemon.  The first message is the list of

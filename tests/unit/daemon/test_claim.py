@@ -63,7 +63,7 @@ def test_a_socket_that_somebody_else_listens_at_is_left_alone(path):
     with socket.socket(socket.AF_UNIX) as server:
         server.bind(str(path))
         server.listen()
-        with pytest.raises(DaemonError, match="no orientd listens"), claimed(path):
+        with pytest.raises(DaemonError, match="another program listens there"), claimed(path):
             pass
         assert path.exists()
 

@@ -189,7 +189,7 @@ def test_several_devices_are_had_all_or_none_in_a_fixed_order(pair):
 
 def test_a_lease_of_another_device_is_said_to_be_one(pair):
     ana = pair.acquire("ana", devices=["arm"])
-    with pytest.raises(LeaseError, match="the lease is of arm, not of leg: acquire that too"):
+    with pytest.raises(LeaseError, match="the lease covers arm, not leg: acquire that too"):
         pair.check(ana.token, "leg")
 
 
@@ -197,7 +197,7 @@ def test_who_holds_something_else_is_not_named(clock):
     leases = leases_of(["arm", "leg", "cam"], clock)
     ana = leases.acquire("ana", devices=["arm"])
     leases.acquire("ben", devices=["cam"])
-    with pytest.raises(LeaseError, match="the lease is of arm, not of leg"):
+    with pytest.raises(LeaseError, match="the lease covers arm, not leg"):
         leases.check(ana.token, "leg")
 
 

@@ -98,7 +98,7 @@ def test_an_expiry_alone_ends_what_was_let_go_by_hand(leases, devices, clock, ca
     clock.advance(5 * SECOND)
     leases.expire()
     assert [device.ends for device in devices.values()] == [1, 0]
-    assert caplog.messages[-1] == "lease: arm was let go and does not hold again: it is jammed"
+    assert caplog.messages[-1] == "lease: cannot end hand guiding of arm: it is jammed"
 
 
 def test_a_release_stops_what_was_under_the_lease(leases, runs, lease, caplog):
