@@ -123,7 +123,7 @@ def table(results: list[dict]) -> str:
         kept = result["rounds"] - len(result["broken"])
         met = ", ".join(f"{what} ({count})" for what, count in sorted(result["met"].items()))
         name, seconds = result["slowest"]
-        slowest = f"; slowest answer {seconds:.2f} s (`{name}`)" if name else ""
+        slowest = f". Slowest answer {seconds:.2f} s (`{name}`)" if name else ""
         held = f"{result['claims']}: {kept} of {result['rounds']}{slowest}"
         if met:
             held += f". Observed: {met}"
