@@ -114,7 +114,7 @@ class Devices:
         self._flight.hear(event)
 
     def _disown(self, lease: Lease, devices: Collection[str], what: str) -> None:
-        """Stop what was started under a lease that is lost.
+        """Stop the motions of a lost lease.
 
         If the lease has expired, a device released for hand guiding holds again.
         """
@@ -141,7 +141,7 @@ class Devices:
     def wait_ready(
         self, timeout: float, *, is_cancelled: Callable[[], bool] = lambda: False
     ) -> list[str]:
-        """Wait until every device is ready or has failed; return what is wrong, if anything.
+        """Wait until every device is ready or has failed; return the problems, if any.
 
         Args:
             timeout: longest wait, s.

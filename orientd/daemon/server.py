@@ -70,9 +70,9 @@ def run(
     on_ready: Callable[[control_pb2.DaemonReport, list[str]], None],
     needs_devices: bool = False,
 ) -> None:
-    """Be the daemon until SIGTERM or SIGINT.
+    """Run the daemon until SIGTERM or SIGINT.
 
-    A device that is not ready when the daemon is, is started again every now and then.
+    If a device is not ready when the daemon is, the daemon restarts it at intervals.
 
     Args:
         settings: devices and lease.

@@ -57,7 +57,7 @@ class Watchdog:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Begin, where systemd has a watchdog."""
+        """Begin, if systemd has a watchdog."""
         seconds = watchdog_seconds()
         if seconds is not None:
             self._thread = threading.Thread(

@@ -47,7 +47,7 @@ _MOST_TEXT = 200
 """Characters of one text of a request that are recorded."""
 
 CountCall = Callable[[str, str, float], object]
-"""Told the name of a call that has ended, its code, and how long it took in s."""
+"""Is called after each call with its name, its code and its duration, s."""
 
 
 @dataclass(frozen=True)
@@ -232,7 +232,7 @@ class Authorization:
 
 @dataclass(eq=False)
 class _Call:
-    """One call under way: what was *asked*, and the *result*, as far as they are recorded."""
+    """One running call: the recorded parts of its request (*asked*) and of its *result*."""
 
     number: int
     method: Method
@@ -259,7 +259,7 @@ class _Call:
 
 
 def describe(request: Message) -> dict[str, Any]:
-    """Return the numbers and texts of *request*, but what is secret.
+    """Return the numbers and texts of *request*, without secrets.
 
     >>> from orientd.protocol import control_pb2 as pb
     >>> describe(pb.SetSpeedRequest(lease_token="abc", device="arm", speed=0.5))

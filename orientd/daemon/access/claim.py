@@ -73,7 +73,7 @@ def _lock(lock_path: Path, path: Path) -> int:
 
 
 def is_same_file(descriptor: int, path: Path) -> bool:
-    """Whether what is open is what is at *path* now."""
+    """Whether the open file is the one at *path* now."""
     try:
         there = path.stat()
     except FileNotFoundError:

@@ -66,7 +66,7 @@ class Connection(H2Protocol):
     """Serve the calls of one caller, each in a task of its own.
 
     Attributes:
-        caller: who is at the other end, once that is known.
+        caller: the client, once it is identified.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Connection(H2Protocol):
         """Serve nothing until the connection is made.
 
         Args:
-            meet: says who is at the other end, once the connection is made.
+            meet: identifies the client, once the connection is made.
             find_route: says how to serve each call.
             message_bytes: of the largest message.
             ended: called once, when the connection is over.

@@ -106,8 +106,8 @@ class Caller:
     """A client that was let in.
 
     Attributes:
-        credentials: what it proved.
-        origin: where it came from, for people.
+        credentials: its peer credentials or certificate.
+        origin: its process or address, for people.
         identity: who that makes it at present.
         key: names it among all callers, for taking turns.
     """

@@ -152,7 +152,7 @@ class Listener:
         cuts off every client with a certificate; those that it does not name may come again.
 
         Raises:
-            ConfigError: the settings name what is not there; then nothing has changed.
+            ConfigError: the settings name a missing user, group or file; nothing has changed.
         """
         present = None if self._tcp is None else tcp or self._tcp
         tables, before = _Tables.read(access, present), self._tables
@@ -334,7 +334,7 @@ def _keep_alive(peer: socket.socket) -> None:
 
 
 def _origin(peer: socket.socket) -> str:
-    """Return where the other end of a socket is, for people."""
+    """Return the address of the other end of a socket, for people."""
     if peer.family == socket.AF_UNIX:
         with contextlib.suppress(OSError):
             return f"unix, process {peer_process(peer).pid}"

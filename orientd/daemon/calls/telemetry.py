@@ -212,7 +212,7 @@ class Telemetry:
 
 
 class _Followed:
-    """One device, and what was counted of it last."""
+    """One device and its newest counts."""
 
     def __init__(self, device: Device) -> None:
         self.device = device

@@ -37,7 +37,7 @@ class CycleMemory:
         self._next = 0
 
     def take(self, ring: RecordRing, *, is_last: bool = False) -> None:
-        """Copy what is new in *ring*; to be called by one thread, a few times a second.
+        """Copy the new cycles of *ring*; call this from one thread, a few times a second.
 
         Args:
             ring: of cycles.

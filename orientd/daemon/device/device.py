@@ -1,4 +1,4 @@
-"""One device of the daemon: what it can be asked to do, what runs on it, and how it is.
+"""Control one device of the daemon: its commands, its motions, and its state.
 
 A thread of its own beats the heart, feeds the path ring, hears the servo and reports events.
 Another one measures what runs, which may take its time.
@@ -272,7 +272,7 @@ class Device:
         Raises:
             LeaseError: the lease is lost.
             LateError: the device has passed the point at which it was to begin.
-            StateError: the device was stopped, or is not holding where the motion begins at rest.
+            StateError: the device was stopped, or does not hold at the start of the motion.
         """
         with self._lock:
             lease = self._check_wanted(queued)
@@ -334,7 +334,7 @@ class Device:
             RequestError: a limit is above the device's.
             LeaseError: *token* is not that of a lease of the device.
             StateError: the device is neither holding nor moving, or cannot follow targets.
-            PlanError: the device does not say what has to be known of it to judge targets.
+            PlanError: the device does not report the data needed to check targets.
         """
         servo_limits = servo_limits_of(self.limits.narrowed(limits), brake_rate=1.0)
         with self.expecting() as queued:

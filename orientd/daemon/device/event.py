@@ -33,7 +33,7 @@ class DeviceEvent:
 
     Attributes:
         device: its name.
-        kind: what happened.
+        kind: of the event.
         text: in words.
         time_ns: when the daemon saw it, monotonic clock.
         queued: the motion that it happened to; ``None`` if it happened to none.

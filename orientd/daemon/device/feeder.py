@@ -24,7 +24,7 @@ class Feeder:
     """One motion on its way into the path ring.
 
     Attributes:
-        motion: what is fed.
+        motion: the motion to feed.
         first_index: the ring's index of the motion's first record.
     """
 

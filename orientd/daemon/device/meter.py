@@ -1,4 +1,4 @@
-"""Measure a motion from the cycles the servo has published: what was sent, not what was planned.
+"""Measure a motion from the servo's cycles: the setpoints sent, not the planned ones.
 
 The statistics need constant memory: a histogram of lateness with bins 1 % wide, and running peaks.
 Nothing here waits for the device or delays it.  Cycles stay in their ring for seconds, and each
@@ -45,7 +45,7 @@ class Histogram:
         self.largest_ns = 0
 
     def add(self, duration_ns: int) -> None:
-        """Count a duration; what is not positive counts as 1 ns."""
+        """Count a duration; zero and negative ones count as 1 ns."""
         self._counts[int(log(max(duration_ns, 1)) / _BIN)] += 1
         self.largest_ns = max(self.largest_ns, duration_ns)
 
@@ -76,7 +76,7 @@ class LedSetpoints:
         self._q: list[Quaternion] = []
 
     def gap(self, cycle: Cycle) -> float:
-        """Return the angle between the feedback of the next cycle and what was to be, rad."""
+        """Return the angle between the feedback of the next cycle and its setpoint, rad."""
         times_ns, q = self._times_ns, self._q
         if not times_ns:
             times_ns.append(cycle.deadline_ns - 1)
@@ -253,7 +253,7 @@ class MotionMeter:
             self._peaks = [max(pair) for pair in zip(self._peaks, found, strict=True)]
 
     def _compare(self, cycle: Cycle) -> None:
-        """Compare what was sent with the plan."""
+        """Compare the setpoints sent with the plan."""
         facts, record = self._facts, cycle.path_index - self._first
         planned = self._planned(record, cycle.path_fraction)
         if planned is not None:

@@ -340,7 +340,7 @@ class MotionQueue:
         return out
 
     def tend(self) -> None:
-        """Feed what runs, and note what has ended; to be called every few cycles.
+        """Feed the running motions, and note ended ones; call this every few cycles.
 
         Raises:
             DaemonError: the servo does not answer.

@@ -80,7 +80,7 @@ class QueuedMotion:
     """One motion of one device.
 
     Attributes:
-        planned: what is run; ``None`` before it is planned, and if the device follows targets.
+        planned: its plan; ``None`` before there is one, and if the device follows targets.
         options: how it is to begin and to end.
         token: the lease that it was asked for with.
         number: of the motion, 1 for the first of the device; 0 before it begins.

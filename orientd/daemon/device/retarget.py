@@ -1,4 +1,4 @@
-"""The way from a request to a motion that runs: from where it is planned, and when again.
+"""Turn a request into a running motion: choose its start record, and plan again if it is late.
 
 A new motion on a moving device leaves the running one at a record a little ahead of the servo.  How
 far ahead is the replanning horizon.  By the time it is planned, the servo may have passed that
@@ -43,13 +43,13 @@ from orientd.stream import JOINTS, MOVING, PATH_FLOATS, UNKNOWN, Command, ServoS
 _log = logging.getLogger(__name__)
 
 START_TOLERANCE = 1e-6
-"""How far from where the device is commanded to be a kept plan may begin, rad and m."""
+"""Largest distance of a kept plan's start from the commanded pose of the device, rad and m."""
 
 _SAME_BRANCH = 0.5
 """How far axis angles as measured may be from those planned to be on the same branch, rad."""
 
 ATTEMPTS = 6
-"""How often a motion is planned because the device has passed where it was to begin."""
+"""Most plans of a motion if the device keeps passing the record where it should begin."""
 
 LONGEST_STOP = 30.0
 """How long a stop on the path may take, s."""

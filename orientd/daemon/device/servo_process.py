@@ -80,7 +80,7 @@ class _SlowCommand(NamedTuple):
 
 
 class ServoProcess:
-    """The servo process of one device, and what is wrong with it.
+    """Manage the servo process of one device, and its faults.
 
     Attributes:
         fault: why the device is in a fault, if the servo has reported it.
@@ -107,7 +107,7 @@ class ServoProcess:
             read_ahead: path records that are kept ahead of the servo, a power of two.
             tell: called when the servo is ready, in a fault, or has ended.
             explaining: the driver, if it knows what ends the process.
-            stops: where the servo listens for stops that the daemon has no part in.
+            stops: folder of the socket at which the servo listens for stops.
 
         Raises:
             ConfigError: the driver is not installed, or its interpreter cannot be used.
@@ -589,7 +589,7 @@ class ServoProcess:
             return  # it has ended meanwhile
         newest = self.newest()
         if problem and (newest is None or newest.state is not ServoState.FAULT):
-            # A servo that is in a fault says by itself what is wrong.
+            # A servo in a fault reports the reason itself.
             self.fault, self.fault_text = Fault.DEVICE_FAULT, problem
             self._tell(EventKind.FAULT, problem)
         self._tell(EventKind.READY, self.scheduling)

@@ -179,7 +179,7 @@ def main(channel: int) -> None:
 
 
 def serve(peer: socket.socket, worker: Worker) -> None:
-    """Be a planner until the daemon says no more."""
+    """Serve as a planner until the daemon closes the channel."""
     descriptors: list[int] = []
     task: Task | None
     while (task := _received(peer, descriptors)) is not None:
