@@ -132,7 +132,7 @@ def test_a_stop_ends_the_playing(process, robot, before):
     play = robot.play()
     play.chunk(about_z(0.02 * np.arange(60)), rate=RATE)
     threading.Timer(0.3, robot.stop).start()
-    with pytest.raises(OrientdError, match="no more"):
+    with pytest.raises(OrientdError, match="no longer"):
         play.wait(10.0)
     play.close()
     process.assert_limits_kept(before)
