@@ -19,7 +19,7 @@ demo: $(VENV)/.user
 # summary counts it as flaky.  Longer tests have the markers of `make soak`, `chaos`, `storm` and `bench`.
 CALCULATES = tests/unit tests/emulated tests/docs orientd drivers sim
 RUNS = tests/system tests/drivers tests/chaos tests/storm tests/bench
-AT_ONCE ?= 4
+AT_ONCE ?= 3
 
 # Repeats the failed tests.  Files that cannot be collected are not repeated.
 AGAIN = --last-failed --last-failed-no-failures none -rfE
