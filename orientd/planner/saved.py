@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import struct
+import sys
 import zipfile
 from pathlib import Path
 from tokenize import TokenError
@@ -54,7 +55,9 @@ def load_motion(path: str | Path) -> Motion:
             raise ValueError("compressed, which could hold more than there is memory for")
         with np.load(path, allow_pickle=False) as archive:
             arrays = dict(archive)
-        header = json.loads(str(arrays["header"]))
+        # NumPy makes a str even of characters that do not exist, on which others crash.
+        characters = "utf-32-le" if sys.byteorder == "little" else "utf-32-be"
+        header = json.loads(arrays["header"].tobytes().decode(characters).rstrip("\0"))
         if header["format"] != FORMAT:
             raise ValueError(f"format {header['format']!r}")
         version = header["version"]

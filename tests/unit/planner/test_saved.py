@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import zipfile
 from dataclasses import replace
 
 import numpy as np
@@ -155,6 +156,21 @@ def test_a_damaged_file_says_so(tmp_path):
     (tmp_path / "half.npz").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(OrientdError, match="is not a motion"):
         orientd.load_motion(tmp_path / "half.npz")
+
+
+def test_a_header_of_characters_that_do_not_exist_says_so(tmp_path):
+    MOTIONS["plain"].save(tmp_path / "a.npz")
+    key = "free_roll".encode("utf-32-le")
+    wrong = key[:4] + b"\0\0\x11\0" + key[8:]  # U+110000 is none
+    with (
+        zipfile.ZipFile(tmp_path / "a.npz") as good,
+        zipfile.ZipFile(tmp_path / "b.npz", "w") as bad,
+    ):
+        assert key in good.read("header.npy")
+        for name in good.namelist():
+            bad.writestr(name, good.read(name).replace(key, wrong))
+    with pytest.raises(OrientdError, match="not a motion saved by orientd: 'utf-32"):
+        orientd.load_motion(tmp_path / "b.npz")
 
 
 def test_a_file_holds_nothing_that_runs(tmp_path):
