@@ -205,16 +205,15 @@ class TargetFollower:
             ring.words[LEFT_OUT_WORD] = self._left_out
 
     def _take_chunks(self, now_ns: int) -> None:
-        """Take the chunks that have arrived; one whose poses are far ahead waits for its time."""
+        """Take one arrived chunk a cycle; one whose poses are far ahead waits for its time."""
         ring = self._chunks
-        while self._next_chunk < ring.head:
+        if self._next_chunk < ring.head:
             self._next_chunk = ring.oldest(self._next_chunk)
             fields = ring.read(self._next_chunk)
             if fields is None:
                 return  # still being written, or just overwritten
             self._next_chunk += 1
             self._waiting = read_chunk(fields) or self._waiting
-            self._take_chunk(now_ns)
         self._take_chunk(now_ns)
 
     def _take_chunk(self, now_ns: int) -> None:
