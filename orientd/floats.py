@@ -71,6 +71,11 @@ def difference(p: Quaternion, q: Quaternion) -> Vector3:
     return (s * x, s * y, s * z)
 
 
+def rotate(q: Quaternion, v: Vector3) -> Vector3:
+    """Return the vector *v* in the frame of *q* in the world: ``R(q) v``."""
+    return rotate_back(conjugate(q), v)
+
+
 def rotate_back(q: Quaternion, v: Vector3) -> Vector3:
     """Return the world vector *v* in the frame of *q*: ``R(q)^T v``."""
     w, x, y, z = q

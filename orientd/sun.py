@@ -1,0 +1,61 @@
+"""The direction of the sun at a place and a time."""
+
+from __future__ import annotations
+
+from math import asin, atan2, cos, radians, sin
+from typing import NamedTuple
+
+from orientd.driver import Vector3
+
+NORTH = 90.0
+"""Azimuth of true north if nothing else is given, degrees: x points east, y north, z up."""
+
+_EPOCH = 946_728_000
+"""Unix time of 2000-01-01 12:00 UTC, s."""
+
+
+class Sun(NamedTuple):
+    """The sun as seen from a place on the earth.
+
+    Attributes:
+        latitude: degrees, north positive.
+        longitude: degrees, east positive.
+        north: azimuth of true north in the device's world, degrees.
+    """
+
+    latitude: float
+    longitude: float
+    north: float = NORTH
+
+    def direction(self, unix_ns: int) -> Vector3:
+        """Return the unit vector towards the sun's centre in the device's world, whose z is up.
+
+        The apparent direction without refraction and parallax, within 0.02 degrees from 1950 to
+        2050.  Refraction lifts the sun by up to 0.6 degrees at the horizon.  The radius of its
+        disc is 0.27 degrees.
+
+        Args:
+            unix_ns: time, ns since 1970-01-01 UTC.
+
+        Source: Astronomical Almanac, section C, low precision formulas for the sun's coordinates
+        and for Greenwich mean sidereal time (0.01 degrees).
+        """
+        days = (unix_ns * 1e-9 - _EPOCH) / 86_400.0
+        anomaly = radians(357.528 + 0.985_600_3 * days)
+        longitude = radians(
+            280.460 + 0.985_647_4 * days + 1.915 * sin(anomaly) + 0.020 * sin(2.0 * anomaly)
+        )
+        obliquity = radians(23.439 - 0.000_000_4 * days)
+        ascension = atan2(cos(obliquity) * sin(longitude), cos(longitude))
+        declination = asin(sin(obliquity) * sin(longitude))
+        sidereal = radians(280.460_618_37 + 360.985_647_366_29 * days + self.longitude)
+        hour, latitude = sidereal - ascension, radians(self.latitude)
+        east = -cos(declination) * sin(hour)
+        north = sin(declination) * cos(latitude) - cos(declination) * cos(hour) * sin(latitude)
+        up = sin(declination) * sin(latitude) + cos(declination) * cos(hour) * cos(latitude)
+        turn = radians(self.north)
+        return (
+            north * cos(turn) + east * sin(turn),
+            north * sin(turn) - east * cos(turn),
+            up,
+        )
