@@ -36,7 +36,12 @@ class Rig(DaemonProcess):
     """A daemon with loopback devices that record their setpoints; its lease is free."""
 
     def __init__(
-        self, folder: Path, *, devices: Sequence[str] = DEVICES, planner: str = ""
+        self,
+        folder: Path,
+        *,
+        devices: Sequence[str] = DEVICES,
+        planner: str = "",
+        patience: float | None = None,
     ) -> None:
         """Prepare a daemon in *folder*.
 
@@ -44,6 +49,7 @@ class Rig(DaemonProcess):
             folder: for its files.
             devices: their names.
             planner: of the configuration's table ``[planner]``; nothing for none.
+            patience: stall timeout of the devices, s; ``None`` for the default.
         """
         super().__init__(folder)
         self.recordings = {name: folder / f"sent-{name}" for name in devices}
@@ -52,6 +58,8 @@ class Rig(DaemonProcess):
             tables.append(f"[planner]\n{planner}\n")
         for name, path in self.recordings.items():
             tables.append(f'[devices.{name}]\ndriver = "loopback"\nrate_hz = {RATE_HZ!r}\n')
+            if patience is not None:
+                tables.append(f"stall_timeout = {patience!r}\n")
             tables.append(f'[devices.{name}.options]\nrecord = "{path}"\n')
         self.config.write_text("".join(tables))
 
