@@ -50,6 +50,7 @@ class RequestFields(TypedDict, total=False):
     frame: str
     frames: Mapping[str, Any]
     rate: ArrayLike
+    keep_out: Sequence[Mapping[str, Any]]
     notes: Sequence[str]
 
 

@@ -11,9 +11,10 @@ from pydantic_core import PydanticCustomError
 
 from orientd.config.table import Name, Positive, Table, checked
 from orientd.errors import RequestError
-from orientd.model import AngularRate, LinearRate
+from orientd.model import AngularRate, LinearRate, read_cones
 
 if TYPE_CHECKING:
+    from orientd.keep_out import KeepOut
     from orientd.planner import DevicePlanner, Frame, Limits
 
 NANOSECONDS = 1_000_000_000
@@ -108,6 +109,9 @@ class DeviceSettings(Table):
         latency: delay of the device behind its setpoints, as `orientd doctor` measures it, s.
         limits: limits of every motion of this device.
         frames: frames that motions may name, each with ``base`` and ``tool`` as in a motion file.
+        keep_out: cones in the device's world that an axis of the tool stays out of, each with a
+            ``name``, a direction (``direction``, ``azimuth_elevation`` or ``sun``), a
+            ``half_angle_deg`` and perhaps a ``margin_deg`` and an ``axis``; at most 8.
         options: the driver's own table.
     """
 
@@ -134,6 +138,7 @@ class DeviceSettings(Table):
     latency: Annotated[float, checked(_SECONDS, _seconds)] | None = None
     limits: LimitSettings = LimitSettings()
     frames: dict[str, Any] = Field(default_factory=dict)
+    keep_out: list[dict[str, Any]] = Field(default_factory=list)
     options: dict[str, Any] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -149,6 +154,10 @@ class DeviceSettings(Table):
             self.to_frames()
         except RequestError as error:
             raise RequestError(f"frames.{error.field}", error.problem) from error
+        try:
+            self.to_keep_out()
+        except RequestError as error:
+            raise RequestError(f"keep_out{error.field}", error.problem) from error
         return self
 
     def to_frames(self) -> Mapping[str, Frame]:
@@ -162,6 +171,14 @@ class DeviceSettings(Table):
         from orientd.model import named_frames, read_frames
 
         return named_frames(read_frames(self.frames))
+
+    def to_keep_out(self) -> tuple[KeepOut, ...]:
+        """Return the keep-out cones.
+
+        Raises:
+            RequestError: one is not well formed, or two have one name.
+        """
+        return read_cones(self.keep_out) if self.keep_out else ()
 
     def planner(self) -> DevicePlanner:
         """Return what plans for this device, without a daemon.

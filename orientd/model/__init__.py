@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
+    from orientd.model.cones import read_cones, written_cone
     from orientd.model.fields import AngularRate, LinearRate
     from orientd.model.limits import (
         ACCELERATION_RESERVE,
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 __getattr__ = lazily(
     __name__,
     {
+        "orientd.model.cones": ("read_cones", "written_cone"),
         "orientd.model.fields": ("AngularRate", "LinearRate"),
         "orientd.model.limits": (
             "ACCELERATION_RESERVE",

@@ -9,6 +9,8 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from orientd.errors import RequestError
+from orientd.keep_out import KeepOut
+from orientd.model.cones import written_cone
 from orientd.model.limits import UNITS, Limits
 from orientd.model.plain import shown, to_plain
 from orientd.model.refusal import refused
@@ -84,6 +86,8 @@ def _plain(value: object) -> Any:  # noqa: ANN401 - any field
     if isinstance(value, Limits):
         rates = {name: value.rate(name) for name in UNITS}
         return to_plain({name: rate for name, rate in rates.items() if rate != math.inf})
+    if isinstance(value, KeepOut):
+        return written_cone(value)
     if isinstance(value, Mapping):
         return {key: _plain(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):

@@ -22,6 +22,7 @@ from pydantic import AfterValidator, Field
 from pydantic.dataclasses import dataclass
 
 from orientd.errors import RequestError
+from orientd.model.cones import Cones
 from orientd.model.fields import (
     CONFIG,
     AskedLimits,
@@ -278,6 +279,8 @@ class MotionRequest:
             replaces one of the same name.
         rate: angular velocity of an endless turn from the device's current orientation, rad/s, in
             the frame of the velocities.  The turn starts and ends at rest and lasts the duration.
+        keep_out: cones in the device's world that an axis of the tool stays out of during this
+            motion, in addition to those of the device; at most 8.
         notes: notes on how the request was read, which the certificate repeats; for example that a
             quaternion was scaled to norm one.  At most 20 lines of 300 printable characters.
 
@@ -301,6 +304,7 @@ class MotionRequest:
     frame: Text = ""
     frames: Frames = field(default_factory=dict)
     rate: Vector3 | None = None
+    keep_out: Cones = ()
     notes: Notes = ()
 
     def __post_init__(self) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from orientd.model import fields
+from orientd.model import cones, fields
 from orientd.model.orientation import FORMS
 from orientd.model.request import Frame, Keyframe, MotionRequest, Pose
 
@@ -17,6 +17,7 @@ _NAMES = {
     "EulerAngles": "Euler",
     "Rates": "Limits",
     "PointFromPlace": "LookAt",
+    "Cone": "KeepOut",
 }
 
 
@@ -32,7 +33,15 @@ def motion_schema() -> dict[str, Any]:
     """Return the JSON Schema of a motion file."""
     made = TypeAdapter(MotionRequest).json_schema()
     tables: dict[str, Any] = {"MotionRequest": made, **made["$defs"]}
-    for kind in (MotionRequest, Keyframe, Frame, Pose, *vars(fields).values()):
+    for kind in (
+        MotionRequest,
+        Keyframe,
+        Frame,
+        Pose,
+        *vars(fields).values(),
+        cones.Cone,
+        cones.Place,
+    ):
         table = tables.get(getattr(kind, "__name__", ""), {})
         for name, said in attribute_lines(kind).items() if table else ():
             key = "quaternion" if name == "q" else name

@@ -273,8 +273,36 @@ class LookAt(_message.Message):
     place: Vector3
     def __init__(self, point: _Optional[_Union[Vector3, _Mapping]] = ..., place: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
 
+class Sun(_message.Message):
+    __slots__ = ("latitude", "longitude", "north")
+    LATITUDE_FIELD_NUMBER: _ClassVar[int]
+    LONGITUDE_FIELD_NUMBER: _ClassVar[int]
+    NORTH_FIELD_NUMBER: _ClassVar[int]
+    latitude: float
+    longitude: float
+    north: float
+    def __init__(self, latitude: _Optional[float] = ..., longitude: _Optional[float] = ..., north: _Optional[float] = ...) -> None: ...
+
+class KeepOut(_message.Message):
+    __slots__ = ("name", "direction", "azimuth_elevation", "sun", "half_angle_deg", "margin_deg", "axis")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    DIRECTION_FIELD_NUMBER: _ClassVar[int]
+    AZIMUTH_ELEVATION_FIELD_NUMBER: _ClassVar[int]
+    SUN_FIELD_NUMBER: _ClassVar[int]
+    HALF_ANGLE_DEG_FIELD_NUMBER: _ClassVar[int]
+    MARGIN_DEG_FIELD_NUMBER: _ClassVar[int]
+    AXIS_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    direction: Vector3
+    azimuth_elevation: AzimuthElevation
+    sun: Sun
+    half_angle_deg: float
+    margin_deg: float
+    axis: Vector3
+    def __init__(self, name: _Optional[str] = ..., direction: _Optional[_Union[Vector3, _Mapping]] = ..., azimuth_elevation: _Optional[_Union[AzimuthElevation, _Mapping]] = ..., sun: _Optional[_Union[Sun, _Mapping]] = ..., half_angle_deg: _Optional[float] = ..., margin_deg: _Optional[float] = ..., axis: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
+
 class MotionRequest(_message.Message):
-    __slots__ = ("method", "keyframes", "velocity_frame", "start_velocity", "end_velocity", "approach", "limits", "options", "device_options", "duration", "name", "pointing_axis", "frame", "frames", "duration_seconds", "pace", "pace_share", "rate", "notes", "columns")
+    __slots__ = ("method", "keyframes", "velocity_frame", "start_velocity", "end_velocity", "approach", "limits", "options", "device_options", "duration", "name", "pointing_axis", "frame", "frames", "duration_seconds", "pace", "pace_share", "rate", "notes", "columns", "keep_out")
     class FramesEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -302,6 +330,7 @@ class MotionRequest(_message.Message):
     RATE_FIELD_NUMBER: _ClassVar[int]
     NOTES_FIELD_NUMBER: _ClassVar[int]
     COLUMNS_FIELD_NUMBER: _ClassVar[int]
+    KEEP_OUT_FIELD_NUMBER: _ClassVar[int]
     method: str
     keyframes: _containers.RepeatedCompositeFieldContainer[Keyframe]
     velocity_frame: Frame
@@ -322,7 +351,8 @@ class MotionRequest(_message.Message):
     rate: Vector3
     notes: _containers.RepeatedScalarFieldContainer[str]
     columns: KeyframeColumns
-    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ..., pointing_axis: _Optional[_Union[PointingAxis, str]] = ..., frame: _Optional[str] = ..., frames: _Optional[_Mapping[str, NamedFrame]] = ..., duration_seconds: _Optional[float] = ..., pace: _Optional[_Union[Pace, str]] = ..., pace_share: _Optional[float] = ..., rate: _Optional[_Union[Vector3, _Mapping]] = ..., notes: _Optional[_Iterable[str]] = ..., columns: _Optional[_Union[KeyframeColumns, _Mapping]] = ...) -> None: ...
+    keep_out: _containers.RepeatedCompositeFieldContainer[KeepOut]
+    def __init__(self, method: _Optional[str] = ..., keyframes: _Optional[_Iterable[_Union[Keyframe, _Mapping]]] = ..., velocity_frame: _Optional[_Union[Frame, str]] = ..., start_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., end_velocity: _Optional[_Union[Vector3, _Mapping]] = ..., approach: bool = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., device_options: _Optional[_Union[_struct_pb2.Struct, _Mapping]] = ..., duration: _Optional[_Union[Duration, str]] = ..., name: _Optional[str] = ..., pointing_axis: _Optional[_Union[PointingAxis, str]] = ..., frame: _Optional[str] = ..., frames: _Optional[_Mapping[str, NamedFrame]] = ..., duration_seconds: _Optional[float] = ..., pace: _Optional[_Union[Pace, str]] = ..., pace_share: _Optional[float] = ..., rate: _Optional[_Union[Vector3, _Mapping]] = ..., notes: _Optional[_Iterable[str]] = ..., columns: _Optional[_Union[KeyframeColumns, _Mapping]] = ..., keep_out: _Optional[_Iterable[_Union[KeepOut, _Mapping]]] = ...) -> None: ...
 
 class Peak(_message.Message):
     __slots__ = ("value", "time", "limit", "on_records")

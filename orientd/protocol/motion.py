@@ -15,7 +15,7 @@ from google.protobuf.message import Message
 from google.protobuf.struct_pb2 import Struct
 
 from orientd.errors import RequestError
-from orientd.model import Frame, Limits, MotionRequest, Pose, read_request
+from orientd.model import Frame, Limits, MotionRequest, Pose, read_request, written_cone
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.limits import asked_rates, limits_message
 from orientd.protocol.values import RATES, quaternion, vector
@@ -98,6 +98,10 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "EulerAngles": _with("axes", "degrees"),
     "AzimuthElevation": _with("azimuth", "elevation"),
     "LookAt": _with("point", "place"),
+    "Sun": lambda message: {
+        **_with("latitude", "longitude")(message),
+        **({"north": message.north} if message.HasField("north") else {}),
+    },
     "Matrix": lambda message: [
         list(message.elements[k : k + 3]) for k in range(0, len(message.elements), 3)
     ],
@@ -170,6 +174,8 @@ def _fields(request: MotionRequest) -> Iterator[tuple[str, Any]]:
             yield name, limits_message({rate: value.rate(rate) for rate in RATES})
         elif name in _FRAMED:
             yield name, vector(value)
+        elif name == "keep_out":
+            yield name, [_cone_message(written_cone(cone)) for cone in value]
         elif name == "frames":
             yield name, {key: _frame_message(frame) for key, frame in value.items()}
         elif isinstance(value, Mapping):
@@ -182,6 +188,12 @@ def _fields(request: MotionRequest) -> Iterator[tuple[str, Any]]:
 
 def _frame_message(frame: Frame) -> pb.NamedFrame:
     return pb.NamedFrame(base=_pose_message(frame.base), tool=_pose_message(frame.tool))
+
+
+def _cone_message(table: dict[str, Any]) -> pb.KeepOut:
+    for name in table.keys() & {"direction", "axis"}:
+        table[name] = vector(table[name])
+    return pb.KeepOut(**table)
 
 
 def _pose_message(pose: Pose) -> pb.Pose:

@@ -14,11 +14,13 @@ from orientd import config, motion_file
 from orientd.client import motion_request
 from orientd.daemon.device import EventKind
 from orientd.errors import Fault, RequestError
+from orientd.keep_out import KeepOut
 from orientd.model import ANGULAR, FORMS, UNITS, attribute_lines
 from orientd.planner import Frame, Keyframe, Limits, MotionRequest, Pose
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import from_request, to_request
 from orientd.stream import Cycle, ServoState
+from orientd.sun import Sun
 
 ROOT = Path(__file__).parents[2] / "orientd"
 
@@ -43,6 +45,10 @@ SAMPLES = {
     "frame": "camera",
     "frames": {"camera": Frame(Pose((0.8, 0.0, 0.6, 0.0), (1.0, 2.0, 3.0)), Pose())},
     "rate": (0.1, 0.2, 0.3),
+    "keep_out": (
+        KeepOut("laser", (0.8, 0.0, 0.6), 0.3, 0.1, axis=(0.0, 1.0, 0.0)),
+        KeepOut("sun", Sun(48.1, -11.6, 0.0), 0.2),
+    ),
     "notes": ("one", "two"),
 }
 TURNED = (0.8, 0.0, 0.0, 0.6)
