@@ -25,8 +25,7 @@ from orientd.one_line import one_line
 _MODULES = {
     "demo": "demo",
     "daemon_commands": "run status devices methods",
-    "motion_commands": "plan move",
-    "turn": "home turn",
+    "motion_commands": "plan move home turn",
     "track": "track",
     "teach": "teach",
     "batch": "batch",
@@ -38,6 +37,7 @@ _MODULES = {
     "doctor": "doctor",
     "view": "view",
     "bench": "bench",
+    "serve": "serve",
     "sim": "sim",
     "service": "service",
     "access_commands": "lease audit",

@@ -7,10 +7,8 @@ and the page can stop a robot and more.  So a connection must come from a page t
 from __future__ import annotations
 
 import asyncio
-import errno
 import json
 import logging
-import socket
 import threading
 from collections.abc import Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -25,7 +23,8 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from orientd.errors import DaemonError, OrientdError
+from orientd.errors import OrientdError
+from orientd.own_socket import own_socket
 
 FRAMES_HZ = 30.0
 MOST_BYTES = 8 * 2**20
@@ -70,7 +69,7 @@ class PageServer:
             DaemonError: the port is in use, or the address is not one of this machine.
         """
         self._source, self._is_local = source, is_loopback(host)
-        self._socket = _listener(host, port)
+        self._socket = own_socket(host, port)
         self.port: int = self._socket.getsockname()[1]
         self.pages = 0
         self._page = Path(__file__).with_name("page.html").read_bytes()
@@ -188,16 +187,3 @@ def _response(status: HTTPStatus, kind: str, body: bytes) -> Response:
         "Connection": "close",
     })  # fmt: skip
     return Response(status.value, status.phrase, headers, body)
-
-
-def _listener(host: str, port: int) -> socket.socket:
-    try:
-        family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        return socket.create_server(address[:2], family=family)
-    except OSError as error:
-        if error.errno == errno.EADDRINUSE:
-            problem = f"port {port} is in use; choose another with --port"
-        else:
-            reason = error.strerror or str(error)
-            problem = f"{reason.partition(' (')[0]}; check --host and --port"
-        raise DaemonError(f"cannot serve at {host}: {problem}") from error

@@ -1,0 +1,21 @@
+"""Adapters: servers through which programs of other protocols command a device of a daemon."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from orientd.lazy import lazily
+
+if TYPE_CHECKING:
+    from orientd.adapters.pointing import Direction, direction, orientation
+    from orientd.adapters.rotctld import Ranges, Rotctld
+    from orientd.adapters.served import Adapter, Served
+
+__getattr__ = lazily(
+    __name__,
+    {
+        "orientd.adapters.pointing": ("Direction", "direction", "orientation"),
+        "orientd.adapters.rotctld": ("Ranges", "Rotctld"),
+        "orientd.adapters.served": ("Adapter", "Served"),
+    },
+)

@@ -1,0 +1,89 @@
+"""Azimuth and elevation of antenna and telescope programs, and the orientations of a tool.
+
+Azimuth counts clockwise from north, seen from above, and elevation up from the horizon, both in
+degrees.  The world has z up.  The x axis of the tool points, and its y axis stays level.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from orientd.driver import Quaternion
+
+_LEVEL = 0.02
+"""Largest rise of the tool's y axis at which it gives the azimuth, sine of the angle."""
+
+
+@dataclass(frozen=True, slots=True)
+class Direction:
+    """A direction as programs name it.
+
+    Attributes:
+        azimuth: degrees clockwise from north, of any number of turns.
+        elevation: degrees above the horizon; above 90 the tool has tipped over.
+    """
+
+    azimuth: float
+    elevation: float
+
+    def in_turn_of(self, other: Direction) -> Direction:
+        """Return this direction in the form that is closest to *other*: turn, and tipped or not.
+
+        >>> Direction(2.0, 10.0).in_turn_of(Direction(358.0, 10.0))
+        Direction(azimuth=362.0, elevation=10.0)
+        >>> Direction(180.0, 85.0).in_turn_of(Direction(0.0, 97.0))
+        Direction(azimuth=0.0, elevation=95.0)
+        """
+        forms = [self, Direction(self.azimuth + 180.0, 180.0 - self.elevation)]
+        turned = [
+            Direction(
+                other.azimuth + math.remainder(form.azimuth - other.azimuth, 360.0),
+                math.remainder(form.elevation, 360.0),
+            )
+            for form in forms
+        ]
+        return min(
+            turned,
+            key=lambda form: math.hypot(
+                form.azimuth - other.azimuth, form.elevation - other.elevation
+            ),
+        )
+
+
+def orientation(direction: Direction, north: float = 0.0) -> Quaternion:
+    """Return the orientation ``(w, x, y, z)`` of a level tool that points in a direction.
+
+    Args:
+        direction: where to.
+        north: angle of north from the world's x axis, counted towards y, degrees.
+
+    >>> orientation(Direction(0.0, 0.0))
+    (1.0, 0.0, 0.0, 0.0)
+    """
+    azimuth, elevation = math.radians(north - direction.azimuth), math.radians(direction.elevation)
+    # A turn about z, then one about the new y, by minus the elevation.
+    c, s, b, d = (f(0.5 * a) for a in (azimuth, elevation) for f in (math.cos, math.sin))
+    return (c * b, s * d + 0.0, -c * d + 0.0, s * b)
+
+
+def direction(q: Quaternion, north: float = 0.0) -> Direction:
+    """Return the direction of a tool, with an azimuth of 0 to 360 degrees.
+
+    A level tool has an azimuth at the zenith too, and an elevation above 90 if it has tipped over.
+
+    >>> zenith = direction(orientation(Direction(90.0, 90.0), 30.0), 30.0)
+    >>> round(zenith.azimuth, 9), round(zenith.elevation, 9)
+    (90.0, 90.0)
+    """
+    w, x, y, z = q
+    ahead = (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y))
+    side = (2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x))
+    level = math.hypot(ahead[0], ahead[1])
+    if abs(side[2]) < _LEVEL:
+        heading = math.atan2(-side[0], side[1])
+        level = ahead[0] * math.cos(heading) + ahead[1] * math.sin(heading)
+    else:
+        heading = math.atan2(ahead[1], ahead[0])
+    azimuth = (north - math.degrees(heading)) % 360.0
+    return Direction(azimuth, math.degrees(math.atan2(ahead[2], level)))

@@ -1,0 +1,177 @@
+r"""The text protocol of Hamlib's rotctld: lines to commands, and answers to text.
+
+Facts from Hamlib's ``tests/rotctl_parse.c`` and from sessions with its rotctld 4.5.4.  A command is
+a letter, or a backslash and a name: ``P 120 30``, ``\set_pos 120 30``.  A line may have several.  A
+punctuation mark before a command asks for the extended form of the answer: the name, then each
+value with its name, separated by that mark, or by ends of line for ``+``.
+
+Unlike rotctld, a command ends with its line at the latest, numbers must be whole words, and a bad
+command is answered and ends its line: rotctld waits for more, or answers nothing.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+OK, INVALID, TIMEOUT, IO_ERROR, REJECTED, UNAVAILABLE = 0, 1, 5, 6, 9, 11
+"""Codes of Hamlib; a negative one answers a command that failed."""
+
+LONGEST = 1024
+"""Longest line, bytes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A command of the protocol.
+
+    Attributes:
+        name: the long form.
+        arguments: number of words that follow.
+        has_values: whether values answer it rather than a code.
+    """
+
+    name: str
+    arguments: int = 0
+    has_values: bool = False
+
+
+KINDS = {
+    "P": Kind("set_pos", 2),
+    "p": Kind("get_pos", has_values=True),
+    "K": Kind("park"),
+    "S": Kind("stop"),
+    "R": Kind("reset", 1),
+    "M": Kind("move", 2),
+    "_": Kind("get_info", has_values=True),
+    "s": Kind("get_status", has_values=True),
+    "1": Kind("dump_caps", has_values=True),
+    "\x8f": Kind("dump_state", has_values=True),
+    "q": Kind("quit"),
+}
+"""The served commands, by letter."""
+
+_NAMED = {kind.name: kind for kind in KINDS.values()}
+_NOT_SERVED = frozenset("VvUuXxCwLlDdEeBAa3")
+_NAMES_NOT_SERVED = frozenset(
+    [
+        "set_level",
+        "get_level",
+        "set_func",
+        "get_func",
+        "set_parm",
+        "get_parm",
+        "set_conf",
+        "get_conf",
+        "send_cmd",
+        "dump_conf",
+        "lonlat2loc",
+        "loc2lonlat",
+        "dms2dec",
+        "dec2dms",
+        "dmmm2dec",
+        "dec2dmmm",
+        "qrb",
+        "a_sp2a_lp",
+        "d_sp2d_lp",
+        "pause",
+    ]
+)
+_WORD = re.compile(r"\\(\w*)|(.)", re.ASCII | re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A command of a line, or the error in it.
+
+    Attributes:
+        kind: of the command; ``None`` for a bad one.
+        arguments: the words that follow.
+        separator: between the parts of an extended answer; empty for a plain answer.
+        error: code of a bad command.
+    """
+
+    kind: Kind | None
+    arguments: tuple[str, ...] = ()
+    separator: str = ""
+    error: int = OK
+
+
+def commands(line: bytes) -> Iterator[Command]:
+    r"""Yield the commands of a line; a bad one is the last.
+
+    >>> [one.kind.name for one in commands(b"S;p P 10 20\n")]
+    ['stop', 'get_pos', 'set_pos']
+    >>> next(commands(b"\\set_pos 10\n")).error
+    1
+    """
+    text = line.decode("latin-1").rstrip("\r\n\0 \t")
+    place = 0
+    while True:
+        while place < len(text) and text[place].isspace():
+            place += 1
+        if place >= len(text) or text[place] == "#":
+            return
+        separator = ""
+        if text[place] == "+":
+            separator, place = "\n", place + 1
+        if place < len(text) and text[place] in "!\"$%&'()*,-./:;<=>@[]^`{|}~":
+            separator, place = text[place], place + 1
+        word = _WORD.match(text, place)
+        if word is None:
+            yield Command(None, separator=separator, error=INVALID)
+            return
+        name, letter = word.groups()
+        kind = _NAMED.get(name) if letter is None else KINDS.get(letter.replace("Q", "q"))
+        if kind is None:
+            known = name in _NAMES_NOT_SERVED or letter in _NOT_SERVED
+            yield Command(None, separator=separator, error=UNAVAILABLE if known else INVALID)
+            return
+        words = text[word.end() :].split(None, kind.arguments)
+        given = tuple(words[: kind.arguments])
+        if len(given) < kind.arguments:
+            yield Command(None, given, separator, INVALID)
+            return
+        yield Command(kind, given, separator)
+        rest = words[kind.arguments] if len(words) > kind.arguments else ""
+        place = len(text) - len(rest) if kind.arguments else word.end()
+
+
+def number(word: str) -> float:
+    """Return a number, with a point or a comma.
+
+    Raises:
+        ValueError: it is none, or not finite.
+    """
+    found = float(word.replace(",", ".", 1)) if "_" not in word else math.nan
+    if not math.isfinite(found):
+        raise ValueError(f"expected a number, got {word!r}")
+    return found
+
+
+def failed(command: Command, code: int) -> str:
+    """Return the answer to a command that failed with a positive *code*."""
+    return f"{_head(command)}RPRT -{code}\n"
+
+
+def answered(command: Command, values: Mapping[str, str] | None = None) -> str:
+    """Return the answer to a command that was carried out.
+
+    Args:
+        command: the command.
+        values: by their names; of some commands the name only shows in an extended answer.
+    """
+    if values is None:
+        return f"{_head(command)}RPRT 0\n"
+    if not command.separator:
+        return "".join(f"{value}\n" for value in values.values())
+    said = "".join(f"{name}: {value}{command.separator}" for name, value in values.items())
+    return f"{_head(command)}{said}RPRT 0\n"
+
+
+def _head(command: Command) -> str:
+    if not command.separator or command.kind is None:
+        return ""
+    return f"{' '.join((command.kind.name + ':', *command.arguments))}{command.separator}"

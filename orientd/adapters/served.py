@@ -1,0 +1,140 @@
+"""The device behind an adapter: one lease, one session of targets or one motion at a time."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Iterable
+from typing import Protocol, Self, Unpack
+
+from orientd.client import MoveHandle, RequestFields, Robot, Tracking
+from orientd.errors import OrientdError, UnknownNameError
+from orientd.protocol import control_pb2 as pb
+
+
+class Adapter(Protocol):
+    """A server for programs of one protocol.
+
+    Attributes:
+        endpoint: where it serves, for people: ``127.0.0.1:4533``.
+    """
+
+    endpoint: str
+
+    def serve(self) -> None:
+        """Serve until the process is interrupted.
+
+        Raises:
+            OrientdError: it cannot serve any longer.
+        """
+
+    def close(self) -> None:
+        """Close every socket; return when no thread of the adapter commands the device."""
+
+
+class Served:
+    """A device of a daemon for the threads of an adapter; a context manager.
+
+    The end of the context brings the device to rest.  The lease is taken with the first command.
+
+    Attributes:
+        robot: the connection to the daemon.
+        name: of the device.
+        lock: held during every command, so that one follows another.
+    """
+
+    def __init__(self, robot: Robot, device: str = "") -> None:
+        """Find the device.
+
+        Args:
+            robot: the connection to the daemon; its owner closes it.
+            device: its name; it may be empty if the daemon has only one.
+
+        Raises:
+            UnknownNameError: the daemon has no such device, or several.
+            DaemonError: no daemon answers.
+        """
+        names = list(robot.state().devices)
+        if not device and len(names) == 1:
+            device = names[0]
+        if device not in names:
+            raise UnknownNameError("device", f"expected one of {', '.join(names)}, got {device!r}")
+        self.robot, self.name = robot, device
+        self.lock = threading.RLock()
+        self._tracking: Tracking | None = None
+        self._moving: MoveHandle | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.rest()
+
+    def report(self) -> pb.DeviceReport:
+        """Return the newest state of the device; its ``cycle`` has the setpoint and the feedback.
+
+        Raises:
+            DaemonError: no daemon answers.
+        """
+        return self.robot.state().devices[self.name]
+
+    def track(self) -> Tracking:
+        """Return the session in which the device follows targets; begin one if there is none.
+
+        It replaces a running motion without a step in velocity.
+
+        Raises:
+            OrientdError: the daemon refuses it.
+        """
+        with self.lock:
+            tracking = self._tracking
+            if tracking is not None:
+                try:
+                    tracking.raise_if_ended()
+                except OrientdError:
+                    tracking = None
+            if tracking is None:
+                tracking = self.robot.track(device=self.name)
+            self._tracking, self._moving = tracking, None
+            return tracking
+
+    def move(self, keyframes: Iterable[object], **fields: Unpack[RequestFields]) -> MoveHandle:
+        """Begin a motion, in place of a running one or once the device has stopped following.
+
+        Args:
+            keyframes: see :meth:`.Robot.move`.
+            fields: of the motion.
+
+        Raises:
+            OrientdError: the daemon refuses it.
+        """
+        with self.lock:
+            self.end_tracking()
+            self._moving = self.robot.move(keyframes, device=self.name, **fields)
+            return self._moving
+
+    def end_tracking(self) -> None:
+        """Send no more targets, and wait until the device has come to rest."""
+        with self.lock:
+            tracking, self._tracking = self._tracking, None
+            if tracking is not None:
+                with contextlib.suppress(OrientdError):  # another error may have ended it before
+                    tracking.close()
+
+    def stop(self) -> None:
+        """Stop the device on its path, whoever moves it.
+
+        Raises:
+            OrientdError: the servo does not answer, or no daemon does.
+        """
+        # Without the lock: a command that plans must not delay a stop.
+        self.robot.stop(self.name)
+        self.end_tracking()
+
+    def rest(self) -> None:
+        """Bring the device to rest if this adapter moves it, and return then."""
+        self.end_tracking()
+        with self.lock, contextlib.suppress(OrientdError):
+            if self._moving is not None:
+                self._moving.cancel()
+                self._moving.wait()

@@ -1,0 +1,51 @@
+"""`orientd serve`: the promises of every adapter, tried with rotctld."""
+
+import signal
+import socket
+
+import pytest
+from command_line import assert_refused, begin, orientd
+from harness import DEVICE
+
+from orientd.client import connect
+from orientd.protocol import control_pb2 as pb
+
+
+def test_a_daemon_that_is_not_there_is_one_clear_line(tmp_path):
+    done = orientd("serve", "rotctld", "--port", 0, "--socket", tmp_path / "none.sock")
+    assert_refused(done, "none.sock")
+
+
+def test_a_device_that_is_not_there_is_one_clear_line(daemon):
+    done = orientd("serve", "rotctld", "--port", 0, "--socket", daemon.socket, "-d", "leg")
+    assert_refused(done, f"expected one of {DEVICE}, got 'leg'")
+
+
+def test_a_port_in_use_is_one_clear_line(daemon):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        done = orientd("serve", "rotctld", "--port", port, "--socket", daemon.socket)
+    assert_refused(done, f"port {port} is in use", "--port")
+
+
+def test_an_address_of_another_machine_is_one_clear_line(daemon):
+    done = orientd(
+        "serve", "rotctld", "--host", "192.0.2.1", "--port", 0, "--socket", daemon.socket
+    )
+    assert_refused(done, "cannot serve at 192.0.2.1", "--host")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_its_end_brings_the_device_to_rest_in_one_line(daemon, number):
+    server = begin("serve", "rotctld", "--port", 0, "--socket", daemon.socket)
+    line = server.stdout.readline()
+    assert line.startswith("ready at 127.0.0.1:"), (line, server.stderr.read())
+    port = int(line.split()[2].rpartition(":")[2])
+    with socket.create_connection(("127.0.0.1", port)) as client:
+        client.sendall(b"P 170 20\n")
+        assert client.recv(100) == b"RPRT 0\n"
+        server.send_signal(number)
+        rest, errors = server.communicate(timeout=30.0)
+    assert (server.returncode, rest, errors) == (0, f"{DEVICE} is at rest\n", "")
+    with connect(daemon.socket) as robot:
+        assert robot.state().devices[DEVICE].state == pb.STATE_HOLDING
