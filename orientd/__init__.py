@@ -8,6 +8,7 @@ if TYPE_CHECKING:
 
     from orientd import curves
     from orientd.client.robot import connect
+    from orientd.client.satellite_pass import satellite_pass
     from orientd.fleet.client import connect_fleet
     from orientd.planner.offline import plan_offline as plan
     from orientd.planner.saved import load_motion
@@ -25,6 +26,7 @@ __all__ = [
     "load_motion",
     "plan",
     "samples",
+    "satellite_pass",
     "word",
 ]
 
@@ -40,6 +42,7 @@ _HOMES = {
     "load_motion": "orientd.planner.saved:load_motion",
     "plan": "orientd.planner.offline:plan_offline",
     "samples": "orientd.protocol.reports:samples",
+    "satellite_pass": "orientd.client.satellite_pass:satellite_pass",
     "word": "orientd.protocol.reports:word",
 }
 
