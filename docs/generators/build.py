@@ -15,6 +15,7 @@ from generators import (
     protocol,
     python_names,
     schemas,
+    sines,
 )
 
 WHOLLY_MADE = ("reference/command-line", "reference/python")
@@ -32,6 +33,7 @@ def _write(source: Path) -> None:
         python_names,
         families,
         decisions,
+        sines,
     ):
         for name, text in module.pages(source):
             path = source / name

@@ -166,7 +166,7 @@ class RTDEInterpolationController:
 
         Raises:
             ValueError: the pose has another shape, or the duration is not positive.
-            OrientdError: the device follows no more.
+            OrientdError: the device no longer follows.
         """
         if not duration > 0.0:
             raise ValueError(f"duration must be positive, got {duration!r}")
@@ -179,7 +179,7 @@ class RTDEInterpolationController:
 
         Raises:
             ValueError: the pose has another shape, or there are too many waypoints.
-            OrientdError: the device follows no more.
+            OrientdError: the device no longer follows.
         """
         self._schedule(pose, target_time - time.time() + time.monotonic())
 

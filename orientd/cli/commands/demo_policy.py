@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -63,31 +63,44 @@ def chunks(seed: int = 1) -> Iterator[Chunk]:
         yield Chunk(observed + INFERENCE, times, rotation.log(q))
 
 
-def straight(period: float) -> plots.Played:
-    """Return the setpoints that interpolate each component of the rotation vectors."""
+def straight(given: Iterable[Chunk], period: float, seconds: float = SECONDS) -> plots.Played:
+    """Return the setpoints that interpolate each component of the rotation vectors.
+
+    Args:
+        given: the chunks, in the order of their arrival.
+        period: of the setpoints, s.
+        seconds: when the last setpoint is.
+    """
     rows: list[list[float]] = []
     present: Chunk | None = None
-    coming = list(chunks())
-    for now in np.arange(INFERENCE, SECONDS, period):
+    coming = list(given)
+    begin = coming[0].arrives
+    for now in np.arange(begin, seconds, period):
         while coming and coming[0].arrives <= now:
             present = coming.pop(0)
         if present is not None:
             rows.append([np.interp(now, present.times, column) for column in present.vectors.T])
-    return plots.Played("straight lines", INFERENCE, period, rotation.exp(rows))
+    return plots.Played("straight lines", begin, period, rotation.exp(rows))
 
 
-def slerped(period: float) -> plots.Played:
+def slerped(given: Iterable[Chunk], period: float, seconds: float = SECONDS) -> plots.Played:
     """Return the setpoints of a spherical linear interpolation between the poses.
 
     A chunk replaces all poses before it: the first piece leads from the present setpoint to its
     next pose.  So does ``PoseTrajectoryInterpolator`` of diffusion_policy and UMI
     (https://github.com/real-stanford/diffusion_policy, ``common``), here without its speed limits.
+
+    Args:
+        given: the chunks, in the order of their arrival.
+        period: of the setpoints, s.
+        seconds: when the last setpoint is.
     """
-    q = rotation.exp(FROM)
+    coming = list(given)
+    begin = coming[0].arrives
+    q = rotation.exp(coming[0].vectors[0])
     knots, poses = np.zeros(1), q[None]
     sent: list[Floats] = []
-    coming = list(chunks())
-    for now in np.arange(INFERENCE, SECONDS, period):
+    for now in np.arange(begin, seconds, period):
         while coming and coming[0].arrives <= now:
             chunk = coming.pop(0)
             live = chunk.times > now
@@ -99,7 +112,7 @@ def slerped(period: float) -> plots.Played:
         turn = rotation.log(rotation.between(poses[piece - 1], poses[piece]))
         q = rotation.multiply(poses[piece - 1], rotation.exp(share * turn))
         sent.append(q)
-    return plots.Played("piecewise slerp", INFERENCE, period, np.array(sent))
+    return plots.Played("piecewise slerp", begin, period, np.array(sent))
 
 
 def played(robot: Robot, cycles: list[Cycle], period: float) -> tuple[plots.Played, PlayTiming]:
@@ -132,7 +145,7 @@ def show(robot: Robot, cycles: list[Cycle], out: Output, path: Path | None) -> N
         f"{LOSS:.0%} of the poses lost, rotation vectors that change their sign"
     )
     smooth, timing = played(robot, cycles, period)
-    players = (straight(period), slerped(period), smooth)
+    players = (straight(chunks(), period), slerped(chunks(), period), smooth)
     limit = device.limits.acceleration
     if path is not None:
         arrivals = [chunk.arrives for chunk in chunks()]
