@@ -66,10 +66,14 @@ def emulator(tmp_path):
     it.end()
 
 
+# Without real-time priority the emulator's process may wait that long for a processor.
+PATIENCE_MS = 100.0
+
+
 def make(link, **options):
     axes = [{"id": k, "limits_deg": [-170, 170]} for k in (1, 2, 3)]
     return DynamixelDriver(
-        {"port": str(link), "axes": axes, "max_losses": 20,
+        {"port": str(link), "axes": axes, "max_losses": 20, "latency_ms": PATIENCE_MS,
          "overwrite": ["operating_mode"], **options},
         period_ns=PERIOD_NS, clock=MonotonicClock(),
     )  # fmt: skip
