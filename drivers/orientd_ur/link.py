@@ -66,7 +66,7 @@ def process_ends_after(seconds: float) -> Iterator[None]:
 
 @contextlib.contextmanager
 def alarm_after(seconds: float) -> Iterator[None]:
-    """Have the kernel end the process if the block takes longer; for calls in every cycle.
+    """Let the kernel end the process if the block takes longer; for calls in every cycle.
 
     A kernel timer costs a microsecond.  Its signal, SIGALRM, ends the process unless it is handled,
     whatever the library is doing.

@@ -62,7 +62,7 @@ def run(asked: dict[str, str], answers: Answers | None) -> bool:
 
 
 def tell(reports: list[pb.DeviceReport], out: Output) -> None:
-    """Say what each device was doing when it was told to come to rest."""
+    """Print what each device was doing when the stop arrived."""
     from orientd.cli import texts
 
     lines = [f"{report.name}: {texts.state(report)}" for report in reports]
@@ -70,7 +70,7 @@ def tell(reports: list[pb.DeviceReport], out: Output) -> None:
 
 
 def _tell_little(told: list[dict[str, Any]], *, as_json: bool) -> None:
-    """Say what was stopped if the daemon does not answer."""
+    """Print what was stopped if the daemon does not answer."""
     devices = [{**one, "state": one["state"].lower()} for one in told]
     if as_json:
         lines = [json.dumps({"devices": devices, "daemon": "does not answer"})]

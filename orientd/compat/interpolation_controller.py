@@ -175,7 +175,7 @@ class RTDEInterpolationController:
         self._schedule(pose, now + duration)
 
     def schedule_waypoint(self, pose: ArrayLike, target_time: float) -> None:
-        """Be at *pose*, shape ``(6,)``, at *target_time*; later waypoints are dropped.
+        """Schedule *pose*, shape ``(6,)``, for *target_time*; later waypoints are dropped.
 
         Raises:
             ValueError: the pose has another shape, or there are too many waypoints.

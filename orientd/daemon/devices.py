@@ -101,17 +101,17 @@ class Devices:
             self.by_name[name] = make_device(
                 device,
                 planners=self.planners,
-                on_event=self._hear,
+                on_event=self._publish,
                 leases=self.leases,
                 cycle_memory=self._flight.memory(name, device.rate_hz),
                 stops=stops,
             )
 
-    def _hear(self, event: DeviceEvent) -> None:
+    def _publish(self, event: DeviceEvent) -> None:
         self._on_event(event, self.by_name[event.device])
-        self._event_log.hear(event)
-        self.journal.hear(event)
-        self._flight.hear(event)
+        self._event_log.on_event(event)
+        self.journal.on_event(event)
+        self._flight.on_event(event)
 
     def _disown(self, lease: Lease, devices: Collection[str], what: str) -> None:
         """Stop the motions of a lost lease.

@@ -87,7 +87,7 @@ class FleetLink:
         self._tasks = [asyncio.create_task(work) for work in (self._keep(), self._publish())]
 
     def change(self, begin: dict[str, Any]) -> None:
-        """Take up what :meth:`configured` returned: another configuration needs a new gateway."""
+        """Apply what :meth:`configured` returned; another configuration needs a new gateway."""
         if begin != self._begin and self._link is not None:
             self._link.shutdown(socket.SHUT_RDWR)
         self._begin = begin

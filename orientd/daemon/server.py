@@ -100,7 +100,7 @@ def run(
 
 
 def _share_arenas() -> None:
-    """Have a score of threads share two heaps, without what is large, which they would keep."""
+    """Make the threads share two heaps, so that each does not keep large blocks of its own."""
     with contextlib.suppress(AttributeError):  # of a C library other than glibc
         for parameter, value in _MALLOC.items():
             ctypes.CDLL(None).mallopt(parameter, value)
@@ -146,7 +146,7 @@ class _Daemon:
         )
         ending.callback(self._stops.close)
         self._telemetry: Telemetry | None = None
-        self._devices = Devices(settings, stops=self._stops, on_event=self._hear)
+        self._devices = Devices(settings, stops=self._stops, on_event=self._on_event)
         self._service = Service(
             self._devices,
             keyframes=access.keyframes,
@@ -267,9 +267,9 @@ class _Daemon:
 
         return Telemetry(settings.metrics, self._devices.by_name)
 
-    def _hear(self, event: DeviceEvent, device: Device) -> None:
+    def _on_event(self, event: DeviceEvent, device: Device) -> None:
         if self._telemetry is not None:
-            self._telemetry.hear(event, device)
+            self._telemetry.on_event(event, device)
 
     def _count_call(self, method: str, code: str, seconds: float) -> None:
         if self._telemetry is not None:

@@ -66,7 +66,7 @@ class StopFolder:
         return self._policy.tables()
 
     def admit(self, policy: RolePolicy) -> None:
-        """Let other users and groups stop from now on."""
+        """Allow other users and groups to stop from now on."""
         self._policy = policy
         self._let_reach()
         news = b"admit " + json.dumps(self.admitted).encode()
@@ -81,7 +81,7 @@ class StopFolder:
         finally:
             os.close(folder)
 
-    def hear(self, device: str, stops: Sequence[Stop]) -> str:
+    def log_stops(self, device: str, stops: Sequence[Stop]) -> str:
         """Record stops that the servo of a device took; return who stopped it, in words."""
         who = ""
         for (is_quickest, pid, uid, gid), times in Counter(stop[1:] for stop in stops).items():

@@ -1,4 +1,4 @@
-"""Tell systemd how the daemon is, and feed its watchdog for as long as the servos make progress.
+"""Report the daemon's state to systemd, and feed its watchdog while the servos make progress.
 
 The daemon does so if systemd asks for it: sd_notify(3), sd_watchdog_enabled(3).  A thread watches
 the cycles that the servos publish.  If a servo process runs but its cycles stop, the watchdog is

@@ -114,7 +114,7 @@ def _end_with(link: socket.socket) -> None:
 
 
 def main(descriptor: int) -> None:
-    """Be the gateway of the daemon at the other end of a socket."""
+    """Run the gateway of the daemon at the other end of a socket."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # A terminal may stop a background process that writes to it (`stty tostop`).
     signal.signal(signal.SIGTTOU, signal.SIG_IGN)

@@ -140,7 +140,7 @@ class FleetRecording(LiveRecording):
         return self
 
     def __exit__(self, kind: object, error: object, traceback: object) -> None:
-        """Have the recording completed.
+        """Complete the recording.
 
         Raises:
             OrientdError: as of :meth:`run`, unless the block itself has failed.

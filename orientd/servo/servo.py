@@ -430,7 +430,7 @@ class Servo:
         self.setpoints.fault_text += self._rest_in_fault()
 
     def _rest_in_fault(self) -> str:
-        """Have the driver hold the device still; return an addition to the fault's text."""
+        """Make the driver hold the device still; return an addition to the fault's text."""
         try:
             if self._resting:
                 self._resting.rest_in_fault()

@@ -255,7 +255,7 @@ class View:
             self._proposal = Proposal((("note", f"Motion {handle.motion_number} was sent.", ""),))
 
     def _teach(self, what: str, name: str, sight: Sight) -> dict[str, Any] | None:
-        """Let the device go or hold it, take or remove a pose, or download the motion file."""
+        """Free or hold the device, add or remove a pose, or download the motion file."""
         teaching = self._teaching
         if what == "hand" and self._is_free:
             self._hold()

@@ -127,7 +127,7 @@ class Watcher:
         return robot
 
     def close(self) -> None:
-        """Look no more and hang up, which gives back the lease if it is held."""
+        """Stop watching and close the connection, which releases the lease if it is held."""
         self._closing.set()
         if self._observer is not None:
             self._observer.close()

@@ -53,7 +53,7 @@ class AuditLog:
         )
 
     def record(self, **fields: Any) -> None:  # noqa: ANN401 - whatever JSON can hold
-        """Have *fields* written, with the time; return at once."""
+        """Write *fields* with the time in the background; return at once."""
         now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
         self._writer.put(f"{json_line({'time': now, **fields})}\n".encode())
 

@@ -79,7 +79,7 @@ class _Tables:
 
 
 class Listener:
-    """Let in whom the settings admit, and serve them."""
+    """Accept connections that the settings allow, and serve them."""
 
     def __init__(
         self,
@@ -187,7 +187,7 @@ class Listener:
     # How
 
     def _let_reach(self) -> None:
-        """Let others open the socket if any may come in; who they are is asked then."""
+        """Open the socket to other users if any are admitted; each connection is identified."""
         if self._path is not None:
             self._path.chmod(0o666 if self.policy.admits_others else 0o600)
 
@@ -218,7 +218,7 @@ class Listener:
             self._spawn(self._receive(accepted, receive))
 
     async def _receive(self, accepted: socket.socket, receive: Receive) -> None:
-        """Have a connection received, and close it unless it is served."""
+        """Receive a connection, and close it unless it is served."""
         origin = _origin(accepted)
         try:
             await receive(accepted, origin)
@@ -322,7 +322,7 @@ async def _has_spoken(peer: socket.socket) -> bool:
 
 
 def _keep_alive(peer: socket.socket) -> None:
-    """Have the kernel end a connection over TCP that the network has lost."""
+    """Let the kernel end a TCP connection that the network has lost."""
     peer.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for option, value in (
         (socket.TCP_USER_TIMEOUT, SILENCE * 1000),

@@ -100,7 +100,7 @@ class Service:
         }
 
     def end_calls(self) -> None:
-        """Let every WatchState and WatchEvents come to its end."""
+        """End every WatchState and WatchEvents call."""
         self._closing.set()
 
     def daemon_report(self) -> pb.DaemonReport:
@@ -468,7 +468,7 @@ class Service:
     async def _done(
         self, device: Device, lease: Lease, what: str, act: Callable[[], object]
     ) -> pb.CommandResponse:
-        """Have *act* done in a thread, and return the device as it is then."""
+        """Run *act* in a thread, and return the device's state afterwards."""
         await self._devices.in_worker(act)
         _log.info("%s: %s by %s", device.name, what, lease.who)
         return pb.CommandResponse(device=report.device_report(device))

@@ -145,7 +145,7 @@ class Telemetry:
 
     # Events and calls
 
-    def hear(self, event: DeviceEvent, device: Device) -> None:
+    def on_event(self, event: DeviceEvent, device: Device) -> None:
         """Count an event of *device*."""
         if event.kind in (EventKind.FAULT, EventKind.SERVO_DIED):
             self._of("faults", event.device, device.snapshot().fault.name.lower()).inc()

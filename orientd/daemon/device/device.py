@@ -213,7 +213,7 @@ class Device:
 
         If the caller goes away meanwhile, the motion is stopped again.
         """
-        self._hear_stops()
+        self._take_stops()
         queued = QueuedMotion(options=options)
         self._unfinished.add(queued)
         try:
@@ -293,7 +293,7 @@ class Device:
             StateError: it was stopped before it began.
         """
         lease = None if self._leases is None else self._leases.check(queued.token, self.name)
-        self._hear_stops()
+        self._take_stops()
         if queued.reason:
             raise StateError(f"device {self.name} was stopped before it began: {queued.reason}")
         return lease
@@ -304,7 +304,7 @@ class Device:
         if queued.options.start_ns != UNKNOWN:
             self._timed.append(queued)
         self._tell(EventKind.MOTION_STARTED, queued, text, lease)
-        self._hear_stops()
+        self._take_stops()
         if queued.reason:
             self._servo.brake()
 
@@ -369,11 +369,11 @@ class Device:
         for queued in self.unfinished():
             queued.reason = queued.reason or reason
 
-    def _hear_stops(self) -> None:
+    def _take_stops(self) -> None:
         """Note by whom the device was stopped without the daemon."""
         taken = self._servo.stops()
         if taken and self._stops is not None:
-            self.note_stop(f"stopped by {self._stops.hear(self.name, taken)}")
+            self.note_stop(f"stopped by {self._stops.log_stops(self.name, taken)}")
 
     def abandon(self, queued: QueuedMotion, reason: str) -> None:
         """End a motion, and nothing that runs before it.
@@ -408,7 +408,7 @@ class Device:
         self.is_free = False
 
     def disable(self, *, is_freed: bool = False) -> None:
-        """Let the device no longer follow; it must be holding, and may be moved by hand then."""
+        """Disable the device, which must be holding; it may be freed for moving by hand."""
         was_following = self.snapshot().state is ServoState.HOLDING
         self._servo.ask(Command.FREE if is_freed else Command.DISABLE)
         self.is_free, self._was_following = is_freed, was_following
@@ -453,11 +453,11 @@ class Device:
                 self._leave_fault()
 
     def _leave_fault(self) -> bool:
-        """Have the servo leave its fault; return whether there was a servo to do it."""
+        """Clear the servo's fault; return whether a servo is running."""
         if not self._servo.is_alive:
             return False
         try:
-            self._servo.hear()  # an old fault would otherwise count as one after the reset
+            self._servo.read_notes()  # an old fault would otherwise count as one after the reset
             self._queue.tend()
             self._servo.leave_fault()
         except DaemonError:
@@ -475,7 +475,7 @@ class Device:
     def resume(self) -> None:
         """Resume after :meth:`pause`, at the set speed."""
         with self._lock:
-            self._queue.go_on()
+            self._queue.unpause()
 
     def set_speed(self, speed: float) -> None:
         """Run at *speed* times as fast as planned, now and from now on.
@@ -503,7 +503,7 @@ class Device:
         """Read the servo's notes on its fault, if the device's thread has not yet."""
         if self._servo.fault is Fault.NONE and self._lock.acquire(timeout=TICK):
             try:
-                self._servo.hear()
+                self._servo.read_notes()
             finally:
                 self._lock.release()
 
@@ -556,12 +556,12 @@ class Device:
         if not is_alive:
             self._lose()
             return
-        self._servo.hear()
-        self._hear_stops()
+        self._servo.read_notes()
+        self._take_stops()
         self._queue.tend()
 
     def _give_up(self, error: Exception) -> None:
-        """Have the servo stop, since it cannot be watched any more."""
+        """Stop the servo, since nothing watches it any more."""
         # Without a heartbeat it stops anyway; the command is sooner.
         self._servo.brake()
         is_known = isinstance(error, DaemonError)
@@ -571,7 +571,7 @@ class Device:
         self._queue.drop(self._servo.failure)
 
     def _lose(self) -> None:
-        """Hear the last of a servo that has ended, and say so of it and of its motions."""
+        """Report a servo that has ended, and with it the end of its motions."""
         self._servo.lose()
         self._queue.drop(self._servo.failure)
 
@@ -598,7 +598,7 @@ class Device:
         now = self.snapshot()
         if now.fault is not Fault.NONE:
             return pb.OUTCOME_FAULT, now.fault_text or text
-        self._hear_stops()
+        self._take_stops()
         reason = queued.reason
         if not reason or text in (STOPPED, reason):
             return pb.OUTCOME_STOPPED, reason or text

@@ -44,7 +44,7 @@ class Endings:
     # Motions that the device has gone over from
 
     def leave(self, left: list[QueuedMotion], first: QueuedMotion, cycle: Cycle) -> None:
-        """Tell of motions that the device has left, and whose ends it has passed or will not pass.
+        """Report motions that the device has left, and whether it passed their ends.
 
         Args:
             left: those that the device has gone over from since the last call, in order.
@@ -79,7 +79,7 @@ class Endings:
             self._corners.append((queued, following))
 
     def come_to_rest(self, text: str, kind: EventKind = EventKind.MOTION_STOPPED) -> None:
-        """Tell of motions whose ends the device will not pass, since it has come to rest.
+        """Report motions whose ends the device will not pass, since it has come to rest.
 
         Args:
             text: why, if that is known here.
@@ -110,7 +110,7 @@ class Endings:
             self._tell(EventKind.MOTION_DONE, queued, "")
 
     def look(self, fault_text: str) -> None:
-        """Look at the cycles since the last look.
+        """Read the cycles since the last call.
 
         Args:
             fault_text: why the device is in a fault, if it is.
@@ -131,7 +131,7 @@ class Endings:
                 return
 
     def _look_at_axes(self, queued: QueuedMotion, fault_text: str) -> None:
-        """Look whether the axes have arrived by the newest cycle."""
+        """Check whether the axes have arrived by the newest cycle."""
         cycle = self._servo.newest()
         is_fault = cycle is not None and cycle.state is ServoState.FAULT
         if cycle is None or cycle.flags & CycleFlag.ARRIVING or (is_fault and not fault_text):
@@ -212,7 +212,7 @@ class _Settling:
         return (cycle.deadline_ns - self._since_ns) / NANOSECONDS > gate.timeout
 
     def __str__(self) -> str:
-        """Say how it went."""
+        """Report the outcome."""
         if self.settled_after is not None:
             return f"on target {self.settled_after:.3f} s after the last setpoint"
         where = "nothing was measured" if self.error is None else f"{self.error:.3g} rad off"

@@ -43,10 +43,10 @@ class Feeder:
         self._fed = 0
         self._until = motion.facts.record_count
         self._read_ahead = read_ahead
-        self._is_taken_up = False
+        self._is_running = False
 
     def clear(self) -> None:
-        """Tell a servo that stands still that nothing before this motion counts any more."""
+        """Tell a servo at rest to ignore all records before this motion."""
         self._ring.words[FINAL_WORD] = 0
         self._ring.words[TAIL_WORD] = self.first_index
 
@@ -94,14 +94,14 @@ class Feeder:
             head,
         )
         self._fed += len(places)
-        if self._is_taken_up:
+        if self._is_running:
             self._declare_end()
         ring.advance(head + len(places))
         return len(places)
 
-    def take_up(self) -> None:
+    def begin(self) -> None:
         """Note that the servo runs the motion; from now on declare its end to the servo."""
-        self._is_taken_up = True
+        self._is_running = True
         self._declare_end()
 
     def _declare_end(self) -> None:

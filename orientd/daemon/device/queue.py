@@ -174,7 +174,7 @@ class MotionQueue:
             for one in dropped:
                 self._tell(EventKind.MOTION_REPLACED, one, "before it began")
             if self.is_paused:
-                self.go_on()
+                self.unpause()
         return posted
 
     def track(self, queued: QueuedMotion, servo_limits: ServoLimits) -> None:
@@ -189,11 +189,11 @@ class MotionQueue:
         self._targets, self.is_paused = queued, False
 
     def pause(self) -> None:
-        """Come to rest on the path until :meth:`go_on`."""
+        """Come to rest on the path until :meth:`unpause`."""
         self._servo.ask(Command.SPEED, speed=0.0)
         self.is_paused = True
 
-    def go_on(self) -> None:
+    def unpause(self) -> None:
         """Resume after :meth:`pause`, at the set speed."""
         self._servo.ask(Command.SPEED, speed=self.speed)
         self.is_paused = False
@@ -220,7 +220,7 @@ class MotionQueue:
         return posted
 
     def replace(self, queued: QueuedMotion, leave: SplicePoint) -> tuple[list[QueuedMotion], float]:
-        """Have a motion replace everything after *leave*.
+        """Replace everything after *leave* by a motion.
 
         Returns:
             The motions that are dropped, and when the servo could see the new one, monotonic s.
@@ -242,7 +242,7 @@ class MotionQueue:
         return dropped, posted
 
     def append(self, queued: QueuedMotion, leave: SplicePoint) -> None:
-        """Have a motion follow the last queued motion, from *leave* on.
+        """Append a motion to the last queued motion, from *leave* on.
 
         The servo learns of it at once if the motion before it is in the ring.
 
@@ -287,7 +287,7 @@ class MotionQueue:
             left = queued
 
     def _follow(self, queued: QueuedMotion, left: QueuedMotion) -> None:
-        """Have *queued* follow *left*; the ring keeps the rest of *left* until the servo changes.
+        """Put *queued* after *left*; the ring keeps the rest of *left* until the servo changes.
 
         Raises:
             LateError: the servo has passed the record where *left* is left, or moves no more.
@@ -401,7 +401,7 @@ class MotionQueue:
         self._motions += following
 
     def drop(self, text: str, kind: EventKind = EventKind.MOTION_STOPPED) -> None:
-        """Say of every motion that it has ended."""
+        """Report the end of every motion."""
         targets, self._targets = self._targets, None
         if targets is not None:
             self._tell(EventKind.MOTION_STOPPED, targets, text)
@@ -519,5 +519,5 @@ class MotionQueue:
         )
         queued.is_running, queued.meter = True, meter
         self._meters.append(meter)
-        feeder.take_up()
+        feeder.begin()
         return posted

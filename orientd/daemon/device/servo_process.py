@@ -1,4 +1,4 @@
-"""The servo process of one device: start it, give it commands, hear it, restart it.
+"""The servo process of one device: start it, give it commands, read its notes, restart it.
 
 Commands may be given from any thread.  The device calls everything else with its own lock held.
 """
@@ -138,7 +138,7 @@ class ServoProcess:
         self.scheduling = ""
         self.memory_locked = False
         self.health: tuple[PartHealth, ...] = ()
-        self._health_heard = 0
+        self._health_read = 0
         self._last_words, self._last_fault = "", Fault.NONE
         self._note_index = self._stop_index = 0
         self._answers: dict[int, Note] = {}
@@ -250,7 +250,7 @@ class ServoProcess:
             self._memory.beat(time.monotonic_ns())
 
     def end(self) -> None:
-        """Have the process stop on its path and end; kill it if that takes too long.
+        """Stop on the path and end the process; kill it if that takes too long.
 
         No process starts in its place.  Its memory can still be read.
         """
@@ -336,7 +336,7 @@ class ServoProcess:
         return posted
 
     def tune(self, options: Mapping[str, Any]) -> None:
-        """Have the driver take *options* for the motions to come.
+        """Set options of the driver for the following motions.
 
         Raises:
             StateError: the device does not hold still, or the driver refuses.
@@ -453,7 +453,7 @@ class ServoProcess:
                     self._words = deque(left, self._words.maxlen)
 
     def leave_fault(self) -> None:
-        """Have the servo leave its fault; enable the device if so configured.
+        """Clear the servo's fault; enable the device if so configured.
 
         Raises:
             StateError: the driver cannot, or the device is not one to be enabled.
@@ -539,7 +539,7 @@ class ServoProcess:
 
     # What the process says
 
-    def hear(self) -> None:
+    def read_notes(self) -> None:
         """Process the servo's notes since the last call."""
         memory = self._memory
         if memory is None:
@@ -565,12 +565,12 @@ class ServoProcess:
                 self._last_words, self._last_fault = note.text, Fault(note.code)
             elif note.kind is NoteKind.NOTICE:
                 self._tell(EventKind.WARNING, note.text)
-        if memory.health.head != self._health_heard:
-            self._hear_health(memory)
+        if memory.health.head != self._health_read:
+            self._read_health(memory)
 
-    def _hear_health(self, memory: SharedMemory) -> None:
+    def _read_health(self, memory: SharedMemory) -> None:
         """Update the health of the device's parts; warn of each new problem."""
-        self._health_heard = memory.health.head
+        self._health_read = memory.health.head
         known = {part.warning for part in self.health}
         self.health = newest_health(memory.health) or self.health
         for part in self.health:
@@ -596,8 +596,8 @@ class ServoProcess:
         self._ready.set()
 
     def lose(self) -> None:
-        """Hear the last of a process that has ended, and say what ended it."""
-        self.hear()
+        """Read the last notes of a process that has ended, and why it ended."""
+        self.read_notes()
         code = 0 if self._process is None else self._process.returncode
         ended = f"by signal {-code}" if code < 0 else f"with status {code}"
         reason = self._explaining.why_ended(-code) if code < 0 and self._explaining else ""

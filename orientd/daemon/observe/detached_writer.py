@@ -46,7 +46,7 @@ class DetachedWriter:
         return self._lines.empty()
 
     def put(self, line: bytes) -> None:
-        """Have *line* written; return at once."""
+        """Write *line* in the background; return at once."""
         try:
             self._lines.put_nowait(line)
         except queue.Full:

@@ -24,7 +24,7 @@ class EventLog:
     def __init__(self) -> None:
         self._died: dict[str, str] = {}
 
-    def hear(self, event: DeviceEvent) -> None:
+    def on_event(self, event: DeviceEvent) -> None:
         """Log an event; called from the device's own thread, or from a command."""
         number, planned = event.motion_number, event.queued and event.queued.planned
         motion_id, name = (planned.id, planned.facts.name) if planned else ("", "")

@@ -95,7 +95,7 @@ class FlightRecorder:
         self._thread = threading.Thread(target=self._work, name="flight recorder", daemon=True)
         self._thread.start()
 
-    def hear(self, event: DeviceEvent) -> None:
+    def on_event(self, event: DeviceEvent) -> None:
         """Queue a recording if *event* is a fault; do not wait."""
         memory = self._memories.get(event.device)
         # A device that never ran has no cycles to record, however often the daemon restarts it.
@@ -124,7 +124,7 @@ class FlightRecorder:
                 logging.ERROR if is_bad else logging.INFO, "%s: %s: %s",
                 event.device, kind.value, text,
             )  # fmt: skip
-            self._journal.hear(DeviceEvent(event.device, kind, text, time.monotonic_ns()))
+            self._journal.on_event(DeviceEvent(event.device, kind, text, time.monotonic_ns()))
 
     def _write(self, event: DeviceEvent) -> tuple[EventKind, str]:
         """Write a file and return how that went: its path, or why not."""
@@ -159,7 +159,7 @@ class FlightRecorder:
             return EventKind.RECORDING_FAILED, str(error)
 
     def _written(self, recorded: BinaryIO) -> tuple[EventKind, str]:
-        """Have a process of its own make the file, and return how that went."""
+        """Make the file in a process of its own, and return the result."""
         process = subprocess.Popen(
             [sys.executable, "-m", "orientd.recorder.flight"],
             stdin=recorded,

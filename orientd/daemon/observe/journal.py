@@ -36,7 +36,7 @@ class Subscription:
         self._lock = threading.Lock()
 
     def put(self, event: pb.Event) -> None:
-        """Let *event* wait, and wake the watcher; drop and count it if too many wait."""
+        """Queue *event* and wake the watcher; drop and count it if too many wait."""
         if self._device not in ("", event.device):
             return
         with self._lock:
@@ -79,8 +79,8 @@ class Journal:
         self._kept: deque[tuple[str, int, bytes]] = deque()
         self._kept_bytes = 0
 
-    def hear(self, event: DeviceEvent) -> None:
-        """Take note of an event; return at once.  Safe to call from any thread."""
+    def on_event(self, event: DeviceEvent) -> None:
+        """Record an event; return at once.  Safe to call from any thread."""
         with self._lock:
             if self._thread is None:
                 self._thread = threading.Thread(target=self._work, name="journal", daemon=True)

@@ -115,7 +115,7 @@ class LogHandler(logging.Handler):
         )
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Have *record* written."""
+        """Write *record* in the background."""
         self.writer.put(f"{self.format(record)}\n".encode(errors="replace"))
 
     def close(self) -> None:
@@ -133,7 +133,7 @@ class LogHandler(logging.Handler):
 
 
 def set_up_log(chosen: LogFormat, level: str = "info") -> None:
-    """Have the daemon log to standard error.
+    """Log to standard error.
 
     Args:
         chosen: ``AUTO`` is JSON if journald reads it, lines for people otherwise.

@@ -163,7 +163,7 @@ class Planners:
         return file.read(first, planned.end - first)
 
     def _more(self, plan_input: PlanInput, file: RecordFile, first: int) -> Future[int]:
-        """Have more records of a motion added to its file, from any thread; return the end."""
+        """Add more records of a motion to its file, from any thread; return the end."""
         if self._loop is None:
             raise DaemonError(GOING_DOWN)
 
@@ -182,7 +182,7 @@ class Planners:
     async def _ask(
         self, task: Task, file: RecordFile, call: PlanCall, rank: Rank
     ) -> tuple[Planned, Future[Rest]]:
-        """Have a planner do *task*; return its answer, and what will follow."""
+        """Run *task* in a planner; return its answer, and what will follow."""
         planner = await self._turn(call, rank)
         try:
             async with asyncio.timeout(call.time_left):
@@ -287,7 +287,7 @@ class Planners:
         return self._idle.pop(min(able) if rank is Rank.URGENT else max(able))
 
     def _release(self, planner: PlannerProcess) -> None:
-        """Let a planner serve the next call that waits for it."""
+        """Hand a planner to the next waiting call."""
         self._idle[planner.number] = planner
         self._serve_waiting()
 

@@ -229,7 +229,7 @@ def resident() -> int:
 
 
 def _end_with_parent() -> None:
-    """Have the kernel kill this process when its parent is killed, in the middle of a plan too."""
+    """Let the kernel kill this process when its parent is killed, even in the middle of a plan."""
     parent = os.getppid()
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:

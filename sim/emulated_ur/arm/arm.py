@@ -115,7 +115,7 @@ class Arm:
         self._rate = max(deceleration, 0.1)
 
     def follow(self, q: Joints) -> None:
-        """Be at *q* at the next tick: the caller determines path and timing."""
+        """Move to *q* at the next tick: the caller determines path and timing."""
         self.mode = Mode.FOLLOW
         self._goal = q
 

@@ -27,7 +27,7 @@ def test_a_start_that_fails_as_before_is_said_once(caplog, events, said):
     log = EventLog()
     with caplog.at_level(logging.ERROR):
         for kind, text in events:
-            log.hear(DeviceEvent("arm", kind, text, 0))
+            log.on_event(DeviceEvent("arm", kind, text, 0))
     told = [record.getMessage() for record in caplog.records]
     assert told == [f"arm: servo died: {text}" for text in said]
 
@@ -38,7 +38,7 @@ def test_a_motion_that_starts_is_logged_with_who_commands_it(caplog):
     queued = QueuedMotion(planned, number=3)
     event = DeviceEvent("arm", EventKind.MOTION_STARTED, "2.000 s", 0, queued, lease=lease)
     with caplog.at_level(logging.INFO):
-        EventLog().hear(event)
+        EventLog().on_event(event)
     assert [record.getMessage() for record in caplog.records] == [
         "arm: motion started 3 'fetch': 2.000 s",
         "arm: motion 3 'fetch' is commanded by ana (user:1)",
@@ -50,5 +50,5 @@ def test_a_motion_that_ends_is_logged_with_the_reason(caplog):
     queued, text = QueuedMotion(number=3), "stopped on its path"
     event = DeviceEvent("arm", EventKind.MOTION_STOPPED, text, 0, queued, ended)
     with caplog.at_level(logging.INFO):
-        EventLog().hear(event)
+        EventLog().on_event(event)
     assert caplog.records[0].getMessage() == "arm: motion stopped 3: stopped by ben"

@@ -29,7 +29,7 @@ def test_a_file_that_takes_its_time_does_not_hold_up_the_end(tmp_path, monkeypat
     ring.append(record_of(cycle()))
     recorder.memory("arm", device.rate_hz).take(ring, is_last=True)
     recorder.start()
-    recorder.hear(DeviceEvent("arm", EventKind.FAULT, "why", time.monotonic_ns()))
+    recorder.on_event(DeviceEvent("arm", EventKind.FAULT, "why", time.monotonic_ns()))
     recorder.close()
     assert "not written yet when the daemon ended" in caplog.text
     journal.close()

@@ -13,7 +13,7 @@ def kept_of(texts, *, room, monkeypatch, seconds=60.0, device="arm"):
     monkeypatch.setattr(module, "KEPT_BYTES", room)
     journal = Journal(kept=seconds)
     for number, text in enumerate(texts):
-        journal.hear(DeviceEvent("arm", EventKind.WARNING, text, number * 10**9))
+        journal.on_event(DeviceEvent("arm", EventKind.WARNING, text, number * 10**9))
     journal.close()
     return [pb.Event.FromString(event).text for event in journal.kept(device, 0)]
 

@@ -144,11 +144,11 @@ def event(kind):
 
 
 def test_motions_and_faults_are_counted_by_what_they_were(telemetry, device):
-    telemetry.hear(event(EventKind.MOTION_DONE), device)
-    telemetry.hear(event(EventKind.MOTION_STOPPED), device)
+    telemetry.on_event(event(EventKind.MOTION_DONE), device)
+    telemetry.on_event(event(EventKind.MOTION_STOPPED), device)
     device.state, device.fault = ServoState.FAULT, Fault.LINK_LOST
-    telemetry.hear(event(EventKind.FAULT), device)
-    telemetry.hear(event(EventKind.MOTION_STOPPED), device)
+    telemetry.on_event(event(EventKind.FAULT), device)
+    telemetry.on_event(event(EventKind.MOTION_STOPPED), device)
     for outcome in ("done", "stopped", "fault"):
         assert value(telemetry, "motions_total", device="arm", outcome=outcome) == 1
     assert value(telemetry, "faults_total", device="arm", kind="link_lost") == 1
