@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
+    from orientd.adapters.bluesky import FlyScan, MotionStatus, RotationAxis
     from orientd.adapters.pointing import Direction, direction, orientation
     from orientd.adapters.rotctld import Ranges, Rotctld
     from orientd.adapters.served import Adapter, Served
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 __getattr__ = lazily(
     __name__,
     {
+        "orientd.adapters.bluesky": ("FlyScan", "MotionStatus", "RotationAxis"),
         "orientd.adapters.pointing": ("Direction", "direction", "orientation"),
         "orientd.adapters.rotctld": ("Ranges", "Rotctld"),
         "orientd.adapters.served": ("Adapter", "Served"),

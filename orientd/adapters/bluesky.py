@@ -1,0 +1,400 @@
+"""An axis of rotation for bluesky: it moves, stops, scans, and flies at a constant rate.
+
+The device implements bluesky's protocols ``Readable``, ``Locatable``, ``Stoppable``,
+``Preparable``, ``Flyable`` and ``EventCollectable`` without importing bluesky.  Angles are in
+degrees, as on other rotation stages.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+from orientd.adapters.watched_angle import Pair, WatchedAngle, interpolated
+from orientd.errors import OrientdError, RequestError, StateError
+from orientd.protocol import control_pb2 as pb
+from orientd.rotation import Quaternion
+
+if TYPE_CHECKING:
+    from orientd.client import MoveHandle, Robot
+
+_SAMPLES_HZ = 10.0
+"""Rate of the samples of a plan, of which only the last one is read."""
+
+_ARM = 0.25
+"""Time between the plan of a fly scan and its start, s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlyScan:
+    """A turn at a constant rate past equally spaced points.
+
+    Attributes:
+        start_deg: angle of the first point, degrees.
+        stop_deg: angle of the last point, degrees.
+        points: number of points, at least 2.
+        time_per_point: from each point to the next, s.
+
+    Raises:
+        RequestError: the points do not make a turn.
+    """
+
+    start_deg: float
+    stop_deg: float
+    points: int
+    time_per_point: float
+
+    def __post_init__(self) -> None:
+        for name in ("start_deg", "stop_deg", "time_per_point"):
+            if not math.isfinite(getattr(self, name)):
+                raise RequestError(name, f"expected a number, got {getattr(self, name)!r}")
+        if self.points != int(self.points) or self.points < 2:
+            raise RequestError("points", f"expected a whole number from 2, got {self.points!r}")
+        if self.time_per_point <= 0.0:
+            raise RequestError("time_per_point", f"expected seconds, got {self.time_per_point!r}")
+        if self.start_deg == self.stop_deg:
+            raise RequestError("stop_deg", f"expected another angle than {self.start_deg:g}")
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last point, s."""
+        return (self.points - 1) * self.time_per_point
+
+    @property
+    def rate(self) -> float:
+        """Angular velocity, rad/s; negative if the angle decreases."""
+        return math.radians(self.stop_deg - self.start_deg) / self.duration
+
+
+class MotionStatus:
+    """The state of an action, as bluesky's protocol ``Status`` has it.
+
+    Attributes:
+        is_stop_success: whether the action counts as successful if it is stopped.
+    """
+
+    def __init__(self) -> None:
+        self.is_stop_success = False
+        self._ended = threading.Event()
+        self._lock = threading.Lock()
+        self._error: BaseException | None = None
+        self._callbacks: list[Callable[[Any], None]] = []
+
+    @property
+    def done(self) -> bool:
+        """Whether the action has ended, in any way."""
+        return self._ended.is_set()
+
+    @property
+    def success(self) -> bool:
+        """Whether it has ended without an error."""
+        return self.done and self._error is None
+
+    def exception(self, timeout: float | None = 0.0) -> BaseException | None:
+        """Return the error of the action, or ``None``.
+
+        Args:
+            timeout: longest wait for its end, s; ``None`` for no limit.
+
+        Raises:
+            TimeoutError: it has not ended.
+        """
+        if not self._ended.wait(timeout):
+            raise TimeoutError(f"the action has not ended after {timeout:g} s")
+        return self._error
+
+    def add_callback(self, callback: Callable[[Any], None]) -> None:
+        """Call *callback* with this object at the end of the action; at once if it has ended."""
+        with self._lock:
+            if not self.done:
+                self._callbacks.append(callback)
+                return
+        callback(self)
+
+    def finish(self, error: BaseException | None = None) -> Self:
+        """End the action, with an error if it failed, and return this object."""
+        with self._lock:
+            self._error = error
+            self._ended.set()
+        for callback in self._callbacks:
+            callback(self)
+        return self
+
+
+class RotationAxis:
+    """A device that turns about one axis, for bluesky's plans.
+
+    The angle counts whole turns.  It begins between -180 and 180 degrees, and is 0 at *zero*.
+
+    Attributes:
+        name: name of the axis; its angle and setpoint in documents are ``NAME`` and
+            ``NAME_setpoint``.
+        parent: always ``None``.
+        velocity_deg: largest rate of moves, degrees/s; ``None`` for the limit of the device.
+        trigger_times: when the present fly scan passes each of its points, s since the epoch.
+    """
+
+    parent = None
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        name: str,
+        device: str = "",
+        axis: str = "z",
+        zero: Quaternion | None = None,
+        velocity_deg: float | None = None,
+    ) -> None:
+        """Start to watch the device.
+
+        Args:
+            robot: a connection to the daemon.
+            name: name of the axis in documents.
+            device: name of the device; optional if there is only one.
+            axis: axis of the tool to turn about: ``x``, ``y`` or ``z``.
+            zero: orientation at angle 0; the identity by default.
+            velocity_deg: largest rate of moves, degrees/s.
+
+        Raises:
+            RequestError: *axis* is not a letter of an axis.
+            OrientdError: the daemon has no such device.
+        """
+        self.name = name
+        self.velocity_deg = velocity_deg
+        self.trigger_times: list[float] = []
+        self._robot, self._device = robot, device
+        self._angle = WatchedAngle(robot, device=device, axis=axis, zero=zero)
+        self._source = f"orientd:{self._angle.report().name}/{axis}"
+        self._running: tuple[MoveHandle, MotionStatus] | None = None
+        self._scan: FlyScan | None = None
+        self._flight: MotionStatus | None = None
+        self._flown: list[Pair] = []
+        self._offset = 0.0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop watching the device; the connection stays open."""
+        self._angle.close()
+
+    # Readable, Locatable
+
+    @property
+    def hints(self) -> dict[str, Any]:
+        """The field that plots show."""
+        return {"fields": [self.name]}
+
+    @property
+    def position(self) -> float:
+        """The measured angle, degrees."""
+        return self._angle.newest().angle
+
+    def read(self) -> dict[str, dict[str, Any]]:
+        """Return the measured angle and the setpoint, degrees."""
+        setpoint, angle, measured_at = self._angle.newest()
+        return {
+            self.name: {"value": angle, "timestamp": measured_at},
+            f"{self.name}_setpoint": {"value": setpoint, "timestamp": time.time()},
+        }
+
+    def describe(self) -> dict[str, dict[str, Any]]:
+        """Describe what :meth:`read` returns."""
+        key = {"dtype": "number", "shape": [], "units": "deg", "precision": 4}
+        return {
+            self.name: {"source": self._source, **key},
+            f"{self.name}_setpoint": {"source": f"{self._source}/setpoint", **key},
+        }
+
+    def read_configuration(self) -> dict[str, dict[str, Any]]:
+        """Return the largest rate of moves, degrees/s; the device's own without another one."""
+        velocity = self.velocity_deg or math.degrees(self._angle.report().limits.velocity)
+        return {f"{self.name}_velocity": {"value": velocity, "timestamp": time.time()}}
+
+    def describe_configuration(self) -> dict[str, dict[str, Any]]:
+        """Describe what :meth:`read_configuration` returns."""
+        key = {"dtype": "number", "shape": [], "units": "deg/s"}
+        return {f"{self.name}_velocity": {"source": f"{self._source}/velocity", **key}}
+
+    def locate(self) -> dict[str, float]:
+        """Return the setpoint and the measured angle, degrees."""
+        newest = self._angle.newest()
+        return {"setpoint": newest.setpoint, "readback": newest.angle}
+
+    # Movable, Stoppable
+
+    def set(self, value: float) -> MotionStatus:
+        """Start to turn to an angle, and return its status.
+
+        Args:
+            value: degrees; whole turns count.
+
+        Raises:
+            RequestError: it is not a number.
+            OrientdError: the motion is refused, for example since a limit is in the way.
+        """
+        try:
+            target = float(value)
+        except (TypeError, ValueError):
+            target = math.nan
+        if not math.isfinite(target):
+            raise RequestError("value", f"expected an angle in degrees, got {value!r}")
+        limits = {} if self.velocity_deg is None else {"velocity": math.radians(self.velocity_deg)}
+        start = self._angle.newest().setpoint
+        keyframes = self._angle.keyframes(start, target)
+        if abs(target - start) < 180.0:
+            keyframes = keyframes[-1:]
+        handle = self._robot.move(
+            keyframes, device=self._device, approach=True, limits=limits, name=f"{self.name} set"
+        )
+
+        def end(is_done: bool) -> OrientdError | None:
+            return self._check_turn(target) if is_done else None
+
+        return self._follow(handle, end)
+
+    def stop(self, *, success: bool = False) -> None:
+        """Stop on the path; returns at once.
+
+        Args:
+            success: whether the interrupted action then counts as successful.
+        """
+        if self._running is not None:
+            handle, status = self._running
+            status.is_stop_success = success
+            handle.cancel()
+
+    # Preparable, Flyable, EventCollectable
+
+    def prepare(self, value: FlyScan) -> MotionStatus:
+        """Move to where the run-up of a fly scan begins, and return the status of that move.
+
+        The run-up is as long as the run-out, which the planner knows.
+
+        Raises:
+            RequestError: *value* is not a :class:`FlyScan`.
+            OrientdError: the scan is refused, for example since it would break a limit.
+        """
+        if not isinstance(value, FlyScan):
+            raise RequestError("prepare", f"expected a FlyScan, got {value!r}")
+        plan = self._plan(value)
+        last = self._angle.of(plan.samples.q[-4:], near=value.stop_deg)
+        status = self.set(value.start_deg - (last - value.stop_deg))
+        self._scan = value
+        return status
+
+    def kickoff(self) -> MotionStatus:
+        """Start the prepared fly scan: the run-up, the turn at a constant rate, the run-out.
+
+        Raises:
+            StateError: no scan is prepared, or the device does not run at full speed.
+            OrientdError: the motion is refused.
+        """
+        scan, speed = self._scan, self._angle.report().speed
+        if scan is None:
+            raise StateError(f"{self.name} has no fly scan; prepare one before kickoff")
+        if speed != 1.0:
+            raise StateError(f"the speed of the device is {speed:g}; a fly scan needs speed 1")
+        plan = self._plan(scan)
+        self._offset = self._angle.clock_offset()
+        self._angle.record()
+        start = time.time() + _ARM
+        handle = self._robot.move(plan, device=self._device, start_time=start)
+        first = start + plan.start_time
+        self.trigger_times = [first + k * scan.time_per_point for k in range(scan.points)]
+        self._scan = None
+        self._flight = self._follow(handle, self._keep)
+        return MotionStatus().finish()
+
+    def complete(self) -> MotionStatus:
+        """Return the status of the fly scan.
+
+        Raises:
+            StateError: no fly scan was started.
+        """
+        if self._flight is None:
+            raise StateError(f"{self.name} has no fly scan; kickoff starts one")
+        return self._flight
+
+    def describe_collect(self) -> dict[str, dict[str, dict[str, Any]]]:
+        """Describe what :meth:`collect` yields, for the stream ``primary``."""
+        return {"primary": self.describe()}
+
+    def collect(self) -> Iterator[dict[str, Any]]:
+        """Yield an event for each point that was passed, with the angles at its trigger time."""
+        setpoints = [pair[0] for pair in self._flown]
+        measured = [pair[1] for pair in self._flown]
+        for at in self.trigger_times:
+            when = at - self._offset
+            setpoint, angle = interpolated(setpoints, when), interpolated(measured, when)
+            if setpoint is None or angle is None:
+                return
+            data = {self.name: angle, f"{self.name}_setpoint": setpoint}
+            yield {"time": at, "data": data, "timestamps": dict.fromkeys(data, at)}
+
+    # Inside
+
+    def _plan(self, scan: FlyScan) -> pb.Plan:
+        """Return the plan of a fly scan from the present state of the device."""
+        keyframes = self._angle.keyframes(scan.start_deg, scan.stop_deg)
+        share = scan.duration / (len(keyframes) - 1)
+        velocity = self._angle.vector(scan.rate)
+        return self._robot.plan(
+            keyframes,
+            device=self._device,
+            times=[share * k for k in range(len(keyframes))],
+            start_velocity=velocity,
+            end_velocity=velocity,
+            approach=True,
+            sample_rate_hz=_SAMPLES_HZ,
+            name=f"{self.name} fly",
+        )
+
+    def _follow(
+        self, handle: MoveHandle, end: Callable[[bool], OrientdError | None]
+    ) -> MotionStatus:
+        """Return the status of a motion; *end* is called at its end, and may find a problem.
+
+        Its argument is whether the motion has run to its end.
+        """
+        status = MotionStatus()
+        self._running = handle, status
+
+        def wait() -> None:
+            try:
+                summary = handle.wait()
+                is_done = summary.outcome == pb.OUTCOME_DONE
+                problem = end(is_done)
+                is_excused = summary.outcome == pb.OUTCOME_STOPPED and status.is_stop_success
+                if not is_done and not is_excused:
+                    outcome = pb.Outcome.Name(summary.outcome).removeprefix("OUTCOME_").lower()
+                    problem = StateError(f"the motion of {self.name} was {outcome}: {summary.text}")
+            except OrientdError as error:
+                problem = error
+            status.finish(problem)
+
+        threading.Thread(target=wait, name="orientd bluesky", daemon=True).start()
+        return status
+
+    def _check_turn(self, target: float) -> OrientdError | None:
+        """Return a problem if the device has reached *target* on another whole turn."""
+        reached = self._angle.newest().setpoint
+        if abs(reached - target) < 180.0:
+            return None
+        return StateError(
+            f"{self.name} turned to {reached:.4g} deg instead of {target:.4g} deg, since an axis "
+            "of the device ends in between"
+        )
+
+    def _keep(self, is_done: bool) -> None:
+        """Keep the angles of a fly scan, up to its end."""
+        last = self.trigger_times[-1] if is_done else self._offset
+        self._flown = self._angle.recorded(until=last - self._offset)
