@@ -2,8 +2,8 @@ r"""The text protocol of Hamlib's rotctld: lines to commands, and answers to tex
 
 Facts from Hamlib's ``tests/rotctl_parse.c`` and from sessions with its rotctld 4.5.4.  A command is
 a letter, or a backslash and a name: ``P 120 30``, ``\set_pos 120 30``.  A line may have several.  A
-punctuation mark before a command asks for the extended form of the answer: the name, then each
-value with its name, separated by that mark, or by ends of line for ``+``.
+punctuation mark before a command asks for the extended form of the answer.  That has the name, then
+each value with its name, separated by that mark, or by ends of line for ``+``.
 
 Unlike rotctld, a command ends with its line at the latest, numbers must be whole words, and a bad
 command is answered and ends its line: rotctld waits for more, or answers nothing.

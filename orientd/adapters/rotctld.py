@@ -25,7 +25,7 @@ _IDLE = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Ranges:
-    """What a client may ask for.
+    """The directions that a client may ask for.
 
     Attributes:
         azimuth: the least and the largest, degrees.

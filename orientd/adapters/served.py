@@ -122,7 +122,7 @@ class Served:
                     tracking.close()
 
     def stop(self) -> None:
-        """Stop the device on its path, whoever moves it.
+        """Stop the device on its path, also if another client moves it.
 
         Raises:
             OrientdError: the servo does not answer, or no daemon does.
