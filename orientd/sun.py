@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from orientd.driver import Vector3
 
-NORTH = 90.0
-"""Azimuth of true north if nothing else is given, degrees: x points east, y north, z up."""
+NORTH = 0.0
+"""Azimuth of true north if nothing else is given, degrees: x points north, y west, z up."""
 
 _EPOCH = 946_728_000
 """Unix time of 2000-01-01 12:00 UTC, s."""

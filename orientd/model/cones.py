@@ -35,7 +35,7 @@ class Place(TypedDict):
     Attributes:
         latitude: degrees, north positive.
         longitude: degrees, east positive.
-        north: azimuth of true north in the device's world, degrees; 90 by default.
+        north: azimuth of true north in the device's world, degrees; 0 by default: x points north.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # pydantic's way

@@ -25,8 +25,8 @@ def separation(a, b):
 def test_the_sun_is_where_astropy_has_it_within_a_fiftieth_of_a_degree():
     for second, latitude, longitude, azimuth, elevation in SUN["rows"]:
         a, e = math.radians(azimuth), math.radians(elevation)
-        # x east, y north, z up
-        there = (math.sin(a) * math.cos(e), math.cos(a) * math.cos(e), math.sin(e))
+        # x north, y west, z up, as for passes and antenna programs
+        there = (math.cos(a) * math.cos(e), -math.sin(a) * math.cos(e), math.sin(e))
         found = Sun(latitude, longitude).direction(second * 1_000_000_000)
         assert math.hypot(*found) == pytest.approx(1.0, abs=1e-12)
         assert math.degrees(separation(found, there)) < 0.02
@@ -34,9 +34,10 @@ def test_the_sun_is_where_astropy_has_it_within_a_fiftieth_of_a_degree():
 
 def test_north_turns_the_direction_of_the_sun():
     time = 1_700_000_000_000_000_000
-    east, north, up = Sun(48.0, 11.0).direction(time)
-    x, y, z = Sun(48.0, 11.0, north=0.0).direction(time)
-    assert (x, y, z) == pytest.approx((north, -east, up), abs=1e-12)
+    north, west, up = Sun(48.0, 11.0).direction(time)
+    # x points east
+    x, y, z = Sun(48.0, 11.0, north=90.0).direction(time)
+    assert (x, y, z) == pytest.approx((-west, north, up), abs=1e-12)
 
 
 def test_the_bound_of_the_suns_motion_holds_all_year():
