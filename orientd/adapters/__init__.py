@@ -8,6 +8,7 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.adapters.bluesky import FlyScan, MotionStatus, RotationAxis
+    from orientd.adapters.mavlink import Mavlink
     from orientd.adapters.pointing import Direction, direction, orientation
     from orientd.adapters.rotctld import Ranges, Rotctld
     from orientd.adapters.served import Adapter, Served
@@ -16,6 +17,7 @@ __getattr__ = lazily(
     __name__,
     {
         "orientd.adapters.bluesky": ("FlyScan", "MotionStatus", "RotationAxis"),
+        "orientd.adapters.mavlink": ("Mavlink",),
         "orientd.adapters.pointing": ("Direction", "direction", "orientation"),
         "orientd.adapters.rotctld": ("Ranges", "Rotctld"),
         "orientd.adapters.served": ("Adapter", "Served"),

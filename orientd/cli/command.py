@@ -162,6 +162,7 @@ def check_ending(path: Path, endings: Sequence[str], *, named: str) -> None:
 
 
 _EXTRAS = {
+    "mavlink": ("pymavlink",),
     "record": ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf"),
     "view": ("websockets",),
 }

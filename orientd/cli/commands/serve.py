@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable
+import socket
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import click
 
-from orientd.cli.command import Commander
+from orientd.cli.command import Commander, need_extra
 from orientd.cli.commands.view import Host
-from orientd.cli.output import Output
+from orientd.cli.output import Output, complain
 from orientd.cli.parameters import Group, Option, part_of
 
 if TYPE_CHECKING:
@@ -103,5 +104,74 @@ def rotctld(
             ranges=ranges,
             north=north,
             park=Direction(0.0, 0.0),
+        ),
+    )
+
+
+def _peers(
+    context: click.Context, parameter: click.Parameter, given: Sequence[str]
+) -> list[tuple[str, int]]:
+    """Return the addresses of an option.
+
+    Raises:
+        click.BadParameter: one is no address.
+    """
+    del context
+    peers = []
+    for one in given:
+        host, _, port = one.rpartition(":")
+        try:
+            peers.append((socket.gethostbyname(host), int(port)))
+            if not 0 < peers[-1][1] < 65536:
+                raise ValueError
+        except (ValueError, OSError):
+            raise click.BadParameter(f"expected HOST:PORT, got {one!r}", param=parameter) from None
+    return peers
+
+
+@part_of(serve)
+def mavlink(
+    to: Commander,
+    out: Output,
+    host: Host = "127.0.0.1",
+    port: Annotated[int, Option(range=(0, 65535), help="UDP port to serve at; 0 for any.")] = 14560,
+    client: Annotated[
+        list[str] | None,
+        Option(
+            metavar="HOST:PORT",
+            help="Client that waits for the gimbal's first message; default: 127.0.0.1:14550.",
+            callback=_peers,
+        ),
+    ] = None,
+    system: Annotated[int, Option(range=(1, 255), help="MAVLink system id of the vehicle.")] = 1,
+    component: Annotated[
+        int, Option(range=(7, 255), help="MAVLink component id of the gimbal.")
+    ] = 154,
+    north: Annotated[
+        float | None,
+        Option(metavar="DEG", help="Angle of north from the world's x axis, towards y."),
+    ] = None,
+) -> None:
+    """Serve MAVLink programs: QGroundControl, MAVSDK, an autopilot.
+
+    The device is a gimbal of the gimbal protocol v2, with its manager. The x axis of the tool is
+    forward.  Yaw counts to the right, pitch up.
+    """
+    need_extra("mavlink")
+    from orientd.adapters import Mavlink
+
+    run(
+        "mavlink",
+        to,
+        out,
+        lambda served: Mavlink(
+            served,
+            host=host,
+            port=port,
+            to=client or [("127.0.0.1", 14550)],  # type: ignore[arg-type] # as the callback returns
+            system=system,
+            component=component,
+            north=None if north is None else math.radians(north),
+            warn=lambda problem: complain({"message": problem}, as_json=out.as_json),
         ),
     )
