@@ -194,6 +194,7 @@ class DeviceSettings(Table):
             limits=self.limits.to_limits(),
             period=self.period_ns * 1e-9,
             frames=self.to_frames(),
+            keep_out=self.to_keep_out(),
         )
 
     @property

@@ -292,4 +292,5 @@ def planner_device(settings: DeviceSettings) -> PlannerDevice:
         settings.period_ns,
         settings.limits.to_limits(),
         dict(settings.to_frames()),  # a plain mapping crosses to the processes
+        settings.to_keep_out(),
     )

@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from orientd.driver import Driver, Feedback, Locatable, switch, tune
 from orientd.errors import LimitError, LimitKind, LinkError, PlanError, RequestError
+from orientd.keep_out import KeepOut
 from orientd.mechanism import Gimbal, Mechanical, Mechanism, pointed
 from orientd.model import Frame, Limits, MotionRequest
 from orientd.planner.blending import blend
 from orientd.planner.fitting import Fitting
+from orientd.planner.keep_out import Around, Cones, Planning
 from orientd.planner.motion import Motion
 from orientd.planner.planning import plan
 from orientd.planner.recorded import RecordedMotion
@@ -31,6 +34,7 @@ class DevicePlanner:
         limits: the device's.
         period: its cycle, s.
         frames: frames that requests may name, by name.
+        keep_out: cones that every motion stays out of.
     """
 
     def __init__(
@@ -40,11 +44,13 @@ class DevicePlanner:
         limits: Limits,
         period: float,
         frames: Mapping[str, Frame] | None = None,
+        keep_out: Sequence[KeepOut] = (),
     ) -> None:
         self._examiner = examiner
         self._limits = limits
         self._period = period
         self._frames = frames or {}
+        self._keep_out = tuple(keep_out)
 
     def placed(self, request: MotionRequest, start: State | None) -> MotionRequest:
         """Return *request* in the coordinates of the device; see :func:`in_device_coordinates`."""
@@ -72,6 +78,7 @@ class DevicePlanner:
         rates: tuple[float, ...] = (),
         motion_id: str | None = None,
         is_offline: bool = False,
+        unix_ns: int | None = None,
     ) -> Motion:
         """Plan a motion from *start*.
 
@@ -83,6 +90,8 @@ class DevicePlanner:
             rates: planned axis velocities there, rad/s, if it moves.
             motion_id: identifier of the motion; by default a new random one.
             is_offline: whether not to ask the device anything.
+            unix_ns: Unix time at the beginning of the motion, ns, for keep-out cones that move; by
+                default now.
 
         Raises:
             RequestError: its method or the device does not allow the request.
@@ -90,25 +99,25 @@ class DevicePlanner:
         """
         mechanism = self._mechanism(may_ask=not is_offline)
         self._check_options(request, mechanism)
-        request = self.placed(request, start)
+        placed, limits = self.placed(request, start), self._limits
         if mechanism is None:
-            return plan(
-                request,
-                start=start,
-                limits=self._limits,
-                period=self._period,
-                motion_id=motion_id,
+            planning: Planning = partial(
+                plan, start=start, limits=limits, period=self._period, motion_id=motion_id
             )
-        fitting = Fitting(
-            mechanism, start, tuple(joints), self._limits, self._period, before, rates, motion_id
-        )
-        try:
-            return fitting.plan(request)
-        except LimitError as error:
-            other = _with_roll_of_axes(request, mechanism)
-            if other is None or error.kind is not LimitKind.RANGE:
-                raise
-            return fitting.plan(other)
+        else:
+            fitting = Fitting(
+                mechanism, start, tuple(joints), limits, self._period, before, rates, motion_id
+            )
+            planning = partial(_fitted, fitting)
+        cones = self._cones(request, unix_ns)
+        if cones is None:
+            return planning(placed)
+        return Around(cones, start, planning, request.rate is not None).motion(placed)
+
+    def _cones(self, request: MotionRequest, unix_ns: int | None) -> Cones | None:
+        """Return the keep-out cones of a motion; ``None`` if there are none."""
+        cones = (*self._keep_out, *request.keep_out)
+        return Cones.of(cones, unix_ns) if cones else None
 
     def plan_offline(self, request: MotionRequest, *, from_device: bool = False) -> Motion:
         """Plan a motion without a daemon, from rest.
@@ -169,6 +178,7 @@ class DevicePlanner:
         tolerance: float,
         earliest: int,
         motion_id: str | None = None,
+        unix_ns: int | None = None,
     ) -> tuple[int, Motion]:
         """Plan a motion that follows *first* without a stop between them.
 
@@ -178,6 +188,8 @@ class DevicePlanner:
             tolerance: largest distance from the corner between them, rad.
             earliest: the first record of *first* at which the blend may leave it.
             motion_id: identifier of the motion; by default a new random one.
+            unix_ns: Unix time at the beginning of the motion, ns, for keep-out cones that move; by
+                default now.
 
         Returns:
             The record of *first* at which to leave it, and the motion from there on.
@@ -188,27 +200,36 @@ class DevicePlanner:
         """
         mechanism = self._mechanism(may_ask=True)
         self._check_options(request, mechanism)
+        cones = self._cones(request, unix_ns)
         if not isinstance(mechanism, Gimbal):
+            placed = self.placed(request, first.state_at(first.last_record))
             record, motion = blend(
                 first,
-                self.placed(request, first.state_at(first.last_record)),
+                replace(placed, keep_out=()),
                 tolerance=tolerance,
                 limits=self._limits,
                 period=self._period,
                 earliest=earliest,
                 motion_id=motion_id,
             )
-            if mechanism is None:
-                return record, motion
             state, joints = first.state_at(record), first.joints_at(record)
-            before, rates = first.joints_before(record), first.joint_rates_at(record)
-            fitting = Fitting(mechanism, state, joints, self._limits, self._period, before, rates)
-            # If an axis cannot follow the blend at its own pace, plan from rest.
+            # If an axis cannot follow the blend at its own pace, or if the blend crosses a cone,
+            # plan from rest.
             with suppress(LimitError):
-                return record, fitting.fitted(motion)
+                if mechanism is not None:
+                    before, rates = first.joints_before(record), first.joint_rates_at(record)
+                    motion = Fitting(
+                        mechanism, state, joints, self._limits, self._period, before, rates
+                    ).fitted(motion)
+                if cones is None:
+                    return record, motion
+                if cones.are_kept(motion):
+                    return record, cones.certified(motion, placed)
         record = first.last_record
         start, joints = first.state_at(record), first.facts.last_joints
-        motion = self.plan(request, start=start, joints=joints, motion_id=motion_id)
+        motion = self.plan(
+            request, start=start, joints=joints, motion_id=motion_id, unix_ns=unix_ns
+        )
         return record, motion
 
     def _check_options(self, request: MotionRequest, mechanism: Mechanism | None) -> None:
@@ -220,6 +241,17 @@ class DevicePlanner:
             tune(self._examiner, request.driver_options)
         except ValueError as error:
             raise RequestError("device_options", str(error)) from error
+
+
+def _fitted(fitting: Fitting, request: MotionRequest) -> Motion:
+    """Return the motion that a device's axes follow, with the roll that they give if it is free."""
+    try:
+        return fitting.plan(request)
+    except LimitError as error:
+        other = _with_roll_of_axes(request, fitting.mechanism)
+        if other is None or error.kind is not LimitKind.RANGE:
+            raise
+        return fitting.plan(other)
 
 
 def _check_home(mechanism: Mechanism | None) -> None:

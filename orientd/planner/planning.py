@@ -20,6 +20,7 @@ from orientd.planner import refusal, resting
 from orientd.planner.certify import share_to_stop
 from orientd.planner.connect import CONNECTIONS, SAME_PLACE, WITHOUT_RESERVE, approach
 from orientd.planner.job import PlanJob
+from orientd.planner.keep_out import Around, Cones
 from orientd.planner.motion import Motion
 from orientd.planner.path import PositionPath, end_states
 from orientd.planner.resolve import resolved
@@ -74,6 +75,7 @@ def plan(
     limits: Limits,
     period: float,
     motion_id: str | None = None,
+    unix_ns: int | None = None,
 ) -> Motion:
     """Return the requested motion, or refuse it.
 
@@ -96,6 +98,8 @@ def plan(
         limits: the device's.
         period: the device's cycle, s.
         motion_id: identifier of the motion; by default a new random one.
+        unix_ns: Unix time at the beginning of the motion, ns, for keep-out cones that move; by
+            default now.
 
     Raises:
         RequestError: its method or the device does not allow the request.
@@ -104,6 +108,10 @@ def plan(
         PlanError: it cannot be planned for another reason.
         ValueError: *period* is out of :data:`.PERIODS`.
     """
+    if request.keep_out:
+        planning = partial(plan, start=start, limits=limits, period=period, motion_id=motion_id)
+        cones = Cones.of(request.keep_out, unix_ns)
+        return Around(cones, start, planning, request.rate is not None).motion(request)
     shortest, longest = PERIODS
     if not shortest <= period <= longest:
         raise ValueError(f"period must be within {shortest:g} and {longest:g} s, got {period} s")

@@ -23,6 +23,7 @@ from enum import IntEnum
 from typing import Any, NamedTuple
 
 from orientd.driver import ZERO, Joints, Quaternion, Vector3
+from orientd.keep_out import KeepOut
 from orientd.planner import HISTORY, MOTION_RECORD, Frame, Limits, MotionFacts
 from orientd.stream import JOINTS
 
@@ -60,6 +61,7 @@ class PlannerDevice:
         period_ns: of its cycle.
         limits: what no motion may exceed.
         frames: that motions may name.
+        keep_out: cones that every motion stays out of.
     """
 
     name: str
@@ -68,6 +70,7 @@ class PlannerDevice:
     period_ns: int
     limits: Limits
     frames: Mapping[str, Frame] = field(default_factory=dict)
+    keep_out: tuple[KeepOut, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +126,7 @@ class PlanInput:
         after: the motion to follow; ``None`` if it begins at the last of *records*.
         tolerance: how far from the corner between the two the device may pass, rad.
         earliest: the record of *after* before which that cannot be left any more.
+        unix_ns: Unix time of the request, ns, for keep-out cones that move.
     """
 
     device: str
@@ -132,6 +136,15 @@ class PlanInput:
     after: MotionFacts | None = None
     tolerance: float = 0.0
     earliest: int = 0
+    unix_ns: int = field(default_factory=time.time_ns)
+
+    @property
+    def begins_ns(self) -> int:
+        """Unix time at which the motion begins, about, ns."""
+        if self.after is None:
+            return self.unix_ns
+        left = (self.after.record_count - self.earliest) * self.after.period
+        return self.unix_ns + max(0, round(1e9 * left))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -126,10 +126,16 @@ class Worker:
                 tolerance=plan_input.tolerance,
                 earliest=plan_input.earliest,
                 motion_id=plan_input.motion_id,
+                unix_ns=plan_input.begins_ns,
             )
         else:
             start = start_of(rows)._asdict()
-            motion = planner.plan(request, **start, motion_id=plan_input.motion_id)
+            motion = planner.plan(
+                request,
+                **start,
+                motion_id=plan_input.motion_id,
+                unix_ns=plan_input.begins_ns,
+            )
         known = self._known[plan_input.motion_id] = motion, leave, planner.report_frame(request)
         while len(self._known) > KEPT:
             self._known.popitem(last=False)
@@ -138,8 +144,13 @@ class Worker:
 
 def _planner(device: PlannerDevice) -> DevicePlanner:
     driver = make_driver(device.name, device.driver, device.options, device.period_ns)
-    period = device.period_ns * 1e-9
-    return DevicePlanner(driver, limits=device.limits, period=period, frames=device.frames)
+    return DevicePlanner(
+        driver,
+        limits=device.limits,
+        period=device.period_ns * 1e-9,
+        frames=device.frames,
+        keep_out=device.keep_out,
+    )
 
 
 def main(channel: int) -> None:

@@ -1,0 +1,348 @@
+"""Plan motions outside of keep-out cones: check them, and lead those that cross around.
+
+The planner adds keyframes where the shortest path outside touches a cone.  It passes them on one
+curve, as quickly as the limits permit.  The curve may swing into a cone between them, so keyframes
+are moved outwards or added until the bounds of the whole motion keep clear.  Then they move to
+where the motion is the quickest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from orientd.curves import METHODS
+from orientd.errors import PlanError
+from orientd.model import MotionRequest
+from orientd.planner.keep_out.clearance import Cones
+from orientd.planner.keep_out.detour import Detour
+from orientd.planner.keep_out.route import (
+    POINTS,
+    Obstacle,
+    ahead,
+    keyframes_along,
+    paths,
+)
+from orientd.planner.motion import Motion
+from orientd.planner.state import State
+from orientd.rotation import Floats, exp, multiply
+
+Planning = Callable[[MotionRequest], Motion]
+"""Plans a request in the coordinates of the device, without regard to cones."""
+
+RESERVE = math.radians(0.1)
+"""Distance from an edge that a path around is made for, rad."""
+
+_ROUNDS = 14  # plans until a curve keeps clear
+_PUSH = 1.15  # times the depth of a curve in a cone
+_NEAR = 0.3  # share of an interval within which a keyframe is moved rather than one added
+_STEPS = tuple(map(math.radians, (4.0, 2.0, 1.0)))  # of the search for the quickest motion
+_GAIN = 0.999  # ratio of durations that counts as quicker
+_MOST_PLANS = 36  # of that search
+_MOST_ROUTES = 6
+_EVERY = 4  # points of a path between two keyframes, if fewer do not keep clear
+_EXIT = math.radians(2.0)  # distance from the edge of the first keyframe outside
+
+
+@dataclass(slots=True, eq=False)
+class Around:
+    """Plan one request outside of cones.
+
+    Attributes:
+        cones: of the motion.
+        start: the commanded state of the device.
+        plan: plans without regard to cones.
+        is_turn: whether the request is a turn at a rate, which has no other route.
+    """
+
+    cones: Cones
+    start: State
+    plan: Planning
+    is_turn: bool = False
+    _margins: float = 1.0
+    _refused: str = field(default="", init=False)
+
+    def motion(self, request: MotionRequest) -> Motion:
+        """Return the requested motion outside of the cones, with their clearances certified.
+
+        Args:
+            request: in coordinates of the device.
+
+        Raises:
+            PlanError: a keyframe is inside a cone, there is no route around, or the motion cannot
+                be planned.
+        """
+        motion = self.plan(replace(request, keep_out=()))
+        notes = self._check_keyframes(motion)
+        direct = Detour.of(motion.request, self.start)
+        short = self._short(direct, motion)
+        if float(short.min()) >= 0.0:
+            return self.cones.certified(motion, request).noted(*notes)
+        turns = self.is_turn or any(keyframe.turns for keyframe in request.keyframes)
+        is_outside = float(self.cones.bounds(motion).min()) >= 0.0
+        names = self._named(short)
+        try:
+            self._check_can_lead(direct, motion, short, names, turns=turns)
+            found = self._led(direct, motion, short, names)
+            notes.append(f"led around {names}")
+        except PlanError:
+            if not is_outside and not any(cone.margin for cone in self.cones.cones):
+                raise
+            if not is_outside:
+                self._margins = 0.0
+                short = self._short(direct, motion)
+                self._check_can_lead(direct, motion, short, names, turns=turns)
+                found = self._led(direct, motion, short, names)
+                notes.append(f"led around {names}")
+            else:
+                found = motion
+            notes.append(f"passes through the margin of {names}")
+        return self.cones.certified(found, request).noted(*notes)
+
+    def _short(self, detour: Detour, motion: Motion) -> Floats:
+        """Return by how much a motion is clearer of each cone than it has to be, rad.
+
+        It keeps out of a margin in legs whose ends are both outside of it.
+
+        Returns:
+            For each cone and interval between records, shape ``(cones, n - 1)``.
+        """
+        bounds = self.cones.bounds(motion)
+        if not any(cone.margin for cone in self.cones.cones) or not self._margins:
+            return bounds
+        ends = detour.own_times(motion)
+        middles = motion.period * (np.arange(bounds.shape[1]) + 0.5)
+        legs = np.searchsorted(ends, middles)
+        keys = np.array([self.start.q, *detour.request.keys, detour.request.keys[-1]])
+        times = np.array([0.0, *ends, motion.duration])
+        clear = self.cones.clearances(keys, times)
+        for row, cone, at in zip(bounds, self.cones.cones, clear, strict=True):
+            keeps = np.minimum(at[:-1], at[1:]) >= cone.margin + RESERVE
+            keeps[-1] = False  # the lead-out follows from the velocity at its beginning
+            row -= np.where(keeps[legs], cone.margin, 0.0)
+        return bounds
+
+    def _check_keyframes(self, motion: Motion) -> list[str]:
+        """Return notes on keyframes in margins.
+
+        Raises:
+            PlanError: a keyframe is inside a cone.
+        """
+        request, notes = motion.request, []
+        is_passed = METHODS[request.method].interpolates
+        begins = not request.approach
+        keys, times = request.keys, motion.keyframe_times
+        clear = self.cones.clearances(keys, times)
+        for cone, row in zip(self.cones.cones, clear, strict=True):
+            for index, far in enumerate(row.tolist()):
+                is_there = begins and index == 0
+                if is_there or not (is_passed or index == len(keys) - 1):
+                    continue
+                if far < 0.0:
+                    raise PlanError(
+                        f"keyframes[{index}] is {math.degrees(-far):.3g} deg inside keep-out "
+                        f"{cone.name}, whose half angle is {math.degrees(cone.half_angle):.4g} deg"
+                    )
+                if far < cone.margin:
+                    notes.append(
+                        f"keyframes[{index}] is in the margin of keep-out {cone.name}, "
+                        f"{math.degrees(far):.3g} deg from its edge"
+                    )
+        return notes
+
+    def _named(self, short: Floats) -> str:
+        """Return the names of the cones that a motion crosses."""
+        worst = short.min(axis=1)
+        names = [one.name for one, far in zip(self.cones.cones, worst, strict=True) if far < 0.0]
+        return "keep-out " + " and ".join(names)
+
+    def _check_can_lead(
+        self, direct: Detour, motion: Motion, short: Floats, names: str, *, turns: bool
+    ) -> None:
+        """Raise :class:`.PlanError` if the request has no other route that can be planned."""
+        request, legs = direct.request, self._legs(direct, motion, short)
+        if turns:
+            raise PlanError(f"the turn crosses {names}: a turn has no other route")
+        if request.device_options.get("home"):
+            raise PlanError(f"the motion home crosses {names}; move the tool aside first")
+        if legs[-1] == len(request.keyframes):
+            raise PlanError(
+                f"the motion ends with a velocity, and its lead-out enters {names}; "
+                "end slower or further away"
+            )
+        if legs[0] == 0 and (request.times is not None or request.start_velocity is not None):
+            raise PlanError(
+                f"the lead-in crosses {names}, and cannot be led around to a first keyframe with a "
+                "time or a velocity; move to the first keyframe before"
+            )
+        if not METHODS[request.method].interpolates or request.options:
+            raise PlanError(
+                f"the motion crosses {names}; {request.method} with these options does not pass "
+                "further keyframes around it: take the default method"
+            )
+
+    def _led(self, direct: Detour, motion: Motion, short: Floats, names: str) -> Motion:
+        """Return the quickest motion found around the cones that a motion crosses.
+
+        Raises:
+            PlanError: there is none.
+        """
+        routes, dense = self._routes(direct, motion, short, names)
+        found = [one for one in map(self._cleared, routes) if one is not None]
+        if not found:
+            found = [one for one in (self._cleared(dense),) if one is not None]
+        if not found:
+            raise PlanError(
+                f"the motion crosses {names}, and no motion around was found: {self._refused}"
+            )
+        detour, motion = self._quickest(*min(found, key=lambda one: one[1].duration))
+        return detour.restored(motion)
+
+    def _legs(self, detour: Detour, motion: Motion, short: Floats) -> list[int]:
+        """Return the legs in which a motion is inside a cone."""
+        middles = motion.period * (np.flatnonzero(short.min(axis=0) < 0.0) + 0.5)
+        return sorted(set(np.searchsorted(detour.own_times(motion), middles).tolist()))
+
+    def _routes(
+        self, direct: Detour, motion: Motion, short: Floats, names: str
+    ) -> tuple[list[Detour], Detour]:
+        """Return detours on the different sides of the cones, and one with many keyframes.
+
+        Raises:
+            PlanError: there is no route.
+        """
+        found, dense = [direct], direct
+        for leg in self._legs(direct, motion, short):
+            time = 0.0 if leg == 0 else float(direct.own_times(motion)[leg - 1])
+            first, last = direct.ends(leg)
+            exits = self._exits(first, time)
+            obstacles = self._obstacles(exits[-1] if exits else first, last, time)
+            worst = int(np.argmin(short.min(axis=1)))
+            routes = paths(exits[-1] if exits else first, last, obstacles, obstacles[worst].axis)
+            if not routes:
+                place = "the start" if leg == 0 else f"keyframes[{leg - 1}]"
+                raise PlanError(
+                    f"there is no route from {place} to keyframes[{leg}] outside of {names}"
+                )
+            every = [[*exits, *keyframes_along(route, obstacles)] for route in routes]
+            found = [one.with_added(leg, keys) for one in found for keys in every][:_MOST_ROUTES]
+            dense = dense.with_added(leg, [*exits, *routes[0][_EVERY : POINTS - 1 : _EVERY]])
+        return found, dense
+
+    def _exits(self, q: Floats, time: float) -> list[Floats]:
+        """Return the orientation straight outside if the device is inside a cone."""
+        inside = [one for one in self._edges(time) if _depth(q, one) > 0.0]
+        for one in inside:
+            q = one.pushed(q[None], one.depth(q[None]) + _EXIT)[0]
+        return [q] if inside else []
+
+    def _edges(self, time: float) -> list[Obstacle]:
+        """Return the cones themselves at a path time."""
+        axes: dict[tuple[float, ...], Floats] = {}
+        return [
+            Obstacle(
+                axes.setdefault(cone.axis, np.array(cone.axis)),
+                self.cones.directions(cone, np.array([time]))[0],
+                cone.half_angle,
+            )
+            for cone in self.cones.cones
+        ]
+
+    def _obstacles(self, first: Floats, last: Floats, time: float) -> list[Obstacle]:
+        """Return the cones with reserve and margin, as far as both ends are outside of these."""
+        found = []
+        for cone, edge in zip(self.cones.cones, self._edges(time), strict=True):
+            more = RESERVE + self._margins * cone.margin
+            nearest = -float(np.max(edge.depth(np.array([first, last]))))
+            found.append(edge.widened(min(more, max(nearest - 1e-7, 0.0))))
+        return found
+
+    def _cleared(self, detour: Detour) -> tuple[Detour, Motion] | None:
+        """Return the detour with its keyframes moved or added until its motion keeps clear."""
+        for _ in range(_ROUNDS):
+            try:
+                motion = self.plan(detour.whole())
+            except PlanError as error:
+                self._refused = detour.worded(str(error))
+                return None
+            short = self._short(detour, motion)
+            if float(short.min()) >= 0.0:
+                return detour, motion
+            detour = self._pushed(detour, motion, short)
+        self._refused = "the curve through further keyframes swings inside"
+        return None
+
+    def _pushed(self, detour: Detour, motion: Motion, short: Floats) -> Detour:
+        """Return the detour with keyframes outwards of where its motion is inside a cone."""
+        added = [list(one) for one in detour.added]
+        places = detour.places
+        ends = motion.keyframe_times[-len(places) :]
+        inserted: list[tuple[int, int, Floats]] = []
+        is_inside = short.min(axis=0) < 0.0
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], is_inside.astype(int), [0]])))
+        for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            part = short[:, begin:end]
+            cone, place = np.unravel_index(int(np.argmin(part)), part.shape)
+            far = np.array([_PUSH * (RESERVE - float(part[cone, place]))])
+            time = motion.period * (begin + int(place) + 0.5)
+            one = self._edges(time)[int(cone)]
+            k = int(np.searchsorted(ends, time))
+            before = float(ends[k - 1]) if k else 0.0
+            after = float(ends[k]) if k < len(ends) else motion.duration
+            share = (time - before) / (after - before)
+            moved = places[k - 1] if share < _NEAR and k else None
+            if share > 1.0 - _NEAR and k < len(ends):
+                moved = places[k]
+            if moved is not None:
+                leg, index = moved
+                added[leg][index] = one.pushed(added[leg][index][None], far)[0]
+            else:
+                q = motion.sample(np.array([time])).q
+                inserted.append((*detour.slot(k), one.pushed(q, far)[0]))
+        for leg, index, q in sorted(inserted, key=lambda entry: -entry[1]):
+            added[leg].insert(index, q)
+        return replace(detour, added=tuple(map(tuple, added)))
+
+    def _quickest(self, detour: Detour, motion: Motion) -> tuple[Detour, Motion]:
+        """Return the detour with its keyframes where the motion is the quickest nearby.
+
+        Each moves by a step away from the nearest cone, along its edge, or about the tool's axis.
+        A motion that takes over from another one is needed soon, so it stays as it is.
+        """
+        if not detour.request.is_quickest or not self.start.is_at_rest:
+            return detour, motion
+        plans = 0
+        for step in _STEPS:
+            for leg, index in [place for place in detour.places if place is not None]:
+                for axis, far in [(axis, far) for axis in range(3) for far in (step, -step)]:
+                    plans += 1
+                    if plans > _MOST_PLANS:
+                        return detour, motion
+                    q = detour.added[leg][index]
+                    edges = self._edges(0.0)
+                    nearest = max(edges, key=partial(_depth, q))
+                    keys = list(detour.added[leg])
+                    keys[index] = multiply(exp(far * ahead(q, nearest)[axis]), q)
+                    tried = detour.with_added(leg, keys)
+                    found = self._quicker(tried, motion.duration)
+                    if found is not None:
+                        detour, motion = tried, found
+        return detour, motion
+
+    def _quicker(self, detour: Detour, duration: float) -> Motion | None:
+        """Return the motion of a detour if it keeps clear and takes less time."""
+        try:
+            motion = self.plan(detour.whole())
+        except PlanError:
+            return None
+        if motion.duration >= _GAIN * duration or float(self._short(detour, motion).min()) < 0.0:
+            return None
+        return motion
+
+
+def _depth(q: Floats, obstacle: Obstacle) -> float:
+    return float(obstacle.depth(q[None])[0])

@@ -1,0 +1,172 @@
+r"""The least clearance of a motion from its keep-out cones, with a bound between its records.
+
+The clearance is computed at every record.  Between two of them, *h* apart, the axis of the tool
+moves on the sphere with at most the velocity *V* and the acceleration *A*.  Its angle *c* from the
+direction of a cone changes with
+
+.. math:: |\dot c| \le V, \qquad |\ddot c| \le A + V^2 |\cot c| ,
+
+since the cotangent is the curvature of the circles of a constant angle.  So *c* lies at most
+:math:`h^2/8` times the second bound below the lower one of its two neighbours, and at most
+:math:`hV/2` below their mean.  *A* is 1.5 times the largest acceleration at the records around, and
+*V* the larger velocity of the two plus *A h*.  The direction of a cone may move, which adds to *V*.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orientd.keep_out import KeepOut
+from orientd.mechanism import Figure
+from orientd.model import MotionRequest
+from orientd.planner.motion import Motion
+from orientd.rotation import Floats, rotate
+from orientd.sun import Sun
+
+_BLOCK = 8192  # records at a time, to bound memory
+_SUN_STEP = 1.0  # s between two directions of the sun; it turns by 7e-5 rad meanwhile
+_FALLS = 1e-9  # rad; rounding of a clearance that must not fall
+_MORE = 1.5  # factor of the acceleration between two records
+_POLE = 1e-3  # rad; least angle from the direction with a bounded curvature
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cones:
+    """The keep-out cones of a motion.
+
+    Attributes:
+        cones: at least one.
+        unix_ns: Unix time at the beginning of the motion, ns.
+    """
+
+    cones: Sequence[KeepOut]
+    unix_ns: int
+
+    @classmethod
+    def of(cls, cones: Sequence[KeepOut], unix_ns: int | None) -> Cones:
+        """Return the cones of a motion that begins at a Unix time in ns, by default now."""
+        return cls(cones, time.time_ns() if unix_ns is None else unix_ns)
+
+    def directions(self, cone: KeepOut, times: Floats) -> Floats:
+        """Return unit vectors towards a cone at increasing path times, s, shape ``(n, 3)``."""
+        if not isinstance(cone.direction, Sun):
+            return np.broadcast_to(np.array(cone.direction), (len(times), 3))
+        first = math.floor(float(times[0]) / _SUN_STEP)
+        last = math.floor(float(times[-1]) / _SUN_STEP) + 1
+        grid = _SUN_STEP * np.arange(first, last + 1)
+        table = np.array([cone.direction_at(self.unix_ns + round(1e9 * t)) for t in grid.tolist()])
+        found = np.stack([np.interp(times, grid, column) for column in table.T], axis=1)
+        return unit(found)
+
+    def clearances(self, q: Floats, times: Floats) -> Floats:
+        """Return the clearance of each cone at orientations, rad.
+
+        Args:
+            q: shape ``(n, 4)``.
+            times: path times, s, increasing, shape ``(n,)``.
+
+        Returns:
+            Shape ``(cones, n)``.
+        """
+        return np.array(
+            [
+                angles(rotate(q, np.array(cone.axis)), self.directions(cone, times))
+                - cone.half_angle
+                for cone in self.cones
+            ]
+        )
+
+    def along(self, motion: Motion) -> Floats:
+        """Return the clearance of each cone at each record of a motion, rad, ``(cones, n)``."""
+        parts = []
+        for first in range(0, motion.record_count, _BLOCK):
+            count = min(_BLOCK, motion.record_count - first)
+            times = motion.period * np.arange(first, first + count, dtype=np.float64)
+            parts.append(self.clearances(motion.rows(first, count)[:, :4], times))
+        found: Floats = np.concatenate(parts, axis=1)
+        return found
+
+    def bounds(self, motion: Motion) -> Floats:
+        """Return the least clearance of each cone in each interval between records, rad.
+
+        Returns:
+            Shape ``(cones, n - 1)``; infinite while a motion that begins inside a cone moves out.
+        """
+        found, period = self.along(motion), motion.period
+        speed, bend = _rates(motion)
+        lower = np.minimum(found[:, :-1], found[:, 1:])
+        mean = 0.5 * (found[:, :-1] + found[:, 1:])
+        half = np.array([[cone.half_angle] for cone in self.cones])
+        moves = np.array([[cone.fastest] for cone in self.cones])
+        fastest = speed + bend * period + moves
+        nearest = np.maximum(half + mean - fastest * period, _POLE)
+        curved = bend + fastest**2 / np.abs(np.tan(nearest))
+        bound: Floats = np.maximum(lower - period**2 / 8.0 * curved, mean - 0.5 * period * fastest)
+        for row, at in zip(bound, found, strict=True):
+            row[: _moving_out(at)] = math.inf
+        return bound
+
+    def are_kept(self, motion: Motion) -> bool:
+        """Return whether a motion stays out of all cones and their margins."""
+        margins = np.array([[cone.margin] for cone in self.cones])
+        return bool(np.all(self.bounds(motion) >= margins))
+
+    def certified(self, motion: Motion, request: MotionRequest) -> Motion:
+        """Return a motion with the clearances in its certificate, and the cones of its request."""
+        found = motion.certificate
+        figures = (*found.figures, *self.figures(motion))
+        own = replace(motion.request, keep_out=request.keep_out)
+        return replace(motion, request=own, certificate=replace(found, figures=figures))
+
+    def figures(self, motion: Motion) -> list[Figure]:
+        """Return the least clearance of each cone along a motion."""
+        figures = []
+        for cone, row in zip(self.cones, self.bounds(motion), strict=True):
+            place = int(np.argmin(row))
+            figures.append(
+                Figure(
+                    f"keep-out {cone.name}", float(row[place]), "rad", None, place * motion.period
+                )
+            )
+        return figures
+
+
+def _rates(motion: Motion) -> tuple[Floats, Floats]:
+    """Return bounds of velocity and acceleration in each interval between records."""
+    speeds, bends = [], []
+    for first in range(0, motion.record_count, _BLOCK):
+        rows = motion.rows(first, min(_BLOCK, motion.record_count - first))
+        speeds.append(np.linalg.norm(rows[:, 4:7], axis=1))
+        bends.append(np.linalg.norm(rows[:, 7:10], axis=1))
+    speed, bend = np.concatenate(speeds), np.concatenate(bends)
+    around = np.maximum(bend[:-1], bend[1:])
+    around[1:] = np.maximum(around[1:], bend[:-2])
+    around[:-1] = np.maximum(around[:-1], bend[2:])
+    return np.maximum(speed[:-1], speed[1:]), _MORE * around
+
+
+def _moving_out(clearance: Floats) -> int:
+    """Return the first record outside, if a motion begins inside and only moves out; else 0."""
+    if clearance[0] >= 0.0:
+        return 0
+    is_outside = clearance >= 0.0
+    first = int(np.argmax(is_outside)) if is_outside.any() else len(clearance)
+    rises = np.diff(clearance[: first + 1])
+    return first if bool(np.all(rises >= -_FALLS)) else 0
+
+
+def angles(a: Floats, b: Floats) -> Floats:
+    """Return the angles between unit vectors, rad, shape ``(n,)``."""
+    found: Floats = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1))
+    return found
+
+
+def unit(vectors: Floats) -> Floats:
+    """Return vectors of length one in the same directions, shape ``(n, 3)``."""
+    found: Floats = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return found

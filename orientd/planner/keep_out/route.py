@@ -1,0 +1,202 @@
+r"""Paths between two orientations around keep-out cones: on the sphere, then on the group.
+
+The axis of the tool moves on the sphere, and the tool may also turn about that axis, which no cone
+notices.  Along a route of the length *L* on the sphere, a twist :math:`\tau` spread evenly makes a
+path of the length :math:`\sqrt{L^2 + \tau^2}`, counted from parallel transport.  The shortest path
+among the cones bends the route on the sphere in addition, if that shortens the twist.  Relaxation
+finds it: every point moves to the middle of its neighbours, then out of the cones.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orientd.planner.keep_out.clearance import angles, unit
+from orientd.planner.keep_out.sphere import Circle, Route, shortest_route
+from orientd.rotation import Floats, angle, between, exp, log, multiply, rotate, slerp
+
+POINTS = 33
+"""Points of a relaxed path, both ends included."""
+
+_SWEEPS = 120
+_LONGER = 1.6  # times the shortest route: another one is not worth a plan
+_WORTH = 1.25  # the same, of relaxed paths
+_POLE = 1e-9
+_STEP = math.radians(28.0)
+"""Longest arc of contact for one keyframe."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Obstacle:
+    """A cone as the search for a route sees it.
+
+    Attributes:
+        axis: of the tool, unit vector, shape ``(3,)``.
+        direction: in the world, unit vector, shape ``(3,)``.
+        radius: angle to stay away, rad.
+    """
+
+    axis: Floats
+    direction: Floats
+    radius: float
+
+    def depth(self, q: Floats) -> Floats:
+        """Return how far inside orientations are, rad; negative outside, shape ``(n,)``."""
+        found: Floats = self.radius - angles(rotate(q, self.axis), self.direction)
+        return found
+
+    def widened(self, by: float) -> Obstacle:
+        """Return the obstacle with a larger radius."""
+        return replace(self, radius=self.radius + by)
+
+    def pushed(self, q: Floats, far: Floats) -> Floats:
+        """Return orientations turned away from the direction by angles in rad, shape ``(n, 4)``."""
+        points = rotate(q, self.axis)
+        normal = np.cross(self.direction, points)
+        size = np.linalg.norm(normal, axis=-1, keepdims=True)
+        if np.any(size < _POLE):
+            # At the direction itself every side is the same.
+            spare = np.cross(self.direction, np.eye(3)[int(np.argmin(np.abs(self.direction)))])
+            normal = np.where(size < _POLE, spare, normal)
+            size = np.linalg.norm(normal, axis=-1, keepdims=True)
+        return multiply(exp(normal / size * np.asarray(far)[..., None]), q)
+
+
+def paths(q0: Floats, q1: Floats, obstacles: Sequence[Obstacle], axis: Floats) -> list[Floats]:
+    """Return paths from one orientation to another outside of obstacles, the shortest first.
+
+    Args:
+        q0: the first orientation.
+        q1: the last one.
+        obstacles: both ends are outside of them.
+        axis: of the tool, to lead around the obstacles of this axis.
+
+    Returns:
+        Each of shape ``(POINTS, 4)``; empty if there is no route.
+    """
+    circles = [Circle(one.direction, one.radius) for one in obstacles if one.axis is axis]
+    found: list[tuple[float, Floats]] = []
+    for route in _routes(rotate(q0, axis), rotate(q1, axis), circles):
+        for path in _lifted(q0, q1, axis, route):
+            relaxed = _relaxed(path, obstacles)
+            found.append((float(np.sum(angle(relaxed[:-1], relaxed[1:]))), relaxed))
+    found.sort(key=lambda one: one[0])
+    return [path for length, path in found if length <= _WORTH * found[0][0]]
+
+
+def _routes(begin: Floats, end: Floats, circles: Sequence[Circle]) -> Iterator[Route]:
+    """Yield the shortest route, and others that pass one of its circles on the other side."""
+    first = shortest_route(begin, end, circles)
+    if first is None:
+        return
+    yield first
+    for side in first.sides:
+        other = shortest_route(begin, end, circles, banned=(side,))
+        if other is not None and other.length <= _LONGER * first.length + _STEP:
+            yield other
+
+
+def _lifted(q0: Floats, q1: Floats, axis: Floats, route: Route) -> Iterator[Floats]:
+    """Yield orientations along a route with the twist spread evenly, the lesser twist first."""
+    points = route.points
+    steps = _least_turns(points[:-1], points[1:])
+    carried = [q0]
+    for step in steps:
+        carried.append(multiply(step, carried[-1]))
+    along = np.array(carried)
+    far = np.concatenate([[0.0], np.cumsum(angles(points[:-1], points[1:]))])
+    share = far / far[-1] if far[-1] > 0.0 else np.linspace(0.0, 1.0, len(far))
+    twist = float(log(between(along[-1], q1)) @ axis)
+    for whole in (0.0, -math.copysign(2.0 * math.pi, twist)):
+        total = twist + whole
+        if abs(total) > 1.5 * math.pi:
+            continue
+        path = multiply(along, exp(total * share[:, None] * axis))
+        yield _resampled(path, q1)
+
+
+def _least_turns(a: Floats, b: Floats) -> Floats:
+    half = unit(a + b)
+    return np.concatenate([np.sum(a * half, axis=1)[:, None], np.cross(a, half)], axis=1)
+
+
+def _resampled(path: Floats, last: Floats) -> Floats:
+    """Return :data:`POINTS` orientations at equal distances along a path that ends at *last*."""
+    steps = angle(path[:-1], path[1:])
+    far = np.concatenate([[0.0], np.cumsum(steps)])
+    wanted = np.linspace(0.0, far[-1], POINTS)
+    place = np.clip(np.searchsorted(far, wanted, side="right") - 1, 0, len(steps) - 1)
+    share = (wanted - far[place]) / np.maximum(steps[place], 1e-12)
+    found = slerp(path[place], path[place + 1], share)
+    found[-1] = last if float(found[-1] @ last) >= 0.0 else -last
+    return found
+
+
+def _relaxed(path: Floats, obstacles: Sequence[Obstacle]) -> Floats:
+    """Return a path shortened as far as obstacles permit."""
+    path = _aligned(path)
+    for sweep in range(_SWEEPS):
+        inner = slice(1 + sweep % 2, len(path) - 1, 2)
+        before = path[sweep % 2 : len(path) - 2 : 2]
+        after = path[2 + sweep % 2 :: 2]
+        # Over-relaxation: twice the step to the middle would oscillate.
+        middle = unit(before + after)
+        moved = unit(path[inner] + 1.7 * (middle - path[inner]))
+        path[inner] = outside(moved, obstacles)
+    return path
+
+
+def outside(q: Floats, obstacles: Sequence[Obstacle]) -> Floats:
+    """Return orientations moved out of obstacles by the least turns, shape ``(n, 4)``."""
+    for _ in range(2 if len(obstacles) > 1 else 1):
+        for one in obstacles:
+            depth = one.depth(q)
+            inside = depth > 0.0
+            if inside.any():
+                q = q.copy()
+                q[inside] = one.pushed(q[inside], depth[inside])
+    return q
+
+
+def _aligned(path: Floats) -> Floats:
+    """Return a path with continuous signs."""
+    signs = np.where(np.sum(path[:-1] * path[1:], axis=1) < 0.0, -1.0, 1.0)
+    found: Floats = path * np.concatenate([[1.0], np.cumprod(signs)])[:, None]
+    return found
+
+
+def keyframes_along(path: Floats, obstacles: Sequence[Obstacle]) -> list[Floats]:
+    """Return the fewest keyframes that lead a spline along a path: in the middle of each contact.
+
+    A long contact has several.
+    """
+    touch = math.radians(0.6)
+    is_near = np.max([one.depth(path) for one in obstacles], axis=0) > -touch
+    is_near[[0, -1]] = False
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], is_near.astype(int), [0]])))
+    found: list[Floats] = []
+    length = float(np.sum(angle(path[:-1], path[1:])))
+    for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        count = max(1, round((end - begin) / (POINTS - 1) * length / _STEP))
+        for k in range(count):
+            place = begin + (k + 0.5) * (end - begin) / count - 0.5
+            low = min(int(place), POINTS - 2)
+            found.append(slerp(path[low], path[low + 1], place - low))
+    return found
+
+
+def ahead(q: Floats, obstacle: Obstacle) -> Floats:
+    """Return three axes in the world to turn an orientation about, shape ``(3, 3)``.
+
+    The first turns it away from an obstacle, the second along the edge, the third about its axis.
+    """
+    point = rotate(q, obstacle.axis)
+    away = np.cross(obstacle.direction, point)
+    if np.linalg.norm(away) < _POLE:
+        away = np.cross(obstacle.direction, np.eye(3)[int(np.argmin(np.abs(obstacle.direction)))])
+    away = away / np.linalg.norm(away)
+    return np.stack([away, np.cross(point, away), point])
