@@ -5,7 +5,7 @@ Planner and servo use the same value, so it holds plain floats.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import atan2
 
 from orientd.driver import Quaternion, Vector3
@@ -44,6 +44,10 @@ class KeepOut:
         """Return the unit vector of the cone's direction in the world at a Unix time in ns."""
         one = self.direction
         return one.direction(unix_ns) if isinstance(one, Sun) else one
+
+    def frozen(self, unix_ns: int) -> KeepOut:
+        """Return the cone with the direction that it has at a Unix time in ns."""
+        return replace(self, direction=self.direction_at(unix_ns))
 
     def clearance(self, q: Quaternion, unix_ns: int) -> float:
         """Return the angle from the tool's axis to the edge of the cone, rad.

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+import time
+
+from orientd.keep_out import KeepOut
 from orientd.planner import ANGULAR, AXES, Rate
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import orientation, titled, to_quaternion, word
+from orientd.protocol import orientation, titled, to_cones, to_quaternion, word
 
 
 def milliseconds(seconds: float) -> str:
@@ -126,6 +130,11 @@ def certificate(of: pb.Certificate) -> list[str]:
         for figure in of.figures
         if figure.name in _OF_BODY_AXES and figure.HasField("limit") and figure.HasField("time")
     ]
+    lines += [
+        f"{figure.name:<21}{math.degrees(figure.value):.2f} deg clear at {figure.time:.3f} s"
+        for figure in of.figures
+        if figure.name.startswith("keep-out ")
+    ]
     if of.peak_linear_velocity.value > 0.0:
         lines += [
             f"linear velocity      {peak(of.peak_linear_velocity, 'm/s')}",
@@ -236,4 +245,19 @@ def device(of: pb.DeviceReport) -> list[str]:
             f"{cycle.missed} missed, tracking {small_angle(error)}",
             f"  measured     {age(measured)}",
         ]
+    lines += [f"  keep-out     {cone(one)}" for one in to_cones(of.keep_out)]
     return lines + [f"  {part.name:<11}  {health(part)}" for part in of.health]
+
+
+def cone(of: KeepOut) -> str:
+    """Return a keep-out cone: its name, size and present direction.
+
+    >>> cone(KeepOut("laser", (0.0, 1.0, 0.0), math.radians(12.0)))
+    'laser: 12 deg around azimuth 90.0, elevation 0.0 deg'
+    """
+    x, y, z = of.direction_at(time.time_ns())
+    azimuth, elevation = math.degrees(math.atan2(y, x)), math.degrees(math.asin(z))
+    size = f"{math.degrees(of.half_angle):g} deg"
+    if of.margin:
+        size += f" and a margin of {math.degrees(of.margin):g} deg"
+    return f"{of.name}: {size} around azimuth {azimuth:.1f}, elevation {elevation:.1f} deg"

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from orientd.curves import is_same
 from orientd.drawing import Drawable
 from orientd.driver import Vector3
-from orientd.model import Limits, MotionRequest
+from orientd.keep_out import KeepOut
+from orientd.model import Limits, MotionRequest, written_cone
 from orientd.planner.certify import Certificate, before
 from orientd.planner.facts import HISTORY, MotionFacts
 from orientd.planner.path import Path, PathSamples, RecordedPath
@@ -57,6 +58,7 @@ class Motion(Drawable):
         before: the three setpoints before path time 0, as in :class:`State`; ``None`` if the
             device held, or if they are unknown.
         corner: as in :class:`MotionFacts`.
+        keep_out: the cones that it stays out of, of the device too, as they are when it begins.
     """
 
     id: str
@@ -73,6 +75,7 @@ class Motion(Drawable):
     last_joints: tuple[float, ...] = ()
     before: tuple[Floats, Floats] | None = None
     corner: tuple[float, float] | None = None
+    keep_out: tuple[KeepOut, ...] = ()
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Motion):
@@ -115,6 +118,7 @@ class Motion(Drawable):
                 **request.given(),
                 "keyframes": [asdict(keyframe) for keyframe in request.keyframes],
                 "limits": None if request.limits is None else asdict(request.limits),
+                "keep_out": list(map(written_cone, request.keep_out)),
             },
             "limits": asdict(self.limits),
             "period": self.period,
@@ -125,6 +129,7 @@ class Motion(Drawable):
             "first_joints": self.first_joints,
             "last_joints": self.last_joints,
             "axes": len(self.first_joints),
+            "keep_out": list(map(written_cone, self.keep_out)),
         }
         arrays: dict[str, Floats] = {
             "rows": self.rows(0, self.record_count),

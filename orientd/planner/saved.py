@@ -21,7 +21,7 @@ import numpy as np
 from orientd.bounded_file import check_regular
 from orientd.errors import OrientdError
 from orientd.mechanism import Figure
-from orientd.model import Keyframe, Limits, MotionRequest
+from orientd.model import Keyframe, Limits, MotionRequest, read_cones
 from orientd.planner.certify import Certificate, Peak
 from orientd.planner.facts import HISTORY
 from orientd.planner.motion import Motion
@@ -104,6 +104,7 @@ def _motion(header: dict[str, Any], arrays: dict[str, Any]) -> Motion:
         first_joints=tuple(header["first_joints"]),
         last_joints=tuple(header["last_joints"]),
         before=before,
+        keep_out=read_cones(header.get("keep_out", [])),
     )
 
 
@@ -113,7 +114,8 @@ def _request(given: dict[str, Any]) -> MotionRequest:
         for one in given["keyframes"]
     ]
     limits = None if given["limits"] is None else _limits(given["limits"])
-    return MotionRequest(**{**given, "keyframes": keyframes, "limits": limits})
+    cones = read_cones(given.get("keep_out", []))
+    return MotionRequest(**{**given, "keyframes": keyframes, "limits": limits, "keep_out": cones})
 
 
 def _place(position: list[float] | None) -> Any:  # noqa: ANN401 - three numbers, if any

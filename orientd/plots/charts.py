@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from orientd.keep_out import KeepOut
 from orientd.plots.paper import AXES, INK, LIMIT, QUIET, SHADE, tidy
 from orientd.rotation import Floats
 
@@ -38,6 +40,7 @@ class Traces:
         acceleration_limit: rad/s^2; infinite if there is none.
         breaks: instants at which velocity or acceleration may jump, s; lines are interrupted there.
         is_met: whether the curve passes its keyframes.
+        keep_out: cones that the motion stays out of, each with a fixed direction.
     """
 
     times: Floats
@@ -50,6 +53,7 @@ class Traces:
     acceleration_limit: float = np.inf
     breaks: Floats | None = None
     is_met: bool = True
+    keep_out: Sequence[KeepOut] = ()
 
 
 def draw_velocity(axes: Axes, traces: Traces) -> None:

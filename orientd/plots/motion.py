@@ -11,6 +11,7 @@ import numpy as np
 from orientd.curves import Curve, CurveTask, check_keys, resolve_times
 from orientd.errors import OrientdError
 from orientd.plots.charts import Traces, draw_acceleration, draw_velocity
+from orientd.plots.cones import draw_cones
 from orientd.plots.paper import INK, QUIET, check_format, new_figure, save
 from orientd.plots.punctuality import Timing, draw_histogram, draw_lateness
 from orientd.plots.sampling import traces_of, traces_of_motion
@@ -126,8 +127,9 @@ def draw_sent(path: Path, traces: Traces, timing: Timing, *, title: str) -> None
 
 
 def _fill(charts: Charts, traces: Traces) -> None:
-    style = turned_to_show(traces.q, TriadStyle())
+    style = turned_to_show(traces.q, TriadStyle(), traces.keep_out)
     draw_triads(charts["sphere"], traces.q, traces.keyframe_q, style=style, is_met=traces.is_met)
+    draw_cones(charts["sphere"], traces.keep_out, style)
     marks = "dots are keyframes" if traces.is_met else "hollow marks are control orientations"
     charts["sphere"].set_title(
         f"the tool's axes on the unit sphere; {marks}", fontsize=9, color=INK, y=-0.06

@@ -62,4 +62,5 @@ def traces_of_motion(motion: Motion) -> Traces:
         keyframe_q=motion.request.keys,
         velocity_limit=motion.limits.velocity,
         acceleration_limit=motion.limits.acceleration,
+        keep_out=motion.keep_out,
     )

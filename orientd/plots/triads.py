@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from orientd.keep_out import KeepOut
 from orientd.plots.labels import enumeration, grouped, places
 from orientd.plots.paper import AXES, GRID, INK, PAPER, QUIET, AxisStyle, Stroke
 from orientd.plots.view import STANDARD_VIEW, Viewpoint
@@ -263,9 +264,13 @@ def _width_in_points(axes: Axes) -> float:
     return float(72.0 * dots / (figure.dpi if figure is not None else 100.0))
 
 
-def turned_to_show(q: Floats, style: TriadStyle) -> TriadStyle:
-    """Return *style* seen from where the most of the traces of *q* is in front."""
-    tips = np.concatenate([rotate(thinned(q, style.step), tip) for tip in np.eye(3)])
+def turned_to_show(q: Floats, style: TriadStyle, keep_out: Sequence[KeepOut] = ()) -> TriadStyle:
+    """Return *style* seen from where the most of the traces of *q* is in front.
+
+    With cones, only the traces of the axes that stay out of them count.
+    """
+    axes = np.array([cone.axis for cone in keep_out]) if keep_out else np.eye(3)
+    tips = np.concatenate([rotate(thinned(q, style.step), tip) for tip in axes])
     views = [Viewpoint(style.view.elevation, float(azimuth)) for azimuth in range(0, 360, 15)]
     seen = [np.count_nonzero(view.project(tips)[:, 2] > 0.0) for view in views]
     return replace(style, view=views[int(np.argmax(seen))])

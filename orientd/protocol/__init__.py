@@ -13,7 +13,7 @@ if TYPE_CHECKING:
         limits_to_message,
         limits_to_wish,
     )
-    from orientd.protocol.motion import from_request, to_request
+    from orientd.protocol.motion import cone_message, from_request, to_cones, to_request
     from orientd.protocol.reports import (
         GOOD_OUTCOMES,
         STALE,
@@ -40,7 +40,7 @@ __getattr__ = lazily(
             "limits_to_message",
             "limits_to_wish",
         ),
-        "orientd.protocol.motion": ("from_request", "to_request"),
+        "orientd.protocol.motion": ("cone_message", "from_request", "to_cones", "to_request"),
         "orientd.protocol.reports": (
             "GOOD_OUTCOMES",
             "STALE",

@@ -421,7 +421,7 @@ class Certificate(_message.Message):
     def __init__(self, rate_hz: _Optional[float] = ..., duration: _Optional[float] = ..., lead_in: _Optional[float] = ..., lead_out: _Optional[float] = ..., peak_velocity: _Optional[_Union[Peak, _Mapping]] = ..., peak_acceleration: _Optional[_Union[Peak, _Mapping]] = ..., peak_jerk: _Optional[_Union[Peak, _Mapping]] = ..., peak_linear_velocity: _Optional[_Union[Peak, _Mapping]] = ..., peak_linear_acceleration: _Optional[_Union[Peak, _Mapping]] = ..., start_velocity_error: _Optional[float] = ..., end_velocity_error: _Optional[float] = ..., keyframe_error: _Optional[float] = ..., brake_rate: _Optional[float] = ..., stop_time: _Optional[float] = ..., figures: _Optional[_Iterable[_Union[Figure, _Mapping]]] = ..., notes: _Optional[_Iterable[str]] = ..., usual_stop_time: _Optional[float] = ..., has_control_points: bool = ...) -> None: ...
 
 class Plan(_message.Message):
-    __slots__ = ("motion_id", "duration", "start_time", "end_time", "keyframe_times", "certificate", "name", "planning", "samples")
+    __slots__ = ("motion_id", "duration", "start_time", "end_time", "keyframe_times", "certificate", "name", "planning", "samples", "keep_out")
     MOTION_ID_FIELD_NUMBER: _ClassVar[int]
     DURATION_FIELD_NUMBER: _ClassVar[int]
     START_TIME_FIELD_NUMBER: _ClassVar[int]
@@ -431,6 +431,7 @@ class Plan(_message.Message):
     NAME_FIELD_NUMBER: _ClassVar[int]
     PLANNING_FIELD_NUMBER: _ClassVar[int]
     SAMPLES_FIELD_NUMBER: _ClassVar[int]
+    KEEP_OUT_FIELD_NUMBER: _ClassVar[int]
     motion_id: str
     duration: float
     start_time: float
@@ -440,7 +441,8 @@ class Plan(_message.Message):
     name: str
     planning: float
     samples: MotionColumns
-    def __init__(self, motion_id: _Optional[str] = ..., duration: _Optional[float] = ..., start_time: _Optional[float] = ..., end_time: _Optional[float] = ..., keyframe_times: _Optional[_Iterable[float]] = ..., certificate: _Optional[_Union[Certificate, _Mapping]] = ..., name: _Optional[str] = ..., planning: _Optional[float] = ..., samples: _Optional[_Union[MotionColumns, _Mapping]] = ...) -> None: ...
+    keep_out: _containers.RepeatedCompositeFieldContainer[KeepOut]
+    def __init__(self, motion_id: _Optional[str] = ..., duration: _Optional[float] = ..., start_time: _Optional[float] = ..., end_time: _Optional[float] = ..., keyframe_times: _Optional[_Iterable[float]] = ..., certificate: _Optional[_Union[Certificate, _Mapping]] = ..., name: _Optional[str] = ..., planning: _Optional[float] = ..., samples: _Optional[_Union[MotionColumns, _Mapping]] = ..., keep_out: _Optional[_Iterable[_Union[KeepOut, _Mapping]]] = ...) -> None: ...
 
 class MotionColumns(_message.Message):
     __slots__ = ("path_times", "q", "omega_body", "alpha_body", "position", "velocity")
@@ -523,23 +525,25 @@ class Cycle(_message.Message):
     def __init__(self, index: _Optional[int] = ..., deadline_ns: _Optional[int] = ..., lateness_ns: _Optional[int] = ..., work_ns: _Optional[int] = ..., feedback_age_ns: _Optional[int] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., motion_number: _Optional[int] = ..., is_written: bool = ..., overruns: _Optional[int] = ..., missed: _Optional[int] = ..., path_index: _Optional[int] = ..., path_fraction: _Optional[float] = ..., speed: _Optional[float] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., alpha_body: _Optional[_Union[Vector3, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_q: _Optional[_Union[Quaternion, _Mapping]] = ..., feedback_omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., feedback_position: _Optional[_Union[Vector3, _Mapping]] = ..., tracking_error: _Optional[float] = ...) -> None: ...
 
 class Device(_message.Message):
-    __slots__ = ("name", "driver", "rate_hz", "limits", "lead", "phase")
+    __slots__ = ("name", "driver", "rate_hz", "limits", "lead", "phase", "keep_out")
     NAME_FIELD_NUMBER: _ClassVar[int]
     DRIVER_FIELD_NUMBER: _ClassVar[int]
     RATE_HZ_FIELD_NUMBER: _ClassVar[int]
     LIMITS_FIELD_NUMBER: _ClassVar[int]
     LEAD_FIELD_NUMBER: _ClassVar[int]
     PHASE_FIELD_NUMBER: _ClassVar[int]
+    KEEP_OUT_FIELD_NUMBER: _ClassVar[int]
     name: str
     driver: str
     rate_hz: float
     limits: Limits
     lead: float
     phase: float
-    def __init__(self, name: _Optional[str] = ..., driver: _Optional[str] = ..., rate_hz: _Optional[float] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., lead: _Optional[float] = ..., phase: _Optional[float] = ...) -> None: ...
+    keep_out: _containers.RepeatedCompositeFieldContainer[KeepOut]
+    def __init__(self, name: _Optional[str] = ..., driver: _Optional[str] = ..., rate_hz: _Optional[float] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., lead: _Optional[float] = ..., phase: _Optional[float] = ..., keep_out: _Optional[_Iterable[_Union[KeepOut, _Mapping]]] = ...) -> None: ...
 
 class DeviceReport(_message.Message):
-    __slots__ = ("name", "driver", "rate_hz", "limits", "lead", "phase", "state", "fault", "fault_text", "is_paused", "speed", "motion_number", "motion_id", "path_time", "duration", "servo_pid", "scheduling", "is_memory_locked", "cycle", "motion_name", "is_free", "health", "cycle_age", "feedback_age", "is_stale")
+    __slots__ = ("name", "driver", "rate_hz", "limits", "lead", "phase", "state", "fault", "fault_text", "is_paused", "speed", "motion_number", "motion_id", "path_time", "duration", "servo_pid", "scheduling", "is_memory_locked", "cycle", "motion_name", "is_free", "health", "cycle_age", "feedback_age", "is_stale", "keep_out")
     NAME_FIELD_NUMBER: _ClassVar[int]
     DRIVER_FIELD_NUMBER: _ClassVar[int]
     RATE_HZ_FIELD_NUMBER: _ClassVar[int]
@@ -565,6 +569,7 @@ class DeviceReport(_message.Message):
     CYCLE_AGE_FIELD_NUMBER: _ClassVar[int]
     FEEDBACK_AGE_FIELD_NUMBER: _ClassVar[int]
     IS_STALE_FIELD_NUMBER: _ClassVar[int]
+    KEEP_OUT_FIELD_NUMBER: _ClassVar[int]
     name: str
     driver: str
     rate_hz: float
@@ -590,7 +595,8 @@ class DeviceReport(_message.Message):
     cycle_age: float
     feedback_age: float
     is_stale: bool
-    def __init__(self, name: _Optional[str] = ..., driver: _Optional[str] = ..., rate_hz: _Optional[float] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., lead: _Optional[float] = ..., phase: _Optional[float] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ..., is_free: bool = ..., health: _Optional[_Iterable[_Union[PartHealth, _Mapping]]] = ..., cycle_age: _Optional[float] = ..., feedback_age: _Optional[float] = ..., is_stale: bool = ...) -> None: ...
+    keep_out: _containers.RepeatedCompositeFieldContainer[KeepOut]
+    def __init__(self, name: _Optional[str] = ..., driver: _Optional[str] = ..., rate_hz: _Optional[float] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., lead: _Optional[float] = ..., phase: _Optional[float] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ..., is_free: bool = ..., health: _Optional[_Iterable[_Union[PartHealth, _Mapping]]] = ..., cycle_age: _Optional[float] = ..., feedback_age: _Optional[float] = ..., is_stale: bool = ..., keep_out: _Optional[_Iterable[_Union[KeepOut, _Mapping]]] = ...) -> None: ...
 
 class PartHealth(_message.Message):
     __slots__ = ("name", "age", "is_stale", "voltage", "temperature", "current", "warning")

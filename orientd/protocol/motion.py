@@ -8,14 +8,23 @@ same words, by the same path.  Only keyframes in columns are read apart.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from google.protobuf.message import Message
 from google.protobuf.struct_pb2 import Struct
 
 from orientd.errors import RequestError
-from orientd.model import Frame, Limits, MotionRequest, Pose, read_request, written_cone
+from orientd.keep_out import KeepOut
+from orientd.model import (
+    Frame,
+    Limits,
+    MotionRequest,
+    Pose,
+    read_cones,
+    read_request,
+    written_cone,
+)
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.limits import asked_rates, limits_message
 from orientd.protocol.values import RATES, quaternion, vector
@@ -175,7 +184,7 @@ def _fields(request: MotionRequest) -> Iterator[tuple[str, Any]]:
         elif name in _FRAMED:
             yield name, vector(value)
         elif name == "keep_out":
-            yield name, [_cone_message(written_cone(cone)) for cone in value]
+            yield name, list(map(cone_message, value))
         elif name == "frames":
             yield name, {key: _frame_message(frame) for key, frame in value.items()}
         elif isinstance(value, Mapping):
@@ -190,10 +199,21 @@ def _frame_message(frame: Frame) -> pb.NamedFrame:
     return pb.NamedFrame(base=_pose_message(frame.base), tool=_pose_message(frame.tool))
 
 
-def _cone_message(table: dict[str, Any]) -> pb.KeepOut:
+def cone_message(cone: KeepOut) -> pb.KeepOut:
+    """Return a keep-out cone as a message."""
+    table = written_cone(cone)
     for name in table.keys() & {"direction", "axis"}:
         table[name] = vector(table[name])
     return pb.KeepOut(**table)
+
+
+def to_cones(messages: Iterable[pb.KeepOut]) -> tuple[KeepOut, ...]:
+    """Return the keep-out cones of messages, one at a time: names may repeat.
+
+    Raises:
+        RequestError: one is not well formed.
+    """
+    return tuple(cone for message in messages for cone in read_cones([_table(message)]))
 
 
 def _pose_message(pose: Pose) -> pb.Pose:

@@ -20,6 +20,7 @@ from orientd.protocol import samples
 from orientd.structured_text import structured
 from orientd.viewer import words
 from orientd.viewer.charts import charts_of
+from orientd.viewer.cones import edges
 from orientd.viewer.server import PageServer
 from orientd.viewer.strips import SPAN
 from orientd.viewer.watcher import Sight, Watcher, sample_rate
@@ -130,6 +131,7 @@ class View:
             "proposal": {"lines": proposal.lines, "path": self._path(proposal.plan)},
             "path": self._path(sight.plan),
             "outline": [line.tolist() for line in sight.outline],
+            "cones": [],
         }
         if sight.pose is not None:
             picture["pose"] = sight.pose
@@ -137,6 +139,11 @@ class View:
             return picture | {"status": [("alert", "✕ Not connected", sight.trouble(now))]}
         certificate = None if sight.plan is None else sight.plan.certificate
         rows = seen.get("spans") or [[now // SPAN - 1e9]]
+        picture["cones"] = edges(
+            *report.keep_out,
+            *(() if sight.plan is None else sight.plan.keep_out),
+            *(() if proposal.plan is None else proposal.plan.keep_out),
+        )
         return picture | {
             "devices": list(cell.devices),
             "device": {"name": report.name, "charts": charts_of(report, certificate)},

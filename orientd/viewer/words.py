@@ -6,6 +6,7 @@ name and a value, ``alert`` lines stand out, and ``note`` lines have one text.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -171,6 +172,9 @@ def certificate(of: pb.Certificate) -> list[Line]:
         rows.append(("Linear accel.", peak(of.peak_linear_acceleration, "m/s²")))
     rows.append(("A stop takes", f"about {usual:.2f} s, at most {of.stop_time:.2f} s"))
     for figure in of.figures:
+        if figure.name.startswith("keep-out "):
+            rows.append((figure.name, f"{math.degrees(figure.value):.3g}° clear"))
+            continue
         against = f" of {figure.limit:.3g}" if figure.HasField("limit") else ""
         rows.append((figure.name, f"{figure.value:.3g}{against} {figure.unit}"))
     return [("row", *row) for row in rows] + [("note", note, "") for note in of.notes]

@@ -10,7 +10,7 @@ from orientd.daemon.device import Device, QueuedMotion
 from orientd.driver import PartHealth, Quaternion, Vector3
 from orientd.floats import difference, norm
 from orientd.planner import Frame
-from orientd.protocol import STALE, limits_to_message, quaternion, vector
+from orientd.protocol import STALE, cone_message, limits_to_message, quaternion, vector
 from orientd.protocol import control_pb2 as pb
 from orientd.stream import UNKNOWN, Cycle, CycleFlag, ServoState, record_index, unpack_cycle
 
@@ -30,6 +30,7 @@ def device_description(device: Device) -> pb.Device:
         limits=limits_to_message(device.limits),
         lead=device.lead,
         phase=device.phase,
+        keep_out=map(cone_message, device.keep_out),
     )
 
 
@@ -48,6 +49,7 @@ def device_report(device: Device) -> pb.DeviceReport:
         limits=limits_to_message(device.limits),
         lead=device.lead,
         phase=device.phase,
+        keep_out=map(cone_message, device.keep_out),
         state=f"STATE_{now.state.name}",
         fault=f"FAULT_{now.fault.name}",
         fault_text=now.fault_text,

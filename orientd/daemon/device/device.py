@@ -85,6 +85,7 @@ class Device:
         lead: how long before its time each setpoint is sent, s.
         phase: where in a period its cycles begin, as a share of it.
         limits: what no motion of it may exceed.
+        keep_out: cones that every motion stays out of.
         targets: hands targets and chunks of poses to the servo while it follows them.
         is_free: whether it was disabled for hand guiding.
     """
@@ -119,6 +120,7 @@ class Device:
         self.lead = settings.lead
         self.phase = settings.phase
         self.limits = settings.limits.to_limits()
+        self.keep_out = settings.to_keep_out()
         self.is_free = self._was_following = False
         driver = make_driver(settings.name, settings.driver, settings.options, settings.period_ns)
         self._axes = DeviceAxes(driver, self.name)

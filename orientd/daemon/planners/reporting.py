@@ -10,7 +10,7 @@ from orientd.curves import METHODS
 from orientd.errors import RequestError
 from orientd.planner import Certificate, Frame, Motion
 from orientd.planner import PathSamples as Sampled
-from orientd.protocol import Samples, from_request, quaternion, vector
+from orientd.protocol import Samples, cone_message, from_request, quaternion, vector
 from orientd.protocol import control_pb2 as pb
 from orientd.rotation import Floats
 
@@ -32,6 +32,7 @@ def plan_of(motion: Motion) -> pb.Plan:
         keyframe_times=motion.keyframe_times.tolist(),
         certificate=certificate(motion.certificate),
         name=motion.request.name,
+        keep_out=map(cone_message, motion.keep_out),
     )
 
 

@@ -120,8 +120,12 @@ class Cones:
         """Return a motion with the clearances in its certificate, and the cones of its request."""
         found = motion.certificate
         figures = (*found.figures, *self.figures(motion))
-        own = replace(motion.request, keep_out=request.keep_out)
-        return replace(motion, request=own, certificate=replace(found, figures=figures))
+        return replace(
+            motion,
+            request=replace(motion.request, keep_out=request.keep_out),
+            certificate=replace(found, figures=figures),
+            keep_out=tuple(cone.frozen(self.unix_ns) for cone in self.cones),
+        )
 
     def figures(self, motion: Motion) -> list[Figure]:
         """Return the least clearance of each cone along a motion."""

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from orientd import load_motion
 from orientd.errors import PlanError
 from orientd.keep_out import KeepOut
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
@@ -162,3 +163,17 @@ def test_a_plan_around_is_the_same_to_the_last_bit():
 def test_control_points_that_cross_are_refused_in_words():
     with pytest.raises(PlanError, match=r"kks_bspline .* take the default method"):
         planned(toward(0.0), toward(40.0, 5.0), toward(80.0), method="kks_bspline")
+
+
+def test_a_saved_motion_keeps_its_cones(tmp_path):
+    motion = planned(toward(80.0))
+    motion.save(tmp_path / "around.npz")
+    again = load_motion(tmp_path / "around.npz")
+    assert again == motion
+    assert again.keep_out == motion.keep_out == (LASER,)
+
+
+def test_a_picture_of_a_motion_shows_its_cones(tmp_path):
+    planned(toward(80.0)).plot(tmp_path / "around.svg")
+    text = (tmp_path / "around.svg").read_text(encoding="utf-8")
+    assert 'id="keep-out-laser"' in text
