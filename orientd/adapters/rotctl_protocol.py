@@ -21,6 +21,8 @@ OK, INVALID, TIMEOUT, IO_ERROR, REJECTED, UNAVAILABLE = 0, 1, 5, 6, 9, 11
 
 LONGEST = 1024
 """Longest line, bytes."""
+TOO_LONG = b"?"
+"""Stands for a line that is longer; not a command."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +153,15 @@ def number(word: str) -> float:
     return found
 
 
+def rounding(word: str) -> float:
+    """Return half a unit of the last digit of a number.
+
+    >>> rounding("12.3")
+    0.05
+    """
+    return 0.5 * 0.1 ** len(word.replace(",", ".").partition(".")[2])
+
+
 def failed(command: Command, code: int) -> str:
     """Return the answer to a command that failed with a positive *code*."""
     return f"{_head(command)}RPRT -{code}\n"
@@ -165,10 +176,23 @@ def answered(command: Command, values: Mapping[str, str] | None = None) -> str:
     """
     if values is None:
         return f"{_head(command)}RPRT 0\n"
+    if command.kind is not None and command.kind.name == "dump_state":
+        return _state(command, values)
     if not command.separator:
-        return "".join(f"{value}\n" for value in values.values())
+        is_table = command.kind is not None and command.kind.name == "dump_caps"
+        return "".join(
+            f"{name}:\t{value}\n" if is_table else f"{value}\n" for name, value in values.items()
+        )
     said = "".join(f"{name}: {value}{command.separator}" for name, value in values.items())
     return f"{_head(command)}{said}RPRT 0\n"
+
+
+def _state(command: Command, values: Mapping[str, str]) -> str:
+    """Return what a client of Hamlib reads when it connects: two numbers, then settings."""
+    (_, version), (_, model), *settings = values.items()
+    said = "".join(f"{name}={value}\n" for name, value in settings)
+    end = "RPRT 0\n" if command.separator else ""
+    return f"{_head(command)}{version}\n{model}\n{said}done\n{end}"
 
 
 def _head(command: Command) -> str:

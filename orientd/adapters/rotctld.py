@@ -10,17 +10,32 @@ from dataclasses import dataclass
 
 import orientd
 from orientd.adapters import rotctl_protocol as protocol
-from orientd.adapters.pointing import Direction, direction, orientation
+from orientd.adapters.pointer import Pointer
+from orientd.adapters.pointing import Direction
 from orientd.adapters.rotctl_protocol import Command
 from orientd.adapters.served import Served
 from orientd.errors import DaemonError, DeviceError, OrientdError, RequestError
 from orientd.own_socket import own_socket
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import to_quaternion
-from orientd.rotation import Quaternion
 
-_IDLE = 0.5
-"""Seconds from one look to the next at whether the server ends."""
+_MODEL = "2"
+"""Hamlib's number of the rotators that are reached over this protocol."""
+_ABILITIES = ("set Position", "get Position", "Stop", "Park", "Reset", "Move", "get Info")
+_DIRECTIONS = {
+    "UP": (0, 1),
+    "DOWN": (0, -1),
+    "LEFT": (-1, 0),
+    "RIGHT": (1, 0),
+    "UP_LEFT": (-1, 1),
+    "UP_RIGHT": (1, 1),
+    "DOWN_LEFT": (-1, -1),
+    "DOWN_RIGHT": (1, -1),
+}
+"""Signs of the turn in azimuth and elevation."""
+_CODES = {str(2 << place): name for place, name in enumerate(_DIRECTIONS)}
+_CODES |= {name.replace("LEFT", "CCW").replace("RIGHT", "CW"): name for name in _DIRECTIONS}
+_UNCHANGED = -1.0
+"""The speed that stands for the present one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,10 +50,16 @@ class Ranges:
     azimuth: tuple[float, float]
     elevation: tuple[float, float]
 
+    def nearest(self, wanted: Direction) -> Direction:
+        """Return the direction in the ranges that is nearest to *wanted*."""
+        return Direction(
+            min(max(wanted.azimuth, self.azimuth[0]), self.azimuth[1]),
+            min(max(wanted.elevation, self.elevation[0]), self.elevation[1]),
+        )
+
     def has(self, wanted: Direction) -> bool:
         """Return whether a direction is among them."""
-        (west, east), (low, high) = self.azimuth, self.elevation
-        return west <= wanted.azimuth <= east and low <= wanted.elevation <= high
+        return self.nearest(wanted) == wanted
 
 
 class Rotctld:
@@ -64,19 +85,23 @@ class Rotctld:
         Raises:
             DaemonError: the port is in use, or the address is not one of this machine.
         """
-        self._served, self._ranges, self._north, self._park = served, ranges, north, park
+        self._served, self._ranges, self._park = served, ranges, park
+        self._pointer = Pointer(served, north=north, tips=ranges.elevation[1] > 90.0)
         self._listener = own_socket(host, port)
         host, port = self._listener.getsockname()[:2]
         self.endpoint = f"{host}:{port}"
         self._clients: dict[threading.Thread, socket.socket] = {}
-        self._asked: Direction | None = None
         self._do: dict[str, Callable[[Command], Mapping[str, str] | None]] = {
             "set_pos": self._set_position,
             "get_pos": self._position,
             "stop": self._stop,
             "park": self._go_to_park,
             "reset": self._reset,
+            "move": self._turn,
             "get_info": self._info,
+            "get_status": self._status,
+            "dump_caps": self._capabilities,
+            "dump_state": self._state,
         }
 
     def serve(self) -> None:
@@ -121,35 +146,74 @@ class Rotctld:
         wanted = Direction(*map(protocol.number, command.arguments))
         if not self._ranges.has(wanted):
             raise ValueError(f"expected a direction in {self._ranges}, got {wanted}")
-        self._go(wanted)
-
-    def _go(self, wanted: Direction) -> None:
-        self._asked = wanted
-        w, x, y, z = orientation(wanted, self._north)
-        self._served.move([Quaternion(w=w, x=x, y=y, z=z)], approach=True)
+        with self._served.lock:
+            self._pointer.go(wanted, max(map(protocol.rounding, command.arguments)))
 
     def _position(self, command: Command) -> Mapping[str, str]:
         del command
-        cycle = self._served.report().cycle
-        if not cycle.HasField("feedback_q"):
+        found = self._pointer.measured()
+        if found is None:
             raise DaemonError("the device has measured nothing yet")
-        found = direction(to_quaternion(cycle.feedback_q), self._north)
-        with self._served.lock:
-            found = found.in_turn_of(self._asked or Direction(180.0, 45.0))
         return {"Azimuth": f"{found.azimuth:.2f}", "Elevation": f"{found.elevation:.2f}"}
 
     def _stop(self, command: Command) -> None:
         del command
-        self._served.stop()
+        self._pointer.stop()
 
     def _go_to_park(self, command: Command) -> None:
         del command
-        self._go(self._park)
+        with self._served.lock:
+            self._pointer.go(self._park)
 
     def _reset(self, command: Command) -> None:
         protocol.number(command.arguments[0])
         if self._served.report().state == pb.STATE_FAULT:
             self._served.robot.reset(self._served.name)
+
+    def _turn(self, command: Command) -> None:
+        """Turn in a direction, at a percentage of the velocity limit, until a stop."""
+        word, percent = command.arguments[0], protocol.number(command.arguments[1])
+        signs = _DIRECTIONS.get(word) or _DIRECTIONS.get(_CODES.get(word, ""))
+        if signs is None or not (1.0 <= percent <= 100.0 or percent == _UNCHANGED):
+            raise ValueError(f"expected a direction and 1 to 100, got {command.arguments}")
+        share = 1.0 if percent == _UNCHANGED else 0.01 * percent
+        with self._served.lock:
+            self._pointer.turn(signs, self._ranges.nearest, share)
+
+    def _status(self, command: Command) -> Mapping[str, str]:
+        del command
+        is_moving = self._served.report().state == pb.STATE_STREAMING
+        return {"Status flags": "MOVING" if is_moving else ""}
+
+    def _capabilities(self, command: Command) -> Mapping[str, str]:
+        del command
+        (west, east), (low, high) = self._ranges.azimuth, self._ranges.elevation
+        return {
+            "Caps dump for model": _MODEL,
+            "Model name": self._served.name,
+            "Mfg name": "orientd",
+            "Backend version": orientd.__version__,
+            "Rot type": "Az-El",
+            "Min Azimuth": f"{west:.2f}",
+            "Max Azimuth": f"{east:.2f}",
+            "Min Elevation": f"{low:.2f}",
+            "Max Elevation": f"{high:.2f}",
+            **{f"Can {name}": "Y" for name in _ABILITIES},
+        }
+
+    def _state(self, command: Command) -> Mapping[str, str]:
+        del command
+        (west, east), (low, high) = self._ranges.azimuth, self._ranges.elevation
+        return {
+            "rotctld Protocol Ver": "1",
+            "Rotor Model": _MODEL,
+            "min_az": f"{west:.6f}",
+            "max_az": f"{east:.6f}",
+            "min_el": f"{low:.6f}",
+            "max_el": f"{high:.6f}",
+            "south_zero": "0",
+            "rot_type": "AzEl",
+        }
 
     def _info(self, command: Command) -> Mapping[str, str]:
         del command
@@ -157,10 +221,11 @@ class Rotctld:
 
 
 def _lines(client: socket.socket) -> Iterator[bytes]:
-    """Yield the lines that a client sends; one that is too long ends the conversation."""
+    """Yield the lines that a client sends; one that is too long is the last."""
     rest = b""
     while chunk := client.recv(4096):
         *lines, rest = (rest + chunk).split(b"\n")
         yield from lines
         if len(rest) > protocol.LONGEST:
+            yield protocol.TOO_LONG
             return

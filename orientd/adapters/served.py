@@ -7,7 +7,7 @@ import threading
 from collections.abc import Iterable
 from typing import Protocol, Self, Unpack
 
-from orientd.client import MoveHandle, RequestFields, Robot, Tracking
+from orientd.client import MoveHandle, Playing, RequestFields, Robot
 from orientd.errors import OrientdError, UnknownNameError
 from orientd.protocol import control_pb2 as pb
 
@@ -61,7 +61,7 @@ class Served:
             raise UnknownNameError("device", f"expected one of {', '.join(names)}, got {device!r}")
         self.robot, self.name = robot, device
         self.lock = threading.RLock()
-        self._tracking: Tracking | None = None
+        self._tracking: Playing | None = None
         self._moving: MoveHandle | None = None
 
     def __enter__(self) -> Self:
@@ -78,8 +78,8 @@ class Served:
         """
         return self.robot.state().devices[self.name]
 
-    def track(self) -> Tracking:
-        """Return the session in which the device follows targets; begin one if there is none.
+    def track(self) -> Playing:
+        """Return the session of targets or chunks of poses; begin one if there is none.
 
         It replaces a running motion without a step in velocity.
 
@@ -94,7 +94,7 @@ class Served:
                 except OrientdError:
                     tracking = None
             if tracking is None:
-                tracking = self.robot.track(device=self.name)
+                tracking = self.robot.play(device=self.name)
             self._tracking, self._moving = tracking, None
             return tracking
 

@@ -1,50 +1,48 @@
-"""`orientd serve rotctld` over its socket, against a daemon in a process of its own."""
+"""`orientd serve rotctld` over its socket, with Hamlib's own clients where they are installed."""
 
-import contextlib
-import signal
-import socket
+import math
+import random
+import shutil
+import subprocess
+import time
 
-from command_line import begin
-from harness import until
+import numpy as np
+import pytest
+from harness import DEVICE, until
+from rotator import Client, rotctld
 
+from orientd.client import connect
+from orientd.protocol import control_pb2 as pb
 
-class Client:
-    """A client that reads the answers line by line."""
-
-    def __init__(self, port):
-        self.socket = socket.create_connection(("127.0.0.1", port), timeout=30.0)
-        self.lines = self.socket.makefile("r", newline="\n")
-
-    def ask(self, text, answers=1):
-        self.socket.sendall(f"{text}\n".encode())
-        return [self.lines.readline().rstrip("\n") for _ in range(answers)]
-
-    def position(self):
-        return tuple(map(float, self.ask("p", 2)))
-
-    def await_position(self, azimuth, elevation):
-        def is_there():
-            found = self.position()
-            return abs(found[0] - azimuth) < 0.05 and abs(found[1] - elevation) < 0.05
-
-        until(is_there, f"{azimuth}, {elevation}")
+needs_hamlib = pytest.mark.skipif(
+    shutil.which("rotctl") is None, reason="rotctl of Hamlib is not installed"
+)
 
 
-@contextlib.contextmanager
-def rotctld(daemon, *arguments):
-    """Serve a daemon's device; yield a client."""
-    server = begin("serve", "rotctld", "--port", 0, "--socket", daemon.socket, *arguments)
-    line = server.stdout.readline()
-    assert line.startswith("ready at "), (line, server.stderr.read())
-    client = Client(int(line.split()[2].rpartition(":")[2]))
-    try:
+@pytest.fixture(scope="module")
+def server(daemon):
+    with rotctld(daemon) as client:
         yield client
-    finally:
-        client.lines.close()
-        client.socket.close()
-        server.send_signal(signal.SIGINT)
-        _, errors = server.communicate(timeout=30.0)
-        assert (server.returncode, errors) == (0, "")
+
+
+@pytest.fixture
+def client(server):
+    opened = Client(server.port)
+    yield opened
+    opened.close()
+
+
+def ahead(q):
+    """Where the x axis of a tool points in the world."""
+    w, x, y, z = q.w, q.x, q.y, q.z
+    return (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y))
+
+
+def asked(words):
+    """Where that is in the world, whose x axis points north."""
+    azimuth, elevation = (math.radians(float(word)) for word in words)
+    level = math.cos(elevation)
+    return level * math.cos(azimuth), -level * math.sin(azimuth), math.sin(elevation)
 
 
 def test_north_and_ranges_are_as_given(daemon):
@@ -55,8 +53,177 @@ def test_north_and_ranges_are_as_given(daemon):
         assert client.ask("P 10 -1") == ["RPRT -1"]
         assert client.ask("P 220 160") == ["RPRT 0"]
         client.await_position(220.0, 160.0)
-        x, y, z, w = (daemon.device().cycle.q.__getattribute__(name) for name in "xyzw")
-        ahead = (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y))
         # 40 degrees clockwise from north, which is the world's y axis.
-        expected = (0.6040, 0.7198, 0.3420)
-        assert all(abs(a - b) < 1e-3 for a, b in zip(ahead, expected, strict=True))
+        assert ahead(daemon.device().cycle.q) == pytest.approx((0.6040, 0.7198, 0.3420), abs=1e-3)
+
+
+# As rotctld 4.5.4 of Hamlib answers them for its dummy rotator.
+@pytest.mark.parametrize(
+    ("line", "answer"),
+    [
+        ("+S", ["stop:", "RPRT 0"]),
+        (";S", ["stop:;RPRT 0"]),
+        ("+\\set_pos 1 2", ["set_pos: 1 2", "RPRT 0"]),
+        ("+P x y", ["set_pos: x y", "RPRT -1"]),
+        ("P 10,5 6,5", ["RPRT 0"]),
+        ("P 999 20", ["RPRT -1"]),
+        ("P 10 99", ["RPRT -1"]),
+        ("P x y", ["RPRT -1"]),
+        ("R x", ["RPRT -1"]),
+        ("R 1", ["RPRT 0"]),
+        ("M 99 5", ["RPRT -1"]),
+        ("# a comment\nS", ["RPRT 0"]),
+        ("\n\r\nSS", ["RPRT 0", "RPRT 0"]),
+        ("P 1 2 S", ["RPRT 0", "RPRT 0"]),
+        ("S;S", ["RPRT 0", "stop:;RPRT 0"]),
+        ("\\stop", ["RPRT 0"]),
+    ],
+)
+def test_an_answer_is_that_of_rotctld(client, line, answer):
+    assert client.ask(line, len(answer)) == answer
+
+
+def test_positions_are_answered_in_both_forms(client):
+    client.ask("P 30 40")
+    client.await_position(30.0, 40.0)
+    assert [round(float(word)) for word in client.ask("p", 2)] == [30, 40]
+    first, *values, code = client.ask("+\\get_pos", 4)
+    assert (first, code) == ("get_pos:", "RPRT 0")
+    assert [value.partition(":")[0] for value in values] == ["Azimuth", "Elevation"]
+    assert client.ask("|p")[0].split("|")[0] == "get_pos:"
+
+
+def test_commands_of_other_rotators_are_said_to_be_unavailable(client):
+    assert client.ask("V SPEED 5") == ["RPRT -11"]
+    assert client.ask("\\get_level SPEED") == ["RPRT -11"]
+
+
+@needs_hamlib
+def test_hundred_commands_of_the_real_client(client, daemon):
+    """A session of rotctl: every command that it has, and directions in any turn."""
+    chosen = random.Random(4533)
+    directions = [
+        (f"{chosen.uniform(-180, 540):.2f}", f"{chosen.uniform(0, 90):.2f}") for _ in range(20)
+    ]
+    lines, last = ["_", "1", "K", "R 1", "M 16 50", "S"], ("0", "0")
+    for last in directions:
+        lines += [f"P {last[0]} {last[1]}", "p", "S", f"P {last[0]} {last[1]}"]
+    lines += ["p"] * 14
+    assert len(lines) == 100
+    done = subprocess.run(
+        ["rotctl", "-m", "2", "-r", f"127.0.0.1:{client.port}", "-"],
+        input="\n".join(lines),
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+    assert "error" not in done.stdout + done.stderr, done
+    assert done.returncode == 0
+    assert f": {DEVICE}" in done.stdout
+    until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest")
+    assert ahead(daemon.device().cycle.q) == pytest.approx(asked(last), abs=1e-4)
+
+
+@needs_hamlib
+def test_the_real_client_reads_the_ranges_when_it_connects(daemon):
+    with rotctld(daemon, "--azimuth", "-10:450", "--elevation", "0:180") as client:
+        done = subprocess.run(
+            ["rotctl", "-m", "2", "-r", f"127.0.0.1:{client.port}", "P", "451", "10"],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        assert "Invalid parameter" in done.stdout + done.stderr
+        first, *settings, end = client.ask("\\dump_state", 9)
+    assert (first, end) == ("1", "done")
+    assert {"min_az=-10.000000", "max_az=450.000000", "max_el=180.000000"} < set(settings)
+
+
+def test_malformed_lines_change_nothing_and_are_answered(client, daemon):
+    """10,000 lines that are no command: each is answered with a code below zero."""
+    client.ask("S")
+    until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest")
+    before = daemon.device()
+    chosen = random.Random(7)
+    words = ["nan", "-inf", "1e999", "x", "1_0", "0x10", "--5", "1.2.3", "1,2,3", "\x07", "é"]
+    heads = ["P", "\\set_pos", "M", "\\move", "+P", ";P", "|\\set_pos"]
+    others = ["?", "Z", "y", "\\", "\\nonsense", "\\P", "\x00x", "\xff", "3"]
+
+    def line():
+        kind, head = chosen.randrange(4), chosen.choice(heads)
+        if kind == 0:
+            return chosen.choice(others) + "".join(chosen.choices(" PpSK10", k=chosen.randrange(6)))
+        if kind == 1:
+            return f"{head} {chosen.choice(words)} {chosen.choice(words)}"
+        if kind == 2:
+            return chosen.choice([head, f"{head} {chosen.random()}", f"R {chosen.choice(words)}"])
+        return f"{head} {chosen.choice(words)} {chosen.uniform(0, 90)}"
+
+    lines = [line().encode("latin-1") for _ in range(10_000)]
+    for at in range(0, len(lines), 200):
+        client.socket.sendall(b"".join(one + b"\n" for one in lines[at : at + 200]))
+        for one in lines[at : at + 200]:
+            code = client.lines.readline()
+            if code.startswith(("set_pos:", "move:", "reset:")) and "RPRT" not in code:
+                code = client.lines.readline()
+            assert code.rstrip("\n").rpartition("RPRT ")[2] in {"-1", "-11"}, (one, code)
+    after = daemon.device()
+    assert after.motion_number == before.motion_number
+    assert after.cycle.q == before.cycle.q
+    assert client.ask("S") == ["RPRT 0"]
+
+
+def test_a_line_without_end_is_hung_up_on(client):
+    client.socket.sendall(b"S" * 2000)
+    assert client.lines.readline() == "RPRT -1\n"
+    assert client.lines.readline() == ""
+
+
+def test_a_direction_is_reached_again_after_a_stop_of_somebody_else(client, daemon):
+    client.ask("P 170 10")
+    with connect(daemon.socket) as robot:
+        robot.stop(DEVICE)
+    assert client.ask("P 100 10") == ["RPRT 0"]
+    client.await_position(100.0, 10.0)
+
+
+def test_a_move_goes_on_until_a_stop(client):
+    client.ask("P 0 0")
+    client.await_position(0.0, 0.0)
+    assert client.ask("M RIGHT 20") == ["RPRT 0"]
+    until(lambda: client.position()[0] > 5.0, "a turn to the right")
+    assert client.ask("S") == ["RPRT 0"]
+    assert client.position()[0] < 115.0
+
+
+def test_positions_once_a_second_are_followed_without_a_stop_between(client, daemon):
+    """A target crosses north at 4 degrees a second, and the setpoints stay with it."""
+    begin = time.monotonic() + 0.5
+
+    def target(at):
+        return -8.0 + 4.0 * (at - begin), 30.0
+
+    seen = []
+    with connect(daemon.socket) as robot:
+        cycles = robot.watch(DEVICE, rate_hz=20)
+        client.ask(f"P {target(begin)[0]:.3f} 30")
+        for k in range(9):
+            time.sleep(max(0.0, begin + 0.7 * k - time.monotonic()))
+            azimuth, elevation = target(time.monotonic())
+            assert client.ask(f"P {azimuth:.3f} {elevation:.3f}") == ["RPRT 0"]
+        while not seen or seen[-1].deadline_ns * 1e-9 < begin + 6.0:
+            seen += next(cycles)
+    assert len(client.position()) == 2
+    late = [one for one in seen if one.deadline_ns * 1e-9 > begin + 3.0]
+    apart = [
+        math.degrees(math.dist(_ahead(one.q), asked(target(one.deadline_ns * 1e-9))))
+        for one in late
+    ]
+    assert max(apart) < 0.5
+    assert min(math.hypot(*one.omega_body) for one in late) > math.radians(2.0)
+
+
+def _ahead(q):
+    return ahead(pb.Quaternion(**dict(zip("wxyz", np.array(q).tolist(), strict=True))))

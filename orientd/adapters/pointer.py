@@ -1,0 +1,181 @@
+"""Point a device where a program says: by single moves, or along the course of its positions."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from orientd.adapters.pointing import Direction, direction, orientation
+from orientd.adapters.prediction import Floats, Prediction
+from orientd.adapters.served import Served
+from orientd.client import MoveHandle
+from orientd.protocol import to_quaternion
+from orientd.rotation import Quaternion as Named
+from orientd.stream import CHUNK_POSES
+
+_BEYOND = 1.5
+"""How long the device follows the course after a position, in gaps between positions."""
+_RETURN = 2.0
+"""Seconds of the way back to the last position, if none follows."""
+_SEAM = 0.8
+"""Share of a gap in which the device passes from one prediction to the next."""
+_START = 0.1
+"""Seconds from a position until a new prediction takes effect."""
+_NEAR = math.radians(5.0)
+"""Largest angle from which the device joins a course without a planned motion."""
+_BRISK = 0.7
+"""Mean speed of a planned motion to a course, relative to the limit."""
+_THERE = 1e-3
+"""Largest angle at which a direction is reached, rad."""
+_TURN = (0.0, 60.0, 120.0)
+"""Angles of a turn at a constant rate, degrees."""
+_STILL = 1e-6
+"""Speed below which a target rests, rad/s."""
+
+
+class Pointer:
+    """Points the tool of a device.
+
+    Not for several threads at a time, except :meth:`stop`.
+
+    Attributes:
+        asked: the newest direction that was asked for; ``None`` before the first.
+    """
+
+    def __init__(self, served: Served, *, north: float, tips: bool) -> None:
+        """Point a device.
+
+        Args:
+            served: the device.
+            north: angle of north from the world's x axis, counted towards y, degrees.
+            tips: whether the device may tip over, to elevations above 90 degrees.
+        """
+        self._served, self._north, self._tips = served, north, tips
+        self._prediction = Prediction()
+        self._motion: MoveHandle | None = None
+        self.asked: Direction | None = None
+
+    def measured(self) -> Direction | None:
+        """Return the measured direction as in the newest question; ``None`` without feedback.
+
+        Raises:
+            DaemonError: no daemon answers.
+        """
+        cycle = self._served.report().cycle
+        if not cycle.HasField("feedback_q"):
+            return None
+        found = direction(to_quaternion(cycle.feedback_q), self._north)
+        return found.in_turn_of(self.asked or Direction(180.0, 45.0))
+
+    def stop(self) -> None:
+        """Stop the device on its path.
+
+        Raises:
+            OrientdError: the servo does not answer, or no daemon does.
+        """
+        self._motion, self._prediction = None, Prediction()
+        self._served.stop()
+
+    def go(self, wanted: Direction, rounding: float = 0.0) -> None:
+        """Point at a direction, or follow the course that it continues.
+
+        Args:
+            wanted: where to.
+            rounding: of its angles, degrees.
+
+        Raises:
+            OrientdError: the daemon refuses it.
+        """
+        now, old = time.monotonic(), self._prediction
+        if not old.is_confirmed:
+            old = old.rounded(math.radians(rounding))
+        is_same, self.asked = wanted == self.asked, wanted
+        course = self._prediction = old.added(now, vector(wanted))
+        if course.is_confirmed and not (is_same and course.speed < _STILL):
+            self._follow(now, old if old.is_confirmed else course)
+        elif not (is_same and self._is_heading(wanted)):
+            self._move(wanted)
+
+    def turn(
+        self, signs: tuple[int, int], nearest: Callable[[Direction], Direction], share: float
+    ) -> None:
+        """Turn from rest at a constant rate, for at most 120 degrees.
+
+        Args:
+            signs: of the turn in azimuth and elevation.
+            nearest: returns the permitted direction that is nearest to another.
+            share: of the velocity limit.
+
+        Raises:
+            OrientdError: the daemon refuses it.
+        """
+        self._served.rest()
+        report = self._served.report()
+        form = direction(to_quaternion(report.cycle.q), self._north)
+        form = form.in_turn_of(self.asked or form)
+        path = [
+            nearest(Direction(form.azimuth + angle * signs[0], form.elevation + angle * signs[1]))
+            for angle in _TURN
+        ]
+        self._motion, self._prediction, self.asked = None, Prediction(), path[-1]
+        limits = {"velocity": share * report.limits.velocity}
+        self._served.move([self._pose(one) for one in path[1:]], approach=True, limits=limits)
+
+    def _is_heading(self, wanted: Direction) -> bool:
+        """Return whether the device is at a direction, or on a motion of this pointer."""
+        if self._motion is not None and not self._motion.is_done:
+            return True
+        q = to_quaternion(self._served.report().cycle.q)
+        return math.dist(vector(direction(q, self._north)), vector(wanted)) < _THERE
+
+    def _pose(self, wanted: Direction) -> Named:
+        w, x, y, z = orientation(wanted, self._north)
+        return Named(w=w, x=x, y=y, z=z)
+
+    def _move(self, wanted: Direction) -> None:
+        self._motion = self._served.move([self._pose(wanted)], approach=True)
+
+    def _follow(self, now: float, before: Prediction) -> None:
+        """Send the course for the time until the position after the next."""
+        course, report = self._prediction, self._served.report()
+        form = direction(to_quaternion(report.cycle.q), self._north)
+        apart = math.dist(vector(form), course.at(now))
+        if apart > _NEAR:
+            arrival = now + _START + apart / (_BRISK * report.limits.velocity)
+            self._move(self._form(course.at(arrival), form))
+            return
+        beyond = _BEYOND * course.gap
+        times = np.linspace(now + _START, now + beyond + _RETURN, CHUNK_POSES)
+        seam = _smooth((times - now) / (_SEAM * course.gap))[:, None]
+        points = before.at(times) + seam * (course.at(times) - before.at(times))
+        back = _smooth((times - now - beyond) / _RETURN)[:, None]
+        points += back * (vector(self.asked or form) - points)
+        poses: list[Named] = []
+        for point in points / np.linalg.norm(points, axis=1, keepdims=True):
+            form = self._form(point, form)
+            poses.append(self._pose(form))
+        self._motion = None
+        self._served.track().chunk(poses, times=times)
+
+    def _form(self, point: Floats, near: Direction) -> Direction:
+        """Return a unit vector as a direction; tipped over if that is nearer and possible."""
+        x, y, z = point
+        elevation = math.degrees(math.atan2(z, math.hypot(x, y)))
+        found = Direction(math.degrees(math.atan2(-y, x)) % 360.0, elevation)
+        return found.in_turn_of(near) if self._tips else found
+
+
+def vector(wanted: Direction) -> Floats:
+    """Return a direction as a unit vector: x to the north, y to the west, z up; shape ``(3,)``."""
+    azimuth, elevation = math.radians(wanted.azimuth), math.radians(wanted.elevation)
+    level = math.cos(elevation)
+    return np.array([level * math.cos(azimuth), -level * math.sin(azimuth), math.sin(elevation)])
+
+
+def _smooth(share: Floats) -> Floats:
+    """Return a step from 0 to 1 whose first and second derivatives begin and end at 0."""
+    u = np.clip(share, 0.0, 1.0)
+    return u * u * u * (10.0 + u * (6.0 * u - 15.0))
