@@ -1,4 +1,4 @@
-"""Point a device where a program says: by single moves, or along the course of its positions."""
+"""Point a device where a program says: by single moves, or along the path of its positions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from orientd.rotation import Quaternion as Named
 from orientd.stream import CHUNK_POSES
 
 _BEYOND = 1.5
-"""How long the device follows the course after a position, in gaps between positions."""
+"""How long the device follows the path after a position, in gaps between positions."""
 _RETURN = 2.0
 """Seconds of the way back to the last position, if none follows."""
 _SEAM = 0.8
@@ -25,12 +25,12 @@ _SEAM = 0.8
 _START = 0.1
 """Seconds from a position until a new prediction takes effect."""
 _NEAR = math.radians(5.0)
-"""Largest angle from which the device joins a course without a planned motion."""
+"""Largest angle from which the device joins a path without a planned motion."""
 _BRISK = 0.7
-"""Mean speed of a planned motion to a course, relative to the limit."""
+"""Mean speed of a planned motion to a path, relative to the limit."""
 _THERE = 1e-3
 """Largest angle at which a direction is reached, rad."""
-_TURN = (0.0, 60.0, 120.0)
+_TURN = (60.0, 120.0)
 """Angles of a turn at a constant rate, degrees."""
 _STILL = 1e-6
 """Speed below which a target rests, rad/s."""
@@ -56,6 +56,7 @@ class Pointer:
         self._served, self._north, self._tips = served, north, tips
         self._prediction = Prediction()
         self._motion: MoveHandle | None = None
+        self._is_tipped = False
         self.asked: Direction | None = None
 
     def measured(self) -> Direction | None:
@@ -80,7 +81,7 @@ class Pointer:
         self._served.stop()
 
     def go(self, wanted: Direction, rounding: float = 0.0) -> None:
-        """Point at a direction, or follow the course that it continues.
+        """Point at a direction, or follow the path that it continues.
 
         Args:
             wanted: where to.
@@ -93,9 +94,9 @@ class Pointer:
         if not old.is_confirmed:
             old = old.rounded(math.radians(rounding))
         is_same, self.asked = wanted == self.asked, wanted
-        course = self._prediction = old.added(now, vector(wanted))
-        if course.is_confirmed and not (is_same and course.speed < _STILL):
-            self._follow(now, old if old.is_confirmed else course)
+        path = self._prediction = old.added(now, vector(wanted))
+        if path.is_confirmed and not (is_same and path.speed < _STILL):
+            self._follow(now, old if old.is_confirmed else path)
         elif not (is_same and self._is_heading(wanted)):
             self._move(wanted)
 
@@ -116,13 +117,13 @@ class Pointer:
         report = self._served.report()
         form = direction(to_quaternion(report.cycle.q), self._north)
         form = form.in_turn_of(self.asked or form)
-        path = [
+        stages = [
             nearest(Direction(form.azimuth + angle * signs[0], form.elevation + angle * signs[1]))
             for angle in _TURN
         ]
-        self._motion, self._prediction, self.asked = None, Prediction(), path[-1]
+        self._motion, self._prediction, self.asked = None, Prediction(), stages[-1]
         limits = {"velocity": share * report.limits.velocity}
-        self._served.move([self._pose(one) for one in path[1:]], approach=True, limits=limits)
+        self._served.move([self._aim(one) for one in stages], approach=True, limits=limits)
 
     def _is_heading(self, wanted: Direction) -> bool:
         """Return whether the device is at a direction, or on a motion of this pointer."""
@@ -131,41 +132,52 @@ class Pointer:
         q = to_quaternion(self._served.report().cycle.q)
         return math.dist(vector(direction(q, self._north)), vector(wanted)) < _THERE
 
-    def _pose(self, wanted: Direction) -> Named:
-        w, x, y, z = orientation(wanted, self._north)
-        return Named(w=w, x=x, y=y, z=z)
+    def _aim(self, wanted: Direction) -> dict[str, dict[str, float]]:
+        """Return a direction as a keyframe; the planner chooses turn and roll."""
+        angles = {"azimuth": self._north - wanted.azimuth, "elevation": wanted.elevation}
+        return {"azimuth_elevation": angles}
 
     def _move(self, wanted: Direction) -> None:
-        self._motion = self._served.move([self._pose(wanted)], approach=True)
+        self._motion = self._served.move([self._aim(wanted)], approach=True)
 
     def _follow(self, now: float, before: Prediction) -> None:
-        """Send the course for the time until the position after the next."""
-        course, report = self._prediction, self._served.report()
+        """Send the predicted path for the time until the position after the next."""
+        path, report = self._prediction, self._served.report()
         form = direction(to_quaternion(report.cycle.q), self._north)
-        apart = math.dist(vector(form), course.at(now))
+        apart = math.dist(vector(form), path.at(now))
         if apart > _NEAR:
             arrival = now + _START + apart / (_BRISK * report.limits.velocity)
-            self._move(self._form(course.at(arrival), form))
+            self._move(_direction(path.at(arrival)))
             return
-        beyond = _BEYOND * course.gap
+        if self._motion is not None:
+            self._is_tipped = abs(form.elevation) > 90.0
+        beyond = _BEYOND * path.gap
         times = np.linspace(now + _START, now + beyond + _RETURN, CHUNK_POSES)
-        seam = _smooth((times - now) / (_SEAM * course.gap))[:, None]
-        points = before.at(times) + seam * (course.at(times) - before.at(times))
+        seam = _smooth((times - now) / (_SEAM * path.gap))[:, None]
+        points = before.at(times) + seam * (path.at(times) - before.at(times))
         back = _smooth((times - now - beyond) / _RETURN)[:, None]
         points += back * (vector(self.asked or form) - points)
         poses: list[Named] = []
         for point in points / np.linalg.norm(points, axis=1, keepdims=True):
             form = self._form(point, form)
-            poses.append(self._pose(form))
+            w, x, y, z = orientation(form, self._north)
+            poses.append(Named(w=w, x=x, y=y, z=z))
         self._motion = None
         self._served.track().chunk(poses, times=times)
 
     def _form(self, point: Floats, near: Direction) -> Direction:
-        """Return a unit vector as a direction; tipped over if that is nearer and possible."""
-        x, y, z = point
-        elevation = math.degrees(math.atan2(z, math.hypot(x, y)))
-        found = Direction(math.degrees(math.atan2(-y, x)) % 360.0, elevation)
-        return found.in_turn_of(near) if self._tips else found
+        """Return a unit vector as the direction of a tool, tipped over or not as the device is."""
+        found = _direction(point)
+        if self._tips:
+            return found.in_turn_of(near)
+        return found.tipped() if self._is_tipped else found
+
+
+def _direction(point: Floats) -> Direction:
+    """Return a unit vector as a direction; the inverse of :func:`vector`."""
+    x, y, z = point
+    elevation = math.degrees(math.atan2(z, math.hypot(x, y)))
+    return Direction(math.degrees(math.atan2(-y, x)) % 360.0, elevation)
 
 
 def vector(wanted: Direction) -> Floats:

@@ -27,6 +27,10 @@ class Direction:
     azimuth: float
     elevation: float
 
+    def tipped(self) -> Direction:
+        """Return the same direction of a tool that has tipped over."""
+        return Direction(self.azimuth + 180.0, 180.0 - self.elevation)
+
     def in_turn_of(self, other: Direction) -> Direction:
         """Return this direction in the form that is closest to *other*: turn, and tipped or not.
 
@@ -35,13 +39,12 @@ class Direction:
         >>> Direction(180.0, 85.0).in_turn_of(Direction(0.0, 97.0))
         Direction(azimuth=0.0, elevation=95.0)
         """
-        forms = [self, Direction(self.azimuth + 180.0, 180.0 - self.elevation)]
         turned = [
             Direction(
                 other.azimuth + math.remainder(form.azimuth - other.azimuth, 360.0),
                 math.remainder(form.elevation, 360.0),
             )
-            for form in forms
+            for form in (self, self.tipped())
         ]
         return min(
             turned,

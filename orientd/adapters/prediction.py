@@ -30,7 +30,7 @@ _SLACK = math.radians(0.1)
 
 
 class Prediction:
-    """A steady course through positions of a target; immutable.
+    """A steady path through positions of a target; immutable.
 
     Attributes:
         gap: the longest of the last three times from one position to the next, s; 0 before two.
@@ -53,8 +53,8 @@ class Prediction:
         """
         self._times, self._points, self._rounding = times, points, rounding
         self.gap = max((b - a for a, b in pairwise(times[-4:])), default=0.0)
-        self._course = _course(times, points, _FIT + rounding) if times else np.zeros((1, 3))
-        self.speed = float(np.linalg.norm(self._course[1])) if len(self._course) > 1 else 0.0
+        self._path = _path(times, points, _FIT + rounding) if times else np.zeros((1, 3))
+        self.speed = float(np.linalg.norm(self._path[1])) if len(self._path) > 1 else 0.0
 
     def added(self, time: float, point: Floats) -> Prediction:
         """Return the prediction with one more position.
@@ -68,7 +68,7 @@ class Prediction:
         """
         if not self._times or not self._times[-1] < time < self._times[-1] + _LONGEST_GAP:
             return Prediction([time], [point], rounding=self._rounding)
-        kept = _MOST - 1 if self.is_course and self._leads_to(time, point) else 1
+        kept = _MOST - 1 if self.is_path and self._leads_to(time, point) else 1
         return Prediction(
             [*self._times[-kept:], time],
             [*self._points[-kept:], point],
@@ -80,7 +80,7 @@ class Prediction:
         return Prediction(self._times, self._points, rounding=rounding)
 
     @property
-    def is_course(self) -> bool:
+    def is_path(self) -> bool:
         """Whether at least two positions give a rate."""
         return len(self._times) > 1
 
@@ -92,7 +92,7 @@ class Prediction:
     def at(self, time: ArrayLike) -> Floats:
         """Return the predicted unit vectors at *time*, shape ``(..., 3)``."""
         ahead = np.asarray(time, dtype=np.float64)[..., None] - self._times[-1]
-        found: Floats = ahead ** np.arange(len(self._course)) @ self._course
+        found: Floats = ahead ** np.arange(len(self._path)) @ self._path
         unit: Floats = found / np.linalg.norm(found, axis=-1, keepdims=True)
         return unit
 
@@ -101,7 +101,7 @@ class Prediction:
         return surprise < _SHARE * step + _SLACK + 2.0 * self._rounding
 
 
-def _course(times: Sequence[float], points: Sequence[Floats], tolerance: float) -> Floats:
+def _path(times: Sequence[float], points: Sequence[Floats], tolerance: float) -> Floats:
     """Return the coefficients of time since the newest position, shape ``(degree + 1, 3)``."""
     since, rows = np.array(times) - times[-1], np.array(points)
     course: Floats = rows[-1:]
