@@ -44,6 +44,7 @@ class FakeDevice:
         self.lead = settings.lead
         self.phase = 0.0
         self.limits = DEFAULT_LIMITS
+        self.keep_out = ()
         self.state = ServoState.HOLDING
         self.motion = None
         self.number = 0
