@@ -3,16 +3,18 @@
 It differentiates backwards, as a device does.  The velocity is the rotation vector from the
 previous setpoint to this one over the period.  The acceleration is the change of the velocity, and
 the jerk is the change of the acceleration.  The joints of the device, if a path has them, are
-differentiated in the same way.  The servo does not write a setpoint that breaks a limit.  It stops
-from the last one that it *has* written.
+differentiated in the same way.  The servo does not write a setpoint that breaks a limit, or that
+leads into a keep-out cone.  It stops from the last one that it *has* written.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import sqrt
 
 from orientd.driver import ZERO, AxisLimits, Joints, Quaternion, Vector3
 from orientd.floats import combine, difference, norm, plus
+from orientd.servo.keep_out_cones import KeepOutCones, Room
 from orientd.stream import ServoLimits
 from orientd.tolerances import GUARD_TOLERANCE
 
@@ -45,9 +47,11 @@ class Guard:
         joint_changes: their accelerations over the last two steps, rad/s^2; empty if unknown.
     """
 
-    def __init__(self, period: float) -> None:
-        """Expect setpoints *period* seconds apart."""
+    def __init__(self, period: float, cones: KeepOutCones | None = None) -> None:
+        """Expect setpoints *period* seconds apart, outside of *cones*."""
         self.period = period
+        self._cones = cones
+        self._room = None if cones is None else Room(cones, period)
         self.axes: tuple[AxisLimits, ...] = ()
         self._most_joints: list[tuple[float, float, float]] = []
         self._servo_limits: ServoLimits | None = None
@@ -73,6 +77,8 @@ class Guard:
         self.position, self.velocity, self.acceleration = position, ZERO, ZERO
         self.joints = joints
         self.joint_rates = self.joint_changes = (0.0,) * len(joints)
+        if self._room is not None:
+            self._room.forget()
 
     @property
     def is_at_rest(self) -> bool:
@@ -97,13 +103,15 @@ class Guard:
         self.alpha = combine(omega, 1.0 / self.period, self.omega, -1.0 / self.period)
         self.acceleration = combine(velocity, 1.0 / self.period, self.velocity, -1.0 / self.period)
         self.q, self.omega, self.position, self.velocity = q, omega, position, velocity
+        if self._room is not None:
+            self._room.forget()
         self.joint_rates, self.joint_changes = self._joint_steps(joints)
         self.joints = joints
 
     def admit(
         self, q: Quaternion, position: Vector3, servo_limits: ServoLimits, joints: Joints = ()
     ) -> str:
-        """Accept a setpoint if it keeps *servo_limits*, and its joints those of the axes.
+        """Accept a setpoint if it keeps *servo_limits* and cones, and its joints those of the axes.
 
         Returns:
             An empty string, or the broken limit and the excess; the setpoint is then not accepted.
@@ -129,6 +137,12 @@ class Guard:
             problem = _beyond_components((omega, alpha, (x, y, z)), servo_limits, h)
             if problem:
                 return problem
+        if self._room is not None and self._cones is not None:
+            self._room.shrink(sqrt(a * a + b * b + c * c) * h)
+            if self._room.is_within(q, 0.0):
+                problem = self._cones.intrusion(self.q, q)
+                if problem:
+                    return problem
         rates: Joints = ()
         changes: Joints = ()
         if joints:

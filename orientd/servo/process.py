@@ -20,11 +20,14 @@ from typing import Any
 from orientd.clock import MonotonicClock
 from orientd.driver import Driver, PhaseLocked, needs
 from orientd.errors import Fault, OrientdError
+from orientd.keep_out import KeepOut
+from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.realtime import DeadlineTimer, freeze_garbage, lock_memory, set_scheduling
 from orientd.servo.servo import Servo, fault_of
 from orientd.servo.stop_socket import StopSocket
 from orientd.servo.watchdog import SHORTEST_NS, WatchdogTimeouts
 from orientd.stream import NoteKind, SharedMemory, pack_note
+from orientd.sun import Sun
 
 LARGEST_SHIFT = 400
 """Share of a period by which a deadline may shift to suit a device's own cycle."""
@@ -51,6 +54,7 @@ class ProcessSettings:
         report_path: file for the reason why the process ended.
         stop_path: socket for stops; empty for none.
         admitted: numbers of ``users`` and ``groups`` that may stop.
+        keep_out: cones of the device.
     """
 
     device: str
@@ -69,10 +73,29 @@ class ProcessSettings:
     report_path: str
     stop_path: str = ""
     admitted: dict[str, list[int]] = field(default_factory=dict)
+    keep_out: tuple[KeepOut, ...] = ()
 
     def to_json(self) -> str:
         """Return the settings as the JSON that the process reads."""
-        return json.dumps(asdict(self))
+        values = asdict(self)
+        for one, cone in zip(self.keep_out, values["keep_out"], strict=True):
+            cone["is_sun"] = isinstance(one.direction, Sun)
+        return json.dumps(values)
+
+    @classmethod
+    def from_json(cls, text: str) -> ProcessSettings:
+        """Return the settings of a JSON text of :meth:`to_json`."""
+        values = json.loads(text)
+        cones = values.pop("keep_out")
+        return cls(**values, keep_out=tuple(map(_cone, cones)))
+
+
+def _cone(values: dict[str, Any]) -> KeepOut:
+    """Return a cone as JSON has it, where named and plain tuples are lists."""
+    direction = tuple(values["direction"])
+    if values.pop("is_sun"):
+        direction = Sun(*direction)
+    return KeepOut(**{**values, "direction": direction, "axis": tuple(values["axis"])})
 
 
 def run(descriptor: int, settings: ProcessSettings) -> int:
@@ -114,6 +137,9 @@ def run(descriptor: int, settings: ProcessSettings) -> int:
         clock=clock,
         parent_is_alive=lambda: os.getppid() == settings.daemon_pid,
         stop_socket=stop_socket,
+        cones=KeepOutCones(settings.keep_out, settings.period_ns * 1e-9)
+        if settings.keep_out
+        else None,
     )
     signal.signal(signal.SIGTERM, lambda *_: servo.request_orderly_end("SIGTERM"))
     is_locked = lock_memory()

@@ -35,6 +35,7 @@ from orientd.errors import (
 )
 from orientd.mechanism import Mechanical
 from orientd.servo.device_reports import Arrival, DeviceReports
+from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.path import PathPart, PathPoint
 from orientd.servo.setpoint_generator import SetpointGenerator
 from orientd.servo.state_table import advance
@@ -95,6 +96,7 @@ class Servo:
         clock: the clock for feedback and heartbeat.
         parent_is_alive: whether the daemon that started this process still is.
         stop_socket: receives stops without the daemon.
+        cones: keep-out cones of the device; ``None`` if it has none.
     """
 
     def __init__(
@@ -107,6 +109,7 @@ class Servo:
         clock: Clock,
         parent_is_alive: Callable[[], bool],
         stop_socket: StopSocket | None = None,
+        cones: KeepOutCones | None = None,
     ) -> None:
         self.ending = ""
         self.overruns = 0
@@ -120,7 +123,12 @@ class Servo:
         self._parent_is_alive = parent_is_alive
         self._stop_socket = stop_socket
         self.setpoints = SetpointGenerator(
-            driver, memory, period_ns=period_ns, stall_ns=watch.stall_ns, on_fault=self._tell_fault
+            driver,
+            memory,
+            period_ns=period_ns,
+            stall_ns=watch.stall_ns,
+            on_fault=self._tell_fault,
+            cones=cones,
         )
         self._arrival = Arrival(driver if isinstance(driver, Arriving) else None)
         self._resting = driver if isinstance(driver, RestsInFault) else None

@@ -14,6 +14,7 @@ from orientd.errors import DeviceFaultError, Fault, NotYetError
 from orientd.floats import combine, difference, norm
 from orientd.mechanism import Following, Foresight, Mechanism
 from orientd.servo.guard import Guard
+from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.motion_law import NO_LIMITS, linear_limits_of, loosened
 from orientd.servo.path import (
     PathFollower,
@@ -69,6 +70,7 @@ class SetpointGenerator:
         period_ns: int,
         stall_ns: int,
         on_fault: Callable[[Fault, str], None],
+        cones: KeepOutCones | None = None,
     ) -> None:
         """Create it holding still; after *stall_ns* without a cycle no motion resumes by itself."""
         period = period_ns * 1e-9
@@ -80,9 +82,10 @@ class SetpointGenerator:
         self.is_from_rest = False
         self.time_scaling = TimeScaling(period)
         self.follower = PathFollower(memory.path, period, NO_LIMITS)
-        self._guard = Guard(period)
+        self._cones = cones
+        self._guard = Guard(period, cones)
         self._quick_stop = QuickStop(self.time_scaling, self.follower, self._guard)
-        self.pursuit = TargetFollower(memory.targets, memory.chunks, self._guard)
+        self.pursuit = TargetFollower(memory.targets, memory.chunks, self._guard, cones)
         self._takes_joints = driver.takes == "joints"
         self._mechanism: Mechanism | None = None
         self._following: Following | None = None
@@ -103,6 +106,8 @@ class SetpointGenerator:
 
     def step(self, deadline_ns: int, now_ns: int) -> PathPoint:
         """Return the setpoint of the cycle with deadline *deadline_ns* that runs at *now_ns*."""
+        if self._cones is not None:
+            self._cones.tick()
         gap_ns, self._moved_ns = now_ns - self._moved_ns, now_ns
         self.is_from_rest = gap_ns > self._gap_ns and self.state in _MOVING
         if self.is_from_rest:

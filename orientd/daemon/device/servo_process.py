@@ -209,6 +209,7 @@ class ServoProcess:
             report_path=os.path.join(report_directory(), f"servo-{settings.name}.json"),  # noqa: PTH118
             stop_path="" if self._stops is None else self._stops.path(settings.name),
             admitted={} if self._stops is None else self._stops.admitted,
+            keep_out=settings.to_keep_out(),
         )
 
     @property

@@ -17,6 +17,7 @@ from orientd.driver import ZERO, Joints, Quaternion, Vector3
 from orientd.floats import combine, dot, exp, multiply, norm, plus
 from orientd.mechanism import ComingPose, Foresight
 from orientd.servo.guard import Guard
+from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.motion_law import (
     NO_LIMITS,
     advance,
@@ -46,6 +47,10 @@ AHEAD_NS = 500_000_000
 LEFT_OUT_WORD = 1
 """Word of the ring of targets: number of skipped targets."""
 
+HELD_WORD = 2
+"""Word of the ring of targets: one more than the place of the keep-out cone that holds the target
+at its edge; 0 for none."""
+
 MOST = 12
 """Most times of a stop at which the axes are checked: every cycle of a short one."""
 
@@ -66,11 +71,24 @@ class TargetFollower:
         foresight: prediction of the axes; ``None`` if the device follows any pose.
     """
 
-    def __init__(self, ring: RecordRing, chunks: RecordRing, guard: Guard) -> None:
-        """Create it for the targets of *ring* and the chunks of *chunks*, following nothing yet."""
+    def __init__(
+        self,
+        ring: RecordRing,
+        chunks: RecordRing,
+        guard: Guard,
+        cones: KeepOutCones | None = None,
+    ) -> None:
+        """Create it following nothing yet.
+
+        Args:
+            ring: the targets.
+            chunks: the chunks.
+            guard: the last written setpoints.
+            cones: keep-out cones of the device.
+        """
         self.is_on = False
         self.hindrance = ""
-        self.tracker = Tracker(guard.period)
+        self.tracker = Tracker(guard.period, cones)
         self._ring, self._chunks = ring, chunks
         self._guard = guard
         self.foresight: Foresight | None = None
@@ -108,6 +126,7 @@ class TargetFollower:
     def end(self) -> None:
         """Stop following."""
         self.is_on, self.hindrance = False, ""
+        self._ring.words[HELD_WORD] = 0
 
     def step(
         self, now_ns: int, servo_limits: ServoLimits, *, is_stopping: bool
@@ -121,6 +140,8 @@ class TargetFollower:
             self._take_targets(now_ns)
             self._take_chunks(now_ns)
         point = self.tracker.step(now_ns)
+        if self._ring.words[HELD_WORD] != self.tracker.held + 1:
+            self._ring.words[HELD_WORD] = self.tracker.held + 1
         if self.tracker.preview.is_on:
             write_distance(self._chunks, self.tracker.behind)
         position = self._position() or guard.braked_position(servo_limits)
@@ -143,6 +164,8 @@ class TargetFollower:
         """Return why the axes cannot follow a setpoint and a stop from it, or an empty string."""
         if self.foresight is None:
             return ""
+        if not self.tracker.stops_outside():
+            return "a stop would enter a keep-out cone"
         guard, stop = self._guard, self.tracker.stop_ahead()
         _, velocity = guard.rates(q, position)
         acceleration = servo_limits.linear_acceleration

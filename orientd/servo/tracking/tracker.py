@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.floats import combine, difference, dot, exp, multiply, norm, normalize, plus
+from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.motion_law import (
     NO_LIMITS,
     TrackingLimits,
@@ -24,10 +25,12 @@ from orientd.servo.motion_law import (
     stopping_angle,
     times,
 )
+from orientd.servo.tracking.detour import Detour
 from orientd.servo.tracking.preview import Motion, Preview, PreviewState
 from orientd.servo.tracking.quintic import Knot
 from orientd.servo.tracking.reference import Reference
 from orientd.servo.tracking.steering import AccelerationCap, position_command
+from orientd.servo.tracking.stop_filter import StopFilter
 from orientd.servo.tracking.targets import JUMP, FilteredTarget, ReferenceState, Target
 from orientd.stream import ServoLimits
 
@@ -100,6 +103,9 @@ class Tracker:
     comes to rest as soon as it can, or at the last target if it has met that and that had no
     velocity.
 
+    A target inside a keep-out cone is held at the edge (:class:`.Detour`), and a stop always ends
+    outside (:class:`.StopFilter`).
+
     Attributes:
         is_at_rest: whether nothing turns, no target lives and none waits for its time.
         place: where the position should be, if the target says so.
@@ -108,9 +114,11 @@ class Tracker:
         behind: angle from the last setpoint to the poses of the chunks, rad; zero at their end.
     """
 
-    def __init__(self, period: float) -> None:
-        """Create it for one step per *period* seconds."""
+    def __init__(self, period: float, cones: KeepOutCones | None = None) -> None:
+        """Create it for one step per *period* seconds; *cones* are those of the device."""
         self._period = period
+        self._detour = None if cones is None else Detour(cones)
+        self._filter = None if cones is None else StopFilter(cones, period)
         self._period_ns = round(period * 1e9)
         self._reference = Reference(period)
         self._cap = AccelerationCap(period)
@@ -140,6 +148,8 @@ class Tracker:
         self._before, self._wish = (self._q, self._omega, self._alpha), self._alpha
         self._forget()
         self.is_at_rest = omega_body == ZERO == alpha_body
+        if self._filter is not None:
+            self._filter.begin(self._limits, self._units)
         self._soften(0.0)
         self._loose = loosened(self._limits, self._omega, self._alpha)
 
@@ -147,6 +157,13 @@ class Tracker:
         """Continue from rest at *q*, with the previous target."""
         self._q, self._omega, self._alpha = q, ZERO, ZERO
         self._loose = self._limits
+        if self._filter is not None:
+            self._filter.room.forget()
+
+    @property
+    def held(self) -> int:
+        """Place of the keep-out cone that holds the target at its edge; -1 for none."""
+        return -1 if self._detour is None else self._detour.held
 
     def take(self, target: Target, now_ns: int) -> str:
         """Accept a target; return an empty string, or why it was refused."""
@@ -197,6 +214,8 @@ class Tracker:
         self._home: Target | None = None
         self._has_met = self._is_concluded = False
         self.behind = 0.0
+        if self._detour is not None:
+            self._detour.forget()
 
     def step(self, now_ns: int) -> TrackPoint:
         """Return the setpoint of the cycle with deadline *now_ns*."""
@@ -213,16 +232,33 @@ class Tracker:
                 self.is_at_rest = not self._reference.awaits
                 self._before, self._wish = (self._q, ZERO, ZERO), ZERO
                 return TrackPoint(self._q, ZERO, ZERO)
-            omega, self._wish = self._stopped()
-            return self._move(omega, self._wish)
+            omega, alpha = self._stopped()
+            wish = self._filtered(alpha)
+            self._wish = wish
+            return self._move(
+                omega if wish is alpha else plus(self._omega, wish, self._period), wish
+            )
         self.is_at_rest = False
         if isinstance(found, PreviewState):
             wanted = self._wanted_ahead(found)
         else:
             wanted = self._wanted(found)
-        alpha = advance(self._omega, self._alpha, wanted, self._loose)
+        alpha = self._filtered(advance(self._omega, self._alpha, wanted, self._loose))
         self._wish = alpha
         return self._move(plus(self._omega, alpha, self._period), alpha)
+
+    def _filtered(self, alpha: Vector3) -> Vector3:
+        """Return an acceleration of the next step from which a stop ends outside of the cones."""
+        if self._filter is None:
+            return alpha
+        return self._filter.filtered(self._q, self._omega, self._alpha, alpha, self._loose)
+
+    def stops_outside(self) -> bool:
+        """Return whether a stop from the last step ends outside of the cones."""
+        if self._filter is None:
+            return True
+        q, omega, _ = self._before
+        return self._filter.is_safe(q, omega, self._alpha, self._loose)
 
     def _stopped(self) -> tuple[Vector3, Vector3]:
         """Return velocity and acceleration after one more cycle towards rest."""
@@ -260,6 +296,9 @@ class Tracker:
         """Turn for a period; all in the law's units."""
         self._before = self._q, self._omega, self._alpha
         self._omega, self._alpha = omega, alpha
+        if self._filter is not None:
+            # In its own units the law never turns by less than in radians.
+            self._filter.room.shrink(norm(omega) * self._period)
         omega = times(omega, self._units)
         self._q = normalize(multiply(self._q, exp(plus(ZERO, omega, self._period))))
         return TrackPoint(self._q, omega, times(alpha, self._units))
@@ -342,6 +381,10 @@ class Tracker:
     def _wanted(self, found: ReferenceState) -> Vector3:
         """Return the acceleration to aim at, to follow the target, in the law's units."""
         units, cap = self._units, self._cap
+        around = self._around(found.q, found.omega)
+        if around is not None:
+            cap.release()
+            return around
         # The velocity of a step is that of its middle.
         middle = divided(plus(found.omega, found.alpha, -0.5 * self._period), units)
         turn, alpha = divided(difference(self._q, found.q), units), divided(found.alpha, units)
@@ -362,12 +405,35 @@ class Tracker:
     def _wanted_ahead(self, found: PreviewState) -> Vector3:
         """Return the acceleration to aim at, to follow what is known ahead, in the law's units."""
         units = self._units
+        around = self._around(found.q, found.omega)
+        if around is not None:
+            return around
         turn, omega = divided(difference(self._q, found.q), units), divided(found.omega, units)
         alpha, following = divided(found.alpha, units), divided(found.next_alpha, units)
         limits = self._limits if found.omega == ZERO == found.next_alpha else self._softened()
         wanted, is_linear = position_command(turn, self._omega, self._alpha, omega, alpha, limits)
         # Close to the reference the next step is that of the reference.
         return plus(wanted, combine(following, 1.0, alpha, -1.0), 1.0) if is_linear else wanted
+
+    def _around(self, target: Quaternion, omega: Vector3) -> Vector3 | None:
+        """Return the acceleration to aim at, around keep-out cones; ``None`` for the direct path.
+
+        *omega* is the target's angular velocity.
+        """
+        if self._detour is None or self._filter is None:
+            return None
+        away = norm(difference(self._q, target))
+        # Targets keep farther away than stops, which then leave the law alone.
+        reserve = 2.0 * self._filter.reserve
+        if not self._filter.room.is_within(self._q, away + reserve):
+            self._detour.forget()
+            return None
+        turn = self._detour.turn(self._q, target, reserve)
+        if turn is None:
+            return None
+        limits = self._limits if omega == ZERO else self._softened()
+        turn = divided(turn, self._units)
+        return position_command(turn, self._omega, self._alpha, ZERO, ZERO, limits)[0]
 
     def _softened(self) -> TrackingLimits:
         """Return the limits and gains for a moving target, at the present delay."""

@@ -9,7 +9,9 @@ import numpy as np
 from orientd import rotation
 from orientd.clock import ManualClock
 from orientd.driver import Setpoint
+from orientd.keep_out import KeepOut
 from orientd.servo import Servo, WatchdogTimeouts
+from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.path.path_follower import FINAL_WORD, TAIL_WORD
 from orientd.stream import (
     JOINTS,
@@ -54,6 +56,7 @@ class Rig:
     offers: dict = field(default_factory=dict)
     """Methods that the driver has besides, by name."""
     kind: type[RecordingLoopback] = RecordingLoopback
+    cones: tuple[KeepOut, ...] = ()
 
     def __post_init__(self):
         self.clock = ManualClock(10**9)
@@ -71,6 +74,7 @@ class Rig:
             watch=WatchdogTimeouts(self.heartbeat_ns, self.feedback_ns, self.stall_ns),
             clock=self.clock,
             parent_is_alive=lambda: self.parent_is_alive,
+            cones=KeepOutCones(self.cones, PERIOD) if self.cones else None,
         )
         self.memory.beat(self.clock.now_ns())
         self.noted = 0

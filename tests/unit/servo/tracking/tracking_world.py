@@ -3,6 +3,7 @@
 from orientd.driver import ZERO
 from orientd.floats import difference, exp, multiply, norm, normalize
 from orientd.servo.guard import Guard
+from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.motion_law import divided, halt, limits_of, loosened, times
 from orientd.servo.tracking import Target, Tracker
 from orientd.stream import ServoLimits
@@ -29,13 +30,14 @@ def quickest_stop(q, omega, alpha, limits, period):
 class World:
     """Steps a tracker and lets the guard judge every setpoint."""
 
-    def __init__(self, limits, rate_hz=500, q=IDENTITY):
+    def __init__(self, limits, rate_hz=500, q=IDENTITY, cones=()):
         self.period_ns = NS // rate_hz
         self.period = self.period_ns * 1e-9
         self.limits = limits
         self.now_ns = NS
-        self.tracker = Tracker(self.period)
-        self.guard = Guard(self.period)
+        self.cones = KeepOutCones(cones, self.period, lambda: self.now_ns) if cones else None
+        self.tracker = Tracker(self.period, self.cones)
+        self.guard = Guard(self.period, self.cones)
         self.guard.anchor(q, ZERO)
         self.tracker.begin(q, ZERO, ZERO, limits)
         self.track = []

@@ -1,0 +1,128 @@
+"""The keep-out cones of a device as its servo keeps them: their present directions.
+
+The servo reads the wall clock for cones that move, about ten times a second.  A step of the wall
+clock must not make the device jump.  So a direction never turns faster than :data:`MOST_DRIFT`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from math import atan2, degrees, sqrt
+
+from orientd.driver import Quaternion, Vector3
+from orientd.floats import cross, dot, norm, plus, rotate
+from orientd.keep_out import KeepOut
+
+REFRESH = 0.1
+"""Time between two looks at the wall clock, s."""
+
+MOST_DRIFT = 0.0175
+"""Largest angular velocity of a cone's direction, rad/s: one degree a second."""
+
+SLACK = 5e-5
+"""Angle inside a cone that the guard tolerates, rad: 0.003 degrees, for a cone that moves."""
+
+
+class KeepOutCones:
+    """The cones of a device.
+
+    Attributes:
+        cones: as configured.
+        directions: their present directions in the world.
+    """
+
+    def __init__(
+        self,
+        cones: Sequence[KeepOut],
+        period: float,
+        unix_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        """Create it for one :meth:`tick` per *period* seconds; *unix_ns* is the wall clock."""
+        self.cones = tuple(cones)
+        self._unix_ns = unix_ns
+        now_ns = unix_ns()
+        self.directions = [one.direction_at(now_ns) for one in cones]
+        self._moving = [place for place, one in enumerate(cones) if one.fastest]
+        self._every = max(1, round(REFRESH / period))
+        self._most = self._every * period * MOST_DRIFT
+        self._count = 0
+
+    def tick(self) -> None:
+        """Follow the directions that move; call it once a cycle."""
+        if not self._moving:
+            return
+        self._count += 1
+        if self._count % self._every:
+            return
+        now_ns = self._unix_ns()
+        for place in self._moving:
+            before = self.directions[place]
+            self.directions[place] = _nearer(
+                before, self.cones[place].direction_at(now_ns), self._most
+            )
+
+    def clearances(self, q: Quaternion) -> list[float]:
+        """Return the angles from the tool's axis to the edges at *q*, rad; negative inside."""
+        found, axis, pointing = [], None, (0.0, 0.0, 0.0)
+        for one, (a, b, c) in zip(self.cones, self.directions, strict=True):
+            if one.axis is not axis:
+                axis = one.axis
+                pointing = rotate(q, axis)
+            x, y, z = pointing
+            u, v, w = y * c - z * b, z * a - x * c, x * b - y * a
+            angle = atan2(sqrt(u * u + v * v + w * w), a * x + b * y + c * z)
+            found.append(angle - one.half_angle)
+        return found
+
+    def intrusion(self, before: Quaternion, q: Quaternion) -> str:
+        """Return into which cone the step between two orientations leads, and how far inside.
+
+        Empty if it leads into none.  Inside a cone, a step outwards leads into none.
+        """
+        found, earlier = self.clearances(q), self.clearances(before)
+        for one, clearance, last in zip(self.cones, found, earlier, strict=True):
+            if clearance < -SLACK and clearance < last:
+                return f"{degrees(-clearance):.3g} deg inside the keep-out cone {one.name!r}"
+        return ""
+
+
+class Room:
+    """A lower bound of the angle to the nearest cone, which saves most looks at far cones.
+
+    Args:
+        cones: the cones.
+        period: cycle period, s.
+    """
+
+    def __init__(self, cones: KeepOutCones, period: float) -> None:
+        self._cones = cones
+        self._drift = period * MOST_DRIFT
+        self._least = 0.0
+
+    def forget(self) -> None:
+        """Know nothing any more: the tool may be anywhere."""
+        self._least = 0.0
+
+    def shrink(self, angle: float) -> None:
+        """Account for a cycle in which the tool turned by at most *angle*, rad."""
+        self._least -= angle + self._drift
+
+    def is_within(self, q: Quaternion, distance: float) -> bool:
+        """Return whether a cone is nearer than *distance*, rad, at the present orientation *q*."""
+        if self._least <= distance:
+            self._least = min(self._cones.clearances(q))
+        return self._least <= distance
+
+
+def _nearer(before: Vector3, wanted: Vector3, most: float) -> Vector3:
+    """Return a unit vector turned towards another one by at most *most*, rad."""
+    angle = atan2(norm(cross(before, wanted)), dot(before, wanted))
+    if angle <= most:
+        return wanted
+    # A chord is enough for a step this small; opposite directions need any side.
+    aside = plus(wanted, before, -dot(before, wanted))
+    if norm(aside) < 1e-9:
+        aside = cross(before, (1.0, 0.0, 0.0) if abs(before[0]) < 0.9 else (0.0, 1.0, 0.0))
+    turned = plus(before, aside, most / norm(aside))
+    return plus((0.0, 0.0, 0.0), turned, 1.0 / norm(turned))
