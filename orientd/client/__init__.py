@@ -8,7 +8,7 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.client.channel import Way, certificate_files, default_socket, found_socket, target
-    from orientd.client.clutch import Clutch
+    from orientd.client.clutch import Anchor, Clutch
     from orientd.client.connection import Connection, StartAt
     from orientd.client.endless_turn import EndlessTurn
     from orientd.client.motion_request import RequestFields
@@ -32,7 +32,7 @@ __getattr__ = lazily(
             "found_socket",
             "target",
         ),
-        "orientd.client.clutch": ("Clutch",),
+        "orientd.client.clutch": ("Anchor", "Clutch"),
         "orientd.client.connection": ("Connection", "StartAt"),
         "orientd.client.endless_turn": ("EndlessTurn",),
         "orientd.client.motion_request": ("RequestFields",),

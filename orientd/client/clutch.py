@@ -1,4 +1,8 @@
-"""Teleoperate a device with a clutch: it follows the hand relative to its own pose."""
+"""Teleoperate a device with a clutch: it follows the hand relative to its own pose.
+
+A clutch takes hold at the pose that the device keeps.  That is the last target of the clutch before
+it, or the pose at which the device rests.  So engaging moves nothing, wherever the hand is.
+"""
 
 from __future__ import annotations
 
@@ -20,13 +24,72 @@ from orientd.floats import (
     plus,
     rotate_back,
 )
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import to_quaternion, to_vector
 from orientd.rotation import Quaternion
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from orientd.client.tracking import Tracking
+
+Pose = tuple[Orientation, Vector3]
 
 LONGEST_REST = 60.0
 """Time to live of the last target, at which the device rests, s."""
+
+_BRIEF = 0.05
+"""Time to live of a target that only ends what the device follows, s."""
+
+_STILL = 1e-6
+"""Motion below which the device rests: rad/s, and m between two reports."""
+
+
+class Anchor:
+    """The pose at which a clutch takes hold.
+
+    Attributes:
+        newest: pose of the newest report.
+        owner: the clutch that sent the newest target; ``None`` if that came from elsewhere.
+    """
+
+    def __init__(self, report: pb.TrackResponse) -> None:
+        """Begin with the first *report* of a session."""
+        self.newest = _pose_of(report)
+        self.owner: Clutch | None = None
+        self._held = self.newest
+        self._until = -math.inf
+        self._is_moving = True
+        self.note(report)
+
+    def note(self, report: pb.TrackResponse) -> None:
+        """Take a report of the device."""
+        before, self.newest = self.newest, _pose_of(report)
+        is_turning = math.hypot(*to_vector(report.omega_body)) > _STILL
+        is_shifting = math.dist(self.newest[1], before[1]) > _STILL
+        # A report from before the end of the newest target does not count.
+        self._is_moving = is_turning or is_shifting or time.monotonic() < self._until
+
+    def hold(self, owner: Clutch, pose: Pose, time_to_live: float) -> None:
+        """Note a target of a clutch, and how long it counts, s."""
+        self.owner, self._held = owner, pose
+        self._until, self._is_moving = time.monotonic() + time_to_live, True
+
+    def lose(self) -> None:
+        """Note a target or a chunk that no clutch has sent."""
+        self.owner = None
+        self._until, self._is_moving = time.monotonic() + _BRIEF, True
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the newest target is one of a clutch, and still counts."""
+        return self.owner is not None and time.monotonic() < self._until
+
+    def pose(self) -> Pose | None:
+        """Return the pose that the device keeps; ``None`` while it comes to rest."""
+        if self.is_held:
+            return self._held
+        return None if self._is_moving else self.newest
 
 
 class Clutch:
@@ -34,7 +97,8 @@ class Clutch:
 
     The first pose of the hand moves nothing.  From then on the device turns by *scale* times each
     turn of the hand, and moves by *scale* times its displacement.  Between two clutches the hand
-    may move freely, because the next clutch begins at the pose of the device.
+    may move freely, because the next clutch begins at the pose of the device.  It takes hold as
+    soon as the device rests; engaging brakes a device that moves.
 
     Attributes:
         q: target orientation, ``(w, x, y, z)``.
@@ -44,13 +108,13 @@ class Clutch:
     def __init__(
         self,
         tracking: Tracking,
-        start: tuple[Orientation, Vector3],
+        anchor: Anchor,
         *,
         scale: float,
         frame: Frame,
         time_to_live: float,
     ) -> None:
-        """Engage at *start*, an orientation and a position (m); see :meth:`.Tracking.engage`.
+        """Engage where *anchor* says; see :meth:`.Tracking.engage`.
 
         Raises:
             RequestError: a setting is out of range.
@@ -59,11 +123,12 @@ class Clutch:
             raise RequestError("scale", f"expected more than 0, got {scale!r}")
         if frame not in ("body", "world"):
             raise RequestError("frame", f"expected 'body' or 'world', got {frame!r}")
-        self.q, self.position = start
-        self._tracking, self._scale, self._is_world = tracking, scale, frame == "world"
+        self.q, self.position = anchor.newest
+        self._tracking, self._anchor = tracking, anchor
+        self._scale, self._is_world = scale, frame == "world"
         self._time_to_live = time_to_live
         self._hand: tuple[Orientation, Vector3 | None] | None = None
-        self._expires = -math.inf
+        self._has_braked = False
 
     def __enter__(self) -> Self:
         return self
@@ -74,14 +139,16 @@ class Clutch:
     @property
     def holds(self) -> bool:
         """Whether the device still follows this clutch."""
-        return time.monotonic() < self._expires
+        return self._anchor.owner is self and self._anchor.is_held
 
-    def move(self, hand: object, *, position: Vector3 | None = None) -> None:
+    def move(self, hand: object, *, position: ArrayLike | None = None) -> None:
         """Follow the hand; return at once.  A pose that is not finite is skipped.
+
+        If no pose has come for the time to live, the next one engages again, and moves nothing.
 
         Args:
             hand: its orientation, in a form that :meth:`.Tracking.aim` takes.
-            position: of the hand, m; in every call or in none.
+            position: of the hand, shape ``(3,)``, m; in every call or in none.
 
         Raises:
             RequestError: the pose is not well formed.
@@ -91,8 +158,12 @@ class Clutch:
         place = None if position is None else vector_of(position, "position")
         if not all(map(math.isfinite, (*q, *(place or ())))):
             return
-        q, before = normalize(q), self._hand
-        self._hand = q, place
+        start, before = self._anchor.pose(), self._hand if self.holds else None
+        if start is None:
+            self._brake()
+            return
+        q = normalize(q)
+        self._hand, (self.q, self.position) = (q, place), start
         if before is not None:
             self._follow(*before, q, place)
         self._aim(None, self._time_to_live, place is not None)
@@ -123,12 +194,29 @@ class Clutch:
             self._aim(ZERO, LONGEST_REST, position is not None)
         self._hand = None
 
+    def _brake(self) -> None:
+        """Have the device come to rest if it follows anything but a clutch."""
+        if self._has_braked or self._anchor.owner is not None:
+            return
+        self._has_braked = True
+        self.q, self.position = self._anchor.newest
+        self._send(ZERO, _BRIEF, None)
+
     def _aim(self, velocity: Vector3 | None, time_to_live: float, has_position: bool) -> None:
+        self._send(velocity, time_to_live, self.position if has_position else None)
+        self._anchor.hold(self, (self.q, self.position), time_to_live)
+
+    def _send(
+        self, velocity: Vector3 | None, time_to_live: float, position: Vector3 | None
+    ) -> None:
         w, x, y, z = self.q
         self._tracking.aim(
             Quaternion(w=w, x=x, y=y, z=z),
             angular_velocity=velocity,
             time_to_live=time_to_live,
-            position=self.position if has_position else None,
+            position=position,
         )
-        self._expires = time.monotonic() + time_to_live
+
+
+def _pose_of(report: pb.TrackResponse) -> Pose:
+    return to_quaternion(report.q), to_vector(report.position)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 from orientd.client.motion_request import keyframe_mappings
 from orientd.driver import Quaternion as Orientation
@@ -14,6 +14,9 @@ from orientd.protocol import quaternion, vector
 from orientd.rotation import Quaternion
 from orientd.spelling import did_you_mean
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
 Frame = Literal["body", "world"]
 
 TARGET_KEYS = ("angular_velocity", "velocity_frame", "time_ns", "time_to_live", "position")
@@ -23,11 +26,11 @@ TARGET_KEYS = ("angular_velocity", "velocity_frame", "time_ns", "time_to_live", 
 def target_message(
     target: object,
     *,
-    angular_velocity: Vector3 | None = None,
+    angular_velocity: ArrayLike | None = None,
     velocity_frame: Frame = "body",
     time_ns: int = 0,
     time_to_live: float = 0.0,
-    position: Vector3 | None = None,
+    position: ArrayLike | None = None,
 ) -> pb.TrackTarget:
     """Return a target as a message; see :meth:`Tracking.aim`.
 

@@ -5,17 +5,18 @@ from __future__ import annotations
 import queue
 import sys
 import threading
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import grpc
 
-from orientd.client.clutch import Clutch
+from orientd.client.clutch import Anchor, Clutch
 from orientd.client.connection import Connection
 from orientd.client.target_messages import Frame, target_message
-from orientd.driver import Vector3
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import to_quaternion, to_vector
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 class Tracking:
@@ -37,12 +38,12 @@ class Tracking:
         outgoing = iter(self._outgoing.get, None)
         self._stream = connection.call(connection.stub.Track, outgoing)
         self._error: OrientdError | None = None
-        self._clutch: Clutch | None = None
         self._ended = threading.Event()
         try:
             self._report: pb.TrackResponse = next(iter(self._stream))
         except grpc.RpcError as error:
             raise connection.explain(error) from error
+        self._anchor = Anchor(self._report)
         self._reader = threading.Thread(target=self._read, name="orientd track", daemon=True)
         self._reader.start()
 
@@ -61,11 +62,11 @@ class Tracking:
         self,
         target: object,
         *,
-        angular_velocity: Vector3 | None = None,
+        angular_velocity: ArrayLike | None = None,
         velocity_frame: Frame = "body",
         time_ns: int = 0,
         time_to_live: float = 0.0,
-        position: Vector3 | None = None,
+        position: ArrayLike | None = None,
     ) -> None:
         """Send a target; returns at once.
 
@@ -102,7 +103,9 @@ class Tracking:
         frame: Frame = "world",
         time_to_live: float = 0.2,
     ) -> Clutch:
-        """Hold the clutch: a hand moves the device from where it is now; see :class:`Clutch`.
+        """Hold the clutch: a hand moves the device from where it is; see :class:`Clutch`.
+
+        A device that moves comes to rest first, and follows the hand from there.
 
         Args:
             scale: how far the device turns and moves, relative to the hand.
@@ -114,13 +117,7 @@ class Tracking:
         Raises:
             RequestError: a setting is out of range.
         """
-        last, report = self._clutch, self._report
-        if last is not None and last.holds:
-            start = last.q, last.position
-        else:
-            start = to_quaternion(report.q), to_vector(report.position)
-        self._clutch = Clutch(self, start, scale=scale, frame=frame, time_to_live=time_to_live)
-        return self._clutch
+        return Clutch(self, self._anchor, scale=scale, frame=frame, time_to_live=time_to_live)
 
     def hand_over(self, message: pb.TrackTarget) -> None:
         """Send a target made by :func:`target_message`; returns at once.
@@ -137,6 +134,7 @@ class Tracking:
             OrientdError: tracking has ended.
         """
         self.raise_if_ended()
+        self._anchor.lose()
         self._outgoing.put(request)
 
     def raise_if_ended(self) -> None:
@@ -166,6 +164,7 @@ class Tracking:
         try:
             for message in self._stream:
                 self._report = message
+                self._anchor.note(message)
         except grpc.RpcError as error:
             self._error = self._connection.explain(error)
         finally:

@@ -13,6 +13,7 @@ import orientd
 from orientd.errors import OrientdError, RequestError
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_vector
+from orientd_loopback import read_recording
 
 Q = orientd.Quaternion
 RATE = 30.0
@@ -138,18 +139,38 @@ def test_a_stop_ends_the_playing(process, robot, before):
     process.assert_limits_kept(before)
 
 
+def at_rest(play):
+    until(lambda: math.hypot(*to_vector(play.report.omega_body)) < 1e-9, "rest")
+
+
 def test_a_hand_moves_the_device_and_letting_go_moves_nothing(process, robot, before):
     with robot.play() as play:
-        with play.engage(scale=0.5) as clutch:
-            for k in range(20):
-                clutch.move(Rotation.from_rotvec([0.0, 1.0, 0.02 * k]))
-                time.sleep(0.02)
-        until(lambda: math.hypot(*to_vector(play.report.omega_body)) < 1e-9, "rest")
-        rest = angle_of(play.report)
-        assert rest > 0.1
+        for k in range(10):
+            with play.engage(scale=0.5) as clutch:
+                for step in range(10):
+                    turn = Rotation.from_rotvec([0.0, 1.0, 0.02 * step])
+                    clutch.move(turn, position=np.array([0.001 * step, 0.3 * k, 0.0]))
+                    time.sleep(0.02)
+            at_rest(play)
+            begin_ns = time.monotonic_ns()
+            with play.engage() as clutch:
+                for _ in range(5):
+                    clutch.move(Rotation.from_rotvec([2.0, 0.1 * k, 0.0]), position=[5.0, k, 0.0])
+                    time.sleep(0.02)
+            at_rest(play)
+            setpoints = read_recording(process.recording)
+            sent = np.array([one.q for one in setpoints if one.time_ns > begin_ns])
+            assert np.abs(sent - sent[0]).max() < 1e-7
+        assert angle_of(play.report) > 0.5
+    process.assert_limits_kept(before)
+
+
+def test_a_hand_takes_over_from_a_policy_once_the_device_rests(process, robot, before):
+    with robot.play() as play:
+        play.chunk(about_z(0.02 * np.arange(60)), rate=RATE)
+        until(lambda: angle_of(play.report) > 0.1, "motion")
         with play.engage() as clutch:
-            for _ in range(10):
-                clutch.move(Rotation.from_rotvec([2.0, 0.0, 0.0]))
-                time.sleep(0.02)
-        assert angle_of(play.report) == pytest.approx(rest, abs=1e-6)
+            until(lambda: clutch.holds or clutch.move(Rotation.identity()), "the clutch")
+        at_rest(play)
+        assert 0.1 < angle_of(play.report) < 0.5
     process.assert_limits_kept(before)

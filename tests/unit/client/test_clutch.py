@@ -1,33 +1,41 @@
 """A hand moves the device relative to where it is; letting go and engaging again moves nothing."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import orientd
-from orientd.client import Clutch
+from orientd.client import Anchor, Clutch
 from orientd.driver import ZERO
 from orientd.errors import RequestError
 from orientd.floats import difference, exp, multiply, norm, plus
+from orientd.protocol import control_pb2 as pb
+from orientd.protocol import quaternion, vector
 
 TOOL = exp((0.3, -0.2, 0.5))
 PLACE = (0.4, 0.1, 0.3)
 
 
 class Targets:
-    """A session of which only the targets are kept."""
+    """A session of which only the targets are kept, with a device that rests."""
 
-    def __init__(self):
+    def __init__(self, start=(TOOL, PLACE)):
         self.aimed = []
+        self.anchor = Anchor(reported(*start))
 
     def aim(self, q, **options):
         self.aimed.append(((q.w, q.x, q.y, q.z), options))
 
 
-def engaged(scale=1.0, frame="world", start=(TOOL, PLACE)):
-    targets = Targets()
-    return targets, Clutch(targets, start, scale=scale, frame=frame, time_to_live=0.2)
+def reported(q, position, omega=ZERO):
+    return pb.TrackResponse(q=quaternion(q), position=vector(position), omega_body=vector(omega))
+
+
+def engaged(scale=1.0, frame="world", targets=None):
+    targets = targets or Targets()
+    return targets, Clutch(targets, targets.anchor, scale=scale, frame=frame, time_to_live=0.2)
 
 
 def hand(q):
@@ -85,9 +93,61 @@ def test_letting_go_and_engaging_elsewhere_moves_nothing():
     rest = targets.aimed[-1]
     assert rest[1]["angular_velocity"] == ZERO
     assert clutch.holds
-    again = Clutch(targets, (clutch.q, clutch.position), scale=1.0, frame="world", time_to_live=0.2)
+    _, again = engaged(targets=targets)
     again.move(hand(exp((-2.0, 0.0, 1.0))))
     assert apart(targets.aimed[-1][0], rest[0]) < 1e-12
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    clock = SimpleNamespace(now=100.0, monotonic=lambda: clock.now)
+    monkeypatch.setattr("orientd.client.clutch.time", clock)
+    return clock
+
+
+def test_after_a_gap_the_hand_engages_anew_where_the_device_has_come_to_rest(clock):
+    targets, clutch = engaged()
+    clutch.move(hand(HAND))
+    clock.now += 0.3
+    assert not clutch.holds
+    moved = multiply(exp((0.5, 0.0, 0.0)), HAND)
+    targets.anchor.note(reported(TOOL, PLACE, (0.1, 0.0, 0.0)))
+    clutch.move(hand(moved))
+    assert len(targets.aimed) == 1
+    rest = multiply(TOOL, exp((0.1, 0.0, 0.0)))
+    targets.anchor.note(reported(rest, PLACE))
+    clutch.move(hand(moved))
+    assert len(targets.aimed) == 2
+    assert apart(targets.aimed[-1][0], rest) < 1e-12
+
+
+def test_engaging_brakes_a_device_that_follows_something_else_and_waits_for_its_rest(clock):
+    targets = Targets()
+    targets.anchor.lose()
+    targets.anchor.note(reported(TOOL, PLACE, (1.0, 0.0, 0.0)))
+    _, clutch = engaged(targets=targets)
+    for _ in range(3):
+        clutch.move(hand(HAND))
+    ((_, options),) = targets.aimed
+    assert options["time_to_live"] < 0.1
+    clock.now += 0.1
+    targets.anchor.note(reported(TOOL, PLACE))
+    clutch.move(hand(exp((2.0, 1.0, 0.0))))
+    assert apart(targets.aimed[-1][0], TOOL) < 1e-12
+
+
+def test_a_target_from_elsewhere_ends_what_a_clutch_held(clock):
+    targets, clutch = engaged()
+    clutch.move(hand(HAND))
+    clutch.release()
+    targets.anchor.lose()
+    assert not clutch.holds
+    there = multiply(TOOL, exp((0.0, 1.0, 0.0)))
+    clock.now += 1.0
+    targets.anchor.note(reported(there, PLACE))
+    _, again = engaged(targets=targets)
+    again.move(hand(HAND))
+    assert apart(targets.aimed[-1][0], there) < 1e-12
 
 
 def test_a_position_is_any_three_numbers():
