@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from orientd.adapters.pointing import Direction, direction, orientation
     from orientd.adapters.rotctld import Ranges, Rotctld
     from orientd.adapters.served import Adapter, Served
+    from orientd.adapters.sky import from_elements, from_table, observer_of
 
 __getattr__ = lazily(
     __name__,
@@ -21,5 +22,6 @@ __getattr__ = lazily(
         "orientd.adapters.pointing": ("Direction", "direction", "orientation"),
         "orientd.adapters.rotctld": ("Ranges", "Rotctld"),
         "orientd.adapters.served": ("Adapter", "Served"),
+        "orientd.adapters.sky": ("from_elements", "from_table", "observer_of"),
     },
 )

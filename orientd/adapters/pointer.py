@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from orientd.adapters.passes import Passes
 from orientd.adapters.pointing import Direction, direction, orientation
 from orientd.adapters.prediction import Floats, Prediction
 from orientd.adapters.served import Served
@@ -45,15 +46,17 @@ class Pointer:
         asked: the newest direction that was asked for; ``None`` before the first.
     """
 
-    def __init__(self, served: Served, *, north: float, tips: bool) -> None:
+    def __init__(self, served: Served, passes: Passes, *, north: float, tips: bool) -> None:
         """Point a device.
 
         Args:
             served: the device.
+            passes: the known ones.
             north: angle of north from the world's x axis, counted towards y, degrees.
             tips: whether the device may tip over, to elevations above 90 degrees.
         """
-        self._served, self._north, self._tips = served, north, tips
+        self._served, self._passes = served, passes
+        self._north, self._tips = north, tips
         self._prediction = Prediction()
         self._motion: MoveHandle | None = None
         self._is_tipped = False
@@ -77,6 +80,7 @@ class Pointer:
         Raises:
             OrientdError: the servo does not answer, or no daemon does.
         """
+        self._passes.leave()
         self._motion, self._prediction = None, Prediction()
         self._served.stop()
 
@@ -90,6 +94,9 @@ class Pointer:
         Raises:
             OrientdError: the daemon refuses it.
         """
+        if self._passes.takes(vector(wanted)):
+            self._motion, self._prediction, self.asked = None, Prediction(), wanted
+            return
         now, old = time.monotonic(), self._prediction
         if not old.is_confirmed:
             old = old.rounded(math.radians(rounding))
@@ -113,6 +120,7 @@ class Pointer:
         Raises:
             OrientdError: the daemon refuses it.
         """
+        self._passes.leave()
         self._served.rest()
         report = self._served.report()
         form = direction(to_quaternion(report.cycle.q), self._north)

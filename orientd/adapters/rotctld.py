@@ -5,16 +5,18 @@ from __future__ import annotations
 import contextlib
 import socket
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import orientd
 from orientd.adapters import rotctl_protocol as protocol
+from orientd.adapters.passes import Passes
 from orientd.adapters.pointer import Pointer
 from orientd.adapters.pointing import Direction
 from orientd.adapters.rotctl_protocol import Command
 from orientd.adapters.served import Served
-from orientd.errors import DaemonError, DeviceError, OrientdError, RequestError
+from orientd.adapters.sky import Target
+from orientd.errors import DaemonError, DeviceError, OrientdError
 from orientd.own_socket import own_socket
 from orientd.protocol import control_pb2 as pb
 
@@ -34,6 +36,7 @@ _DIRECTIONS = {
 """Signs of the turn in azimuth and elevation."""
 _CODES = {str(2 << place): name for place, name in enumerate(_DIRECTIONS)}
 _CODES |= {name.replace("LEFT", "CCW").replace("RIGHT", "CW"): name for name in _DIRECTIONS}
+_PARK = Direction(0.0, 0.0)
 _UNCHANGED = -1.0
 """The speed that stands for the present one."""
 
@@ -70,7 +73,15 @@ class Rotctld:
     """
 
     def __init__(
-        self, served: Served, *, host: str, port: int, ranges: Ranges, north: float, park: Direction
+        self,
+        served: Served,
+        *,
+        host: str,
+        port: int,
+        ranges: Ranges,
+        north: float,
+        targets: Sequence[Target] = (),
+        notify: Callable[[str], None],
     ) -> None:
         """Listen at *host* and *port*.
 
@@ -80,13 +91,17 @@ class Rotctld:
             port: 0 for any.
             ranges: what clients may ask for.
             north: angle of north from the world's x axis, counted towards y, degrees.
-            park: direction of the command ``K``.
+            targets: whose passes are planned whole.
+            notify: takes lines for people.
 
         Raises:
             DaemonError: the port is in use, or the address is not one of this machine.
         """
-        self._served, self._ranges, self._park = served, ranges, park
-        self._pointer = Pointer(served, north=north, tips=ranges.elevation[1] > 90.0)
+        self._served, self._ranges, self._notify = served, ranges, notify
+        self._passes = Passes(served, targets, north=north, notify=notify)
+        tips = ranges.elevation[1] > 90.0
+        self._pointer = Pointer(served, self._passes, north=north, tips=tips)
+        self._refusal = ""
         self._listener = own_socket(host, port)
         host, port = self._listener.getsockname()[:2]
         self.endpoint = f"{host}:{port}"
@@ -119,6 +134,7 @@ class Rotctld:
             with contextlib.suppress(OSError):
                 client.shutdown(socket.SHUT_RDWR)
             thread.join()
+        self._passes.close()
 
     def _talk(self, client: socket.socket) -> None:
         """Answer a client until it hangs up."""
@@ -135,12 +151,14 @@ class Rotctld:
             return protocol.failed(command, command.error or protocol.UNAVAILABLE)
         try:
             return protocol.answered(command, self._do[command.kind.name](command))
-        except (ValueError, RequestError):
+        except ValueError:
             return protocol.failed(command, protocol.INVALID)
-        except (DaemonError, DeviceError):
-            return protocol.failed(command, protocol.IO_ERROR)
-        except OrientdError:
-            return protocol.failed(command, protocol.REJECTED)
+        except OrientdError as error:
+            if str(error) != self._refusal:
+                self._refusal = str(error)
+                self._notify(f"{command.kind.name} was refused: {error}")
+            is_lost = isinstance(error, DaemonError | DeviceError)
+            return protocol.failed(command, protocol.IO_ERROR if is_lost else protocol.REJECTED)
 
     def _set_position(self, command: Command) -> None:
         wanted = Direction(*map(protocol.number, command.arguments))
@@ -163,7 +181,7 @@ class Rotctld:
     def _go_to_park(self, command: Command) -> None:
         del command
         with self._served.lock:
-            self._pointer.go(self._park)
+            self._pointer.go(_PARK)
 
     def _reset(self, command: Command) -> None:
         protocol.number(command.arguments[0])

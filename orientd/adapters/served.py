@@ -113,6 +113,22 @@ class Served:
             self._moving = self.robot.move(keyframes, device=self.name, **fields)
             return self._moving
 
+    def begin(self, plan: pb.Plan, start_time: float) -> MoveHandle:
+        """Begin a planned motion at a time; return when it has begun.
+
+        Another command may come meanwhile; it replaces the motion.
+
+        Args:
+            plan: from the present state of the device.
+            start_time: s since the epoch.
+
+        Raises:
+            OrientdError: the daemon refuses it.
+        """
+        self.end_tracking()
+        self._moving = self.robot.move(plan, device=self.name, start_time=start_time)
+        return self._moving
+
     def end_tracking(self) -> None:
         """Send no more targets, and wait until the device has come to rest."""
         with self.lock:

@@ -6,6 +6,7 @@ import contextlib
 import math
 import socket
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import click
@@ -84,26 +85,43 @@ def rotctld(
             callback=_range,
         ),
     ] = "-90:90",
+    tle: Annotated[
+        Path | None,
+        Option("--tle", help="Elements of satellites whose passes are planned whole."),
+    ] = None,
+    observer: Annotated[
+        str, Option(metavar="LAT,LON[,M]", help="Place of the antenna (with --tle).")
+    ] = "",
+    ephemeris: Annotated[
+        Path | None,
+        Option("--ephemeris", help="CSV of a pass to plan whole: time, azimuth, elevation."),
+    ] = None,
 ) -> None:
     """Serve antenna programs: gpredict, SatNOGS, SDRangel, `rotctl`.
 
     They speak the protocol of Hamlib's rotctld.  The x axis of the tool points at the azimuth and
     elevation that they ask for.  Azimuth counts clockwise from north.
     """
-    from orientd.adapters import Direction, Ranges, Rotctld
+    from orientd import adapters
 
-    ranges = Ranges(azimuth, elevation)  # type: ignore[arg-type] # as the callbacks return them
+    if (tle is None) != (not observer):
+        raise click.UsageError("expected --tle and --observer together, or neither")
+    targets = [] if ephemeris is None else adapters.from_table(ephemeris)
+    if tle is not None:
+        targets += adapters.from_elements(tle, adapters.observer_of(observer))
+    ranges = adapters.Ranges(azimuth, elevation)  # type: ignore[arg-type] # from the callbacks
     run(
         "rotctld",
         to,
         out,
-        lambda served: Rotctld(
+        lambda served: adapters.Rotctld(
             served,
             host=host,
             port=port,
             ranges=ranges,
             north=north,
-            park=Direction(0.0, 0.0),
+            targets=targets,
+            notify=out.say,
         ),
     )
 

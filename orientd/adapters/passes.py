@@ -1,0 +1,136 @@
+"""Plan whole passes of known targets, once the positions of a program follow one."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+import orientd
+from orientd.adapters.served import Served
+from orientd.adapters.sky import Floats, Pass, Target, find_pass
+from orientd.client import MoveHandle
+from orientd.errors import OrientdError
+
+_SIGHT = math.radians(1.5)
+"""Largest angle from a target to a position that still means it, rad."""
+_MARGIN = 1.0
+"""Seconds from the end of planning to the start of the motion."""
+_PLANNING = 4.0
+"""Usual time to plan a pass, s."""
+_LEAST = 0.2
+"""Seconds that the daemon needs to arm a motion."""
+_SHORTEST = 10.0
+"""Remaining pass that is still planned, s."""
+_TRIES = 4
+"""Plans of a pass, each with a later start if the one before took too long."""
+
+
+class Passes:
+    """Passes of known targets for one device.
+
+    Attributes:
+        targets: the known ones.
+    """
+
+    def __init__(
+        self,
+        served: Served,
+        targets: Sequence[Target],
+        *,
+        north: float,
+        notify: Callable[[str], None],
+    ) -> None:
+        """Follow no pass yet.
+
+        Args:
+            served: the device.
+            targets: the known ones.
+            north: angle of north from the world's x axis, counted towards y, degrees.
+            notify: takes lines for people.
+        """
+        self._served, self._north, self._notify = served, north, notify
+        self.targets = targets
+        self._pass: Pass | None = None
+        self._motion: MoveHandle | None = None
+        self._planning: threading.Thread | None = None
+        self._refused: set[tuple[str, int]] = set()
+
+    def takes(self, point: Floats) -> bool:
+        """Return whether a position belongs to a pass, which is then planned and followed.
+
+        Args:
+            point: unit vector of the position: x to the north, y to the west, z up.
+        """
+        now = time.time()
+        current = self._pass
+        if current is not None and now < current.end:
+            is_on_way = self._planning is not None or (
+                self._motion is not None and not self._motion.is_done
+            )
+            if is_on_way and math.dist(current.point(now), point) < _SIGHT:
+                return True
+        self._pass = None
+        found = find_pass(self.targets, now, point)
+        if found is None or _key(found) in self._refused or found.end < now + _SHORTEST:
+            return False
+        self._pass = found
+        self._planning = threading.Thread(target=self._plan, args=(found,), daemon=True)
+        self._planning.start()
+        return True
+
+    def leave(self) -> None:
+        """Follow no pass any longer; the motion is not stopped."""
+        self._pass = None
+
+    def close(self) -> None:
+        """Wait until nothing is planned."""
+        self._pass = None
+        planning = self._planning
+        if planning is not None:
+            planning.join()
+
+    def _plan(self, wanted: Pass) -> None:
+        """Plan the rest of a pass from rest, and start it."""
+        name = wanted.target.name
+        try:
+            self._served.rest()
+            self._begin(wanted)
+        except OrientdError as error:
+            if self._pass is not wanted:
+                return
+            self._refused.add(_key(wanted))
+            self._notify(f"{name}: no plan of the whole pass: {error}")
+        finally:
+            self._planning = None
+
+    def _begin(self, wanted: Pass) -> None:
+        start = max(wanted.start, time.time() + _PLANNING + _MARGIN)
+        for _ in range(_TRIES):
+            times = wanted.times(start)
+            x, y, z = wanted.target.at(times).T
+            azimuth = np.degrees(np.unwrap(np.arctan2(-y, x))) - self._north
+            request = orientd.satellite_pass(
+                times - start, azimuth, np.degrees(np.arcsin(z)), name=wanted.target.name
+            )
+            asked = time.time()
+            plan = self._served.robot.plan(request, device=self._served.name)
+            now, begin = time.time(), start - plan.start_time
+            if self._pass is not wanted:
+                return
+            if begin > now + _LEAST:
+                self._notify(
+                    f"{wanted.target.name}: the pass is planned, from {start - now:.0f} s "
+                    f"to {wanted.end - now:.0f} s from now"
+                )
+                self._motion = self._served.begin(plan, begin)
+                return
+            start = now + plan.start_time + (now - asked) + _MARGIN
+        raise OrientdError("planning took too long")
+
+
+def _key(one: Pass) -> tuple[str, int]:
+    return one.target.name, round(one.end / 60.0)

@@ -1,0 +1,279 @@
+"""Targets in the sky whose way is known: satellites by their orbital elements, or a table."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orientd.errors import OrientdError, RequestError
+
+Floats = NDArray[np.float64]
+
+_SIGHT = math.radians(1.0)
+"""Largest angle from a target to a position that means it, rad."""
+_AHEAD = 900.0
+"""How long before its rise a target may be waited for, s."""
+_LONGEST = 3600.0
+"""Longest part of a pass that is planned at once, s."""
+_STEP = 5.0
+"""Seconds from one look for a rise to the next."""
+_FINE = 0.2
+_STRIDE, _PAUSE = math.radians(3.0), 20.0
+"""Largest angle, rad, and longest time, s, from one row of a pass to the next."""
+_UNIX_EPOCH = 2440587.5
+_EARTH, _FLATTENING = 6378.137, 1.0 / 298.257223563
+"""WGS 84: equatorial radius, km."""
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A target and its way.
+
+    Attributes:
+        name: of the target.
+        at: returns its unit vectors for times since the epoch, s, shape ``(n,)``: x to the north, y
+            to the west, z up, shape ``(n, 3)``; NaN when its place is not known.
+    """
+
+    name: str
+    at: Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True, slots=True)
+class Pass:
+    """A target from a time until it sets.
+
+    Attributes:
+        target: the target.
+        start: when it has risen, or now if it has already, s since the epoch.
+        end: when it sets, s since the epoch.
+    """
+
+    target: Target
+    start: float
+    end: float
+
+    def point(self, now: float) -> Floats:
+        """Return where it is, or where it rises, as a unit vector."""
+        point: Floats = self.target.at(np.array([max(now, self.start)]))[0]
+        return point
+
+    def times(self, start: float) -> Floats:
+        """Return times from *start* to the end, closer where the target is quicker, s."""
+        fine = np.linspace(start, self.end, max(3, math.ceil((self.end - start) / _FINE)))
+        steps = np.linalg.norm(np.diff(self.target.at(fine), axis=0), axis=1)
+        rows = np.cumsum(steps / _STRIDE + np.diff(fine) / _PAUSE, dtype=np.float64)
+        count = max(3, math.ceil(rows[-1]) + 1)
+        found: Floats = np.interp(np.linspace(0.0, rows[-1], count), [0.0, *rows], fine)
+        return found
+
+
+def find_pass(targets: Sequence[Target], now: float, point: Floats) -> Pass | None:
+    """Return the pass that a position means, among those above the horizon or about to rise.
+
+    Args:
+        targets: the known ones.
+        now: s since the epoch.
+        point: unit vector of the position.
+    """
+    times = now + np.arange(0.0, _AHEAD + _LONGEST, _STEP)
+    found: list[tuple[float, Pass]] = []
+    for target in targets:
+        points = target.at(times)
+        is_up = points[:, 2] > 0.0
+        rises = int(np.argmax(is_up))
+        if not is_up[rises] or times[rises] > now + _AHEAD:
+            continue
+        is_set = ~is_up[rises:]
+        sets = rises + int(np.argmax(is_set)) if is_set.any() else len(times)
+        start = now if rises == 0 else _change(target, float(times[rises - 1]), is_up=True)
+        one = Pass(target, start, _change(target, float(times[sets - 1]), is_up=False))
+        apart = math.dist(one.point(now), point)
+        if apart < _SIGHT:
+            found.append((apart, one))
+    return min(found, key=lambda pair: pair[0])[1] if found else None
+
+
+def _change(target: Target, after: float, *, is_up: bool) -> float:
+    """Return when a target is first up, or last up, within a step after a time."""
+    times = after + np.linspace(0.0, _STEP, 101)
+    up = np.flatnonzero(target.at(times)[:, 2] > 0.0)
+    return float(times[up[0 if is_up else -1]]) if len(up) else after
+
+
+def from_elements(path: Path, observer: tuple[float, float, float]) -> list[Target]:
+    """Return the satellites of a file of two-line elements, with or without lines of names.
+
+    Args:
+        path: the file.
+        observer: latitude and longitude, degrees, and height above the ellipsoid, m.
+
+    Raises:
+        OrientdError: the file cannot be read or has no elements, or sgp4 is not installed.
+    """
+    try:
+        from sgp4.api import Satrec
+    except ImportError:
+        raise OrientdError(
+            "this needs the extra `satellite`: pip install 'orientd-motion[satellite]'"
+        ) from None
+    lines = [line.rstrip() for line in _text(path).splitlines() if line.strip()]
+    targets = []
+    for place, line in enumerate(lines[:-1]):
+        if not (line.startswith("1 ") and lines[place + 1].startswith("2 ")):
+            continue
+        above = lines[place - 1] if place else ""
+        name = above.removeprefix("0 ").strip() if above[:2] not in ("", "2 ") else line[2:7]
+        try:
+            satellite = Satrec.twoline2rv(line, lines[place + 1])
+        except ValueError as error:
+            raise OrientdError(f"{path}: the elements of {name} are damaged: {error}") from None
+        targets.append(Target(name, _seen(satellite, observer)))
+    if not targets:
+        raise OrientdError(f"{path}: expected two-line elements, found none")
+    return targets
+
+
+def from_table(path: Path) -> list[Target]:
+    """Return the target of a table with the columns time, azimuth and elevation.
+
+    Args:
+        path: a CSV file; the time is in s since the epoch, or ISO 8601 (UTC without a zone).
+
+    Raises:
+        OrientdError: the file cannot be read, or is not such a table.
+    """
+    rows = sorted(_rows(path))
+    if len(rows) < 3:
+        raise OrientdError(f"{path}: expected at least 3 rows, got {len(rows)}")
+    times, azimuth, elevation = np.array(rows).T
+    if not np.all(np.diff(times) > 0.0):
+        raise OrientdError(f"{path}: two rows have the same time")
+    east, up = np.radians(azimuth), np.radians(elevation)
+    points = np.column_stack([np.cos(up) * np.cos(east), -np.cos(up) * np.sin(east), np.sin(up)])
+
+    def at(when: Floats) -> Floats:
+        found = np.column_stack(
+            [np.interp(when, times, axis, left=np.nan, right=np.nan) for axis in points.T]
+        )
+        unit: Floats = found / np.linalg.norm(found, axis=1, keepdims=True)
+        return unit
+
+    return [Target(path.stem, at)]
+
+
+def _rows(path: Path) -> Iterator[tuple[float, float, float]]:
+    reader = csv.DictReader(_text(path).splitlines())
+    columns = ("time", "azimuth", "elevation")
+    if missing := [name for name in columns if name not in (reader.fieldnames or ())]:
+        raise OrientdError(f"{path}: expected the columns {', '.join(columns)}, no {missing[0]}")
+    for number, row in enumerate(reader, 2):
+        try:
+            angles = float(row["azimuth"]), float(row["elevation"])
+            when = _seconds(row["time"])
+        except (TypeError, ValueError) as error:
+            raise OrientdError(f"{path}, line {number}: {error}") from None
+        if not all(map(math.isfinite, (when, *angles))):
+            raise OrientdError(f"{path}, line {number}: expected finite numbers")
+        yield (when, *angles)
+
+
+def _seconds(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        when = datetime.fromisoformat(text)
+        return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not a text file"
+        raise OrientdError(f"{path}: {reason}") from None
+
+
+def _seen(satellite: object, observer: tuple[float, float, float]) -> Callable[[Floats], Floats]:
+    """Return the function of a satellite's unit vectors as an observer sees it."""
+    latitude, longitude = np.radians(observer[:2])
+    squeeze = _FLATTENING * (2.0 - _FLATTENING)
+    curve = _EARTH / math.sqrt(1.0 - squeeze * math.sin(latitude) ** 2)
+    height = 1e-3 * observer[2]
+    level = (curve + height) * math.cos(latitude)
+    place = np.array(
+        [
+            level * math.cos(longitude),
+            level * math.sin(longitude),
+            (curve * (1.0 - squeeze) + height) * math.sin(latitude),
+        ]
+    )
+    north = np.array(
+        [
+            -math.sin(latitude) * math.cos(longitude),
+            -math.sin(latitude) * math.sin(longitude),
+            math.cos(latitude),
+        ]
+    )
+    west = np.array([math.sin(longitude), -math.cos(longitude), 0.0])
+    axes = np.stack([north, west, np.cross(north, west)])
+
+    def at(times: Floats) -> Floats:
+        days = times / 86400.0
+        errors, places, _ = satellite.sgp4_array(  # type: ignore[attr-defined] # Satrec of sgp4
+            np.full(len(times), _UNIX_EPOCH), days
+        )
+        turn = _sidereal(days)
+        x, y, z = np.where(errors[:, None] == 0, places, np.nan).T
+        fixed = np.column_stack(
+            [x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn), z]
+        )
+        seen = (fixed - place) @ axes.T
+        unit: Floats = seen / np.linalg.norm(seen, axis=1, keepdims=True)
+        return unit
+
+    return at
+
+
+def _sidereal(days: Floats) -> Floats:
+    """Return Greenwich mean sidereal time, rad, for days since the epoch of Unix.
+
+    Aoki et al. 1982, as SGP4's frame asks for; UT1 is taken for UTC, which is within 1 s.
+    """
+    since = days + _UNIX_EPOCH - 2451545.0
+    centuries = since / 36525.0
+    seconds = (
+        67310.54841
+        + (876600.0 * 3600.0 + 8640184.812866) * centuries
+        + 0.093104 * centuries**2
+        - 6.2e-6 * centuries**3
+    )
+    turn: Floats = np.radians(seconds / 240.0) % (2.0 * np.pi)
+    return turn
+
+
+def observer_of(text: str) -> tuple[float, float, float]:
+    """Return latitude, longitude and height from ``LAT,LON[,M]``.
+
+    Raises:
+        RequestError: the text is not of that form.
+
+    >>> observer_of("52.5,13.4")
+    (52.5, 13.4, 0.0)
+    """
+    try:
+        latitude, longitude, *height = map(float, text.split(","))
+        metres = height[0] if height else 0.0
+        is_place = abs(latitude) <= 90.0 and abs(longitude) <= 360.0 and abs(metres) < 1e5
+    except ValueError:
+        is_place = False
+    if not is_place or len(height) > 1:
+        raise RequestError("observer", f"expected LAT,LON or LAT,LON,METRES, got {text!r}")
+    return latitude, longitude, metres

@@ -1,0 +1,93 @@
+"""`orientd serve rotctld` with a known pass: planned whole, and followed without more positions."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+from command_line import assert_refused, orientd
+from harness import DEVICE
+from rotator import rotctld
+
+from orientd.client import connect
+
+SECONDS = 14.0
+"""Of the pass."""
+
+
+def direction(since):
+    """A pass past north, up to 70 degrees."""
+    share = np.clip(since / SECONDS, 0.0, 1.0)
+    return 300.0 + 140.0 * share, 70.0 * np.sin(np.pi * share) + 0.01
+
+
+def vector(azimuth, elevation):
+    azimuth, elevation = np.radians(azimuth), np.radians(elevation)
+    level = np.cos(elevation)
+    return np.stack([level * np.cos(azimuth), -level * np.sin(azimuth), np.sin(elevation)], -1)
+
+
+def test_a_pass_of_a_table_is_planned_whole(daemon, tmp_path):
+    """A client asks for the place of the rise alone, and the device follows the table."""
+    rise = time.time() + 20.0
+    table = tmp_path / "pass.csv"
+    rows = [(rise + t, *direction(t)) for t in np.arange(0.0, SECONDS + 0.1, 0.5)]
+    table.write_text("time,azimuth,elevation\n" + "".join(f"{a},{b},{c}\n" for a, b, c in rows))
+    seen = []
+    with rotctld(daemon, "--ephemeris", table) as client, connect(daemon.socket) as robot:
+        assert client.ask("P 300 0") == ["RPRT 0"]
+        cycles = robot.watch(DEVICE, rate_hz=20)
+        while time.time() < rise + SECONDS + 0.5:
+            seen += next(cycles)
+        assert math.dist(client.position(), direction(SECONDS)) < 20.0
+    offset = time.time() - time.monotonic() - rise
+    since = np.array([1e-9 * one.deadline_ns for one in seen]) + offset
+    q = np.array([one.q for one in seen])
+    is_up = (since > 0.3) & (since < SECONDS)
+    w, x, y, z = q[is_up].T
+    ahead = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], -1)
+    apart = np.linalg.norm(ahead - vector(*direction(since[is_up])), axis=-1)
+    assert np.degrees(apart).max() < 0.2
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("", ["expected the columns time, azimuth, elevation"]),
+        ("time,azimuth\n1,2\n", ["no elevation"]),
+        ("time,azimuth,elevation\n1,2,x\n", ["line 2", "'x'"]),
+        ("time,azimuth,elevation\n1,2,nan\n", ["line 2", "finite"]),
+        ("time,azimuth,elevation\n1,2,3\n", ["at least 3 rows, got 1"]),
+        ("time,azimuth,elevation\n1,2,3\n1,2,3\n2,3,4\n", ["the same time"]),
+    ],
+)
+def test_a_bad_table_is_refused_in_one_line(daemon, tmp_path, text, parts):
+    table = tmp_path / "pass.csv"
+    table.write_text(text)
+    assert_refused(
+        orientd("serve", "rotctld", "--ephemeris", table, "--socket", daemon.socket), *parts
+    )
+
+
+ISS = """ISS (ZARYA)
+1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927
+2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537
+"""
+"""An example of the format, from Wikipedia's article on it."""
+
+
+def test_bad_elements_and_places_are_refused_in_one_line(daemon, tmp_path):
+    pytest.importorskip("sgp4")
+    file = tmp_path / "sky.tle"
+
+    def serve(*arguments):
+        return orientd("serve", "rotctld", "--socket", daemon.socket, *arguments)
+
+    file.write_text("nothing\n")
+    done = serve("--tle", file, "--observer", "52.5,13.4")
+    assert_refused(done, "expected two-line elements, found none")
+    file.write_text(ISS)
+    assert_refused(serve("--tle", file, "--observer", "95,13"), "observer", "LAT,LON")
+    assert_refused(serve("--tle", file), "--tle and --observer together", status=2)
+    done = serve("--tle", tmp_path / "none.tle", "--observer", "52.5,13.4")
+    assert_refused(done, "none.tle", "No such file")
