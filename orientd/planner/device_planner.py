@@ -100,19 +100,23 @@ class DevicePlanner:
         mechanism = self._mechanism(may_ask=not is_offline)
         self._check_options(request, mechanism)
         placed, limits = self.placed(request, start), self._limits
-        if mechanism is None:
-            planning: Planning = partial(
-                plan, start=start, limits=limits, period=self._period, motion_id=motion_id
+
+        def path_from(state: State) -> Planning:
+            return partial(
+                plan, start=state, limits=limits, period=self._period, motion_id=motion_id
             )
-        else:
+
+        planning, follow = path_from(start), None
+        if mechanism is not None:
             fitting = Fitting(
                 mechanism, start, tuple(joints), limits, self._period, before, rates, motion_id
             )
-            planning = partial(_fitted, fitting)
+            planning, follow = partial(_fitted, fitting), fitting.followed
         cones = self._cones(request, unix_ns)
         if cones is None:
             return planning(placed)
-        return Around(cones, start, planning, request.rate is not None).motion(placed)
+        is_turn = request.rate is not None
+        return Around(cones, start, planning, path_from, follow, is_turn=is_turn).motion(placed)
 
     def _cones(self, request: MotionRequest, unix_ns: int | None) -> Cones | None:
         """Return the keep-out cones of a motion; ``None`` if there are none."""

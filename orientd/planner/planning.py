@@ -20,7 +20,7 @@ from orientd.planner import refusal, resting
 from orientd.planner.certify import share_to_stop
 from orientd.planner.connect import CONNECTIONS, SAME_PLACE, WITHOUT_RESERVE, approach
 from orientd.planner.job import PlanJob
-from orientd.planner.keep_out import Around, Cones
+from orientd.planner.keep_out import Around, Cones, Planning
 from orientd.planner.motion import Motion
 from orientd.planner.path import PositionPath, end_states
 from orientd.planner.resolve import resolved
@@ -109,9 +109,13 @@ def plan(
         ValueError: *period* is out of :data:`.PERIODS`.
     """
     if request.keep_out:
-        planning = partial(plan, start=start, limits=limits, period=period, motion_id=motion_id)
-        cones = Cones.of(request.keep_out, unix_ns)
-        return Around(cones, start, planning, request.rate is not None).motion(request)
+
+        def path_from(state: State) -> Planning:
+            return partial(plan, start=state, limits=limits, period=period, motion_id=motion_id)
+
+        cones, is_turn = Cones.of(request.keep_out, unix_ns), request.rate is not None
+        around = Around(cones, start, path_from(start), path_from, is_turn=is_turn)
+        return around.motion(request)
     shortest, longest = PERIODS
     if not shortest <= period <= longest:
         raise ValueError(f"period must be within {shortest:g} and {longest:g} s, got {period} s")

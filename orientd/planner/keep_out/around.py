@@ -20,6 +20,7 @@ from orientd.errors import PlanError
 from orientd.model import MotionRequest
 from orientd.planner.keep_out.clearance import Cones
 from orientd.planner.keep_out.detour import Detour
+from orientd.planner.keep_out.lead import after_approach, approach_to, rest_in_lead_in
 from orientd.planner.keep_out.route import (
     POINTS,
     Obstacle,
@@ -56,12 +57,16 @@ class Around:
         cones: of the motion.
         start: the commanded state of the device.
         plan: plans without regard to cones.
+        path_from: returns what plans from a state, without regard to cones and to the axes.
+        follow: returns a motion on the path that the axes follow.
         is_turn: whether the request is a turn at a rate, which has no other route.
     """
 
     cones: Cones
     start: State
     plan: Planning
+    path_from: Callable[[State], Planning]
+    follow: Callable[[Motion], Motion] | None = None
     is_turn: bool = False
     _margins: float = 1.0
     _refused: str = field(default="", init=False)
@@ -83,24 +88,15 @@ class Around:
         if float(short.min()) >= 0.0:
             return self.cones.certified(motion, request).noted(*notes)
         turns = self.is_turn or any(keyframe.turns for keyframe in request.keyframes)
-        is_outside = float(self.cones.bounds(motion).min()) >= 0.0
-        names = self._named(short)
         try:
-            self._check_can_lead(direct, motion, short, names, turns=turns)
-            found = self._led(direct, motion, short, names)
-            notes.append(f"led around {names}")
+            found = self._led(direct, motion, turns=turns)
         except PlanError:
-            if not is_outside and not any(cone.margin for cone in self.cones.cones):
+            if not any(cone.margin for cone in self.cones.cones):
                 raise
-            if not is_outside:
-                self._margins = 0.0
-                short = self._short(direct, motion)
-                self._check_can_lead(direct, motion, short, names, turns=turns)
-                found = self._led(direct, motion, short, names)
-                notes.append(f"led around {names}")
-            else:
-                found = motion
-            notes.append(f"passes through the margin of {names}")
+            notes.append(f"passes through the margin of {self._named(short)}")
+            self._margins = 0.0
+            is_outside = float(self._short(direct, motion).min()) >= 0.0
+            found = motion if is_outside else self._led(direct, motion, turns=turns)
         return self.cones.certified(found, request).noted(*notes)
 
     def _short(self, detour: Detour, motion: Motion) -> Floats:
@@ -174,23 +170,25 @@ class Around:
                 f"the motion ends with a velocity, and its lead-out enters {names}; "
                 "end slower or further away"
             )
-        if legs[0] == 0 and (request.times is not None or request.start_velocity is not None):
-            raise PlanError(
-                f"the lead-in crosses {names}, and cannot be led around to a first keyframe with a "
-                "time or a velocity; move to the first keyframe before"
-            )
         if not METHODS[request.method].interpolates or request.options:
             raise PlanError(
                 f"the motion crosses {names}; {request.method} with these options does not pass "
                 "further keyframes around it: take the default method"
             )
 
-    def _led(self, direct: Detour, motion: Motion, short: Floats, names: str) -> Motion:
+    def _led(self, direct: Detour, motion: Motion, *, turns: bool) -> Motion:
         """Return the quickest motion found around the cones that a motion crosses.
 
         Raises:
             PlanError: there is none.
         """
+        short = self._short(direct, motion)
+        names = self._named(short)
+        self._check_can_lead(direct, motion, short, names, turns=turns)
+        request = direct.request
+        is_fixed = request.times is not None or request.start_velocity is not None
+        if is_fixed and self._legs(direct, motion, short)[0] == 0:
+            return self._led_in(request, names)
         routes, dense = self._routes(direct, motion, short, names)
         found = [one for one in map(self._cleared, routes) if one is not None]
         if not found:
@@ -200,7 +198,31 @@ class Around:
                 f"the motion crosses {names}, and no motion around was found: {self._refused}"
             )
         detour, motion = self._quickest(*min(found, key=lambda one: one[1].duration))
-        return detour.restored(motion)
+        return detour.restored(motion).noted(f"led around {names}")
+
+    def _led_in(self, request: MotionRequest, names: str) -> Motion:
+        """Return the motion with a lead-in of its own around cones.
+
+        Raises:
+            PlanError: there is none.
+        """
+        try:
+            rest = rest_in_lead_in(self.path_from(self.start)(request))
+            to_rest = Around(self.cones, self.start, self.path_from(self.start), self.path_from)
+            approach = to_rest.motion(approach_to(rest, request))
+            cones = self.cones.later(approach.duration)
+            from_rest = Around(cones, rest, self.path_from(rest), _no_lead)
+            motion = after_approach(approach, from_rest.motion(request), self.start)
+            if self.follow is not None:
+                motion = self.follow(motion)
+        except PlanError as error:
+            raise PlanError(
+                f"the lead-in crosses {names}, and none around was found: {error}; move to the "
+                "first keyframe before"
+            ) from error
+        if not float(self.cones.bounds(motion).min()) >= 0.0:
+            raise PlanError(f"the lead-in crosses {names} where the axes turn")
+        return motion.noted(f"led around {names} to its first keyframe")
 
     def _legs(self, detour: Detour, motion: Motion, short: Floats) -> list[int]:
         """Return the legs in which a motion is inside a cone."""
@@ -342,6 +364,10 @@ class Around:
         if motion.duration >= _GAIN * duration or float(self._short(detour, motion).min()) < 0.0:
             return None
         return motion
+
+
+def _no_lead(_: State) -> Planning:
+    raise PlanError("its run-up crosses one too")
 
 
 def _depth(q: Floats, obstacle: Obstacle) -> float:

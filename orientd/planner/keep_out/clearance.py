@@ -52,6 +52,10 @@ class Cones:
         """Return the cones of a motion that begins at a Unix time in ns, by default now."""
         return cls(cones, time.time_ns() if unix_ns is None else unix_ns)
 
+    def later(self, seconds: float) -> Cones:
+        """Return the cones of a motion that begins later."""
+        return replace(self, unix_ns=self.unix_ns + round(1e9 * seconds))
+
     def directions(self, cone: KeepOut, times: Floats) -> Floats:
         """Return unit vectors towards a cone at increasing path times, s, shape ``(n, 3)``."""
         if not isinstance(cone.direction, Sun):

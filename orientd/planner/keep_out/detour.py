@@ -15,6 +15,8 @@ from orientd.rotation import Floats, angle
 
 _INDEX = re.compile(r"keyframes\[(\d+)\]")
 
+_SHARES = 101  # points of a rate along a leg
+
 Place = tuple[int, int]
 """A leg, and the index of an added keyframe in it."""
 
@@ -86,15 +88,24 @@ class Detour:
         return replace(request, keyframes=keyframes, approach=is_led)
 
     def _times(self, leg: int) -> list[float | None]:
-        """Return times of the keyframes added in a leg, by their distances."""
+        """Return times of the keyframes added in a leg, by their distances.
+
+        The rate along the leg is zero at an end where the motion rests, else that of the mean.
+        """
         times, added = self.request.times, self.added[leg]
         if times is None or not leg or not added:
             return [None] * len(added)
         first, last = self.ends(leg)
         keys = np.array([first, *added, last])
         far = np.concatenate([[0.0], np.cumsum(angle(keys[:-1], keys[1:]))])
+        request = self.request
+        first_rate = 0.0 if leg == 1 and request.start_velocity is None else 1.0
+        last_rate = 0.0 if leg == len(times) - 1 and request.end_velocity is None else 1.0
+        share = np.linspace(0.0, 1.0, _SHARES)
+        passed = _passed(share, first_rate, last_rate)
+        found = np.interp(far[1:-1] / far[-1], passed, share)
         begin, end = float(times[leg - 1]), float(times[leg])
-        return [begin + (end - begin) * one / float(far[-1]) for one in far[1:-1].tolist()]
+        return [begin + (end - begin) * one for one in found.tolist()]
 
     def own_times(self, motion: Motion) -> Floats:
         """Return the path times of the request's keyframes in the motion of :meth:`whole`, s."""
@@ -128,6 +139,14 @@ class Detour:
             return f"keyframes[{own.index(k)}]" if k in own else "a keyframe added around a cone"
 
         return _INDEX.sub(index, text) if any(self.added) else text
+
+
+def _passed(share: Floats, first_rate: float, last_rate: float) -> Floats:
+    """Return the quintic from 0 to 1 with given rates and no acceleration at its ends."""
+    rest = 1.0 - first_rate
+    end = last_rate - first_rate
+    a, b, c = 10.0 * rest - 4.0 * end, -15.0 * rest + 7.0 * end, 6.0 * rest - 3.0 * end
+    return share * (first_rate + share**2 * (a + share * (b + share * c)))
 
 
 def _keyframe(

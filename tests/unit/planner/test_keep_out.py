@@ -114,6 +114,18 @@ def test_a_running_motion_is_replaced_around_a_cone():
     assert np.allclose(motion.start_state.omega_body, state.omega_body, atol=1e-6)
 
 
+def test_the_lead_in_to_a_timed_pass_is_led_around():
+    times = 0.0, 1.0, 2.0
+    keyframes = [toward(80.0 + 4.0 * t, 20.0 * t, time=t) for t in times]
+    for fields in ({}, {"start_velocity": (0.0, -0.3, 0.1)}):
+        motion = planned(*keyframes, approach=True, **fields)
+        assert least(motion) >= 0.0
+        assert motion.start_time > 0.3
+        assert (motion.keyframe_times - motion.start_time).tolist() == pytest.approx(times)
+        assert motion.certificate.keyframe_error < 1e-9
+        assert any("to its first keyframe" in one for one in motion.certificate.notes)
+
+
 def test_a_turn_at_a_rate_that_crosses_is_refused():
     with pytest.raises(PlanError, match="the turn crosses keep-out laser"):
         planned(rate=(0.0, 0.0, 0.5), duration=3.0)
