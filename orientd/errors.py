@@ -168,6 +168,26 @@ class StateError(OrientdError):
     """A command that the device's present state does not allow."""
 
 
+class StaleBaseError(StateError):
+    """A target in the world while the orientation of the moving base is stale.
+
+    The device comes to rest, and points again once a newer sample of the base arrives.
+
+    Attributes:
+        since_ns: time from which it is stale, monotonic clock.
+        age: of the newest sample, s.
+    """
+
+    def __init__(self, sample_ns: int, now_ns: int, life_ns: int) -> None:
+        self.since_ns = sample_ns + life_ns
+        self.age = (now_ns - sample_ns) * 1e-9
+        most, late = life_ns * 1e-9, (now_ns - self.since_ns) * 1e-9
+        super().__init__(
+            f"the base is stale for {late:.3g} s: its newest sample is {self.age:.3g} s old, "
+            f"expected at most {most:g} s; the device rests until a newer one arrives"
+        )
+
+
 class LateError(StateError):
     """A motion was to leave the path at a point that the device has passed."""
 

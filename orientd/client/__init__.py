@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from orientd.client.move_handle import MoveHandle
     from orientd.client.observer import Configuration, Observer
     from orientd.client.playing import Playing, PlayTiming
+    from orientd.client.pointing import BaseReport, Pointing
     from orientd.client.robot import Robot, after_stop, connect
     from orientd.client.stop_call import ask_to_stop
     from orientd.client.target_messages import TARGET_KEYS, target_message
@@ -39,6 +40,7 @@ __getattr__ = lazily(
         "orientd.client.move_handle": ("MoveHandle",),
         "orientd.client.observer": ("Configuration", "Observer"),
         "orientd.client.playing": ("PlayTiming", "Playing"),
+        "orientd.client.pointing": ("BaseReport", "Pointing"),
         "orientd.client.robot": ("Robot", "after_stop", "connect"),
         "orientd.client.stop_call": ("ask_to_stop",),
         "orientd.client.target_messages": ("TARGET_KEYS", "target_message"),

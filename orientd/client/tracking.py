@@ -11,6 +11,7 @@ import grpc
 
 from orientd.client.clutch import Anchor, Clutch
 from orientd.client.connection import Connection
+from orientd.client.pointing import Pointing
 from orientd.client.target_messages import Frame, target_message
 from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 
-class Tracking:
+class Tracking(Pointing):
     """A device that follows targets; a context manager that brings it to rest at its end."""
 
     def __init__(self, connection: Connection, begin: pb.TrackStart) -> None:
@@ -32,7 +33,7 @@ class Tracking:
         Raises:
             OrientdError: it was refused.
         """
-        self._connection = connection
+        super().__init__(connection, begin.device)
         self._outgoing: queue.SimpleQueue[pb.TrackRequest | None] = queue.SimpleQueue()
         self._outgoing.put(pb.TrackRequest(start=begin))
         outgoing = iter(self._outgoing.get, None)
