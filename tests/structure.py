@@ -16,7 +16,8 @@ import grimp
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = {"orientd": "", "orientd_dynamixel": "drivers", "orientd_loopback": "drivers",
-            "orientd_ur": "drivers", "emulated_dynamixel": "sim", "emulated_ur": "sim"}  # fmt: skip
+            "orientd_ur": "drivers", "emulated_base": "sim", "emulated_dynamixel": "sim",
+            "emulated_ur": "sim"}  # fmt: skip
 GENERATED = ("_pb2", "_pb2_grpc")
 
 MOST_LINES = 650
@@ -33,7 +34,7 @@ NO_MODULE = ("orientd.kernels", "orientd")
 
 TESTED = {"unit/driver_ur": "orientd_ur", "unit/driver_dynamixel": "orientd_dynamixel",
           "unit/sim_ur": "emulated_ur",
-          "unit/dynamixel_bus": "emulated_dynamixel"}  # fmt: skip
+          "unit/dynamixel_bus": "emulated_dynamixel", "unit/sim_base": "emulated_base"}  # fmt: skip
 """Folders of unit tests that are not called as the package of which they test the inside."""
 
 BEHIND_FRONTS = {

@@ -1,8 +1,9 @@
-"""`orientd sim`: emulated devices on real sockets, for trying drivers without hardware."""
+"""`orientd sim`: emulated devices and a moving base, to try orientd without hardware."""
 
 from __future__ import annotations
 
 import importlib
+import math
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -104,3 +105,30 @@ def dynamixel(
         raise DaemonError(
             f"cannot serve an emulated bus at {link}: {error.strerror or error}"
         ) from error
+
+
+@part_of(sim)
+def base(
+    kind: Annotated[str, Option(help="Kind of base: ship, vehicle or rest.")] = "ship",
+    rate: Annotated[float, Option(range=(0.1, 1000.0), help="Samples per second.")] = 100.0,
+    latency_ms: Annotated[
+        float, Option(range=(0.0, 1e4), help="Time until a sample is printed, ms.")
+    ] = 10.0,
+    dropouts: Annotated[float, Option(range=(0.0, 0.99), help="Share of lost samples.")] = 0.0,
+    seconds: Annotated[
+        float | None, Option(range=(0.0, 1e9), help="How long to print; default: until Ctrl-C.")
+    ] = None,
+    seed: Annotated[int, Option(help="Seed of everything random.")] = 0,
+) -> None:
+    """Print the orientation and rate of an emulated moving base.
+
+    Each sample is a line of JSON for `orientd track`, with the noise and latency of an inertial
+    measurement unit.
+    """
+    emulator = _emulator("emulated_base")
+    try:
+        motion = emulator.BaseMotion(kind, seed)
+    except ValueError as error:
+        raise click.BadParameter(str(error), param_hint="--kind") from error
+    imu = emulator.Imu(rate_hz=rate, latency=latency_ms * 1e-3, dropouts=dropouts, seed=seed)
+    emulator.run(motion, imu, seconds=math.inf if seconds is None else seconds)

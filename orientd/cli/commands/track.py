@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Mapping
+from inspect import signature
 from typing import TYPE_CHECKING, Annotated
 
 import click
@@ -13,9 +14,10 @@ from orientd.cli.command import Commander
 from orientd.cli.output import Output
 from orientd.cli.parameters import Option
 from orientd.one_line import one_line
+from orientd.spelling import unknown_key
 
 if TYPE_CHECKING:
-    from orientd.protocol.control_pb2 import TrackTarget
+    from orientd.client import Tracking
 
 _NAMED = 10
 """Most bad lines that are reported."""
@@ -37,6 +39,12 @@ def track(
 
     {"rotation_vector": [0, 0, 0.3], "angular_velocity": [0, 0, 1], "time_to_live": 0.2}
 
+    A line with `point` (m) looks at a moving point, with the arguments of `look_at()` in Python. A
+    line with `base` is a sample of the orientation of a moving base, as `orientd sim base` prints
+    it:
+
+    {"point": [5, 1, 0], "velocity": [0, 2, 0], "roll": 0}
+
     A bad line is reported on standard error, counted and skipped.  The exit status is 1 if every
     line was bad.
     """
@@ -45,8 +53,7 @@ def track(
     lines = _Lines(time_to_live)
     with to.connect("track") as robot:
         with robot.track(device=to.device) as tracking:
-            for target in lines.targets(sys.stdin.buffer):
-                tracking.hand_over(target)
+            lines.feed(sys.stdin.buffer, tracking)
         report = tracking.report
     report.refused += lines.bad
     report.refusal = report.refusal or lines.last
@@ -75,25 +82,29 @@ class _Lines:
         self.last = ""
         self._time_to_live = time_to_live
 
-    def targets(self, lines: Iterable[bytes]) -> Iterator[TrackTarget]:
-        """Yield the target of every valid line."""
+    def feed(self, lines: Iterable[bytes], tracking: Tracking) -> None:
+        """Give a session what every valid line asks for."""
+        from orientd.errors import StaleBaseError
+
+        problems = (ValueError, TypeError, OverflowError, RecursionError, StaleBaseError)
         for number, line in enumerate(lines, 1):
             if not line.strip():
                 continue
             try:
-                yield self._target(line)
-            except (ValueError, TypeError, OverflowError, RecursionError) as error:
+                self._take(line, tracking)
+            except problems as error:
                 self.bad += 1
                 self.last = one_line(f"line {number}: {error}")
                 if self.bad <= _NAMED:
                     more = "; further ones are only counted" if self.bad == _NAMED else ""
                     print(f"orientd: {self.last}{more}", file=sys.stderr, flush=True)  # noqa: T201
 
-    def _target(self, line: bytes) -> TrackTarget:
-        """Return the target of a line.
+    def _take(self, line: bytes, tracking: Tracking) -> None:
+        """Give a session what a line asks for.
 
         Raises:
             ValueError: it is no target.
+            StaleBaseError: it is one in the world, and the base is stale.
         """
         from orientd.client import TARGET_KEYS, target_message
         from orientd.protocol import target_from_message
@@ -104,11 +115,31 @@ class _Lines:
             raise ValueError(f"expected a JSON object: {error.msg}, column {error.colno}") from None
         if not isinstance(mapping, dict):
             raise ValueError(f"expected a JSON object, got {one_line(repr(mapping), 60)}")
+        for key, call in (("point", tracking.look_at), ("base", tracking.base)):
+            if key in mapping:
+                place = mapping.pop(key)
+                _check_keys(mapping, call)
+                call(place, **mapping)
+                return
         options = {key: mapping.pop(key) for key in TARGET_KEYS if key in mapping}
         message = target_message(mapping, **{"time_to_live": self._time_to_live, **options})
         # The daemon's checks, except how far a target is ahead of the daemon's clock.
         target_from_message(message, message.time_ns)
-        return message
+        tracking.hand_over(message)
+
+
+def _check_keys(mapping: Mapping[str, object], call: Callable[..., None]) -> None:
+    """Check that a line has only keys that are arguments of *call*.
+
+    Raises:
+        ValueError: it has another one.
+    """
+    known = [
+        one.name for one in signature(call).parameters.values() if one.kind is one.KEYWORD_ONLY
+    ]
+    for key in mapping:
+        if key not in known:
+            raise ValueError(unknown_key(key, known))
 
 
 def _refuse_constant(name: str) -> float:

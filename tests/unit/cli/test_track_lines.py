@@ -8,15 +8,31 @@ import random
 import pytest
 
 from orientd.cli.commands.track import _Lines
+from orientd.client import Pointing
+from orientd.protocol import control_pb2 as pb
 from orientd.protocol import target_from_message
 
 CASES = int(os.environ.get("ORIENTD_CASES", "60"))
 GOOD = b'{"rotation_vector": [0, 0, 0.1]}'
 
 
+class Session(Pointing):
+    """A session of which only the targets are kept."""
+
+    report = pb.TrackResponse(q=pb.Quaternion(w=1.0))
+
+    def __init__(self):
+        super().__init__(None, "")
+        self.targets = []
+
+    def hand_over(self, message):
+        self.targets.append(message)
+
+
 def read(*lines, time_to_live=0.5):
-    reader = _Lines(time_to_live)
-    return list(reader.targets([line + b"\n" for line in lines])), reader
+    reader, session = _Lines(time_to_live), Session()
+    reader.feed([line + b"\n" for line in lines], session)
+    return session.targets, reader
 
 
 BAD = [
@@ -46,6 +62,10 @@ BAD = [
     (b'{"rotation_vector": [0, 0, 1], "time_ns": 1.5}', "time_ns"),
     (b'{"rotation_vector": [0, 0, 1], "time_ns": ' + b"9" * 40 + b"}", ""),
     (b'{"rotation_vector": [0, 0, 1], "velocity_frame": "moon"}', "velocity_frame"),
+    (b'{"point": [1, 0]}', "point: expected three numbers"),
+    (b'{"point": [1, 0, 0], "velocty": [0, 1, 0]}', "did you mean 'velocity'?"),
+    (b'{"base": {"quaternion": 1}}', "q_world_base.quaternion"),
+    (b'{"base": {"rotation_vector": [0, 0, 0]}, "time_to_live": 0}', "time_to_live"),
     (b"{}", ""),
     (b"\xff\xfe\xfa", ""),
     (b"[" * 100_000, ""),
@@ -114,3 +134,11 @@ def test_every_line_is_a_target_or_is_counted(seed):
     assert len(targets) + reader.bad == 21 - sum(not line.strip() for line in lines)
     for target in targets:
         target_from_message(target, target.time_ns)
+
+
+def test_lines_look_at_points_from_a_moving_base():
+    turned = {"rotation_vector": [0, 0, 0.5 * math.pi]}
+    base = json.dumps({"base": turned, "angular_velocity": [0, 0, 0]}).encode()
+    targets, reader = read(base, b'{"point": [0, 5, 0], "roll": 0}')
+    assert (len(targets), reader.bad) == (1, 0)
+    assert abs(targets[0].orientation.w) == pytest.approx(1.0)
