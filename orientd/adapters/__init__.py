@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING
 from orientd.lazy import lazily
 
 if TYPE_CHECKING:
+    from orientd.adapters.alpaca import Alpaca
+    from orientd.adapters.alpaca_mount import Mount
+    from orientd.adapters.alpaca_rotator import Rotator
+    from orientd.adapters.alpaca_telescope import Telescope
     from orientd.adapters.bluesky import FlyScan, MotionStatus, RotationAxis
+    from orientd.adapters.equatorial import Place
     from orientd.adapters.mavlink import Mavlink
     from orientd.adapters.pointing import Direction, direction, orientation
     from orientd.adapters.rotctld import Ranges, Rotctld
@@ -17,7 +22,12 @@ if TYPE_CHECKING:
 __getattr__ = lazily(
     __name__,
     {
+        "orientd.adapters.alpaca": ("Alpaca",),
+        "orientd.adapters.alpaca_mount": ("Mount",),
+        "orientd.adapters.alpaca_rotator": ("Rotator",),
+        "orientd.adapters.alpaca_telescope": ("Telescope",),
         "orientd.adapters.bluesky": ("FlyScan", "MotionStatus", "RotationAxis"),
+        "orientd.adapters.equatorial": ("Place",),
         "orientd.adapters.mavlink": ("Mavlink",),
         "orientd.adapters.pointing": ("Direction", "direction", "orientation"),
         "orientd.adapters.rotctld": ("Ranges", "Rotctld"),

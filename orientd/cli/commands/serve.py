@@ -193,3 +193,70 @@ def mavlink(
             warn=lambda problem: complain({"message": problem}, as_json=out.as_json),
         ),
     )
+
+
+def _direction(
+    context: click.Context, parameter: click.Parameter, given: str
+) -> tuple[float, float]:
+    """Return azimuth and altitude.
+
+    Raises:
+        click.BadParameter: they are not.
+    """
+    del context
+    try:
+        azimuth, altitude = map(float, given.split(","))
+    except ValueError:
+        azimuth = altitude = math.nan
+    if not (abs(azimuth) <= 360.0 and abs(altitude) <= 90.0):
+        raise click.BadParameter(
+            f"expected azimuth and altitude in degrees as in 180,30, got {given!r}", param=parameter
+        )
+    return azimuth, altitude
+
+
+@part_of(serve)
+def alpaca(
+    to: Commander,
+    out: Output,
+    host: Host = "127.0.0.1",
+    port: Annotated[int, Option(range=(0, 65535), help="Port to serve at; 0 for any.")] = 11111,
+    discovery: Annotated[
+        int, Option(range=(0, 65535), help="UDP port that answers discovery; 0 for none.")
+    ] = 32227,
+    north: Annotated[
+        float,
+        Option(metavar="DEG", help="Angle of north from the world's x axis, towards y."),
+    ] = 0.0,
+    observer: Annotated[
+        str,
+        Option(metavar="LAT,LON[,M]", help="Place of the telescope, for right ascension."),
+    ] = "0,0",
+    park: Annotated[
+        str,
+        Option(metavar="AZ,ALT", help="Direction to park in, degrees.", callback=_direction),
+    ] = "0,0",
+    symmetric: Annotated[
+        bool, Option("--symmetric", help="Half a turn of the rotator makes no difference.")
+    ] = False,
+) -> None:
+    """Serve astronomy programs: NINA, and every other client of ASCOM Alpaca.
+
+    The device is an alt-azimuth telescope, whose tube is the x axis of the tool, and a rotator that
+    turns about that axis.
+    """
+    from orientd import adapters
+
+    place = adapters.Place(*adapters.observer_of(observer))
+    azimuth, altitude = map(float, park)
+
+    def opened(served: Served) -> Adapter:
+        mount = adapters.Mount(served, north=north)
+        parking = adapters.Direction(azimuth, altitude)
+        devices = [
+            adapters.Telescope(mount, place=place, park=parking),
+            adapters.Rotator(mount, is_symmetric=symmetric),
+        ]
+        return adapters.Alpaca(devices, host=host, port=port, discovery=discovery)
+
+    run("alpaca", to, out, opened)
