@@ -6,6 +6,9 @@ quintic.  It begins at the last setpoint, or at the last pose that is left of th
 ends at the first knot that it can reach within the limits.  So the reference is continuous up to
 the acceleration, and equal to the last setpoint after every chunk.
 
+If no knot of a chunk can be reached so, its curve is the reference without a seam, and the tracker
+closes in on it as soon as the limits allow.  Later chunks begin seams at the last setpoint again.
+
 The motion of the next cycle is known, so it is fed forward as the difference that the guard will
 see.  The device follows without lag as long as the limits allow.
 """
@@ -157,7 +160,7 @@ class Preview:
             sent: the last setpoint.
             sent_ns: the time of that.
             has_positions: whether the chunk says where to be.
-            is_fresh: whether nothing is left of the curve before.
+            is_fresh: whether nothing is left of the curve before, or the device is not on it.
 
         Returns:
             An empty string, or why the chunk is refused: all of it has passed.
@@ -167,6 +170,7 @@ class Preview:
         if first == len(knots):
             return "every pose of the chunk has passed"
         self._arrivals.note(self.end.time_ns if self._knots else None, sent_ns)
+        passed = [self._eased(knot) for knot in knots[max(first - 1, 0) : first]]
         knots = [self._eased(knot) for knot in knots[first:]]
         self.live = len(knots)
         self._compare(knots[0], sent, sent_ns)
@@ -174,21 +178,27 @@ class Preview:
         if self._knots and not is_fresh and has_positions == self.has_positions:
             kept = self._kept(self._left_ns(knots), sent_ns)
         self.has_positions = has_positions
-        if kept:
-            start = kept.pop()
-        else:
-            half = 0.5 * self._period
-            velocity = plus(sent.velocity, sent.acceleration, half)
-            omega = plus(sent.omega, sent.alpha, half)
-            more = sent.position, velocity, sent.acceleration
-            start = Knot(sent_ns, sent.q, omega, sent.alpha, *more)
+        start = kept.pop() if kept else self._knot_of(sent, sent_ns)
+        excess, piece = self._seam(start, knots)
+        if excess > 1.0 and passed:
+            self._knots = [*passed, *knots]
+            self._piece = self._joins = None
+            self._state, self._read_ns = self._motion_at(sent_ns), sent_ns
+            return ""
+        if not kept:
             self._state, self._read_ns = sent, sent_ns
-        piece = self._seam(start, knots)
         self._joins = piece.there
         after = bisect_right(knots, piece.there.time_ns, key=_time_of)
         self._knots = [*kept, start, piece.there, *knots[after:]]
         self._piece = None if kept else piece
         return ""
+
+    def _knot_of(self, sent: Motion, sent_ns: int) -> Knot:
+        """Return a setpoint as a knot, with the derivatives at its instant."""
+        half = 0.5 * self._period
+        velocity = plus(sent.velocity, sent.acceleration, half)
+        omega = plus(sent.omega, sent.alpha, half)
+        return Knot(sent_ns, sent.q, omega, sent.alpha, sent.position, velocity, sent.acceleration)
 
     def _eased(self, knot: Knot) -> Knot:
         """Return a knot no faster than the limits: a curve through an outlier swings less."""
@@ -241,8 +251,12 @@ class Preview:
         end = bisect_right(knots, until_ns, key=_time_of)
         return knots[begin:end] if end - begin > 1 else []
 
-    def _seam(self, start: Knot, knots: Sequence[Knot]) -> Piece:
-        """Return the piece from *start* to the first knot from which on the limits are kept."""
+    def _seam(self, start: Knot, knots: Sequence[Knot]) -> tuple[float, Piece]:
+        """Return the piece from *start* to the first knot from which on the limits are kept.
+
+        The number before it says how many times it needs a limit; if that is above 1, no piece
+        keeps the limits, and this one needs least.
+        """
         earliest_ns = start.time_ns + BRIDGE_NS
         place = min(bisect_right(knots, earliest_ns - 1, key=_time_of), len(knots) - 1)
         found: tuple[float, Piece] | None = None
@@ -255,7 +269,7 @@ class Preview:
                 break
         if found is None:
             raise ValueError("a chunk has at least one pose")
-        return found[1]
+        return found
 
     def _excess(self, piece: Piece) -> float:
         """Return how many times a seam needs what it may use of any limit."""

@@ -29,7 +29,7 @@ FORGETTING = 0.02
 """Share of the target's largest acceleration that is forgotten in a second."""
 
 LEAST_PART = 0.05
-"""Share of the limit that a correction may always use."""
+"""Share of the limit that a correction may always use, and a stop relative to a target."""
 
 
 class AccelerationCap:
@@ -70,9 +70,11 @@ class AccelerationCap:
         return (s * wanted[0], s * wanted[1], s * wanted[2])
 
 
-def closing_speed(angle: float, limits: TrackingLimits) -> float:
-    """Return the speed from which, without initial acceleration, a stop fits within *angle*."""
-    a, j = limits.acceleration, limits.jerk
+def closing_speed(angle: float, a: float, j: float) -> float:
+    """Return the speed from which, without initial acceleration, a stop fits within *angle*.
+
+    The stop has at most the acceleration *a*, rad/s^2, and the jerk *j*, rad/s^3.
+    """
     ramp = a * a / j
     if angle * j <= a * ramp:
         return cbrt(angle * angle * j)
@@ -91,8 +93,9 @@ def position_command(
     """Return the acceleration to aim at, to meet a moving target soonest and stay with it.
 
     It closes in as fast as possible, but brakes as much as necessary, relative to the target.  A
-    stop from the next state thus never passes the target.  Near the target no limit is active, and
-    a linear law takes over to avoid chatter.
+    stop from the next state thus never passes the target.  The target's own acceleration is not
+    available for that stop.  Near the target no limit is active, and a linear law takes over to
+    avoid chatter.
 
     Args:
         e: rotation vector from the orientation to the target's, rad.
@@ -120,7 +123,9 @@ def position_command(
             omega_target, omega, alpha, alpha_target, limits, limits.settle
         ), True
     fx, fy, fz = fx / left, fy / left, fz / left
-    s, calm = closing_speed(left, limits), limits.calm * limits.calm
+    most = limits.acceleration
+    most = max(most - norm(alpha_target), LEAST_PART * most)
+    s, calm = closing_speed(left, most, limits.jerk), limits.calm * limits.calm
     is_linear = limits.approach * left <= s and nx * nx + ny * ny + nz * nz <= max(s * s, calm)
     if is_linear or (margin < inf and left < NEAR):
         k1, k2, k3 = limits.share, limits.settle, min(limits.approach * left, sqrt(margin * left))
@@ -138,7 +143,7 @@ def position_command(
         alpha, velocity_command(goal, omega, alpha, alpha_target, limits, limits.settle), limits
     )
 
-    f, most, jerk = (fx, fy, fz), limits.acceleration, limits.jerk
+    f, jerk = (fx, fy, fz), limits.jerk
     angle, known = dot(f, e), dot(f, alpha_target)
 
     def excess(rate: float) -> float:

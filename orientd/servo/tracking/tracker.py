@@ -37,6 +37,9 @@ from orientd.stream import ServoLimits
 _MET = 0.02
 """Largest distance from its target at which the device has met it, rad."""
 
+_ASTRAY = 1e-3
+"""Angle to the poses beyond which the device is not on their curve, rad."""
+
 _ARRIVED = 1e-8
 """Angle, rad, and velocity, rad/s, within which the device is at its end."""
 
@@ -193,8 +196,9 @@ class Tracker:
         """
         units, sent_ns = self._units, now_ns - self._period_ns
         sent = Motion(self._q, times(self._omega, units), times(self._alpha, units), *moving)
+        is_fresh = self._is_concluded or self.behind > _ASTRAY
         problem = self.preview.take(
-            knots, sent, sent_ns, has_positions=has_positions, is_fresh=self._is_concluded
+            knots, sent, sent_ns, has_positions=has_positions, is_fresh=is_fresh
         )
         if not problem:
             self._reference.clear()

@@ -90,6 +90,27 @@ def test_it_catches_up_with_little_to_spare_even_if_chunks_replace_each_other(li
     assert worst < 5e-4
 
 
+@pytest.mark.parametrize(("hertz", "amplitude"), [(0.25, 1.0), (0.5, 1.0), (1.0, 0.3)])
+@pytest.mark.parametrize("share", [1.05, 1.1, 1.5])
+@pytest.mark.parametrize("jerk", [3.0, 10.0])
+def test_limits_just_above_the_motion_of_the_poses_suffice_to_catch_up(
+    hertz, amplitude, share, jerk
+):
+    spin = 2.0 * pi * hertz
+    peak = amplitude * spin
+    world = ChunkWorld(servo_limits(share * peak, share * peak * spin, jerk * peak * spin**2), 250)
+    worst = 0.0
+    for _ in range(50):
+        # From rest; the poses move at their largest speed.
+        begin_ns = world.now_ns - round(0.15 * NS)
+        world.chunk(world.poses(begin_ns, 16, 30, lambda t: about(amplitude * sin(spin * t))))
+        for _ in range(38):
+            q = world.step().q
+            if world.now - 1.0 > 5.0:
+                worst = max(worst, angle(q, about(amplitude * sin(spin * (world.now - 1.0)))))
+    assert worst < 1e-3
+
+
 def test_a_twin_of_a_rotation_vector_costs_no_turn():
     world, way = ChunkWorld(GENTLE), 0.0
     world.tracker.begin(exp(TWINS[0]), ZERO, ZERO, GENTLE)
