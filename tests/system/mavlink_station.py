@@ -5,6 +5,7 @@ import math
 import signal
 import socket
 import time
+from collections import Counter
 
 from command_line import begin
 from harness import until
@@ -31,6 +32,7 @@ class Station:
     Attributes:
         source: its system and component.
         received: the newest message of each type.
+        counts: number of messages of each type.
     """
 
     def __init__(self, gimbal=None, source=STATION, sender=GIMBAL):
@@ -41,7 +43,7 @@ class Station:
         self.gimbal, self.source, self.sender = gimbal, source, sender
         self.codec = mavlink.MAVLink(None, *source)
         self.parser = mavlink.MAVLink(None)
-        self.received = {}
+        self.received, self.counts = {}, Counter()
 
     def send(self, message):
         self.socket.sendto(message.pack(self.codec), self.gimbal)
@@ -56,6 +58,7 @@ class Station:
                 for message in self.parser.parse_buffer(datagram) or []:
                     assert (message.get_srcSystem(), message.get_srcComponent()) == self.sender
                     self.received[message.get_type()] = message
+                    self.counts[message.get_type()] += 1
                     if message.get_type() == name and accept(message):
                         return message
         raise AssertionError(f"no {name}, but {self.received}")

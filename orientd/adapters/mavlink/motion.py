@@ -24,7 +24,7 @@ LONG_LIFE = 60.0
 """How long the last target counts, s; the device reaches it in this time or stops."""
 
 IDLE = 1.0
-"""Time without a request from which the next command is planned as a whole, s."""
+"""Time without a request after which a device at rest stops following, s."""
 
 BEHIND = 0.3
 """Angle from the target at which a device counts as unable to follow a rate, rad."""
@@ -35,8 +35,8 @@ _TURNED = 1e-6
 AT_REST = 1e-6
 """Angular velocity of a device at rest, rad/s."""
 
-PATIENCE = 0.4
-"""Longest time until a command is answered, s.  MAVSDK repeats one after 0.5 s."""
+PATIENCE = 1.5
+"""Longest time until a command is answered, s.  MAVSDK repeats one every 0.5 s, for 2 s."""
 
 _NO_HEADING = (
     "a yaw from north is denied: the heading is unknown; set --north, or let the autopilot send "
@@ -81,9 +81,8 @@ class GimbalMotion:
 
     @property
     def is_idle(self) -> bool:
-        """Whether no request came lately, so that the next one may be planned."""
-        is_waiting = self._job is not None or self._is_tracking
-        return not is_waiting and time.monotonic() - self._asked > IDLE
+        """Whether the next command can be planned as a whole: nothing is followed or planned."""
+        return self._job is None and not self._is_tracking
 
     def begin(self) -> None:
         """Take the lease, and let the setpoint be where the device is commanded to be.
