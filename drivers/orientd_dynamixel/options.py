@@ -15,7 +15,8 @@
     turns_file = ""            # file for whole turns; default in the XDG state directory
     overwrite = false          # settings of the servos that may be overwritten: true, or a list
                                # of "homing_offset", "drive_mode" and "operating_mode"
-    allow_slews = false        # whether the tool may stop off its path to change branch
+    allow_slews = false        # whether the tool may leave its path while the axes change branch
+    on_target_deg = 0.5        # error from which the certificate counts the target as lost
 
     [[axes]]                   # one for each letter of order
     id = 1
@@ -106,6 +107,7 @@ class GimbalOptions:
     latency_ms: float
     max_deviation: float
     allow_slews: bool
+    on_target: float
     turns_file: str | None
     overwrite: frozenset[str]
 
@@ -124,6 +126,7 @@ class GimbalOptions:
             roll_tolerance=self.roll_tolerance,
             max_deviation=self.max_deviation,
             allow_slews=self.allow_slews,
+            on_target=self.on_target,
         )
 
 
@@ -142,6 +145,7 @@ _NUMBERS: dict[str, tuple[float, float, float]] = {
     "max_losses": (1, 1000, 10),
     "latency_ms": (0.1, 1000, 16.0),
     "max_deviation_deg": (0, 45, 0.0),
+    "on_target_deg": (0.001, 45, 0.5),
 }
 _KEYS = {
     "port", "baud", "order", "axes", "mount", "tool", "fast_read", "at_end", "park_deg", "pointing",

@@ -150,8 +150,22 @@ def certificate(of: pb.Certificate) -> list[str]:
         ),
         f"a stop on the path   {stop_time(of)}",
     ]
+    lines += [f"target lost          {loss}" for loss in losses(of)]
     lines += [f"note                 {note}" for note in of.notes]
     return lines
+
+
+def losses(of: pb.Certificate) -> list[str]:
+    """Return when the axes of a gimbal do not point along the path, a line for each interval.
+
+    >>> losses(pb.Certificate(losses=[pb.Loss(start=12.5, end=15.0, error=0.1)]))
+    ['12.500 to 15.000 s (2.500 s), by up to 5.73 deg']
+    """
+    return [
+        f"{one.start:.3f} to {one.end:.3f} s ({one.end - one.start:.3f} s), by up to "
+        f"{math.degrees(one.error):.2f} deg"
+        for one in of.losses
+    ]
 
 
 def stop_time(of: pb.Certificate) -> str:

@@ -11,14 +11,14 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.mechanism.arrays import orientations
-    from orientd.mechanism.figure import Figure
+    from orientd.mechanism.figure import Figure, Loss
     from orientd.mechanism.following import Following
     from orientd.mechanism.foresight import ComingPose, Foresight, refusal
     from orientd.mechanism.gimbal import Gimbal
     from orientd.mechanism.joint_path import JointPath, ToolLimits
     from orientd.mechanism.mechanism import Mechanical, Mechanism, Reserve
     from orientd.mechanism.pacing import pace
-    from orientd.mechanism.routing import joints_along, route
+    from orientd.mechanism.routing import joints_along, route, route_at_times
     from orientd.mechanism.turning import pointed, together
 
 __getattr__ = lazily(
@@ -26,13 +26,13 @@ __getattr__ = lazily(
     {
         "orientd.mechanism.arrays": ("orientations",),
         "orientd.mechanism.following": ("Following",),
-        "orientd.mechanism.figure": ("Figure",),
+        "orientd.mechanism.figure": ("Figure", "Loss"),
         "orientd.mechanism.foresight": ("ComingPose", "Foresight", "refusal"),
         "orientd.mechanism.gimbal": ("Gimbal",),
         "orientd.mechanism.joint_path": ("JointPath", "ToolLimits"),
         "orientd.mechanism.mechanism": ("Mechanical", "Mechanism", "Reserve"),
         "orientd.mechanism.pacing": ("pace",),
-        "orientd.mechanism.routing": ("joints_along", "route"),
+        "orientd.mechanism.routing": ("joints_along", "route", "route_at_times"),
         "orientd.mechanism.turning": ("pointed", "together"),
     },
 )

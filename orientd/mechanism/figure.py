@@ -1,4 +1,4 @@
-"""A figure about the axes that a certificate shows."""
+"""Figures of a certificate about the axes, and the intervals in which they lose their target."""
 
 from __future__ import annotations
 
@@ -21,3 +21,17 @@ class Figure(NamedTuple):
     unit: str
     limit: float | None = None
     time: float | None = None
+
+
+class Loss(NamedTuple):
+    """An interval of a motion in which the axes do not point where the path does.
+
+    Attributes:
+        start: s from the beginning of the motion.
+        end: s.
+        error: largest angle to the requested direction in it, rad.
+    """
+
+    start: float
+    end: float
+    error: float

@@ -226,7 +226,9 @@ class Gimbal(Mechanism):
         is_pointing: for two axes, whether only the direction of the pointing axis counts.
         roll_tolerance: largest error of whole orientations with two axes, rad.
         max_deviation: largest deviation from the path near a pole, rad.
-        allow_slews: whether a path may stop while the axes change branch or unwind.
+        allow_slews: whether a path may stop while the axes change branch or unwind.  A path at
+            times of the user does not stop; the axes leave it, slew, and rejoin it.
+        on_target: error up to which a path counts as followed, rad.
     """
 
     def __init__(
@@ -240,6 +242,7 @@ class Gimbal(Mechanism):
         roll_tolerance: float = math.inf,
         max_deviation: float = 0.0,
         allow_slews: bool = False,
+        on_target: float = math.radians(0.5),
     ) -> None:
         """Create a gimbal from the geometry of its axes.
 
@@ -252,6 +255,7 @@ class Gimbal(Mechanism):
             roll_tolerance: see the attributes.
             max_deviation: see the attributes.
             allow_slews: see the attributes.
+            on_target: see the attributes.
 
         Raises:
             ValueError: *order* is not a valid order of axes, or does not fit *axes*.
@@ -264,6 +268,7 @@ class Gimbal(Mechanism):
         self.roll_tolerance = roll_tolerance
         self.max_deviation = max_deviation
         self.allow_slews = allow_slews
+        self.on_target = on_target
 
     @property
     def is_fitting(self) -> bool:

@@ -26,6 +26,7 @@ from orientd.mechanism.joint_path import (
     ToolLimits,
     axis_peaks,
     certified,
+    losses_of,
     out_of_range,
     planned,
     refuse_range,
@@ -107,8 +108,13 @@ def plan_axes(
     missed = _missed(gimbal, made, q)
     at = int(np.argmax(missed))
     error = float(missed[at]), _when(line.path_times, at * period, period)
-    path = JointPath(period, line.joints, reached, line.path_times)
-    return Route(path, peaks, choice.passages, _honest(gimbal, q, path, line.slews), error)
+    off = error_along(gimbal, q, reached, line.path_times / period)
+    losses = losses_of(off, period, gimbal.on_target)
+    path = JointPath(period, line.joints, reached, line.path_times, losses=losses)
+    slews = tuple(
+        replace(slew, error=float(np.max(off[_samples(slew, period)]))) for slew in line.slews
+    )
+    return Route(path, peaks, choice.passages, slews, error)
 
 
 def _choose(
@@ -220,18 +226,25 @@ def _is_at_pole(gimbal: Gimbal, q: Floats) -> bool:
     return gimbal.is_at_pole(row_of(q))
 
 
-def _honest(gimbal: Gimbal, q: Floats, path: JointPath, slews: Sequence[Slew]) -> tuple[Slew, ...]:
-    """Return the slews with the error of each, whether the path stops or only slows down."""
-    told = []
-    for slew in slews:
-        part = slice(round(slew.start / path.period), round(slew.end / path.period) + 1)
-        at = path.path_times[part] / path.period
-        first = np.minimum(at.astype(np.int64), len(q) - 2)
-        turn = log(multiply(conjugate(q[first]), q[first + 1]))
-        asked = multiply(q[first], exp((at - first)[:, None] * turn))
-        error = float(np.max(_missed(gimbal, path.q[part], asked)))
-        told.append(replace(slew, error=error))
-    return tuple(told)
+def error_along(gimbal: Gimbal, q: Floats, reached: Floats, at: Floats | None = None) -> Floats:
+    """Return the angle between a path and the orientations of the axes, rad, shape ``(m,)``.
+
+    Args:
+        gimbal: the gimbal.
+        q: the path, shape ``(n, 4)``.
+        reached: orientations of the axes, shape ``(m, 4)``.
+        at: their places in *q*, in samples, shape ``(m,)``; by default one on each.
+    """
+    if at is None:
+        return _missed(gimbal, reached, q)
+    first = np.clip(at.astype(np.int64), 0, max(0, len(q) - 2))
+    turn = log(multiply(conjugate(q[first]), q[np.minimum(first + 1, len(q) - 1)]))
+    asked = multiply(q[first], exp((at - first)[:, None] * turn))
+    return _missed(gimbal, reached, asked)
+
+
+def _samples(slew: Slew, period: float) -> slice:
+    return slice(round(slew.start / period), round(slew.end / period) + 1)
 
 
 def _missed(gimbal: Gimbal, reached: Floats, q: Floats) -> Floats:
@@ -257,12 +270,6 @@ def certify(gimbal: Gimbal, route: Route, asked: Floats) -> JointPath:
     """
     path, (missed, when) = route.path, route.error
     figures = [Figure("pointing error", missed, "rad", gimbal.max_deviation, when)]
-    if route.slews:
-        worst = max(route.slews, key=lambda slew: slew.error)
-        figures += [
-            Figure("pointing error in slews", worst.error, "rad", None, worst.start),
-            Figure("time in slews", sum(slew.duration for slew in route.slews), "s"),
-        ]
     figures.append(manipulability(gimbal, path.joints))
     if gimbal.is_fitting:
         figures.append(_roll(gimbal, path, asked))

@@ -15,7 +15,7 @@ import numpy as np
 
 from orientd.driver import AxisLimits
 from orientd.errors import LimitError, LimitKind
-from orientd.mechanism.figure import Figure
+from orientd.mechanism.figure import Figure, Loss
 from orientd.mechanism.mechanism import EDGE
 from orientd.rotation import Floats, conjugate, log, multiply
 
@@ -42,6 +42,7 @@ class JointPath:
         path_times: time of each sample on the requested path, s, never decreasing, shape ``(n,)``.
         figures: certified numbers.
         notes: remarks, one line each.
+        losses: when the axes of a gimbal do not point along the path.
     """
 
     period: float
@@ -50,6 +51,7 @@ class JointPath:
     path_times: Floats = field(repr=False)
     figures: tuple[Figure, ...] = ()
     notes: tuple[str, ...] = ()
+    losses: tuple[Loss, ...] = ()
 
 
 class ToolLimits(NamedTuple):
@@ -171,6 +173,22 @@ def excess_of(peaks: Iterable[AxisPeak]) -> float:
     """Return the factor by which the path of *peaks* must take longer to keep the limits."""
     shares = [((one.value / one.limit), 1 + _KINDS.index(one.kind)) for one in peaks]
     return max(float(share ** (1.0 / order)) for share, order in shares)
+
+
+def losses_of(error: Floats, period: float, tolerance: float) -> tuple[Loss, ...]:
+    """Return the intervals in which an error exceeds a tolerance.
+
+    Args:
+        error: of each sample, rad, shape ``(n,)``.
+        period: s.
+        tolerance: rad.
+    """
+    is_off = np.concatenate([[False], error > tolerance, [False]])
+    edges = np.flatnonzero(is_off[1:] != is_off[:-1])
+    return tuple(
+        Loss(float(begin * period), float(end * period), float(np.max(error[begin:end])))
+        for begin, end in zip(edges[::2], edges[1::2], strict=True)
+    )
 
 
 def planned(axes: Iterable[AxisLimits]) -> list[AxisLimits]:

@@ -9,6 +9,7 @@ is refused with axis, value and time.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,19 +19,23 @@ from orientd.mechanism.arrays import joints_at, matrices
 from orientd.mechanism.gimbal import Gimbal
 from orientd.mechanism.gimbal_route import certify, plan_axes, row_of
 from orientd.mechanism.joint_path import (
+    Bounds,
     JointPath,
     ToolLimits,
     axis_peaks,
     certified,
+    planned,
     refuse_range,
     refuse_rates,
 )
 from orientd.mechanism.mechanism import Mechanism, inside
 from orientd.mechanism.pole import outer_line
+from orientd.mechanism.timed_route import TimedPath, timed_route
 from orientd.rotation import Floats, check_unit
 
 _LONGEST_STEP = 0.5
 """Distance in rad; neighbouring samples that are farther apart are on different branches."""
+_STILL = 1e-9
 _TIME_ADVICE = "allow the motion more time, or keep away from singularities"
 _RANGE_ADVICE = "turn less far (a turn by a shorter `--duration`), or unwind it first"
 
@@ -71,6 +76,52 @@ def route(
         found = plan_axes(mechanism, q, period, start=start, past=past, tool=tool, free=free)
         return certify(mechanism, found, q)
     return _followed(mechanism, period, q, position, joints, past)
+
+
+def route_at_times(
+    gimbal: Gimbal,
+    period: float,
+    q: Floats,
+    ends: tuple[float, float],
+    *,
+    joints: Joints = (),
+    before: Sequence[Joints] = (),
+    tool: ToolLimits | None = None,
+) -> JointPath:
+    """Return the joint path of a gimbal for a tool path that keeps its times.
+
+    At rest, the lead-in of the axes takes the place of the one of *q*, and may last longer.
+
+    Args:
+        gimbal: kinematics and limits of the axes.
+        period: of the grid, s.
+        q: tool orientations up to rest, shape ``(n, 4)``.
+        ends: path times of the first keyframe and of the last, s.
+        joints: planned or reported axis angles at the start, rad; empty if unknown.
+        before: as for :func:`route`.
+        tool: limits of the tool; none by default.
+
+    Raises:
+        LimitError: an axis cannot follow.
+        PlanError: the axes can neither follow the path nor rejoin it.
+        StartError: the axes cannot be at the start of the path.
+        ValueError: a quaternion is not of unit norm.
+    """
+    q, past = check_unit(q), np.reshape(np.array(before), (-1, len(gimbal.axes)))
+    begin, end = (round(time / period) for time in ends)
+    is_moving = len(past) > 0 and bool(np.ptp(past, axis=0).max() > _STILL)
+    first = begin if begin and not is_moving else 0
+    start = np.array(gimbal.solve(row_of(q[0]), joints)[0]) if joints else None
+    at = np.arange(first, len(q))
+    path = TimedPath(
+        q[first:], (at >= begin) & (at <= end), start, past if is_moving else past[:0], first > 0
+    )
+    bounds = Bounds(period, planned(gimbal.axes), tool or ToolLimits())
+    found, lead = timed_route(gimbal, path, bounds)
+    times = found.path_times + first * period
+    if lead:
+        times[:lead] = np.linspace(0.0, first * period, lead, endpoint=False)
+    return replace(found, path_times=times)
 
 
 def joints_along(

@@ -106,6 +106,7 @@ def reshaped(
         certificate=replace(
             certificate,
             figures=(*certificate.figures, *shape.figures),
+            losses=shape.losses,
             notes=(*motion.certificate.notes, *shape.notes),
         ),
         first_joints=tuple(joints[0].tolist()),

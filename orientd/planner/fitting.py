@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import cast
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from orientd.mechanism import (
     orientations,
     pace,
     route,
+    route_at_times,
     together,
 )
 from orientd.model import Limits, MotionRequest
@@ -115,7 +117,7 @@ class Fitting:
         is_gimbal = isinstance(self.mechanism, Gimbal)
         free = math.inf if request.times is None else motion.start_time
         is_later = isinstance(refusal, LimitError) and refusal.time > free
-        if is_gimbal and free > 0.0 and not is_later:
+        if is_gimbal and free > 0.0 and not is_later and not self._keeps_times(motion):
             with suppress(PlanError):
                 return replace(self, free=free).followed(motion)
         raise refusal
@@ -135,7 +137,7 @@ class Fitting:
         try:
             return self.fitted(motion)
         except LimitError as error:
-            if error.kind is LimitKind.RANGE:
+            if error.kind is LimitKind.RANGE or self._keeps_times(motion):
                 raise
             is_fixed = motion.request.times is not None or error.kind not in _POWERS
             # A pace cannot change the state that the previous motion leaves.  Searching for a later
@@ -338,7 +340,24 @@ class Fitting:
             PlanError: the axes cannot follow.
         """
         grid = motion.period * np.arange(motion.record_count, dtype=np.float64)
-        return self._reshaped(motion, self._routed(motion, grid))
+        if not self._keeps_times(motion):
+            return self._reshaped(motion, self._routed(motion, grid))
+        path = route_at_times(
+            cast("Gimbal", self.mechanism),
+            motion.period,
+            motion.sample(grid).q,
+            (motion.start_time, motion.end_time),
+            joints=self.joints,
+            before=self.before,
+            tool=_tool(motion.limits),
+        )
+        return self._reshaped(motion, path)
+
+    def _keeps_times(self, motion: Motion) -> bool:
+        """Return whether the axes leave the path of *motion* rather than let it wait for them."""
+        mechanism = self.mechanism
+        is_timed = motion.request.times is not None
+        return is_timed and isinstance(mechanism, Gimbal) and mechanism.allow_slews
 
     def _routed(self, motion: Motion, path_times: Floats) -> JointPath:
         """Return the path of the axes along *motion* at *path_times*, cycle by cycle."""

@@ -20,7 +20,7 @@ import numpy as np
 
 from orientd.bounded_file import check_regular
 from orientd.errors import OrientdError
-from orientd.mechanism import Figure
+from orientd.mechanism import Figure, Loss
 from orientd.model import Keyframe, Limits, MotionRequest, read_cones
 from orientd.planner.certify import Certificate, Peak
 from orientd.planner.facts import HISTORY
@@ -129,5 +129,8 @@ def _limits(given: dict[str, Any]) -> Limits:
 def _certificate(given: dict[str, Any]) -> Certificate:
     peaks = {name: Peak(**given[name]) for name in given if name.startswith("peak_")}
     figures = tuple(Figure(*figure) for figure in given["figures"])
+    losses = tuple(Loss(*loss) for loss in given.get("losses", ()))
     given = {"usual_stop_time": given["stop_time"], **given}  # not in files of earlier versions
-    return Certificate(**{**given, **peaks, "figures": figures, "notes": tuple(given["notes"])})
+    return Certificate(
+        **{**given, **peaks, "figures": figures, "losses": losses, "notes": tuple(given["notes"])}
+    )

@@ -381,7 +381,7 @@ class Figure(_message.Message):
     def __init__(self, name: _Optional[str] = ..., value: _Optional[float] = ..., unit: _Optional[str] = ..., limit: _Optional[float] = ..., time: _Optional[float] = ...) -> None: ...
 
 class Certificate(_message.Message):
-    __slots__ = ("rate_hz", "duration", "lead_in", "lead_out", "peak_velocity", "peak_acceleration", "peak_jerk", "peak_linear_velocity", "peak_linear_acceleration", "start_velocity_error", "end_velocity_error", "keyframe_error", "brake_rate", "stop_time", "figures", "notes", "usual_stop_time", "has_control_points")
+    __slots__ = ("rate_hz", "duration", "lead_in", "lead_out", "peak_velocity", "peak_acceleration", "peak_jerk", "peak_linear_velocity", "peak_linear_acceleration", "start_velocity_error", "end_velocity_error", "keyframe_error", "brake_rate", "stop_time", "figures", "notes", "usual_stop_time", "has_control_points", "losses")
     RATE_HZ_FIELD_NUMBER: _ClassVar[int]
     DURATION_FIELD_NUMBER: _ClassVar[int]
     LEAD_IN_FIELD_NUMBER: _ClassVar[int]
@@ -400,6 +400,7 @@ class Certificate(_message.Message):
     NOTES_FIELD_NUMBER: _ClassVar[int]
     USUAL_STOP_TIME_FIELD_NUMBER: _ClassVar[int]
     HAS_CONTROL_POINTS_FIELD_NUMBER: _ClassVar[int]
+    LOSSES_FIELD_NUMBER: _ClassVar[int]
     rate_hz: float
     duration: float
     lead_in: float
@@ -418,7 +419,18 @@ class Certificate(_message.Message):
     notes: _containers.RepeatedScalarFieldContainer[str]
     usual_stop_time: float
     has_control_points: bool
-    def __init__(self, rate_hz: _Optional[float] = ..., duration: _Optional[float] = ..., lead_in: _Optional[float] = ..., lead_out: _Optional[float] = ..., peak_velocity: _Optional[_Union[Peak, _Mapping]] = ..., peak_acceleration: _Optional[_Union[Peak, _Mapping]] = ..., peak_jerk: _Optional[_Union[Peak, _Mapping]] = ..., peak_linear_velocity: _Optional[_Union[Peak, _Mapping]] = ..., peak_linear_acceleration: _Optional[_Union[Peak, _Mapping]] = ..., start_velocity_error: _Optional[float] = ..., end_velocity_error: _Optional[float] = ..., keyframe_error: _Optional[float] = ..., brake_rate: _Optional[float] = ..., stop_time: _Optional[float] = ..., figures: _Optional[_Iterable[_Union[Figure, _Mapping]]] = ..., notes: _Optional[_Iterable[str]] = ..., usual_stop_time: _Optional[float] = ..., has_control_points: bool = ...) -> None: ...
+    losses: _containers.RepeatedCompositeFieldContainer[Loss]
+    def __init__(self, rate_hz: _Optional[float] = ..., duration: _Optional[float] = ..., lead_in: _Optional[float] = ..., lead_out: _Optional[float] = ..., peak_velocity: _Optional[_Union[Peak, _Mapping]] = ..., peak_acceleration: _Optional[_Union[Peak, _Mapping]] = ..., peak_jerk: _Optional[_Union[Peak, _Mapping]] = ..., peak_linear_velocity: _Optional[_Union[Peak, _Mapping]] = ..., peak_linear_acceleration: _Optional[_Union[Peak, _Mapping]] = ..., start_velocity_error: _Optional[float] = ..., end_velocity_error: _Optional[float] = ..., keyframe_error: _Optional[float] = ..., brake_rate: _Optional[float] = ..., stop_time: _Optional[float] = ..., figures: _Optional[_Iterable[_Union[Figure, _Mapping]]] = ..., notes: _Optional[_Iterable[str]] = ..., usual_stop_time: _Optional[float] = ..., has_control_points: bool = ..., losses: _Optional[_Iterable[_Union[Loss, _Mapping]]] = ...) -> None: ...
+
+class Loss(_message.Message):
+    __slots__ = ("start", "end", "error")
+    START_FIELD_NUMBER: _ClassVar[int]
+    END_FIELD_NUMBER: _ClassVar[int]
+    ERROR_FIELD_NUMBER: _ClassVar[int]
+    start: float
+    end: float
+    error: float
+    def __init__(self, start: _Optional[float] = ..., end: _Optional[float] = ..., error: _Optional[float] = ...) -> None: ...
 
 class Plan(_message.Message):
     __slots__ = ("motion_id", "duration", "start_time", "end_time", "keyframe_times", "certificate", "name", "planning", "samples", "keep_out")

@@ -145,7 +145,8 @@ def move(
             f"with a lead-in of {plan.certificate.lead_in:.3f} s and a lead-out of "
             f"{plan.certificate.lead_out:.3f} s"
         )
-        lines = [introduction, *plan.certificate.notes]
+        losses = [f"target lost {loss}" for loss in texts.losses(plan.certificate)]
+        lines = [introduction, *losses, *plan.certificate.notes]
         summary = follow(handle, out, title=motion, lines=lines)
     conclude(handle, summary, out)
 

@@ -39,7 +39,8 @@ def plan_of(motion: Motion) -> pb.Plan:
 def certificate(of: Certificate) -> pb.Certificate:
     """Return the message of a certificate; the two have the same fields."""
     figures = [figure._asdict() for figure in of.figures]
-    return pb.Certificate(**{**asdict(of), "figures": figures})
+    losses = [loss._asdict() for loss in of.losses]
+    return pb.Certificate(**{**asdict(of), "figures": figures, "losses": losses})
 
 
 def samples_of(motion: Motion, rate_hz: float, frame: Frame | None = None) -> Samples:

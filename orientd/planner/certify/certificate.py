@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from orientd.mechanism import Figure
+from orientd.mechanism import Figure, Loss
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +66,7 @@ class Certificate:
         notes: remarks on the motion and on its request, one line each.
         has_control_points: whether the keyframes are control points, which the method does not
             pass.
+        losses: when the axes of a gimbal do not point along the path, in order.
     """
 
     rate_hz: float
@@ -86,3 +87,4 @@ class Certificate:
     figures: tuple[Figure, ...] = ()
     notes: tuple[str, ...] = ()
     has_control_points: bool = False
+    losses: tuple[Loss, ...] = ()

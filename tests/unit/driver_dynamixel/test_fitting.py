@@ -88,34 +88,49 @@ def test_planning_for_the_axes_is_bounded_in_attempts(monkeypatch):
     assert len(made) <= 2 * 17
 
 
-@pytest.mark.parametrize("seconds", [None, 12.0])
-def test_slew_keeps_the_limits_of_the_tool(seconds):
-    turns = np.linspace(0, 300, 7)
-    keyframes = [
-        {"rotation_vector": [0, 0, np.deg2rad(turn)]}
-        | ({} if seconds is None else {"time": seconds * turn / 300})
-        for turn in turns
-    ]
-    motion = fit({"keyframes": keyframes, "approach": True}, allow_slews=True)
-    assert any("stops and the axes slew" in note for note in motion.certificate.notes)
-    assert motion.certificate.peak_velocity.value <= LIMITS.velocity
-    assert motion.certificate.peak_acceleration.value <= LIMITS.acceleration
-    # A turn back at no more than that takes this long, and not much longer.
-    axes = motion.path.joints[:, 0]
-    first, last = np.argmax(axes), np.argmin(axes)
-    needed = (axes[first] - axes[last]) / LIMITS.velocity
-    assert needed <= PERIOD * (last - first) < 1.2 * needed
-
-
-def turning(degrees, seconds):
+def turning(degrees, seconds=None):
     turns = np.linspace(0, degrees, 7)
     return {"approach": True, "keyframes": [
-        {"rotation_vector": [0, 0, np.deg2rad(turn)], "time": seconds * turn / degrees}
+        {"rotation_vector": [0, 0, np.deg2rad(turn)]}
+        | ({} if seconds is None else {"time": seconds * turn / degrees})
         for turn in turns
     ]}  # fmt: skip
 
 
-def test_a_certificate_says_how_far_a_slew_is_off_the_path_and_how_long(monkeypatch):
+@pytest.mark.parametrize("seconds", [None, 12.0])
+def test_slew_keeps_the_limits_of_the_tool(seconds):
+    motion = fit(turning(300, seconds), allow_slews=True)
+    assert motion.certificate.losses
+    assert motion.certificate.peak_velocity.value <= LIMITS.velocity
+    assert motion.certificate.peak_acceleration.value <= LIMITS.acceleration
+    if seconds is not None:
+        return
+    # A turn back at no more than that takes this long, and not much longer.
+    axes = motion.path.joints[:, 0]
+    first, last = np.argmax(axes), np.argmin(axes)
+    needed = (axes[first] - axes[last]) / LIMITS.velocity
+    assert needed <= PERIOD * abs(last - first) < 1.2 * needed
+
+
+def test_a_certificate_says_how_far_a_slew_is_off_the_path_and_how_long():
+    motion = fit(turning(300), allow_slews=True)
+    (loss,) = motion.certificate.losses
+    # The way back of 360 degrees passes everything: half a turn away at the most.
+    assert 3.0 < loss.error <= np.pi
+    (note,) = [one for one in motion.certificate.notes if "stops and the axes slew" in one]
+    begin, end, lasts, off = map(
+        float,
+        re.search(
+            r"([\d.]+) to ([\d.]+) s \(([\d.]+) s\).*off it by up to ([\d.]+) deg", note
+        ).groups(),
+    )
+    assert off == pytest.approx(np.rad2deg(loss.error), abs=0.1)
+    assert end - begin == pytest.approx(lasts, abs=0.01)
+    assert begin < loss.start < loss.end <= end + PERIOD
+    assert any("deg outside slews at" in one for one in motion.certificate.notes)
+
+
+def test_a_certificate_tells_when_a_path_at_times_is_lost(monkeypatch):
     shaped, of = [], RecordedPath.of
 
     def watched(q, path_times, *others):
@@ -128,19 +143,21 @@ def test_a_certificate_says_how_far_a_slew_is_off_the_path_and_how_long(monkeypa
         motion_file.parse(turning(300, 12.0)), start=State.at_rest([1, 0, 0, 0]),
         limits=LIMITS, period=PERIOD,
     )  # fmt: skip
-    # The way back of 360 degrees passes everything: half a turn away at the most.
     q, path_times = shaped[-1]
-    missed = angle(q, plain.sample(path_times).q)
-    assert np.max(missed) > 3.0
-    assert figure(motion, "pointing error in slews").value == pytest.approx(np.max(missed), 1e-6)
-    stands = PERIOD * np.sum(np.diff(path_times) < 1e-12)
-    assert figure(motion, "time in slews").value == pytest.approx(stands, abs=3 * PERIOD)
-    (note,) = [one for one in motion.certificate.notes if "stops and the axes slew" in one]
-    off = float(re.search(r"off it by up to ([\d.]+) deg", note)[1])
-    lasts = float(re.search(r"\(([\d.]+) s\)", note)[1])
-    assert off == pytest.approx(np.rad2deg(np.max(missed)), abs=0.1)
-    assert lasts == pytest.approx(figure(motion, "time in slews").value, abs=0.01)
-    assert any("deg outside slews at" in one for one in motion.certificate.notes)
+    missed = angle(q, plain.sample(path_times).q)[: round(motion.end_time / PERIOD) + 1]
+    is_lost = missed > np.deg2rad(0.5)
+    (loss,) = motion.certificate.losses
+    assert loss.error == pytest.approx(np.max(missed), 1e-6)
+    assert loss.start == pytest.approx(PERIOD * np.argmax(is_lost), abs=1e-9)
+    assert loss.end - loss.start == pytest.approx(PERIOD * np.sum(is_lost), abs=1e-9)
+
+
+def test_a_path_at_times_of_the_user_keeps_them_while_the_axes_slew():
+    motion = fit(turning(300, 12.0), allow_slews=True)
+    assert motion.end_time - motion.start_time == pytest.approx(12.0, abs=1e-9)
+    np.testing.assert_allclose(
+        motion.keyframe_times - motion.start_time, np.linspace(0.0, 12.0, 7), atol=PERIOD
+    )
 
 
 def test_angle_outside_the_limits_is_refused_with_axis_and_time():

@@ -50,6 +50,7 @@ def test_gear_makes_an_axis_slower():
         ("max_losses", 1, 1000),
         ("latency_ms", 0.1, 1000),
         ("max_deviation_deg", 0, 45),
+        ("on_target_deg", 0.001, 45),
     ],
 )
 def test_numbers_are_within_their_ranges(name, least, most):
@@ -69,6 +70,7 @@ def test_defaults_are_those_of_the_documentation():
     assert (settings.follow_time, settings.max_deviation, settings.allow_slews) == (0.3, 0.0, False)
     angles = (settings.roll_tolerance, settings.follow_tolerance, settings.arrival_tolerance)
     assert np.rad2deg(angles) == pytest.approx([1.0, 15.0, 2.0])
+    assert np.rad2deg(settings.on_target) == pytest.approx(0.5)
     assert (settings.baud, settings.order, settings.at_end) == (1_000_000, "ZYX", "release")
     assert (settings.fast_read, settings.turns_file, settings.park) == ("auto", None, None)
     assert (settings.pointing, settings.overwrite) == (False, frozenset())
