@@ -30,7 +30,7 @@ from orientd.planner.keep_out.route import (
 )
 from orientd.planner.motion import Motion
 from orientd.planner.state import State
-from orientd.rotation import Floats, exp, multiply
+from orientd.rotation import Floats, exp, multiply, rotate
 
 Planning = Callable[[MotionRequest], Motion]
 """Plans a request in the coordinates of the device, without regard to cones."""
@@ -45,6 +45,7 @@ _STEPS = tuple(map(math.radians, (4.0, 2.0, 1.0)))  # of the search for the quic
 _GAIN = 0.999  # ratio of durations that counts as quicker
 _MOST_PLANS = 36  # of that search
 _MOST_ROUTES = 6
+_SAME = 1.0 - 1e-9  # cosine between an axis and the pointing axis
 _EVERY = 4  # points of a path between two keyframes, if fewer do not keep clear
 _EXIT = math.radians(2.0)  # distance from the edge of the first keyframe outside
 
@@ -68,7 +69,8 @@ class Around:
     path_from: Callable[[State], Planning]
     follow: Callable[[Motion], Motion] | None = None
     is_turn: bool = False
-    _margins: float = 1.0
+    _margins: float = field(default=1.0, init=False)
+    _is_roll_free: bool = field(default=False, init=False)
     _refused: str = field(default="", init=False)
 
     def motion(self, request: MotionRequest) -> Motion:
@@ -82,6 +84,7 @@ class Around:
                 be planned.
         """
         motion = self.plan(replace(request, keep_out=()))
+        self._is_roll_free = request.is_single and request.keyframes[0].free_roll
         notes = self._check_keyframes(motion)
         direct = Detour.of(motion.request, self.start)
         short = self._short(direct, motion)
@@ -238,13 +241,18 @@ class Around:
             PlanError: there is no route.
         """
         found, dense = [direct], direct
+        ends = direct.own_times(motion)
+        owners = np.searchsorted(ends, motion.period * (np.arange(short.shape[1]) + 0.5))
         for leg in self._legs(direct, motion, short):
-            time = 0.0 if leg == 0 else float(direct.own_times(motion)[leg - 1])
+            time = 0.0 if leg == 0 else float(ends[leg - 1])
             first, last = direct.ends(leg)
             exits = self._exits(first, time)
-            obstacles = self._obstacles(exits[-1] if exits else first, last, time)
-            worst = int(np.argmin(short.min(axis=1)))
-            routes = paths(exits[-1] if exits else first, last, obstacles, obstacles[worst].axis)
+            first = exits[-1] if exits else first
+            obstacles = self._obstacles(first, last, time)
+            axis = obstacles[int(np.argmin(short[:, owners == leg].min(axis=1)))].axis
+            points = rotate(last, "xyz".index(direct.request.pointing_axis) == np.arange(3))
+            is_free = self._is_roll_free and float(rotate(last, axis) @ points) > _SAME
+            routes = paths(first, last, obstacles, axis, is_roll_free=is_free)
             if not routes:
                 place = "the start" if leg == 0 else f"keyframes[{leg - 1}]"
                 raise PlanError(
@@ -253,6 +261,9 @@ class Around:
             every = [[*exits, *keyframes_along(route, obstacles)] for route in routes]
             found = [one.with_added(leg, keys) for one in found for keys in every][:_MOST_ROUTES]
             dense = dense.with_added(leg, [*exits, *routes[0][_EVERY : POINTS - 1 : _EVERY]])
+            if is_free:
+                found = [one.ending(path[-1]) for one, path in zip(found, routes, strict=False)]
+                dense = dense.ending(routes[0][-1])
         return found, dense
 
     def _exits(self, q: Floats, time: float) -> list[Floats]:

@@ -85,35 +85,44 @@ class Cones:
             ]
         )
 
-    def along(self, motion: Motion) -> Floats:
-        """Return the clearance of each cone at each record of a motion, rad, ``(cones, n)``."""
-        parts = []
-        for first in range(0, motion.record_count, _BLOCK):
-            count = min(_BLOCK, motion.record_count - first)
-            times = motion.period * np.arange(first, first + count, dtype=np.float64)
-            parts.append(self.clearances(motion.rows(first, count)[:, :4], times))
-        found: Floats = np.concatenate(parts, axis=1)
-        return found
-
     def bounds(self, motion: Motion) -> Floats:
         """Return the least clearance of each cone in each interval between records, rad.
 
         Returns:
-            Shape ``(cones, n - 1)``; infinite while a motion that begins inside a cone moves out.
+            Shape ``(cones, n - 1)``, or ``(cones, 1)`` for a single record; infinite while a motion
+            that begins inside a cone moves out.
         """
-        found, period = self.along(motion), motion.period
-        speed, bend = _rates(motion)
-        lower = np.minimum(found[:, :-1], found[:, 1:])
-        mean = 0.5 * (found[:, :-1] + found[:, 1:])
+        period = motion.period
+        found, speed, bend = self._along(motion)
+        if found.shape[1] == 1:
+            return found
+        around = np.maximum(bend[:-1], bend[1:])
+        around[1:] = np.maximum(around[1:], bend[:-2])
+        around[:-1] = np.maximum(around[:-1], bend[2:])
+        around *= _MORE
         half = np.array([[cone.half_angle] for cone in self.cones])
         moves = np.array([[cone.fastest] for cone in self.cones])
-        fastest = speed + bend * period + moves
+        fastest = np.maximum(speed[:-1], speed[1:]) + around * period + moves
+        lower = np.minimum(found[:, :-1], found[:, 1:])
+        mean = 0.5 * (found[:, :-1] + found[:, 1:])
         nearest = np.maximum(half + mean - fastest * period, _POLE)
-        curved = bend + fastest**2 / np.abs(np.tan(nearest))
+        curved = around + fastest**2 / np.abs(np.tan(nearest))
         bound: Floats = np.maximum(lower - period**2 / 8.0 * curved, mean - 0.5 * period * fastest)
         for row, at in zip(bound, found, strict=True):
             row[: _moving_out(at)] = math.inf
         return bound
+
+    def _along(self, motion: Motion) -> tuple[Floats, Floats, Floats]:
+        """Return clearances ``(cones, n)``, speed and size of the acceleration at each record."""
+        clear, speeds, bends = [], [], []
+        for first in range(0, motion.record_count, _BLOCK):
+            count = min(_BLOCK, motion.record_count - first)
+            rows = motion.rows(first, count)
+            times = motion.period * np.arange(first, first + count, dtype=np.float64)
+            clear.append(self.clearances(rows[:, :4], times))
+            speeds.append(np.linalg.norm(rows[:, 4:7], axis=1))
+            bends.append(np.linalg.norm(rows[:, 7:10], axis=1))
+        return np.concatenate(clear, axis=1), np.concatenate(speeds), np.concatenate(bends)
 
     def are_kept(self, motion: Motion) -> bool:
         """Return whether a motion stays out of all cones and their margins."""
@@ -144,26 +153,9 @@ class Cones:
         return figures
 
 
-def _rates(motion: Motion) -> tuple[Floats, Floats]:
-    """Return bounds of velocity and acceleration in each interval between records."""
-    speeds, bends = [], []
-    for first in range(0, motion.record_count, _BLOCK):
-        rows = motion.rows(first, min(_BLOCK, motion.record_count - first))
-        speeds.append(np.linalg.norm(rows[:, 4:7], axis=1))
-        bends.append(np.linalg.norm(rows[:, 7:10], axis=1))
-    speed, bend = np.concatenate(speeds), np.concatenate(bends)
-    around = np.maximum(bend[:-1], bend[1:])
-    around[1:] = np.maximum(around[1:], bend[:-2])
-    around[:-1] = np.maximum(around[:-1], bend[2:])
-    return np.maximum(speed[:-1], speed[1:]), _MORE * around
-
-
 def _moving_out(clearance: Floats) -> int:
     """Return the first record outside, if a motion begins inside and only moves out; else 0."""
-    if clearance[0] >= 0.0:
-        return 0
-    is_outside = clearance >= 0.0
-    first = int(np.argmax(is_outside)) if is_outside.any() else len(clearance)
+    first = int(np.argmax(clearance >= 0.0))
     rises = np.diff(clearance[: first + 1])
     return first if bool(np.all(rises >= -_FALLS)) else 0
 

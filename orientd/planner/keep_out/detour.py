@@ -49,6 +49,13 @@ class Detour:
         added[leg] = tuple(keys)
         return replace(self, added=tuple(added))
 
+    def ending(self, q: Floats) -> Detour:
+        """Return the detour with another orientation of the last keyframe."""
+        w, x, y, z = q.tolist()
+        *others, last = self.request.keyframes
+        request = replace(self.request, keyframes=[*others, replace(last, q=(w, x, y, z))])
+        return replace(self, request=request)
+
     def ends(self, leg: int) -> tuple[Floats, Floats]:
         """Return the orientations at both ends of a leg."""
         before = self.request.keys[leg - 1] if leg else self.start.q

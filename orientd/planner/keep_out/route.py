@@ -66,7 +66,14 @@ class Obstacle:
         return multiply(exp(normal / size * np.asarray(far)[..., None]), q)
 
 
-def paths(q0: Floats, q1: Floats, obstacles: Sequence[Obstacle], axis: Floats) -> list[Floats]:
+def paths(
+    q0: Floats,
+    q1: Floats,
+    obstacles: Sequence[Obstacle],
+    axis: Floats,
+    *,
+    is_roll_free: bool = False,
+) -> list[Floats]:
     """Return paths from one orientation to another outside of obstacles, the shortest first.
 
     Args:
@@ -74,6 +81,7 @@ def paths(q0: Floats, q1: Floats, obstacles: Sequence[Obstacle], axis: Floats) -
         q1: the last one.
         obstacles: both ends are outside of them.
         axis: of the tool, to lead around the obstacles of this axis.
+        is_roll_free: whether the paths may end with any turn about the axis.
 
     Returns:
         Each of shape ``(POINTS, 4)``; empty if there is no route.
@@ -81,7 +89,7 @@ def paths(q0: Floats, q1: Floats, obstacles: Sequence[Obstacle], axis: Floats) -
     circles = [Circle(one.direction, one.radius) for one in obstacles if one.axis is axis]
     found: list[tuple[float, Floats]] = []
     for route in _routes(rotate(q0, axis), rotate(q1, axis), circles):
-        for path in _lifted(q0, q1, axis, route):
+        for path in _lifted(q0, None if is_roll_free else q1, axis, route):
             relaxed = _relaxed(path, obstacles)
             found.append((float(np.sum(angle(relaxed[:-1], relaxed[1:]))), relaxed))
     found.sort(key=lambda one: one[0])
@@ -100,8 +108,11 @@ def _routes(begin: Floats, end: Floats, circles: Sequence[Circle]) -> Iterator[R
             yield other
 
 
-def _lifted(q0: Floats, q1: Floats, axis: Floats, route: Route) -> Iterator[Floats]:
-    """Yield orientations along a route with the twist spread evenly, the lesser twist first."""
+def _lifted(q0: Floats, q1: Floats | None, axis: Floats, route: Route) -> Iterator[Floats]:
+    """Yield orientations along a route with the twist spread evenly, the lesser twist first.
+
+    Without a last orientation *q1* there is no twist.
+    """
     points = route.points
     steps = _least_turns(points[:-1], points[1:])
     carried = [q0]
@@ -110,6 +121,9 @@ def _lifted(q0: Floats, q1: Floats, axis: Floats, route: Route) -> Iterator[Floa
     along = np.array(carried)
     far = np.concatenate([[0.0], np.cumsum(angles(points[:-1], points[1:]))])
     share = far / far[-1] if far[-1] > 0.0 else np.linspace(0.0, 1.0, len(far))
+    if q1 is None:
+        yield _resampled(along, along[-1])
+        return
     twist = float(log(between(along[-1], q1)) @ axis)
     for whole in (0.0, -math.copysign(2.0 * math.pi, twist)):
         total = twist + whole
@@ -172,7 +186,7 @@ def _aligned(path: Floats) -> Floats:
 def keyframes_along(path: Floats, obstacles: Sequence[Obstacle]) -> list[Floats]:
     """Return the fewest keyframes that lead a spline along a path: in the middle of each contact.
 
-    A long contact has several.
+    A long contact has several.  A path without contact, the other way round a turn, has one.
     """
     touch = math.radians(0.6)
     is_near = np.max([one.depth(path) for one in obstacles], axis=0) > -touch
@@ -186,7 +200,7 @@ def keyframes_along(path: Floats, obstacles: Sequence[Obstacle]) -> list[Floats]
             place = begin + (k + 0.5) * (end - begin) / count - 0.5
             low = min(int(place), POINTS - 2)
             found.append(slerp(path[low], path[low + 1], place - low))
-    return found
+    return found or [path[POINTS // 2]]
 
 
 def ahead(q: Floats, obstacle: Obstacle) -> Floats:

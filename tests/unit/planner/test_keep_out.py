@@ -105,6 +105,11 @@ def test_from_inside_a_motion_may_only_move_out():
     assert np.all(angles[outside:] >= 0.0)
 
 
+def test_a_device_that_is_there_already_has_a_clearance():
+    motion = planned(Keyframe(tuple(START.q.tolist())))
+    assert clearance(motion) == pytest.approx(math.degrees(0.7) - 12.0)
+
+
 def test_a_running_motion_is_replaced_around_a_cone():
     running = planned(toward(80.0, -30.0), cones=())
     state = running.state_at(100)
