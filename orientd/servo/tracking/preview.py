@@ -6,7 +6,7 @@ quintic.  It begins at the last setpoint, or at the last pose that is left of th
 ends at the first knot that it can reach within the limits.  So the reference is continuous up to
 the acceleration, and equal to the last setpoint after every chunk.
 
-If no knot of a chunk can be reached so, its curve is the reference without a seam, and the tracker
+If no knot can be reached so, the curve of the chunk is the reference without a seam.  The tracker
 closes in on it as soon as the limits allow.  Later chunks begin seams at the last setpoint again.
 
 The motion of the next cycle is known, so it is fed forward as the difference that the guard will
