@@ -12,7 +12,7 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd.mechanism.arrays import orientations
     from orientd.mechanism.figure import Figure, Loss
-    from orientd.mechanism.following import Following
+    from orientd.mechanism.following import USABLE, Following
     from orientd.mechanism.foresight import ComingPose, Foresight, refusal
     from orientd.mechanism.gimbal import Gimbal
     from orientd.mechanism.joint_path import JointPath, ToolLimits
@@ -25,7 +25,7 @@ __getattr__ = lazily(
     "orientd.mechanism",
     {
         "orientd.mechanism.arrays": ("orientations",),
-        "orientd.mechanism.following": ("Following",),
+        "orientd.mechanism.following": ("USABLE", "Following"),
         "orientd.mechanism.figure": ("Figure", "Loss"),
         "orientd.mechanism.foresight": ("ComingPose", "Foresight", "refusal"),
         "orientd.mechanism.gimbal": ("Gimbal",),

@@ -15,7 +15,7 @@ _OUTSIDE = 1e3
 """Cost of a radian outside an axis' limits, in seconds of its travel."""
 _FAR = 1e6
 """Largest angle, rad, of an axis without limits of its angle."""
-_MARGIN = 0.99
+USABLE = 0.99
 """Usable share of the limits of an axis; the rest is for rounding and for the ticks of a servo."""
 
 
@@ -49,7 +49,7 @@ class Following:
         mechanism = self._mechanism
         wanted = self._chosen(q, position, last)
         if wanted is None:
-            return self._braked(last, rates)
+            return self.braked(last, rates)
         outer = self._next(0, wanted[0], last[0], rates[0])
         # The other axes compensate for the lag of the outermost axis, as far as they can.
         others = mechanism.completed(q, position, outer, wanted)[1:]
@@ -70,11 +70,11 @@ class Following:
         every = [self._inside(one, last) for one in mechanism.solutions(q, position)]
         return min(every, key=lambda one: self._cost(one, last), default=near)
 
-    def _braked(self, last: Joints, rates: Joints) -> Joints:
+    def braked(self, last: Joints, rates: Joints) -> Joints:
         """Return the joints of the next cycle on the fastest stop, rad."""
         joints = []
         for axis, angle, rate in zip(self._axes, last, rates, strict=True):
-            step = _MARGIN * axis.acceleration * self._period
+            step = USABLE * axis.acceleration * self._period
             joints.append(angle + self._period * (rate - min(max(rate, -step), step)))
         self._wanted = ()
         return tuple(joints)
@@ -105,7 +105,7 @@ class Following:
         wanted = min(max(wanted, axis.low), axis.high)
         before = self._wanted[place] if self._wanted else wanted
         before = min(max(before, axis.low), axis.high)
-        hardest, fastest = _MARGIN * axis.acceleration, _MARGIN * axis.velocity
+        hardest, fastest = USABLE * axis.acceleration, USABLE * axis.velocity
         # Relative to the moving target angle, so that the axis follows a steady motion without lag.
         gap = before - last
         pace = (wanted - before) / period

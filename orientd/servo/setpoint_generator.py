@@ -26,7 +26,7 @@ from orientd.servo.path import (
     joint_gap,
 )
 from orientd.servo.state_table import Event, advance
-from orientd.servo.tracking import TargetFollower
+from orientd.servo.tracking import JointStop, TargetFollower
 from orientd.servo.watchdog import longest_gap_ns
 from orientd.stream import UNKNOWN, Command, ServoLimits, ServoState, SharedMemory
 
@@ -89,6 +89,7 @@ class SetpointGenerator:
         self._takes_joints = driver.takes == "joints"
         self._mechanism: Mechanism | None = None
         self._following: Following | None = None
+        self._joint_stop: JointStop | None = None
         self._scaled = driver if isinstance(driver, Scaled) else None
         self._on_fault = on_fault
         self._period_ns, self._stall_ns = period_ns, stall_ns
@@ -142,6 +143,8 @@ class SetpointGenerator:
         self.pursuit.foresight = self._following = None
         if self._takes_joints and mechanism is not None:
             self._following = Following(mechanism, period)
+            if self._cones is not None:
+                self._joint_stop = JointStop(mechanism, self._cones, period)
         elif mechanism is not None:
             self.pursuit.foresight = Foresight(mechanism, period)
         joints = feedback.joints if self._takes_joints else ()
@@ -161,10 +164,26 @@ class SetpointGenerator:
         return ""
 
     def halt(self) -> None:
-        """Come to rest as fast as the limits allow, on or off the path."""
+        """Come to rest as fast as the limits allow, on or off the path.
+
+        Near a keep-out cone it stays on the path.
+        """
         self.stop()
         if self.is_moving and not self.pursuit.is_on:
             self._pursue(self._servo_limits, is_off_path=True)
+            if not self._may_leave_path():
+                # The path is certified to stay outside of the cones.
+                self.pursuit.end()
+
+    def _may_leave_path(self) -> bool:
+        """Return whether a stop off the path ends outside of the keep-out cones."""
+        stop, following, guard = self._joint_stop, self._following, self._guard
+        if not self.pursuit.tracker.is_clear:
+            return False
+        if stop is None or following is None or not guard.joint_rates:
+            return True
+        braked = following.braked(guard.joints, guard.joint_rates)
+        return stop.stays_outside(self._sent, braked, guard.joints)
 
     def clear_fault(self) -> None:
         """Leave the fault state."""
@@ -355,13 +374,15 @@ class SetpointGenerator:
             deadline_ns, self._servo_limits, is_stopping=self.state is not _TRACKING
         )
         q, joints = point.q, self._joints_towards(point.q, position)
+        # The servo sends what the axes can follow.
+        sent = q if self._mechanism is None or not joints else self._mechanism.forward(joints)[0]
         if self._is_off_path:
             guard.take(q, position, joints)
-        elif problem := guard.admit(q, position, self._servo_limits, joints):
+        elif problem := self._enters_cone(sent, joints) or guard.admit(
+            q, position, self._servo_limits, joints
+        ):
             return self.leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
-        if self._mechanism is not None and joints:
-            # The servo sends what the axes can follow.
-            q = self._mechanism.forward(joints)[0]
+        q = sent
         is_there = norm(difference(q, self._sent)) < _START_TOLERANCE
         is_there = is_there and max(map(abs, guard.joint_rates), default=0.0) < _STILL
         self._sent = q
@@ -377,12 +398,23 @@ class SetpointGenerator:
             return PathPoint(q, ZERO, ZERO, position, ZERO, joints)
         return PathPoint(q, point.omega_body, point.alpha_body, position, guard.velocity, joints)
 
+    def _enters_cone(self, sent: Quaternion, joints: Joints) -> str:
+        """Return into which cone axes lead that take another path than their poses."""
+        if self._cones is None or not joints:
+            return ""
+        return self._cones.intrusion(self._sent, sent)
+
     def _joints_towards(self, q: Quaternion, position: Vector3) -> Joints:
         """Return the joints of the next cycle towards a pose; empty if the pose itself is sent."""
         if self._following is None:
             return ()
         guard = self._guard
-        return self._following.step(q, position, guard.joints, guard.joint_rates)
+        last = guard.joints
+        joints = self._following.step(q, position, last, guard.joint_rates)
+        stop = self._joint_stop
+        if stop is not None and not stop.stays_outside(self._sent, joints, last):
+            return self._following.braked(last, guard.joint_rates)
+        return joints
 
     def _rest(self) -> None:
         """Set the pose to that of the joints.

@@ -13,6 +13,7 @@ ruckig, whose duration about one axis is the optimum.
 """
 
 from orientd.servo.tracking.chunks import ChunkReport, publish_chunk, read_report
+from orientd.servo.tracking.joint_stop import JointStop
 from orientd.servo.tracking.quintic import Knot
 from orientd.servo.tracking.spline import knots_of
 from orientd.servo.tracking.target_follower import TargetFollower

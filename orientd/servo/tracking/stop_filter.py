@@ -99,6 +99,10 @@ class StopFilter:
                 break
         return braked
 
+    def is_clear(self, q: Quaternion, omega: Vector3, limits: TrackingLimits) -> bool:
+        """Return whether no stop reaches a cone, in whatever direction."""
+        return not self._near(q, omega, limits)
+
     def is_safe(
         self, q: Quaternion, omega: Vector3, alpha: Vector3, limits: TrackingLimits
     ) -> bool:

@@ -257,6 +257,11 @@ class Tracker:
             return alpha
         return self._filter.filtered(self._q, self._omega, self._alpha, alpha, self._loose)
 
+    @property
+    def is_clear(self) -> bool:
+        """Whether no stop from the last setpoint reaches a keep-out cone."""
+        return self._filter is None or self._filter.is_clear(self._q, self._omega, self._loose)
+
     def stops_outside(self) -> bool:
         """Return whether a stop from the last step ends outside of the cones."""
         if self._filter is None:

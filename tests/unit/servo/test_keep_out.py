@@ -1,20 +1,22 @@
 """Nothing inside a keep-out cone is written, by any command; cones that move do so slowly."""
 
 import json
+from dataclasses import replace
 from math import degrees, radians
 
 import numpy as np
 import pytest
-from rig import PERIOD, TERMS, Rig, peaks, turn
+from rig import PERIOD, TERMS, RecordingLoopback, Rig, peaks, turn
 
-from orientd.driver import ZERO
+from orientd.driver import ZERO, AxisLimits
 from orientd.errors import Fault
-from orientd.floats import exp
+from orientd.floats import exp, rotate
 from orientd.keep_out import KeepOut
+from orientd.mechanism import Gimbal
 from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import MOST_DRIFT, KeepOutCones
 from orientd.servo.process import ProcessSettings
-from orientd.stream import Answer, Command, NoteKind, ServoState
+from orientd.stream import NOT_GIVEN, Answer, Command, NoteKind, ServoState
 from orientd.sun import Sun
 
 LIMITS = (2.5, 17.0, 8500.0)
@@ -57,15 +59,17 @@ def test_from_inside_only_a_setpoint_outwards_passes(step, passes):
     assert passes or "10 deg inside the keep-out cone 'laser'" in problem
 
 
+def aim(rig, q, lives_ns=500_000_000):
+    time_ns = rig.clock.now_ns()
+    rig.memory.targets.publish(time_ns, time_ns + lives_ns, *q, 0.0, 0.0, 0.0, *NOT_GIVEN)
+
+
 def tracked(cones, q, seconds=2.0):
     rig = Rig(cones=cones)
     assert rig.ask(Command.ENABLE)[0] is Answer.DONE
     assert rig.ask(Command.TRACK)[0] is Answer.DONE
     for _ in range(round(seconds / 0.04)):
-        time_ns = rig.clock.now_ns()
-        rig.memory.targets.publish(
-            time_ns, time_ns + 500_000_000, *q, 0.0, 0.0, 0.0, *[float("nan")] * 3
-        )
+        aim(rig, q)
         rig.run(20)
     return rig
 
@@ -87,10 +91,7 @@ def test_a_tracked_target_inside_is_held_at_the_edge_and_a_stop_ends_there():
 def test_a_stop_of_tracking_towards_a_cone_ends_outside(command, cycles):
     cone = cone_at(60.0, 20.0)
     rig = tracked((cone,), about_z(70.0), seconds=0.0)
-    time_ns = rig.clock.now_ns()
-    rig.memory.targets.publish(
-        time_ns, time_ns + 10**10, *about_z(70.0), 0.0, 0.0, 0.0, *[float("nan")] * 3
-    )
+    aim(rig, about_z(70.0), lives_ns=10**10)
     rig.run(cycles)
     assert rig.ask(command)[0] is Answer.DONE
     rig.run_until(lambda servo: not servo.is_moving)
@@ -134,3 +135,62 @@ def test_cones_reach_the_servo_process_as_they_are():
     text = settings.to_json()
     assert json.loads(text)["device"] == "d"
     assert ProcessSettings.from_json(text) == settings
+
+
+class GimbalLoopback(RecordingLoopback):
+    """A gimbal of two axes that takes joints and is slower than the poses."""
+
+    takes = "joints"
+    gimbal = Gimbal(
+        (AxisLimits("pan", -6.0, 6.0, 4.0, 12.0), AxisLimits("tilt", -3.0, 3.0, 2.0, 6.0)),
+        order="ZY",
+        is_pointing=True,
+    )
+
+    def enable(self):
+        joints = (0.0, 0.5)
+        return super().enable()._replace(joints=joints, q=self.gimbal.forward(joints)[0])
+
+    def mechanism(self, *, may_ask):
+        return self.gimbal
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_axes_of_a_gimbal_keep_out_too(seed):
+    random = np.random.default_rng(seed)
+    forward = GimbalLoopback.gimbal.forward
+    cones = (cone_at(50.0, 20.0), cone_at(-100.0, 12.0), KeepOut("up", (0.0, 0.0, 1.0), 0.15))
+    rig = Rig(kind=GimbalLoopback, cones=cones)
+    assert rig.ask(Command.ENABLE)[0] is Answer.DONE
+    assert rig.ask(Command.TRACK, servo_limits=replace(TERMS, acceleration=8.0))[0] is Answer.DONE
+    for step in range(60):
+        if step % 15 == 0:
+            pan, tilt = random.uniform(-3.0, 3.0), random.uniform(-1.6, 1.0)
+            q = forward((pan, tilt))[0]
+        aim(rig, q)
+        rig.run(20)
+    rig.ask(Command.STOP)
+    rig.run_until(lambda servo: not servo.is_moving)
+    assert rig.cycle.state is ServoState.HOLDING
+    assert min(clearance(rig, cone) for cone in cones) > -0.01
+    joints = np.array([setpoint.joints for setpoint in rig.driver.setpoints])
+    change = np.abs(np.diff(joints, 2, axis=0)).max(0) / PERIOD**2
+    assert (change <= np.array([12.0, 6.0]) * 1.001).all()
+
+
+@pytest.mark.parametrize("near", [True, False])
+def test_a_halt_near_a_cone_stays_on_its_path(near):
+    path, axis = turn(angle=1.5), np.array([0.6, 0.0, 0.8])
+    here = np.array(rotate(tuple(path[0][400].tolist()), (1.0, 0.0, 0.0)))
+    # Beside the path, on the outer side of its curve.
+    aside = np.cross(here, np.cross(axis, here))
+    aside *= -np.sign(aside @ axis) / np.linalg.norm(aside)
+    centre = np.cos(0.2) * here + np.sin(0.2) * aside
+    rig = Rig(cones=(KeepOut("beside", tuple(centre.tolist()), 0.18 if near else 0.05),))
+    rig.start(path)
+    rig.run(400)
+    assert rig.ask(Command.HALT)[0] is Answer.DONE
+    assert rig.servo.setpoints.pursuit.is_on is not near
+    rig.run_until(lambda servo: not servo.is_moving)
+    assert rig.cycle.state is ServoState.HOLDING
+    assert keeps_limits(rig)
