@@ -25,10 +25,10 @@ _SEAM = 0.8
 """Share of a gap in which the device passes from one prediction to the next."""
 _START = 0.1
 """Seconds from a position until a new prediction takes effect."""
-_NEAR = math.radians(5.0)
+_NEAR = math.radians(15.0)
 """Largest angle from which the device joins a path without a planned motion."""
-_BRISK = 0.7
-"""Mean speed of a planned motion to a path, relative to the limit."""
+_ZENITH = 5.0
+"""Degrees from the zenith within which it does not show whether a device has tipped over."""
 _THERE = 1e-3
 """Largest angle at which a direction is reached, rad."""
 _TURN = (60.0, 120.0)
@@ -103,7 +103,7 @@ class Pointer:
         is_same, self.asked = wanted == self.asked, wanted
         path = self._prediction = old.added(now, vector(wanted))
         if path.is_confirmed and not (is_same and path.speed < _STILL):
-            self._follow(now, old if old.is_confirmed else path)
+            self._follow(now, wanted, old if old.is_confirmed else path)
         elif not (is_same and self._is_heading(wanted)):
             self._move(wanted)
 
@@ -122,54 +122,57 @@ class Pointer:
         """
         self._passes.leave()
         self._served.rest()
-        report = self._served.report()
-        form = direction(to_quaternion(report.cycle.q), self._north)
-        form = form.in_turn_of(self.asked or form)
+        form = self._now()
+        begin = form.in_turn_of(self.asked or form)
         stages = [
-            nearest(Direction(form.azimuth + angle * signs[0], form.elevation + angle * signs[1]))
+            nearest(Direction(begin.azimuth + angle * signs[0], begin.elevation + angle * signs[1]))
             for angle in _TURN
         ]
+        poses = [self._pose(self._form(vector(one), form)) for one in stages]
         self._motion, self._prediction, self.asked = None, Prediction(), stages[-1]
-        limits = {"velocity": share * report.limits.velocity}
-        self._served.move([self._aim(one) for one in stages], approach=True, limits=limits)
+        limits = {"velocity": share * self._served.report().limits.velocity}
+        self._served.move(poses, approach=True, limits=limits)
 
     def _is_heading(self, wanted: Direction) -> bool:
         """Return whether the device is at a direction, or on a motion of this pointer."""
         if self._motion is not None and not self._motion.is_done:
             return True
-        q = to_quaternion(self._served.report().cycle.q)
-        return math.dist(vector(direction(q, self._north)), vector(wanted)) < _THERE
-
-    def _aim(self, wanted: Direction) -> dict[str, dict[str, float]]:
-        """Return a direction as a keyframe; the planner chooses turn and roll."""
-        angles = {"azimuth": self._north - wanted.azimuth, "elevation": wanted.elevation}
-        return {"azimuth_elevation": angles}
+        return math.dist(vector(self._now()), vector(wanted)) < _THERE
 
     def _move(self, wanted: Direction) -> None:
-        self._motion = self._served.move([self._aim(wanted)], approach=True)
+        form = self._now()
+        pose = self._pose(self._form(vector(wanted), form))
+        self._motion = self._served.move([pose], approach=True)
 
-    def _follow(self, now: float, before: Prediction) -> None:
+    def _now(self) -> Direction:
+        """Return the direction of the newest setpoint, tipped over if the device is."""
+        form = direction(to_quaternion(self._served.report().cycle.q), self._north)
+        if abs(abs(form.elevation) - 90.0) > _ZENITH:
+            self._is_tipped = abs(form.elevation) > 90.0
+        return form
+
+    def _pose(self, form: Direction) -> Named:
+        w, x, y, z = orientation(form, self._north)
+        return Named(w=w, x=x, y=y, z=z)
+
+    def _follow(self, now: float, wanted: Direction, before: Prediction) -> None:
         """Send the predicted path for the time until the position after the next."""
-        path, report = self._prediction, self._served.report()
-        form = direction(to_quaternion(report.cycle.q), self._north)
+        path = self._prediction
+        form = self._now()
         apart = math.dist(vector(form), path.at(now))
         if apart > _NEAR:
-            arrival = now + _START + apart / (_BRISK * report.limits.velocity)
-            self._move(_direction(path.at(arrival)))
+            self._move(wanted)
             return
-        if self._motion is not None:
-            self._is_tipped = abs(form.elevation) > 90.0
         beyond = _BEYOND * path.gap
         times = np.linspace(now + _START, now + beyond + _RETURN, CHUNK_POSES)
         seam = _smooth((times - now) / (_SEAM * path.gap))[:, None]
         points = before.at(times) + seam * (path.at(times) - before.at(times))
         back = _smooth((times - now - beyond) / _RETURN)[:, None]
-        points += back * (vector(self.asked or form) - points)
+        points += back * (vector(wanted) - points)
         poses: list[Named] = []
         for point in points / np.linalg.norm(points, axis=1, keepdims=True):
             form = self._form(point, form)
-            w, x, y, z = orientation(form, self._north)
-            poses.append(Named(w=w, x=x, y=y, z=z))
+            poses.append(self._pose(form))
         self._motion = None
         self._served.track().chunk(poses, times=times)
 

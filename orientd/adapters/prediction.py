@@ -17,16 +17,22 @@ Floats = NDArray[np.float64]
 
 _MOST = 12
 """Positions that are kept."""
-_SIZES = (12, 8, 5, 3)
-"""Numbers of positions of a fit; the largest that fits is used."""
+_FEW = 5
+"""Newest positions, which show how much the positions deviate from a smooth path."""
+_SIZES = (12, 8)
+"""Numbers of positions of longer fits; the longest that deviates little more is used."""
+_BETTER = 0.1
+"""Deviation of a fit of one more degree that is much better, relative."""
 _FIT = 1e-4
 """Largest deviation of a position from its fit, in addition to its rounding, rad."""
 _LONGEST_GAP = 20.0
 """Seconds after which a position does not continue the earlier ones."""
-_SHARE = 0.35
-"""Largest surprise of a position that continues the earlier ones, relative to its step."""
+_SHARE = 0.25
+"""Largest distance from the path of a position that continues it, relative to its step."""
+_EARLY = 0.6
+"""How much earlier or later it may be there than it came, in gaps."""
 _SLACK = math.radians(0.1)
-"""Surprise that is always allowed, rad."""
+"""Distance that is always allowed, rad."""
 
 
 class Prediction:
@@ -97,19 +103,32 @@ class Prediction:
         return unit
 
     def _leads_to(self, time: float, point: Floats) -> bool:
-        step, surprise = math.dist(self._points[-1], point), math.dist(self.at(time), point)
-        return surprise < _SHARE * step + _SLACK + 2.0 * self._rounding
+        # Positions may come late or early: the place on the path counts, not the time.
+        around = time + self.gap * np.linspace(-_EARLY, _EARLY, 41)
+        aside = float(np.min(np.linalg.norm(self.at(around) - point, axis=1)))
+        step = math.dist(self._points[-1], point)
+        return aside < _SHARE * step + _SLACK + 2.0 * self._rounding
 
 
 def _path(times: Sequence[float], points: Sequence[Floats], tolerance: float) -> Floats:
     """Return the coefficients of time since the newest position, shape ``(degree + 1, 3)``."""
     since, rows = np.array(times) - times[-1], np.array(points)
-    course: Floats = rows[-1:]
+    path, near = _fit(since[-_FEW:], rows[-_FEW:], min(2, len(since) - 1))
+    if len(since) >= _FEW and near > tolerance:
+        # A quick target on a curved way, not noise, if one more degree is much better.
+        cubic, left = _fit(since[-_FEW:], rows[-_FEW:], 3)
+        if left < _BETTER * near:
+            return cubic
     for size in _SIZES:
-        if size > len(since) and size > _SIZES[-1]:
-            continue
-        powers = np.vander(since[-size:], min(3, len(since)), increasing=True)
-        course = np.asarray(np.linalg.lstsq(powers, rows[-size:], rcond=None)[0])
-        if np.max(np.abs(powers @ course - rows[-size:])) < tolerance:
-            break
-    return course
+        if size <= len(since):
+            longer, deviation = _fit(since[-size:], rows[-size:], 2)
+            if deviation < tolerance + 2.0 * near:
+                return longer
+    return path
+
+
+def _fit(since: Floats, rows: Floats, degree: int) -> tuple[Floats, float]:
+    """Return the coefficients of a polynomial, and the largest deviation of a row from it."""
+    powers = np.vander(since, degree + 1, increasing=True)
+    path = np.asarray(np.linalg.lstsq(powers, rows, rcond=None)[0])
+    return path, float(np.max(np.linalg.norm(powers @ path - rows, axis=1)))

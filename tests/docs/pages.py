@@ -24,6 +24,7 @@ REASONS = {
     "a real-time host",
     "a cluster",
     "LeRobot",
+    "an antenna program",
 }
 
 _INCLUDED = re.compile(

@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from harness import DEVICE, until
+from harness import DEVICE, DaemonProcess, until
 from rotator import Client, rotctld
 
 from orientd.client import connect
@@ -55,6 +55,20 @@ def test_north_and_ranges_are_as_given(daemon):
         client.await_position(220.0, 160.0)
         # 40 degrees clockwise from north, which is the world's y axis.
         assert ahead(daemon.device().cycle.q) == pytest.approx((0.6040, 0.7198, 0.3420), abs=1e-3)
+
+
+def test_a_device_tips_over_at_the_zenith(daemon):
+    """A target crosses the zenith at 5 degrees a second; the azimuth of the tool stays."""
+    with rotctld(daemon, "--elevation", "0:180") as client:
+        assert client.ask("P 20 75") == ["RPRT 0"]
+        client.await_position(20.0, 75.0)
+        begin = time.monotonic()
+        for k in range(9):
+            time.sleep(max(0.0, begin + 0.7 * k - time.monotonic()))
+            last = 75.0 + 5.0 * (time.monotonic() - begin)
+            assert client.ask(f"P 20 {last:.2f}") == ["RPRT 0"]
+        assert abs(client.position()[0] - 20.0) < 0.1
+        client.await_position(20.0, round(last, 2))
 
 
 # As rotctld 4.5.4 of Hamlib answers them for its dummy rotator.
@@ -215,7 +229,6 @@ def test_positions_once_a_second_are_followed_without_a_stop_between(client, dae
             assert client.ask(f"P {azimuth:.3f} {elevation:.3f}") == ["RPRT 0"]
         while not seen or seen[-1].deadline_ns * 1e-9 < begin + 6.0:
             seen += next(cycles)
-    assert len(client.position()) == 2
     late = [one for one in seen if one.deadline_ns * 1e-9 > begin + 3.0]
     apart = [
         math.degrees(math.dist(_ahead(one.q), asked(target(one.deadline_ns * 1e-9))))
@@ -227,3 +240,13 @@ def test_positions_once_a_second_are_followed_without_a_stop_between(client, dae
 
 def _ahead(q):
     return ahead(pb.Quaternion(**dict(zip("wxyz", np.array(q).tolist(), strict=True))))
+
+
+def test_a_daemon_that_is_lost_is_an_answer(tmp_path):
+    with DaemonProcess(tmp_path / "lost") as lost:
+        lost.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=lost.token))
+        with rotctld(lost) as client:
+            assert client.ask("P 10 10") == ["RPRT 0"]
+            lost.process.kill()
+            until(lambda: client.ask("P 40 10") == ["RPRT -6"], "the loss")
+            assert client.ask("p") == ["RPRT -6"]

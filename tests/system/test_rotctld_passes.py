@@ -6,10 +6,11 @@ import time
 import numpy as np
 import pytest
 from command_line import assert_refused, orientd
-from harness import DEVICE
+from harness import DEVICE, until
 from rotator import rotctld
 
 from orientd.client import connect
+from orientd.protocol import control_pb2 as pb
 
 SECONDS = 14.0
 """Of the pass."""
@@ -43,11 +44,31 @@ def test_a_pass_of_a_table_is_planned_whole(daemon, tmp_path):
     offset = time.time() - time.monotonic() - rise
     since = np.array([1e-9 * one.deadline_ns for one in seen]) + offset
     q = np.array([one.q for one in seen])
-    is_up = (since > 0.3) & (since < SECONDS)
+    is_up = (since > 0.3) & (since < SECONDS - 0.3)
     w, x, y, z = q[is_up].T
     ahead = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], -1)
     apart = np.linalg.norm(ahead - vector(*direction(since[is_up])), axis=-1)
     assert np.degrees(apart).max() < 0.2
+
+
+def test_a_stop_ends_a_planned_pass(daemon, tmp_path):
+    rise = time.time() + 1.0
+    table = tmp_path / "pass.csv"
+    rows = [(rise + 2.0 * t, 2.0 * t, 30.0) for t in range(100)]
+    table.write_text("time,azimuth,elevation\n" + "".join(f"{a},{b},{c}\n" for a, b, c in rows))
+    with rotctld(daemon, "--ephemeris", table) as client:
+        time.sleep(max(0.0, rise - time.time()))
+
+        def ask():
+            azimuth = 2.0 * (time.time() - rise) / 2.0
+            assert client.ask(f"P {azimuth:.2f} 30") == ["RPRT 0"]
+            return daemon.device().motion_name == "pass"
+
+        until(ask, "the pass to begin")
+        assert client.ask("S") == ["RPRT 0"]
+        until(lambda: daemon.device().state == pb.STATE_HOLDING, "rest")
+        before = client.position()
+        assert client.position() == pytest.approx(before, abs=0.01)
 
 
 @pytest.mark.parametrize(
