@@ -260,6 +260,8 @@ def device(of: pb.DeviceReport) -> list[str]:
             f"  measured     {age(measured)}",
         ]
     lines += [f"  keep-out     {cone(one)}" for one in to_cones(of.keep_out)]
+    if of.held_at:
+        lines.append(f"  target       held at the edge of the keep-out cone {of.held_at!r}")
     return lines + [f"  {part.name:<11}  {health(part)}" for part in of.health]
 
 

@@ -555,7 +555,7 @@ class Device(_message.Message):
     def __init__(self, name: _Optional[str] = ..., driver: _Optional[str] = ..., rate_hz: _Optional[float] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., lead: _Optional[float] = ..., phase: _Optional[float] = ..., keep_out: _Optional[_Iterable[_Union[KeepOut, _Mapping]]] = ...) -> None: ...
 
 class DeviceReport(_message.Message):
-    __slots__ = ("name", "driver", "rate_hz", "limits", "lead", "phase", "state", "fault", "fault_text", "is_paused", "speed", "motion_number", "motion_id", "path_time", "duration", "servo_pid", "scheduling", "is_memory_locked", "cycle", "motion_name", "is_free", "health", "cycle_age", "feedback_age", "is_stale", "keep_out")
+    __slots__ = ("name", "driver", "rate_hz", "limits", "lead", "phase", "state", "fault", "fault_text", "is_paused", "speed", "motion_number", "motion_id", "path_time", "duration", "servo_pid", "scheduling", "is_memory_locked", "cycle", "motion_name", "is_free", "health", "cycle_age", "feedback_age", "is_stale", "keep_out", "held_at")
     NAME_FIELD_NUMBER: _ClassVar[int]
     DRIVER_FIELD_NUMBER: _ClassVar[int]
     RATE_HZ_FIELD_NUMBER: _ClassVar[int]
@@ -582,6 +582,7 @@ class DeviceReport(_message.Message):
     FEEDBACK_AGE_FIELD_NUMBER: _ClassVar[int]
     IS_STALE_FIELD_NUMBER: _ClassVar[int]
     KEEP_OUT_FIELD_NUMBER: _ClassVar[int]
+    HELD_AT_FIELD_NUMBER: _ClassVar[int]
     name: str
     driver: str
     rate_hz: float
@@ -608,7 +609,8 @@ class DeviceReport(_message.Message):
     feedback_age: float
     is_stale: bool
     keep_out: _containers.RepeatedCompositeFieldContainer[KeepOut]
-    def __init__(self, name: _Optional[str] = ..., driver: _Optional[str] = ..., rate_hz: _Optional[float] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., lead: _Optional[float] = ..., phase: _Optional[float] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ..., is_free: bool = ..., health: _Optional[_Iterable[_Union[PartHealth, _Mapping]]] = ..., cycle_age: _Optional[float] = ..., feedback_age: _Optional[float] = ..., is_stale: bool = ..., keep_out: _Optional[_Iterable[_Union[KeepOut, _Mapping]]] = ...) -> None: ...
+    held_at: str
+    def __init__(self, name: _Optional[str] = ..., driver: _Optional[str] = ..., rate_hz: _Optional[float] = ..., limits: _Optional[_Union[Limits, _Mapping]] = ..., lead: _Optional[float] = ..., phase: _Optional[float] = ..., state: _Optional[_Union[State, str]] = ..., fault: _Optional[_Union[Fault, str]] = ..., fault_text: _Optional[str] = ..., is_paused: bool = ..., speed: _Optional[float] = ..., motion_number: _Optional[int] = ..., motion_id: _Optional[str] = ..., path_time: _Optional[float] = ..., duration: _Optional[float] = ..., servo_pid: _Optional[int] = ..., scheduling: _Optional[str] = ..., is_memory_locked: bool = ..., cycle: _Optional[_Union[Cycle, _Mapping]] = ..., motion_name: _Optional[str] = ..., is_free: bool = ..., health: _Optional[_Iterable[_Union[PartHealth, _Mapping]]] = ..., cycle_age: _Optional[float] = ..., feedback_age: _Optional[float] = ..., is_stale: bool = ..., keep_out: _Optional[_Iterable[_Union[KeepOut, _Mapping]]] = ..., held_at: _Optional[str] = ...) -> None: ...
 
 class PartHealth(_message.Message):
     __slots__ = ("name", "age", "is_stale", "voltage", "temperature", "current", "warning")
@@ -1081,7 +1083,7 @@ class ChunkReport(_message.Message):
     def __init__(self, chunks: _Optional[int] = ..., live: _Optional[int] = ..., stale: _Optional[int] = ..., skipped: _Optional[int] = ..., starved: _Optional[int] = ..., largest_seam: _Optional[float] = ..., behind: _Optional[float] = ..., largest_behind: _Optional[float] = ..., least_left: _Optional[float] = ...) -> None: ...
 
 class TrackResponse(_message.Message):
-    __slots__ = ("state", "q", "omega_body", "time_ns", "targets", "left_out", "refused", "refusal", "error", "chunks", "position")
+    __slots__ = ("state", "q", "omega_body", "time_ns", "targets", "left_out", "refused", "refusal", "error", "chunks", "position", "held_at")
     STATE_FIELD_NUMBER: _ClassVar[int]
     Q_FIELD_NUMBER: _ClassVar[int]
     OMEGA_BODY_FIELD_NUMBER: _ClassVar[int]
@@ -1093,6 +1095,7 @@ class TrackResponse(_message.Message):
     ERROR_FIELD_NUMBER: _ClassVar[int]
     CHUNKS_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
+    HELD_AT_FIELD_NUMBER: _ClassVar[int]
     state: State
     q: Quaternion
     omega_body: Vector3
@@ -1104,7 +1107,8 @@ class TrackResponse(_message.Message):
     error: float
     chunks: ChunkReport
     position: Vector3
-    def __init__(self, state: _Optional[_Union[State, str]] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ..., chunks: _Optional[_Union[ChunkReport, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ...) -> None: ...
+    held_at: str
+    def __init__(self, state: _Optional[_Union[State, str]] = ..., q: _Optional[_Union[Quaternion, _Mapping]] = ..., omega_body: _Optional[_Union[Vector3, _Mapping]] = ..., time_ns: _Optional[int] = ..., targets: _Optional[int] = ..., left_out: _Optional[int] = ..., refused: _Optional[int] = ..., refusal: _Optional[str] = ..., error: _Optional[float] = ..., chunks: _Optional[_Union[ChunkReport, _Mapping]] = ..., position: _Optional[_Union[Vector3, _Mapping]] = ..., held_at: _Optional[str] = ...) -> None: ...
 
 class CommandRequest(_message.Message):
     __slots__ = ("lease_token", "device")

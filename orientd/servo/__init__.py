@@ -8,5 +8,5 @@ from orientd.servo.process import ProcessSettings
 from orientd.servo.realtime import set_scheduling
 from orientd.servo.servo import Servo
 from orientd.servo.tracking.chunks import ChunkReport, publish_chunk, read_report
-from orientd.servo.tracking.target_follower import LEFT_OUT_WORD
+from orientd.servo.tracking.target_follower import HELD_WORD, LEFT_OUT_WORD
 from orientd.servo.watchdog import WatchdogTimeouts

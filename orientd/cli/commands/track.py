@@ -62,6 +62,7 @@ def track(
         f"{report.targets} targets followed, {report.left_out} of them left out as late, "
         f"{report.refused} refused",
         f"at rest at {orientation(to_quaternion(report.q))}",
+        *([f"held at the keep-out cone {report.held_at!r}"] if report.held_at else []),
         *([f"last refusal: {report.refusal}"] if report.refusal else []),
     )
     if report.refused and not report.targets:

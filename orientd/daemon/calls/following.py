@@ -53,7 +53,8 @@ class Following:
 
     def report(self) -> pb.TrackResponse | None:
         """Return how it goes; ``None`` while there is no servo."""
-        cycle = self._device.snapshot().cycle
+        now = self._device.snapshot()
+        cycle = now.cycle
         if cycle is None:
             return None
         given, left_out = self._device.targets.written
@@ -83,6 +84,7 @@ class Following:
             refused=self._refused,
             refusal=self._refusal,
             error=None if self._newest is None else norm(difference(cycle.q, self._newest)),
+            held_at=now.held_at,
         )
 
 

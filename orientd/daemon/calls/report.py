@@ -69,6 +69,7 @@ def device_report(device: Device) -> pb.DeviceReport:
         is_stale=now.servo_pid is not None and age > STALE,
         is_free=device.is_free and now.state is ServoState.IDLE,
         health=[_part(part, now_ns) for part in now.health],
+        held_at=now.held_at,
     )
 
 

@@ -22,7 +22,7 @@ from orientd.daemon.report_directory import report_directory
 from orientd.driver import Explaining, PartHealth, driver_target, python_command, python_version
 from orientd.errors import GOING_DOWN, ConfigError, DaemonError, Fault, NotYetError, StateError
 from orientd.planner import Limits
-from orientd.servo import ProcessSettings
+from orientd.servo import HELD_WORD, ProcessSettings
 from orientd.stream import (
     GIVEN_UP_WORD,
     LONGEST_READ_WORD,
@@ -119,6 +119,7 @@ class ServoProcess:
             except ConfigError as error:
                 raise ConfigError(f"devices.{settings.name}.python: {error}") from error
         self._target = driver_target(settings.driver)
+        self._cones = settings.to_keep_out()
         self._read_ahead = read_ahead
         self._tell = tell
         self._explaining = explaining
@@ -209,7 +210,7 @@ class ServoProcess:
             report_path=os.path.join(report_directory(), f"servo-{settings.name}.json"),  # noqa: PTH118
             stop_path="" if self._stops is None else self._stops.path(settings.name),
             admitted={} if self._stops is None else self._stops.admitted,
-            keep_out=settings.to_keep_out(),
+            keep_out=self._cones,
         )
 
     @property
@@ -537,6 +538,13 @@ class ServoProcess:
         return (
             {} if memory is None else {call: memory.pulse[at] * 1e-9 for call, at in words.items()}
         )
+
+    @property
+    def held_at(self) -> str:
+        """Name of the keep-out cone that keeps the device from its target; empty if none does."""
+        memory, cones = self._memory, self._cones
+        place = 0 if memory is None else memory.targets.words[HELD_WORD]
+        return cones[place - 1].name if 0 < place <= len(cones) else ""
 
     # What the process says
 

@@ -36,6 +36,7 @@ class DeviceSnapshot:
         memory_locked: whether its memory is locked.
         health: how the device's parts are, as last measured.
         longest_calls: how long the driver's longest ``read`` and ``write`` took, s.
+        held_at: name of the keep-out cone that keeps the device from the target that it follows.
     """
 
     cycle: Cycle | None
@@ -53,6 +54,7 @@ class DeviceSnapshot:
     memory_locked: bool
     health: tuple[PartHealth, ...] = ()
     longest_calls: Mapping[str, float] = field(default_factory=dict)
+    held_at: str = ""
 
 
 def take_snapshot(
@@ -98,4 +100,5 @@ def take_snapshot(
         memory_locked=servo.memory_locked,
         health=servo.health,
         longest_calls=servo.longest_calls,
+        held_at=servo.held_at if state is ServoState.TRACKING else "",
     )
