@@ -20,6 +20,7 @@ REASONS = {
     "systemd",
     "an authority",
     "another user",
+    "another machine",
     "another terminal",
     "a real-time host",
     "a cluster",
