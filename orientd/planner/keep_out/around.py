@@ -85,12 +85,13 @@ class Around:
         """
         motion = self.plan(replace(request, keep_out=()))
         self._is_roll_free = request.is_single and request.keyframes[0].free_roll
-        notes = self._check_keyframes(motion)
+        turns = self.is_turn or any(keyframe.turns for keyframe in request.keyframes)
+        # The planner divides turns by keyframes of its own.
+        notes = [] if turns else self._check_keyframes(motion)
         direct = Detour.of(motion.request, self.start)
         short = self._short(direct, motion)
         if float(short.min()) >= 0.0:
             return self.cones.certified(motion, request).noted(*notes)
-        turns = self.is_turn or any(keyframe.turns for keyframe in request.keyframes)
         try:
             found = self._led(direct, motion, turns=turns)
         except PlanError:
