@@ -322,8 +322,9 @@ class SetpointGenerator:
         if problem:
             return self.leave_path(Fault.LIMIT_GUARD, f"the next setpoint would reach {problem}")
         if follower.is_at_end:
+            self.last = path
             self._finish()
-            return path
+            return self.last
         if self.state is _STOPPING and scaling.is_at_rest and before == 0.0:
             self.last = path
             self._finish()

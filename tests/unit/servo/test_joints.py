@@ -35,8 +35,8 @@ class JointLoopback(RecordingLoopback):
 class JointRig(Rig):
     """A servo on it whose paths have joints."""
 
-    def __init__(self):
-        super().__init__(kind=JointLoopback)
+    def __init__(self, kind=JointLoopback):
+        super().__init__(kind=kind)
 
     def lay(self, *path, joints=None, **options):
         return super().lay(
@@ -289,3 +289,40 @@ def test_a_driver_that_takes_joints_must_say_which():
     answer, text = rig.ask(Command.ENABLE)
     assert answer is Answer.FAILED
     assert "takes joints, but does not say which" in text
+
+
+class AimedLoopback(JointLoopback):
+    """The same device with a tool that is level while the tilt is 0.5 rad."""
+
+    def mechanism(self, *, may_ask):
+        level = (np.cos(0.25), 0.0, -np.sin(0.25), 0.0)
+        return Gimbal(self.axes, order="ZY", is_pointing=True, tool=level)
+
+
+def pan(steps, start=0.0):
+    """Return a path that pans by these steps, rad, and its joints."""
+    angles = start + np.concatenate([[0.0], np.cumsum(steps)])
+    q = np.zeros((len(angles), 4))
+    q[:, 0], q[:, 3] = np.cos(0.5 * angles), np.sin(0.5 * angles)
+    still = np.zeros((len(angles), 3))
+    joints = np.full((len(angles), 2 * JOINTS), np.nan)
+    joints[:, 0], joints[:, 1] = angles, 0.5
+    joints[:, JOINTS], joints[:, JOINTS + 1] = np.gradient(angles) / PERIOD, 0.0
+    return (q, still, still), joints
+
+
+def test_a_motion_begins_where_the_last_setpoint_of_the_one_before_it_was():
+    # The steps at the ends are as large as the limit of the acceleration allows.
+    step = 0.6 * TERMS.acceleration * PERIOD**2
+    rig = JointRig(AimedLoopback)
+    path, joints = pan([step] * 50)
+    rig.start(path, joints=joints)
+    rig.run_until(lambda servo: not servo.is_moving)
+    rig.run(5)
+    assert rig.cycle.state is ServoState.HOLDING
+    path, joints = pan([-step] + [-2.0 * step] * 20 + [-step], 50 * step)
+    first = rig.lay(*path, joints=joints)
+    assert rig.ask(Command.START, path_index=first)[0] is Answer.DONE
+    rig.run_until(lambda servo: not servo.is_moving)
+    assert rig.cycle.fault == Fault.NONE
+    assert rig.cycle.sent_joints == pytest.approx(joints[-1, :2])
