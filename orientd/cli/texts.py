@@ -8,7 +8,7 @@ import time
 from orientd.keep_out import KeepOut
 from orientd.planner import ANGULAR, AXES, Rate
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import orientation, titled, to_cones, to_quaternion, word
+from orientd.protocol import orientation, titled, to_quaternion, word
 
 
 def milliseconds(seconds: float) -> str:
@@ -259,7 +259,11 @@ def device(of: pb.DeviceReport) -> list[str]:
             f"{cycle.missed} missed, tracking {small_angle(error)}",
             f"  measured     {age(measured)}",
         ]
-    lines += [f"  keep-out     {cone(one)}" for one in to_cones(of.keep_out)]
+    if of.keep_out:
+        # Reading cones loads the model, which takes a tenth of a second.
+        from orientd.protocol import to_cones
+
+        lines += [f"  keep-out     {cone(one)}" for one in to_cones(of.keep_out)]
     if of.held_at:
         lines.append(f"  target       held at the edge of the keep-out cone {of.held_at!r}")
     return lines + [f"  {part.name:<11}  {health(part)}" for part in of.health]
