@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from orientd.mechanism.following import USABLE, Following
     from orientd.mechanism.foresight import ComingPose, Foresight, refusal
     from orientd.mechanism.gimbal import Gimbal
+    from orientd.mechanism.gimbal_route import pointing_error
     from orientd.mechanism.joint_path import JointPath, ToolLimits
     from orientd.mechanism.mechanism import Mechanical, Mechanism, Reserve
     from orientd.mechanism.pacing import pace
@@ -29,6 +30,7 @@ __getattr__ = lazily(
         "orientd.mechanism.figure": ("Figure", "Loss"),
         "orientd.mechanism.foresight": ("ComingPose", "Foresight", "refusal"),
         "orientd.mechanism.gimbal": ("Gimbal",),
+        "orientd.mechanism.gimbal_route": ("pointing_error",),
         "orientd.mechanism.joint_path": ("JointPath", "ToolLimits"),
         "orientd.mechanism.mechanism": ("Mechanical", "Mechanism", "Reserve"),
         "orientd.mechanism.pacing": ("pace",),

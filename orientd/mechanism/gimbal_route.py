@@ -105,7 +105,7 @@ def plan_axes(
     refuse_rates(peaks, _ADVICE)
     reached = orientations(gimbal, line.joints)
     made = orientations(gimbal, choice.joints) if line.slews else reached
-    missed = _missed(gimbal, made, q)
+    missed = pointing_error(gimbal, made, q)
     at = int(np.argmax(missed))
     error = float(missed[at]), _when(line.path_times, at * period, period)
     off = error_along(gimbal, q, reached, line.path_times / period)
@@ -236,19 +236,25 @@ def error_along(gimbal: Gimbal, q: Floats, reached: Floats, at: Floats | None = 
         at: their places in *q*, in samples, shape ``(m,)``; by default one on each.
     """
     if at is None:
-        return _missed(gimbal, reached, q)
+        return pointing_error(gimbal, reached, q)
     first = np.clip(at.astype(np.int64), 0, max(0, len(q) - 2))
     turn = log(multiply(conjugate(q[first]), q[np.minimum(first + 1, len(q) - 1)]))
     asked = multiply(q[first], exp((at - first)[:, None] * turn))
-    return _missed(gimbal, reached, asked)
+    return pointing_error(gimbal, reached, asked)
 
 
 def _samples(slew: Slew, period: float) -> slice:
     return slice(round(slew.start / period), round(slew.end / period) + 1)
 
 
-def _missed(gimbal: Gimbal, reached: Floats, q: Floats) -> Floats:
-    """Return the angle between orientations; for two axes, between the pointing directions."""
+def pointing_error(gimbal: Gimbal, reached: Floats, q: Floats) -> Floats:
+    """Return the angle between orientations; for two axes, between the pointing directions, rad.
+
+    Args:
+        gimbal: the gimbal.
+        reached: orientations of its axes, shape ``(n, 4)``.
+        q: requested orientations, shape ``(n, 4)``.
+    """
     if len(gimbal.axes) == 3:
         return angle(reached, q)
     back = conjugate(np.array(gimbal.kinematics.tool))

@@ -60,6 +60,10 @@ def reshaped(
             f"the device's axes begin {begun:.3g} rad from where the motion takes over in motion"
         )
     earlier = np.asarray(joints_before, dtype=np.float64) if len(joints_before) else None
+    start = motion.start_state
+    if start.is_at_rest and begun > SAME_ANGLE:
+        # The axes are unknown, so the plan has chosen the roll in which they begin.
+        start = replace(start, q=q[0], before=None)
     path = RecordedPath.of(q, path_times, motion.path, period, joints, earlier, joint_rates)
 
     def moved(times: Floats) -> Floats:
@@ -80,7 +84,7 @@ def reshaped(
         len(path_times),
         period,
         motion.limits,
-        before=before(motion.start_state, period),
+        before=before(start, period),
         tolerance=GUARD_TOLERANCE,
     )
     brake = joint_brake(joints, path.joint_rates, path.earlier, period, axes)

@@ -26,6 +26,7 @@ from orientd.mechanism import (
     joints_along,
     orientations,
     pace,
+    pointing_error,
     route,
     route_at_times,
     together,
@@ -375,7 +376,13 @@ class Fitting:
 
     def _reshaped(self, motion: Motion, path: JointPath) -> Motion:
         axes = self.mechanism.axes
-        return reshaped(motion, path, axes, joints_before=self.before, joint_rates=self.rates)
+        found = reshaped(motion, path, axes, joints_before=self.before, joint_rates=self.rates)
+        if not (isinstance(self.mechanism, Gimbal) and self.mechanism.is_pointing):
+            return found
+        # Only the direction counts, with whatever roll the axes give it.
+        reached = found.sample(found.keyframe_times).q
+        error = float(np.max(pointing_error(self.mechanism, reached, found.request.keys)))
+        return replace(found, certificate=replace(found.certificate, keyframe_error=error))
 
 
 def _tool(limits: Limits) -> ToolLimits:
