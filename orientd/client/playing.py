@@ -43,6 +43,7 @@ class PlayTiming:
         largest_seam: largest angle by which a chunk contradicted the one before, rad.
         behind: angle from the newest setpoint to the poses, rad, because of the limits.
         largest_behind: largest value of *behind* so far, rad.
+        lag: delay behind the poses that fits the last second best, s; 0 if the limits allow all.
         inference: longest time from the first pose of a chunk until the call that sends it, s.
         longest_inference: largest *inference* for which the poses do not run out, s; infinite
             before the second chunk.
@@ -56,6 +57,7 @@ class PlayTiming:
     largest_seam: float
     behind: float
     largest_behind: float
+    lag: float
     inference: float
     longest_inference: float
 
@@ -140,6 +142,7 @@ class Playing(Tracking):
             largest_seam=found.largest_seam,
             behind=found.behind,
             largest_behind=found.largest_behind,
+            lag=found.lag,
             inference=inference,
             longest_inference=max(inference + left, 0.0),
         )

@@ -145,7 +145,9 @@ class Tracking(Pointing):
             OrientdError: it has.
         """
         if self._ended.is_set():
-            raise self._error or OrientdError("the device no longer follows targets")
+            why = self._report.ended
+            problem = f"the device no longer follows targets{why and f': {why}'}"
+            raise self._error or OrientdError(problem)
 
     def close(self, timeout: float = 10.0) -> None:
         """Send no more targets, and wait until the device has come to rest.

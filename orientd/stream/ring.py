@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 from zlib import crc32
 
-HEADER_BYTES = 64
+HEADER_BYTES = 128
 HEAD = 0
 """Word of every ring: the index of the next record."""
 
@@ -30,7 +30,7 @@ class RecordRing:
         capacity: number of slots.
 
     Attributes:
-        words: the head, and seven more that the two sides may use; each is written atomically.
+        words: the head, and fifteen more that the two sides may use; each is written atomically.
         next: the writer's own copy of the head, in case the shared one is damaged.
     """
 

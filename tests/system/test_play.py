@@ -1,5 +1,6 @@
 """Chunks of poses through a real daemon: from the client to the setpoints that the driver got."""
 
+import getpass
 import math
 import threading
 import time
@@ -133,8 +134,9 @@ def test_a_stop_ends_the_playing(process, robot, before):
     play = robot.play()
     play.chunk(about_z(0.02 * np.arange(60)), rate=RATE)
     threading.Timer(0.3, robot.stop).start()
-    with pytest.raises(OrientdError, match="no longer"):
+    with pytest.raises(OrientdError, match="no longer follows targets: stopped by ") as error:
         play.wait(10.0)
+    assert getpass.getuser() in str(error.value)
     play.close()
     process.assert_limits_kept(before)
 

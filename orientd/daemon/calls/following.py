@@ -71,6 +71,7 @@ class Following:
                 behind=found.behind,
                 largest_behind=found.farthest,
                 least_left=found.least_left,
+                lag=found.lag,
             )
             if chunks
             else None,

@@ -399,6 +399,9 @@ class Service:
             outcome, text = run.ended.result(timeout=0)
             if outcome == pb.OUTCOME_FAULT:
                 raise StateError(text)
+            last = following.report() or pb.TrackResponse()
+            last.ended = run.reason or text
+            yield last
         finally:
             if reading is not None:
                 reading.cancel()

@@ -17,8 +17,9 @@ from orientd.servo.tracking.spline import knots_of
 from orientd.stream import CHUNK_POSES, KNOT_FLOATS, RecordRing, Sample
 from orientd.tolerances import NORM_TOLERANCE
 
-LIVE_WORD, STALE_WORD, STARVED_WORD, SEAM_WORD, BEHIND_WORD, FARTHEST_WORD, LEFT_WORD = range(1, 8)
-"""Words of the ring; angles in nanoradians."""
+LIVE_WORD, STALE_WORD, STARVED_WORD, SEAM_WORD, BEHIND_WORD, FARTHEST_WORD = range(1, 7)
+LEFT_WORD, LAG_WORD = 7, 8
+"""Words of the ring; angles in nanoradians, times in nanoseconds."""
 
 _ZERO_LEFT = 1 << 63
 """No time left of a chunk, in the word for that, which has no sign; 0 if it is not known."""
@@ -34,6 +35,7 @@ class ChunkReport(NamedTuple):
         seam: largest angle by which a chunk contradicted the one before, rad.
         behind: angle from the last setpoint to the poses, rad: the limits cut it off.
         farthest: the largest that it has been, rad.
+        lag: delay behind the poses that fits the last second best, s.
         least_left: least time that was left of a chunk when the next one came, s; negative if the
             poses had run out, ``None`` before the second one.
     """
@@ -44,6 +46,7 @@ class ChunkReport(NamedTuple):
     seam: float
     behind: float
     farthest: float
+    lag: float
     least_left: float | None
 
 
@@ -89,11 +92,10 @@ def read_chunk(fields: Sequence[Any]) -> Chunk | None:
 
 def read_report(ring: RecordRing) -> ChunkReport:
     """Return how chunks have been followed."""
-    live, stale, starved, seam, behind, farthest, left = ring.words[1:8]
+    live, stale, starved, seam, behind, farthest, left, lag = ring.words[LIVE_WORD : LAG_WORD + 1]
     least_left = 1e-9 * (left - _ZERO_LEFT) if left else None
-    return ChunkReport(
-        live, stale, starved, 1e-9 * seam, 1e-9 * behind, 1e-9 * farthest, least_left
-    )
+    angles = 1e-9 * seam, 1e-9 * behind, 1e-9 * farthest
+    return ChunkReport(live, stale, starved, *angles, 1e-9 * lag, least_left)
 
 
 def write_report(ring: RecordRing, preview: Preview) -> None:
@@ -104,13 +106,14 @@ def write_report(ring: RecordRing, preview: Preview) -> None:
     words[LEFT_WORD] = 0 if left_ns is None else _ZERO_LEFT + left_ns
 
 
-def write_distance(ring: RecordRing, behind: float) -> None:
-    """Write how far what was sent is *behind* the poses, rad."""
+def write_distance(ring: RecordRing, behind: float, lag: float) -> None:
+    """Write how far the setpoints are behind the poses: an angle, rad, and a delay, s."""
     ring.words[BEHIND_WORD] = size = round(1e9 * behind)
     ring.words[FARTHEST_WORD] = max(ring.words[FARTHEST_WORD], size)
+    ring.words[LAG_WORD] = round(1e9 * max(lag, 0.0))
 
 
 def clear_report(ring: RecordRing) -> None:
     """Begin again."""
-    for word in range(LIVE_WORD, LEFT_WORD + 1):
+    for word in range(LIVE_WORD, LAG_WORD + 1):
         ring.words[word] = 0

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from orientd.driver import ZERO, Quaternion, Vector3
-from orientd.floats import combine, difference, norm, plus
+from orientd.floats import combine, difference, dot, norm, plus
 from orientd.servo.motion_law import TrackingLimits, divided
 from orientd.servo.tracking.quintic import Knot, Piece
 from orientd.servo.tracking.reference import Arrivals
@@ -38,6 +38,9 @@ is: if every chunk began it again, a long one would never end."""
 
 CATCHING_UP = 0.01
 """Part of a shift of the deadlines that the reading of the curve makes up for in one cycle."""
+
+REMEMBERED = 1.0
+"""How long a gap to the reference counts for the lag, s."""
 
 _LOOKS = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Where a seam is held against the limits."""
@@ -98,6 +101,7 @@ class Preview:
             pose.
         least_left_ns: least time that was left of a chunk when the next one came.
         starved: how many chunks came after the poses had run out.
+        lag: delay of the setpoints that fits the last second best, s.
     """
 
     def __init__(
@@ -127,7 +131,8 @@ class Preview:
         self.has_positions = False
         self.live = self.stale = self.starved = 0
         self.least_left_ns: int | None = None
-        self.seam = 0.0
+        self.seam = self.lag = 0.0
+        self._slipped = self._swept = 0.0
 
     @property
     def is_on(self) -> bool:
@@ -170,7 +175,7 @@ class Preview:
         if first == len(knots):
             return "every pose of the chunk has passed"
         self._arrivals.note(self.end.time_ns if self._knots else None, sent_ns)
-        passed = [self._eased(knot) for knot in knots[max(first - 1, 0) : first]]
+        given = knots[max(first - 1, 0) :]
         knots = [self._eased(knot) for knot in knots[first:]]
         self.live = len(knots)
         self._compare(knots[0], sent, sent_ns)
@@ -180,8 +185,8 @@ class Preview:
         self.has_positions = has_positions
         start = kept.pop() if kept else self._knot_of(sent, sent_ns)
         excess, piece = self._seam(start, knots)
-        if excess > 1.0 and passed:
-            self._knots = [*passed, *knots]
+        if excess > 1.0 and len(given) > len(knots):
+            self._knots = list(given)
             self._piece = self._joins = None
             self._state, self._read_ns = self._motion_at(sent_ns), sent_ns
             return ""
@@ -325,6 +330,13 @@ class Preview:
         acceleration = combine(velocity, 1.0 / h, before.velocity, -1.0 / h)
         self._state = Motion(q, omega, alpha, position, velocity, acceleration)
         return PreviewState(*before, alpha, acceleration)
+
+    def note_gap(self, gap: Vector3, omega: Vector3) -> None:
+        """Note the rotation vector from a setpoint to the reference, and the velocity of that."""
+        kept = 1.0 - self._period / REMEMBERED
+        self._slipped = kept * self._slipped + dot(gap, omega)
+        self._swept = kept * self._swept + dot(omega, omega)
+        self.lag = self._slipped / self._swept if self._swept > 0.0 else 0.0
 
     def _motion_at(self, time_ns: int) -> Motion:
         """Return the curve at an instant, with differences to the two periods before it."""

@@ -143,7 +143,7 @@ class TargetFollower:
         if self._ring.words[HELD_WORD] != self.tracker.held + 1:
             self._ring.words[HELD_WORD] = self.tracker.held + 1
         if self.tracker.preview.is_on:
-            write_distance(self._chunks, self.tracker.behind)
+            write_distance(self._chunks, self.tracker.behind, self.tracker.preview.lag)
         position = self._position() or guard.braked_position(servo_limits)
         if is_stopping or self.foresight is None:
             return point, position

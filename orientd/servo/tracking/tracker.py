@@ -372,7 +372,9 @@ class Tracker:
         if self._is_concluded:
             self.behind = 0.0
             return ReferenceState(end.q, ZERO, ZERO)
-        self.behind = norm(difference(self._q, found.q))
+        gap = difference(self._q, found.q)
+        self.behind = norm(gap)
+        preview.note_gap(gap, found.omega)
         return found
 
     def _must_brake(self, q: Quaternion, left: float) -> bool:

@@ -47,6 +47,7 @@ def test_orientation_and_position_are_where_the_poses_are():
         assert norm(difference(q, last.q)) < 1e-4
         apart = max(apart, np.linalg.norm(np.subtract(position, last.position)))
     assert apart < 1e-4
+    assert read_report(rig.memory.chunks).lag < 1e-4
 
 
 def test_the_acceleration_of_the_position_is_continuous():
@@ -100,6 +101,19 @@ def test_what_the_limits_cut_off_is_told():
     chunk(rig, rig.clock.now_ns(), motion=lambda t: (exp((0.0, 0.0, 1.0 * sin(2 * pi * t))), ZERO))
     rig.run(300)
     assert read_report(rig.memory.chunks).farthest > 0.1
+
+
+def test_poses_faster_than_the_limits_leave_a_lag():
+    rig, speed = playing(), 1.2 * LIMITS.velocity
+    begin = rig.clock.now_ns() / NS - 1.0
+    for _ in range(8):
+        now_ns = rig.clock.now_ns()
+        chunk(rig, now_ns - NS // 10, motion=lambda t: (exp((0.0, 0.0, speed * (t - begin))), ZERO))
+        rig.run(60)
+    report, turned = read_report(rig.memory.chunks), rig.driver.setpoints[-1].q
+    # As fast as the limits allow, but for the beginning.
+    assert difference((1.0, 0.0, 0.0, 0.0), turned)[2] > 0.9 * LIMITS.velocity * 480 * PERIOD
+    assert 0.1 < report.lag < report.behind / speed
 
 
 def test_a_chunk_far_ahead_waits_for_its_time():
