@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 import time
@@ -87,10 +88,12 @@ class Passes:
         self._pass = None
 
     def close(self) -> None:
-        """Wait until nothing is planned."""
+        """Follow no pass any longer, and return when none is planned or waits for its start."""
         self._pass = None
         planning = self._planning
         if planning is not None:
+            with contextlib.suppress(OrientdError):
+                self._served.robot.stop(self._served.name)
             planning.join()
 
     def _plan(self, wanted: Pass) -> None:

@@ -51,6 +51,19 @@ def test_a_pass_of_a_table_is_planned_whole(daemon, tmp_path):
     assert np.degrees(apart).max() < 0.2
 
 
+def test_a_waiting_pass_is_left_for_a_position_elsewhere(daemon, tmp_path):
+    """It does not begin later either, and the end of the server does not wait for it."""
+    rise = time.time() + 400.0
+    table = tmp_path / "pass.csv"
+    rows = [(rise + 5.0 * t, 2.0 * t, 10.0 + t) for t in range(20)]
+    table.write_text("time,azimuth,elevation\n" + "".join(f"{a},{b},{c}\n" for a, b, c in rows))
+    with rotctld(daemon, "--ephemeris", table) as client:
+        assert client.ask("P 0 10") == ["RPRT 0"]
+        assert client.ask("P 100 20") == ["RPRT 0"]
+        client.await_position(100.0, 20.0)
+        assert client.ask("P 0 10") == ["RPRT 0"]
+
+
 def test_a_stop_ends_a_planned_pass(daemon, tmp_path):
     rise = time.time() + 1.0
     table = tmp_path / "pass.csv"
