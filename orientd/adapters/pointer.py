@@ -19,6 +19,8 @@ from orientd.stream import CHUNK_POSES
 
 _BEYOND = 1.5
 """How long the device follows the path after a position, in gaps between positions."""
+_QUICKEST = 0.4
+"""Shortest gap that is planned for, s: positions that come more often are not missed by jitter."""
 _RETURN = 2.0
 """Seconds of the way back to the last position, if none follows."""
 _SEAM = 0.8
@@ -163,9 +165,10 @@ class Pointer:
         if apart > _NEAR:
             self._move(wanted)
             return
-        beyond = _BEYOND * path.gap
+        gap = max(path.gap, _QUICKEST)
+        beyond = _BEYOND * gap
         times = np.linspace(now + _START, now + beyond + _RETURN, CHUNK_POSES)
-        seam = _smooth((times - now) / (_SEAM * path.gap))[:, None]
+        seam = _smooth((times - now) / (_SEAM * gap))[:, None]
         points = before.at(times) + seam * (path.at(times) - before.at(times))
         back = _smooth((times - now - beyond) / _RETURN)[:, None]
         points += back * (vector(wanted) - points)
