@@ -22,6 +22,25 @@ if TYPE_CHECKING:
 serve = Group(name="serve", help="Let programs that speak another protocol command a device.")
 
 
+def _finite(
+    context: click.Context, parameter: click.Parameter, given: float | None
+) -> float | None:
+    """Return the number of an option.
+
+    Raises:
+        click.BadParameter: it is not finite.
+    """
+    del context
+    if given is not None and not math.isfinite(given):
+        raise click.BadParameter(f"expected a finite number, got {given}", param=parameter)
+    return given
+
+
+_NORTH = Option(
+    metavar="DEG", help="Angle of north from the world's x axis, towards y.", callback=_finite
+)
+
+
 def run(name: str, to: Commander, out: Output, adapter: Callable[[Served], Adapter]) -> None:
     """Serve until Ctrl-C or SIGTERM, then bring the device to rest.
 
@@ -70,10 +89,7 @@ def rotctld(
     out: Output,
     host: Host = "127.0.0.1",
     port: Annotated[int, Option(range=(0, 65535), help="Port to serve at; 0 for any.")] = 4533,
-    north: Annotated[
-        float,
-        Option(metavar="DEG", help="Angle of north from the world's x axis, towards y."),
-    ] = 0.0,
+    north: Annotated[float, _NORTH] = 0.0,
     azimuth: Annotated[
         str, Option(metavar="MIN:MAX", help="Azimuths to accept, degrees.", callback=_range)
     ] = "-180:540",
@@ -165,10 +181,7 @@ def mavlink(
     component: Annotated[
         int, Option(range=(7, 255), help="MAVLink component id of the gimbal.")
     ] = 154,
-    north: Annotated[
-        float | None,
-        Option(metavar="DEG", help="Angle of north from the world's x axis, towards y."),
-    ] = None,
+    north: Annotated[float | None, _NORTH] = None,
 ) -> None:
     """Serve MAVLink programs: QGroundControl, MAVSDK, an autopilot.
 
@@ -224,10 +237,7 @@ def alpaca(
     discovery: Annotated[
         int, Option(range=(0, 65535), help="UDP port that answers discovery; 0 for none.")
     ] = 32227,
-    north: Annotated[
-        float,
-        Option(metavar="DEG", help="Angle of north from the world's x axis, towards y."),
-    ] = 0.0,
+    north: Annotated[float, _NORTH] = 0.0,
     observer: Annotated[
         str,
         Option(metavar="LAT,LON[,M]", help="Place of the telescope, for right ascension."),
@@ -240,7 +250,7 @@ def alpaca(
         bool, Option("--symmetric", help="Half a turn of the rotator makes no difference.")
     ] = False,
 ) -> None:
-    """Serve astronomy programs: NINA, and every other client of ASCOM Alpaca.
+    """Serve astronomy programs: NINA and others that speak ASCOM Alpaca.
 
     The device is an alt-azimuth telescope, whose tube is the x axis of the tool, and a rotator that
     turns about that axis.
