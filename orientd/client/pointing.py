@@ -93,7 +93,7 @@ class Pointing(ABC):
         self._frames: dict[str, NamedFrame] | None = None
         # The orientation of the base for the last target, and that target.
         self._target: tuple[Quaternion, Quaternion] | None = None
-        self._stamp_ns = self._emitted_ns = 0
+        self._stamp_ns = self._emitted_ns = self._used_ns = 0
         self._gap_ns = 0.0
 
     @property
@@ -388,15 +388,22 @@ class Pointing(ABC):
         """Send a target for the time at which the next sample will have been sent."""
         least_ns = self._stamp_ns + SPACING_NS
         stamp_ns = now_ns + round(SPARE * self._gap_ns + self.transport * 1e9)
-        if stamp_ns < least_ns - (0 if may_skip else MOST_AHEAD_NS):
+        if may_skip and stamp_ns < least_ns:
+            # Of samples that arrive together the newest one counts, in place of the last target.
+            if self._base is None or self._base.time_ns - self._used_ns < SPACING_NS:
+                return
+            stamp_ns = self._stamp_ns
+        elif stamp_ns < least_ns - MOST_AHEAD_NS:
             return
-        stamp_ns = max(stamp_ns, least_ns)
+        else:
+            stamp_ns = max(stamp_ns, least_ns)
         gap_ns, self._emitted_ns = now_ns - self._emitted_ns, now_ns
         if gap_ns < LONGEST_NS:
             self._gap_ns += (USUAL if self._gap_ns else 1.0) * (gap_ns - self._gap_ns)
         turned, omega_base, expires = IDENTITY, ZERO, [sight.expires_ns]
         if sight.is_in_world and self._base is not None:
             turned, omega_base = self._base.at(stamp_ns)
+            self._used_ns = self._base.time_ns
             expires.append(self._base.time_ns + self._base_life_ns)
         if self._target is None:
             q_before = to_quaternion(self.report.q)
