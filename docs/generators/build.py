@@ -12,6 +12,7 @@ from generators import (
     families,
     formulas,
     messages,
+    passes,
     protocol,
     python_names,
     schemas,
@@ -34,6 +35,7 @@ def _write(source: Path) -> None:
         families,
         decisions,
         sines,
+        passes,
     ):
         for name, text in module.pages(source):
             path = source / name

@@ -13,7 +13,7 @@ from pages import DOCS, REASONS, blocks, pages
 from orientd import config, motion_file
 from orientd.cli.main import app
 
-QUICK = ["frames.md", "keep-out.md", "library.md"]
+QUICK = ["frames.md", "keep-out.md", "library.md", "satellite-pass.md"]
 TURN = [{"rotation_vector": [0, 0, 0]}, {"rotation_vector": [0, 0, 1]}]
 
 
