@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from orientd.client.playing import Playing, PlayTiming
     from orientd.client.pointing import BaseReport, Pointing
     from orientd.client.robot import Robot, after_stop, connect
+    from orientd.client.smoothing import smoothed_orientations, smoothed_positions
     from orientd.client.stop_call import ask_to_stop
     from orientd.client.target_messages import TARGET_KEYS, target_message
     from orientd.client.teaching import MeasuredPose, Teaching
@@ -45,6 +46,7 @@ __getattr__ = lazily(
         "orientd.client.stop_call": ("ask_to_stop",),
         "orientd.client.target_messages": ("TARGET_KEYS", "target_message"),
         "orientd.client.teaching": ("MeasuredPose", "Teaching"),
+        "orientd.client.smoothing": ("smoothed_orientations", "smoothed_positions"),
         "orientd.client.tracking": ("Tracking",),
         "orientd.client.trust": ("check_folder",),
     },

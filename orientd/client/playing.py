@@ -8,6 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, get_args
 
+import numpy as np
+
+from orientd.client.smoothing import smoothed_orientations, smoothed_positions
 from orientd.client.target_messages import Frame, orientation_of
 from orientd.client.tracking import Tracking
 from orientd.driver import Quaternion as Orientation
@@ -16,6 +19,7 @@ from orientd.model import to_plain
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_vector
 from orientd.rotation import Quaternion, is_rotation
+from orientd.tolerances import NORM_TOLERANCE
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -83,6 +87,8 @@ class Playing(Tracking):
         positions: ArrayLike | None = None,
         angular_velocities: ArrayLike | None = None,
         velocity_frame: Frame = "body",
+        tolerance: float = 0.0,
+        position_tolerance: float = 0.0,
     ) -> None:
         """Send a chunk of poses, and return at once.
 
@@ -101,6 +107,8 @@ class Playing(Tracking):
             angular_velocities: at each pose, shape ``(n, 3)``, rad/s; ``None`` to derive them from
                 the poses.
             velocity_frame: frame of the angular velocities.
+            tolerance: how far each orientation may be turned to smooth the chunk, rad.
+            position_tolerance: how far each position may be moved for that, m.
 
         Raises:
             RequestError: the chunk is not well formed.
@@ -116,6 +124,15 @@ class Playing(Tracking):
             if places:
                 raise RequestError("positions", "given twice, in the poses too")
             places = _rows("positions", positions, len(orientations))
+        for name, most in (("tolerance", tolerance), ("position_tolerance", position_tolerance)):
+            if not 0.0 <= most < math.inf:
+                raise RequestError(name, f"expected 0 or more, got {most!r}")
+        if tolerance > 0.0 and angular_velocities is not None:
+            raise RequestError("tolerance", "expected 0 with angular_velocities")
+        if tolerance > 0.0 or position_tolerance > 0.0:
+            orientations, places = _smoothed(
+                stamps, orientations, places, tolerance, position_tolerance
+            )
         message = pb.TrackChunk(times_ns=stamps)
         message.orientations.extend(number for q in orientations for number in q)
         message.positions.extend(number for place in places for number in place)
@@ -207,6 +224,29 @@ def _poses(poses: Sequence[object]) -> tuple[list[Orientation], list[list[float]
     if places and len(places) != len(orientations):
         raise RequestError("poses", "expected a position in every pose, or in none")
     return orientations, places
+
+
+def _smoothed(
+    stamps: Sequence[int],
+    orientations: list[Orientation],
+    places: list[list[float]],
+    tolerance: float,
+    position_tolerance: float,
+) -> tuple[list[Orientation], list[list[float]]]:
+    """Return a chunk smoothed within the tolerances; what the daemon skips stays as it is."""
+    q = np.array(orientations)
+    rows = np.array(places) if places else np.zeros((len(q), 3))
+    is_pose = np.isfinite(rows).all(axis=1)
+    is_pose &= np.abs(np.linalg.norm(q, axis=1) - 1.0) <= NORM_TOLERANCE
+    valid = np.flatnonzero(is_pose)
+    times, firsts = np.unique(np.array(stamps)[valid], return_index=True)
+    seconds, valid = 1e-9 * (times - times[:1]), valid[firsts]
+    if tolerance > 0.0:
+        q[valid] = smoothed_orientations(seconds, q[valid], tolerance)
+    if position_tolerance > 0.0:
+        rows[valid] = smoothed_positions(seconds, rows[valid], position_tolerance)
+    turned: list[Orientation] = [(w, x, y, z) for w, x, y, z in q.tolist()]
+    return turned, rows.tolist() if places else places
 
 
 def _components(given: object) -> Quaternion | None:

@@ -106,6 +106,19 @@ def test_positions_are_played_too(robot):
     assert to_vector(device.cycle.position) == pytest.approx((0.03, 0.02, 0.0), abs=1e-4)
 
 
+def test_a_noisy_chunk_is_smoothed_within_its_tolerance(robot):
+    noise = 0.002 * (-1.0) ** np.arange(30)
+    poses = [*about_z(0.01 * np.arange(30) + noise), {"rotation_vector": [math.nan, 0.0, 0.0]}]
+    places = np.column_stack([noise, np.zeros(30), np.zeros(30)])
+    positions = np.vstack([places, [[0.0, 0.0, 0.0]]])
+    with robot.play() as play:
+        play.chunk(poses, rate=RATE, positions=positions, tolerance=0.003, position_tolerance=0.003)
+        play.wait(10.0)
+    assert angle_of(play.report) == pytest.approx(0.29, abs=1e-3)
+    assert to_vector(play.report.position) == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
+    assert play.timing().skipped == 1
+
+
 def test_a_chunk_that_is_not_well_formed_is_refused_at_once(robot):
     wrong = [
         ({}, "rate"),
@@ -114,6 +127,8 @@ def test_a_chunk_that_is_not_well_formed_is_refused_at_once(robot):
         ({"rate": 30.0, "positions": [[0, 0, 0]]}, "positions"),
         ({"rate": 30.0, "angular_velocities": [[0, 0]] * 2}, "angular_velocities"),
         ({"rate": 30.0, "velocity_frame": "tool"}, "velocity_frame"),
+        ({"rate": 30.0, "tolerance": -1.0}, "tolerance"),
+        ({"rate": 30.0, "tolerance": 0.1, "angular_velocities": [[0, 0, 0]] * 2}, "tolerance"),
     ]
     with robot.play() as play:
         for options, field in wrong:
