@@ -31,6 +31,8 @@ CHOSEN = {
         "Robot",
         "MoveHandle",
         "Tracking",
+        "Pointing",
+        "BaseReport",
         "Playing",
         "PlayTiming",
         "Clutch",

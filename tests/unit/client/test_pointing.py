@@ -8,6 +8,7 @@ from pointing_world import (
     IDENTITY,
     LIMITS,
     NS,
+    ZERO,
     Session,
     amplitude,
     angle,
@@ -19,8 +20,10 @@ from pointing_world import (
     rate_of,
 )
 
+from orientd.driver import AxisLimits
 from orientd.errors import RequestError, StaleBaseError
 from orientd.floats import difference
+from orientd.mechanism import Gimbal
 from orientd.rotation import Quaternion
 
 SLOW = pytest.mark.slow
@@ -286,3 +289,13 @@ def test_of_samples_that_arrive_together_the_newest_counts():
         )
     session.run(1.0)
     assert off_line(multiply(turn, session.world.guard.q), (1.0, 0.0, 0.0)) < 1e-6
+
+
+def test_a_gimbal_of_two_axes_points_there_whatever_the_roll():
+    axes = [AxisLimits("pan", -10.0, 10.0, 9.0), AxisLimits("tilt", -10.0, 10.0, 9.0)]
+    gimbal = Gimbal(axes, order="ZY", is_pointing=True)
+    session, line = Session(), (0.48, 0.64, 0.6)
+    session.now(lambda: session.look_at([4.8, 6.4, 6.0], roll=70.0))
+    session.run(3.0)
+    joints = gimbal.nearest(session.world.guard.q, ZERO, (0.0, 0.0))
+    assert off_line(gimbal.orientation(joints), line) < 1e-6
