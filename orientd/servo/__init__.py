@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.path.path_follower import FINAL_WORD, TAIL_WORD
 from orientd.servo.path.segment import Segment, point_of
 from orientd.servo.process import ProcessSettings

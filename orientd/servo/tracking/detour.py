@@ -175,7 +175,8 @@ def _first_on(
     """
     first, place = angle, -1
     for k, one in enumerate(circles):
-        if k == skip:
+        reach = one.angle + angle
+        if k == skip or (reach < pi and dot(p, one.direction) < cos(reach)):
             continue
         arc = Arc(p, u, one.direction)
         most = cos(one.angle - _TOUCHING)

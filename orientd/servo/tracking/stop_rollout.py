@@ -42,9 +42,13 @@ class Arc:
     __slots__ = ("k0", "k1", "k2")
 
     def __init__(self, p: Vector3, u: Vector3, d: Vector3) -> None:
-        self.k0 = dot(u, p) * dot(u, d)
-        self.k1 = dot(p, d) - self.k0
-        self.k2 = dot(cross(u, p), d)
+        # Written out: a cycle near cones needs some twenty of them.
+        x, y, z = p
+        a, b, c = u
+        e, f, g = d
+        self.k0 = (a * x + b * y + c * z) * (a * e + b * f + c * g)
+        self.k1 = x * e + y * f + z * g - self.k0
+        self.k2 = (b * z - c * y) * e + (c * x - a * z) * f + (a * y - b * x) * g
 
     def at(self, angle: float) -> float:
         """Return the cosine after a turn by *angle*."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from orientd.clock import ManualClock
-from orientd.servo import Servo, WatchdogTimeouts
+from orientd.servo import KeepOutCones, Servo, WatchdogTimeouts
 from orientd.stream import (
     NOT_GIVEN,
     Command,
@@ -79,6 +79,7 @@ class ArmRig:
         jerk=400.0,
         linear_velocity=0.5,
         linear_acceleration=2.0,
+        cones=(),
     ):
         self.arm, self.start = replace(MODELS[model].arm(), tool=pose_of(TOOL)), joints
         self.q, self.position = self.arm.forward(joints)
@@ -103,6 +104,7 @@ class ArmRig:
             watch=WatchdogTimeouts(5 * 10**8, 10**8, 5 * 10**8),
             clock=self.clock,
             parent_is_alive=lambda: True,
+            cones=KeepOutCones(cones, PERIOD_NS * 1e-9) if cones else None,
         )
         self.hindrances = set()
         for command in (Command.ENABLE, Command.TRACK):

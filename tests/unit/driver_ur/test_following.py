@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from arm_rig import ArmRig
 
-from orientd.floats import difference, exp, multiply, norm
+from orientd.floats import difference, exp, multiply, norm, rotate
+from orientd.keep_out import KeepOut
 from orientd.mechanism import refusal
 from orientd.stream import ServoState
 from orientd_ur.arm import MODELS
@@ -162,3 +163,16 @@ def test_random_streams_keep_every_limit_of_the_joints(seed):
     moves = rng.random() < 0.6
     rig.follow(at, 3.0, hz=rng.choice([20, 50, 100]), position=place if moves else None)
     rig.check()
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_an_arm_keeps_out_of_a_cone_inside_the_limits_of_its_joints(way):
+    q = ArmRig("ur5e", HOME).q
+    centre = rotate(turning(q, (0.0, 0.1, way), 0.6, 1.0)(1.0), (1.0, 0.0, 0.0))
+    cone = KeepOut("window", centre, half_angle=0.2)
+    rig = ArmRig("ur5e", HOME, cones=(cone,))
+    rig.follow(turning(q, (0.0, 0.0, way), 0.5, 1.2), seconds=5.0)
+    assert rig.servo.state is ServoState.TRACKING
+    rig.check()
+    assert min(cone.clearance(s.q, 0) for s in rig.setpoints) > 0.0
+    assert cone.clearance(rig.setpoints[-1].q, 0) > 0.3

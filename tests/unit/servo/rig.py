@@ -10,8 +10,7 @@ from orientd import rotation
 from orientd.clock import ManualClock
 from orientd.driver import Setpoint
 from orientd.keep_out import KeepOut
-from orientd.servo import Servo, WatchdogTimeouts
-from orientd.servo.keep_out_cones import KeepOutCones
+from orientd.servo import KeepOutCones, Servo, WatchdogTimeouts
 from orientd.servo.path.path_follower import FINAL_WORD, TAIL_WORD
 from orientd.stream import (
     JOINTS,
