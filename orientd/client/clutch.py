@@ -51,6 +51,7 @@ class Anchor:
     Attributes:
         newest: pose of the newest report.
         owner: the clutch that sent the newest target; ``None`` if that came from elsewhere.
+        is_moving: whether the device moves, or may not have got the newest target yet.
     """
 
     def __init__(self, report: pb.TrackResponse) -> None:
@@ -59,7 +60,7 @@ class Anchor:
         self.owner: Clutch | None = None
         self._held = self.newest
         self._until = -math.inf
-        self._is_moving = True
+        self.is_moving = True
         self.note(report)
 
     def note(self, report: pb.TrackResponse) -> None:
@@ -68,17 +69,17 @@ class Anchor:
         is_turning = math.hypot(*to_vector(report.omega_body)) > _STILL
         is_shifting = math.dist(self.newest[1], before[1]) > _STILL
         # A report from before the end of the newest target does not count.
-        self._is_moving = is_turning or is_shifting or time.monotonic() < self._until
+        self.is_moving = is_turning or is_shifting or time.monotonic() < self._until
 
     def hold(self, owner: Clutch, pose: Pose, time_to_live: float) -> None:
         """Note a target of a clutch, and how long it counts, s."""
         self.owner, self._held = owner, pose
-        self._until, self._is_moving = time.monotonic() + time_to_live, True
+        self._until, self.is_moving = time.monotonic() + time_to_live, True
 
     def lose(self) -> None:
         """Note a target or a chunk that no clutch has sent."""
         self.owner = None
-        self._until, self._is_moving = time.monotonic() + _BRIEF, True
+        self._until, self.is_moving = time.monotonic() + _BRIEF, True
 
     @property
     def is_held(self) -> bool:
@@ -89,7 +90,7 @@ class Anchor:
         """Return the pose that the device keeps; ``None`` while it comes to rest."""
         if self.is_held:
             return self._held
-        return None if self._is_moving else self.newest
+        return None if self.is_moving else self.newest
 
 
 class Clutch:

@@ -17,7 +17,6 @@ from orientd.driver import Quaternion as Orientation
 from orientd.errors import RequestError
 from orientd.model import to_plain
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import to_vector
 from orientd.rotation import Quaternion, is_rotation
 from orientd.tolerances import NORM_TOLERANCE
 
@@ -26,9 +25,6 @@ if TYPE_CHECKING:
 
 _NONE: Orientation = (math.nan, math.nan, math.nan, math.nan)
 """A pose that the daemon skips and counts."""
-
-_STILL = 1e-6
-"""Angular velocity below which the device rests, rad/s."""
 
 _LOOK = 0.01
 """Seconds from one look at the newest report to the next."""
@@ -186,8 +182,7 @@ class Playing(Tracking):
         if not self._sent:
             return True
         is_taken = report.chunks.chunks + report.refused >= self._sent
-        speed = math.hypot(*to_vector(report.omega_body))
-        return is_taken and report.time_ns > self._last_ns and speed < _STILL
+        return is_taken and report.time_ns > self._last_ns and not self._anchor.is_moving
 
     def __exit__(self, *of: object) -> None:
         try:

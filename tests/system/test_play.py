@@ -98,6 +98,7 @@ def test_positions_are_played_too(robot):
         positions = np.column_stack([np.linspace(0.0, 0.03, 30), np.zeros(30), np.zeros(30)])
         play.chunk(about_z(np.linspace(0.0, 0.1, 30)), rate=RATE, positions=positions)
         play.wait(10.0)
+        assert to_vector(play.report.position) == pytest.approx((0.03, 0.0, 0.0), abs=1e-5)
         play.chunk(
             [{"rotation_vector": [0, 0, 0.1], "position": [0.03, 0.01 * k, 0]} for k in (0, 1, 2)],
             rate=10.0,
