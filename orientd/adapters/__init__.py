@@ -11,9 +11,10 @@ if TYPE_CHECKING:
     from orientd.adapters.alpaca_mount import Mount
     from orientd.adapters.alpaca_rotator import Rotator
     from orientd.adapters.alpaca_telescope import Telescope
-    from orientd.adapters.bluesky import FlyScan, MotionStatus, RotationAxis
+    from orientd.adapters.bluesky import FlyScan, RotationAxis
     from orientd.adapters.equatorial import Place
     from orientd.adapters.mavlink import Mavlink
+    from orientd.adapters.motion_status import MotionStatus
     from orientd.adapters.pointing import Direction, direction, orientation
     from orientd.adapters.rotctld import Ranges, Rotctld
     from orientd.adapters.served import Adapter, Served
@@ -26,9 +27,10 @@ __getattr__ = lazily(
         "orientd.adapters.alpaca_mount": ("Mount",),
         "orientd.adapters.alpaca_rotator": ("Rotator",),
         "orientd.adapters.alpaca_telescope": ("Telescope",),
-        "orientd.adapters.bluesky": ("FlyScan", "MotionStatus", "RotationAxis"),
+        "orientd.adapters.bluesky": ("FlyScan", "RotationAxis"),
         "orientd.adapters.equatorial": ("Place",),
         "orientd.adapters.mavlink": ("Mavlink",),
+        "orientd.adapters.motion_status": ("MotionStatus",),
         "orientd.adapters.pointing": ("Direction", "direction", "orientation"),
         "orientd.adapters.rotctld": ("Ranges", "Rotctld"),
         "orientd.adapters.served": ("Adapter", "Served"),

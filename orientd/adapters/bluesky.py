@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
+from orientd.adapters.motion_status import MotionStatus
 from orientd.adapters.watched_angle import Pair, WatchedAngle, interpolated
 from orientd.errors import OrientdError, RequestError, StateError
 from orientd.protocol import control_pb2 as pb
@@ -21,6 +22,9 @@ from orientd.rotation import Quaternion
 
 if TYPE_CHECKING:
     from orientd.client import MoveHandle, Robot
+
+_THERE_DEG = 1e-5
+"""Distance at which the device is at an angle already, degrees."""
 
 _SAMPLES_HZ = 10.0
 """Rate of the samples of a plan, of which only the last one is read."""
@@ -68,61 +72,6 @@ class FlyScan:
     def rate(self) -> float:
         """Angular velocity, rad/s; negative if the angle decreases."""
         return math.radians(self.stop_deg - self.start_deg) / self.duration
-
-
-class MotionStatus:
-    """The state of an action, as bluesky's protocol ``Status`` has it.
-
-    Attributes:
-        is_stop_success: whether the action counts as successful if it is stopped.
-    """
-
-    def __init__(self) -> None:
-        self.is_stop_success = False
-        self._ended = threading.Event()
-        self._lock = threading.Lock()
-        self._error: BaseException | None = None
-        self._callbacks: list[Callable[[Any], None]] = []
-
-    @property
-    def done(self) -> bool:
-        """Whether the action has ended, in any way."""
-        return self._ended.is_set()
-
-    @property
-    def success(self) -> bool:
-        """Whether it has ended without an error."""
-        return self.done and self._error is None
-
-    def exception(self, timeout: float | None = 0.0) -> BaseException | None:
-        """Return the error of the action, or ``None``.
-
-        Args:
-            timeout: longest wait for its end, s; ``None`` for no limit.
-
-        Raises:
-            TimeoutError: it has not ended.
-        """
-        if not self._ended.wait(timeout):
-            raise TimeoutError(f"the action has not ended after {timeout:g} s")
-        return self._error
-
-    def add_callback(self, callback: Callable[[Any], None]) -> None:
-        """Call *callback* with this object at the end of the action; at once if it has ended."""
-        with self._lock:
-            if not self.done:
-                self._callbacks.append(callback)
-                return
-        callback(self)
-
-    def finish(self, error: BaseException | None = None) -> Self:
-        """End the action, with an error if it failed, and return this object."""
-        with self._lock:
-            self._error = error
-            self._ended.set()
-        for callback in self._callbacks:
-            callback(self)
-        return self
 
 
 class RotationAxis:
@@ -250,7 +199,9 @@ class RotationAxis:
         limits = {} if self.velocity_deg is None else {"velocity": math.radians(self.velocity_deg)}
         start = self._angle.newest().setpoint
         keyframes = self._angle.keyframes(start, target)
-        if abs(target - start) < 180.0:
+        is_at_rest = self._angle.report().state == pb.STATE_HOLDING
+        if abs(target - start) < (_THERE_DEG if is_at_rest else 180.0):
+            # It is there, or moves: a path from where it was would turn back first.
             keyframes = keyframes[-1:]
         handle = self._robot.move(
             keyframes, device=self._device, approach=True, limits=limits, name=f"{self.name} set"

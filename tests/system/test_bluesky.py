@@ -5,11 +5,12 @@ import threading
 
 import numpy as np
 import pytest
+from gimbal_bench import GimbalDaemon, await_hold
 from harness import until
 
 from orientd import connect
 from orientd.adapters import FlyScan, RotationAxis
-from orientd.errors import PlanError, RequestError, StateError
+from orientd.errors import LimitError, PlanError, RequestError, StateError
 from orientd.protocol import control_pb2 as pb
 from orientd_loopback import read_recording
 
@@ -271,3 +272,21 @@ def test_a_fly_scan_needs_full_speed(theta, robot):
             theta.kickoff()
     finally:
         robot.set_speed(1.0)
+
+
+def test_an_angle_beyond_the_end_of_an_axis_is_refused_before_the_device_moves(bus, tmp_path):
+    pytest.importorskip("dynamixel_sdk")
+    gimbal = GimbalDaemon(tmp_path, bus.link).start()
+    try:
+        await_hold(gimbal, "gimbal")
+        with connect(gimbal.socket) as robot, RotationAxis(robot, name="yaw") as yaw:
+            assert yaw.set(-200.0).exception(60.0) is None
+            # The axis ends at -270 degrees.  60 degrees is the same orientation.
+            for beyond in (-300.0, 300.0):
+                with pytest.raises(LimitError, match="angle of yaw"):
+                    yaw.set(beyond)
+            assert yaw.locate()["setpoint"] == pytest.approx(-200.0, abs=1e-6)
+            assert yaw.set(160.0).exception(60.0) is None
+            assert yaw.position == pytest.approx(160.0, abs=0.5)
+    finally:
+        gimbal.end()
