@@ -125,9 +125,10 @@ class Passes:
             if self._pass is not wanted:
                 return
             if begin > now + _LEAST:
+                lost = sum(one.end - one.start for one in plan.certificate.losses)
                 self._notify(
                     f"{wanted.target.name}: the pass is planned, from {start - now:.0f} s "
-                    f"to {wanted.end - now:.0f} s from now"
+                    f"to {wanted.end - now:.0f} s from now, off target for {lost:.1f} s"
                 )
                 self._motion = self._served.begin(plan, begin)
                 return
