@@ -87,7 +87,7 @@ def lines_of(
     for branch in (0, 1):
         joints = joints_at(gimbal, matrix, exact + branch * np.pi)
         joints[:, 1:] = np.unwrap(joints[:, 1:], axis=0)
-        shifts = [_shifts(joints[:, place], axis) for place, axis in enumerate(axes)]
+        shifts = [_shifts(joints[:, place], axis, near[place]) for place, axis in enumerate(axes)]
         for turns in product(*shifts):
             line = _line(gimbal, matrix, joints + _TURN * np.array(turns), branch, period, axes)
             if np.any(line.error <= tolerance):
@@ -97,12 +97,17 @@ def lines_of(
     return Sky(matrix, exact, sine, tuple(line for _, line in kept))
 
 
-def _shifts(angles: Floats, axis: AxisLimits) -> range:
-    """Return the whole turns with which *angles* are inside the range of an axis anywhere."""
+def _shifts(angles: Floats, axis: AxisLimits, near: float) -> range:
+    """Return the whole turns with which *angles* are inside the range of an axis anywhere.
+
+    An axis may have hundreds of turns: only those about the angle *near* are of use.
+    """
     low, high = float(np.min(angles)), float(np.max(angles))
+    reach = high - low + _TURN
+    least, most = max(axis.low, near - reach), min(axis.high, near + reach)
     return range(
-        int(np.ceil((axis.low - high) / _TURN - 0.01)),
-        int(np.floor((axis.high - low) / _TURN + 0.01)) + 1,
+        int(np.ceil((least - high) / _TURN - 0.01)),
+        int(np.floor((most - low) / _TURN + 0.01)) + 1,
     )
 
 

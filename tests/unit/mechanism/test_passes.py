@@ -114,6 +114,14 @@ def test_what_counts_as_lost_is_an_option():
     assert mild < 0.9 * strict
 
 
+def test_an_endless_azimuth_turns_on_from_where_it_is():
+    gimbal, q = rotator((-91800.0, 91800.0)), overhead(30.0, 10.0)
+    here = (np.radians(7200.0), 0.5)
+    path = routed(gimbal, q, here)
+    assert path.losses == ()
+    assert np.max(np.abs(path.joints[:, 0] - here[0])) < 2 * np.pi
+
+
 def test_a_path_that_the_axes_never_reach_is_refused():
     q = multiply(exp([0.0, 0.5, 0.0]), np.repeat([[1.0, 0.0, 0.0, 0.0]], 200, axis=0))
     with pytest.raises(LimitError, match="angle of elevation"):
