@@ -70,7 +70,9 @@ def test_the_wheel_holds_every_package_with_its_types_and_nothing_else(wheel):
     assert {"orientd", "orientd_loopback"} <= packages
     assert all(package.startswith("orientd") for package in packages)
     assert {f"{package}/py.typed" for package in packages} <= set(names)
-    assert {f"orientd/emulators/{name}/py.typed" for name in EMULATORS} <= set(names)
+    assert {f"orientd/emulators/{name}/py.typed" for name in (*EMULATORS, "emulated_base")} <= set(
+        names
+    )
     assert "orientd/protocol/control.proto" in names
     assert "orientd/bench/loop.c" in names
     assert {name.rpartition("/share/")[2] for name in names if "/share/" in name} == {
