@@ -60,6 +60,9 @@ DeviceName = Annotated[
     str,
     Option("--device", "-d", help="Device, if there are several.", shell_complete=devices),
 ]
+OneOrAll = Annotated[
+    str, Option("--device", "-d", help="Device; default: all.", shell_complete=devices)
+]
 ConfigFile = Annotated[
     Path | None,
     Option(

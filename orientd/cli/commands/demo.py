@@ -50,7 +50,7 @@ def demo(
         Path, Option("--plot", "-p", help="Where to draw the picture (extra plot).")
     ] = Path("orientd-demo.png"),
 ) -> None:
-    """Show a motion without hardware, and how well it went.
+    """Run a motion on a simulated device, and report how well it went.
 
     The command starts a daemon with a simulated device of its own, and ends it after the motion.
     The motion passes through six keyframes and has a velocity at both ends: a lead-in accelerates

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated
 
-from orientd.cli.command import Commander, DeviceName, Endpoint
+from orientd.cli.command import Commander, Endpoint, OneOrAll
 from orientd.cli.output import Output
 from orientd.cli.parameters import Argument
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def _of_all(name: str, told: str) -> Callable[..., None]:
     """Return the command that stops devices, independent of their leases."""
 
-    def act(at: Endpoint, out: Output, device: DeviceName = "") -> None:
+    def act(at: Endpoint, out: Output, device: OneOrAll = "") -> None:
         from orientd.cli.urgent import tell
 
         with at.connect(name) as robot:
@@ -55,9 +55,9 @@ def _command(
 stop = _of_all("stop", "Stop a device, or all of them, on the path.  Needs no lease.")
 halt = _of_all(
     "halt",
-    """Stop a device, or all of them, fast and off the path.
+    """Stop a device, or all of them, as fast as the limits permit.
 
-    As quickly as the limits allow.  Needs no lease.
+    The device may leave its path.  Needs no lease.
     """,
 )
 pause = _of_one("pause", "Stop on the path; `orientd resume` continues.")

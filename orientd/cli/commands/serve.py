@@ -1,4 +1,4 @@
-"""`orientd serve`: let programs that speak another protocol command a device."""
+"""`orientd serve`: serve a device by the protocols of other programs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ from orientd.cli.parameters import Group, Option, part_of
 if TYPE_CHECKING:
     from orientd.adapters import Adapter, Served
 
-serve = Group(name="serve", help="Let programs that speak another protocol command a device.")
+serve = Group(
+    name="serve", help="Serve a device by the protocols of antenna, MAVLink and astronomy programs."
+)
 
 
 def _finite(
@@ -103,14 +105,20 @@ def rotctld(
     ] = "-90:90",
     tle: Annotated[
         Path | None,
-        Option("--tle", help="Elements of satellites whose passes are planned whole."),
+        Option(
+            "--tle",
+            help="File of orbital elements (TLE); orientd plans whole passes of these satellites.",
+        ),
     ] = None,
     observer: Annotated[
         str, Option(metavar="LAT,LON[,M]", help="Place of the antenna (with --tle).")
     ] = "",
     ephemeris: Annotated[
         Path | None,
-        Option("--ephemeris", help="CSV of a pass to plan whole: time, azimuth, elevation."),
+        Option(
+            "--ephemeris",
+            help="CSV file of one pass, to plan as a whole: time, azimuth, elevation.",
+        ),
     ] = None,
 ) -> None:
     """Serve antenna programs: gpredict, SatNOGS, SDRangel, `rotctl`.
@@ -181,12 +189,19 @@ def mavlink(
     component: Annotated[
         int, Option(range=(7, 255), help="MAVLink component id of the gimbal.")
     ] = 154,
-    north: Annotated[float | None, _NORTH] = None,
+    north: Annotated[
+        float | None,
+        Option(
+            metavar="DEG",
+            help="Angle of north from the world's x axis, towards y; default: unknown.",
+            callback=_finite,
+        ),
+    ] = None,
 ) -> None:
     """Serve MAVLink programs: QGroundControl, MAVSDK, an autopilot.
 
-    The device is a gimbal of the gimbal protocol v2, with its manager. The x axis of the tool is
-    forward.  Yaw counts to the right, pitch up.
+    The device appears as a gimbal of the gimbal protocol v2, with its manager.  The x axis of the
+    tool is forward.  Yaw counts to the right, pitch up.
     """
     need_extra("mavlink")
     from orientd.adapters import Mavlink
@@ -247,7 +262,7 @@ def alpaca(
         Option(metavar="AZ,ALT", help="Direction to park in, degrees.", callback=_direction),
     ] = "0,0",
     symmetric: Annotated[
-        bool, Option("--symmetric", help="Half a turn of the rotator makes no difference.")
+        bool, Option("--symmetric", help="Treat rotator angles half a turn apart as equal.")
     ] = False,
 ) -> None:
     """Serve astronomy programs: NINA and others that speak ASCOM Alpaca.

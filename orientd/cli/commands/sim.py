@@ -43,9 +43,9 @@ def ur(
 ) -> None:
     """Run an emulated UR arm.
 
-    RTDE on 30004, dashboard on 29999, URScript on 30001 to 30003, interpreter mode on 30020,
-    faults on 29998 (send `help`).  Prints a line that begins with `ready` when it can be used.
-    Any address in 127.0.0.0/8 works.
+    Serves RTDE on port 30004, the dashboard on 29999, URScript on 30001 to 30003, interpreter
+    mode on 30020, faults on 29998 (send `help`).  Prints a line that begins with `ready` when it
+    can be used.  Any address in 127.0.0.0/8 works.
     """
     emulator = _emulator("emulated_ur")
     if model not in emulator.MODELS:
