@@ -106,7 +106,7 @@ def test_mavsdk_commands_a_gimbal_a_hundred_times(sdk, gimbal_daemon):
     sdk.take_control()
     chance = random.Random(7)
     for _ in range(12):
-        pitch, yaw = chance.uniform(-20, 20), chance.uniform(-150, 150)
+        pitch, yaw = chance.uniform(-60, 60), chance.uniform(-150, 150)
         assert sdk.aim(pitch, yaw)
     sdk.await_angles(pitch, yaw)
     assert sdk.aim(-20, 50, is_locked=True)
