@@ -32,8 +32,8 @@ _HEAD = f"""\
 # Interpolation of chunks
 
 A policy follows a sine about a fixed axis. It sends chunks of {POSES} poses at {RATE:g} Hz, each
-{1e3 * INFERENCE:.0f} ms after its observation. Three ways of interpolation make {1 / PERIOD:g}
-setpoints a second of the same chunks. The table compares these setpoints with the sine itself.
+{1e3 * INFERENCE:.0f} ms after its observation. Three interpolation methods turn the same chunks
+into {1 / PERIOD:g} setpoints a second. The table compares these setpoints with the sine itself.
 
 - **orientd** is [`robot.play()`](../tutorials/policy.md), with limits of {LIMITS.velocity:g} rad/s,
   {LIMITS.acceleration:g} rad/s² and {LIMITS.jerk:g} rad/s³.
@@ -44,8 +44,8 @@ The sine has an amplitude of at most {LARGEST:g} rad and a peak acceleration of 
 {LARGEST_ACCELERATION:g} rad/s². In its middle the rotation vector is half a turn long and changes
 its sign. A straight line between the components there passes through distant orientations.
 
-Error is the largest angle between a setpoint and the sine. Lag is the delay that fits all setpoints
-best. Peak is the largest acceleration of the setpoints, relative to that of the sine.
+Error is the largest angle between a setpoint and the sine. Lag is the delay of the setpoints,
+as the best fit to all of them. Peak is their largest acceleration, relative to that of the sine.
 
 """
 
