@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from orientd.adapters import Adapter, Served
 
 serve = Group(
-    name="serve", help="Serve a device by the protocols of antenna, MAVLink and astronomy programs."
+    name="serve", help="Serve antenna, MAVLink and astronomy programs."
 )
 
 

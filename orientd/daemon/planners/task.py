@@ -138,14 +138,6 @@ class PlanInput:
     earliest: int = 0
     unix_ns: int = field(default_factory=time.time_ns)
 
-    @property
-    def begins_ns(self) -> int:
-        """Unix time at which the motion begins, about, ns."""
-        if self.after is None:
-            return self.unix_ns
-        left = (self.after.record_count - self.earliest) * self.after.period
-        return self.unix_ns + max(0, round(1e9 * left))
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:

@@ -120,13 +120,14 @@ class Worker:
         planner, rows = self._planners[plan_input.device], rows_of(plan_input.records)
         leave, after = 0, plan_input.after
         if after is not None:
+            left = max(0, after.record_count - plan_input.earliest) * after.period
             leave, motion = planner.blend(
                 RecordedMotion(after, rows, after.record_count - len(rows)),
                 request,
                 tolerance=plan_input.tolerance,
                 earliest=plan_input.earliest,
                 motion_id=plan_input.motion_id,
-                unix_ns=plan_input.begins_ns,
+                unix_ns=plan_input.unix_ns + round(1e9 * left),
             )
         else:
             start = start_of(rows)._asdict()
@@ -134,7 +135,7 @@ class Worker:
                 request,
                 **start,
                 motion_id=plan_input.motion_id,
-                unix_ns=plan_input.begins_ns,
+                unix_ns=plan_input.unix_ns,
             )
         known = self._known[plan_input.motion_id] = motion, leave, planner.report_frame(request)
         while len(self._known) > KEPT:
