@@ -91,10 +91,11 @@ class Passes:
         """Follow no pass any longer, and return when none is planned or waits for its start."""
         self._pass = None
         planning = self._planning
-        if planning is not None:
+        # A motion may be on its way to the daemon when the first stop arrives.
+        while planning is not None and planning.is_alive():
             with contextlib.suppress(OrientdError):
                 self._served.robot.stop(self._served.name)
-            planning.join()
+            planning.join(0.5)
 
     def _plan(self, wanted: Pass) -> None:
         """Plan the rest of a pass from rest, and start it."""
