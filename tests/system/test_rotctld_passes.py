@@ -12,6 +12,9 @@ from rotator import rotctld
 from orientd.client import connect
 from orientd.protocol import control_pb2 as pb
 
+PERIOD = 0.002
+"""Of the device, s."""
+
 SECONDS = 14.0
 """Of the pass."""
 
@@ -43,6 +46,9 @@ def test_a_pass_of_a_table_is_planned_whole(daemon, tmp_path):
         assert math.dist(client.position(), direction(SECONDS)) < 20.0
     offset = time.time() - time.monotonic() - rise
     since = np.array([1e-9 * one.deadline_ns for one in seen]) + offset
+    # A servo that the machine does not run keeps its path, and loses time on it.
+    first = next(one for one in seen if one.motion == seen[-1].motion)
+    since -= PERIOD * np.array([max(one.missed - first.missed, 0) for one in seen])
     q = np.array([one.q for one in seen])
     w, x, y, z = q.T
     ahead = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], -1)

@@ -19,9 +19,7 @@ from orientd.cli.parameters import Group, Option, part_of
 if TYPE_CHECKING:
     from orientd.adapters import Adapter, Served
 
-serve = Group(
-    name="serve", help="Serve antenna, MAVLink and astronomy programs."
-)
+serve = Group(name="serve", help="Serve antenna, MAVLink and astronomy programs.")
 
 
 def _finite(
