@@ -31,6 +31,8 @@ def vector(azimuth, elevation):
     return np.stack([level * np.cos(azimuth), -level * np.sin(azimuth), np.sin(elevation)], -1)
 
 
+# It needs a servo that is not kept waiting; test_a_stop_ends_a_planned_pass plans one anywhere.
+@pytest.mark.slow
 def test_a_pass_of_a_table_is_planned_whole(daemon, tmp_path):
     """A client asks for the place of the rise alone, and the device follows the table."""
     rise = time.time() + 25.0
