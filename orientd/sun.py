@@ -14,6 +14,20 @@ _EPOCH = 946_728_000
 """Unix time of 2000-01-01 12:00 UTC, s."""
 
 
+def sidereal_time(time: float, longitude: float) -> float:
+    """Return the local mean sidereal time, degrees, of any number of turns.
+
+    Args:
+        time: s since 1970, UTC.
+        longitude: degrees, east positive.
+
+    Source: Meeus, Astronomical Algorithms (1998), equation 12.4, without its terms below an arc
+    second a century.
+    """
+    days = (time - _EPOCH) / 86_400.0
+    return 280.460_618_37 + 360.985_647_366_29 * days + longitude
+
+
 class Sun(NamedTuple):
     """The sun as seen from a place on the earth.
 
@@ -38,7 +52,7 @@ class Sun(NamedTuple):
             unix_ns: time, ns since 1970-01-01 UTC.
 
         Source: Astronomical Almanac, section C, low precision formulas for the sun's coordinates
-        and for Greenwich mean sidereal time (0.01 degrees).
+        (0.01 degrees).
         """
         days = (unix_ns * 1e-9 - _EPOCH) / 86_400.0
         anomaly = radians(357.528 + 0.985_600_3 * days)
@@ -48,8 +62,8 @@ class Sun(NamedTuple):
         obliquity = radians(23.439 - 0.000_000_4 * days)
         ascension = atan2(cos(obliquity) * sin(longitude), cos(longitude))
         declination = asin(sin(obliquity) * sin(longitude))
-        sidereal = radians(280.460_618_37 + 360.985_647_366_29 * days + self.longitude)
-        hour, latitude = sidereal - ascension, radians(self.latitude)
+        hour = radians(sidereal_time(unix_ns * 1e-9, self.longitude)) - ascension
+        latitude = radians(self.latitude)
         east = -cos(declination) * sin(hour)
         north = sin(declination) * cos(latitude) - cos(declination) * cos(hour) * sin(latitude)
         up = sin(declination) * sin(latitude) + cos(declination) * cos(hour) * cos(latitude)

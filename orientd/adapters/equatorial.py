@@ -1,8 +1,6 @@
 """Right ascension and declination, and the horizon of a place.
 
-Angles are in degrees.  Coordinates are those of the date, without refraction.  The sidereal time is
-that of Meeus, Astronomical Algorithms, equation 12.4, without its terms below an arc second a
-century.
+Angles are in degrees.  Coordinates are those of the date, without refraction.
 """
 
 from __future__ import annotations
@@ -11,11 +9,7 @@ import math
 from typing import NamedTuple
 
 from orientd.adapters.pointing import Direction
-
-_EPOCH = 946728000.0
-"""Noon of 1 January 2000 UTC, s since 1970."""
-
-_DAY = 86400.0
+from orientd.sun import sidereal_time
 
 
 class Equatorial(NamedTuple):
@@ -38,8 +32,7 @@ class Place(NamedTuple):
         Args:
             time: s since 1970, UTC.
         """
-        days = (time - _EPOCH) / _DAY
-        return ((280.46061837 + 360.98564736629 * days + self.longitude) % 360.0) / 15.0
+        return (sidereal_time(time, self.longitude) % 360.0) / 15.0
 
     def direction(self, target: Equatorial, time: float) -> Direction:
         """Return where a point of the sky stands at a time.
