@@ -27,6 +27,7 @@ CODE = re.compile(r"``[^`]*``|`[^`]*`(?:__?)?|:\w+:|\$[^$]*\$|https?://\S+|\{[\w
 ABBREVIATION = re.compile(r"\b(e\.g|i\.e|et al|Eq|Eqs|Sec|Fig|No|cf|vol|pp|p|approx|Prof|resp)\.")
 COMMENT = re.compile(r"(?:^|\s)# (?!type:|fmt:|noqa|mypy:)(.*)")
 ARGUMENT = re.compile(r"^\*{0,2}\w+: ")
+SENTENCE = re.compile(r"(?<=[.?!:])\s+(?=[\"*(`[]*(?:[A-Z`]|orientd\b))")
 LIST = re.compile(r"\s*(?:[-*|] |\d+\. |\.\. |@|#+ |\*{0,2}\w[\w, *./]*: )")
 
 Text = tuple[int, str]
@@ -105,7 +106,7 @@ READERS = {".py": python, ".c": c, ".h": c, ".md": markdown, ".toml": comments, 
 def faults(path: Path) -> Iterator[Text]:
     """Yield what a file's prose should say otherwise, with the line."""
     for line, text in READERS[path.suffix](path):
-        for sentence in re.split(r"(?<=[.?!:])\s+(?=[\"*(`[]*[A-Z`])", ABBREVIATION.sub("", text)):
+        for sentence in re.split(SENTENCE, ABBREVIATION.sub("", text)):
             words = ARGUMENT.sub("", CODE.sub("X", sentence))
             for pattern, better in WORDS.items():
                 if found := pattern.search(words):
