@@ -13,6 +13,7 @@ import sys
 import time
 from pathlib import Path
 
+import matplotlib
 from pages import OWN_TERMINAL, Block
 
 PATIENCE = 300.0
@@ -61,6 +62,8 @@ class Follower:
             **kept,
             "HOME": str(folder),
             "XDG_RUNTIME_DIR": str(folder),
+            # Else Matplotlib builds its cache of fonts for every page, and says so if it takes long.
+            "MPLCONFIGDIR": matplotlib.get_cachedir(),
             "PYTHONPATH": os.pathsep.join([str(folder / "site"), *sys.path]),
             "PATH": f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}",
         }
@@ -69,6 +72,7 @@ class Follower:
             self.environment["PIP_FIND_LINKS"] = str(fresh)
             self.environment["PIP_DISABLE_PIP_VERSION_CHECK"] = "1"
             self.environment.pop("PYTHONPATH")
+            self.environment.pop("MPLCONFIGDIR")
             return
         programs = folder / "bin"
         programs.mkdir()
