@@ -62,7 +62,7 @@ class Follower:
             **kept,
             "HOME": str(folder),
             "XDG_RUNTIME_DIR": str(folder),
-            # Else Matplotlib builds its cache of fonts for every page, and says so if it takes long.
+            # Without it Matplotlib builds its font cache for every page, and prints a notice.
             "MPLCONFIGDIR": matplotlib.get_cachedir(),
             "PYTHONPATH": os.pathsep.join([str(folder / "site"), *sys.path]),
             "PATH": f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}",
