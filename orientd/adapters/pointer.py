@@ -17,8 +17,9 @@ from orientd.protocol import to_quaternion
 from orientd.rotation import Quaternion as Named
 from orientd.stream import CHUNK_POSES
 
-_BEYOND = 1.5
-"""How long the device follows the path after a position, in gaps between positions."""
+_BEYOND, _LONGEST_BEYOND = 4.0, 5.0
+"""How long the device follows the path after a position: in gaps between positions, and s after the
+next one is due.  A program that is content with the measured direction sends none for a while."""
 _QUICKEST = 0.4
 """Shortest gap that is planned for, s: positions that come more often are not missed by jitter."""
 _RETURN = 2.0
@@ -166,7 +167,7 @@ class Pointer:
             self._move(wanted)
             return
         gap = max(path.gap, _QUICKEST)
-        beyond = _BEYOND * gap
+        beyond = min(_BEYOND * gap, gap + _LONGEST_BEYOND)
         times = np.linspace(now + _START, now + beyond + _RETURN, CHUNK_POSES)
         seam = _smooth((times - now) / (_SEAM * gap))[:, None]
         points = before.at(times) + seam * (path.at(times) - before.at(times))

@@ -2,6 +2,11 @@
 
 The positions are fitted as points on the unit sphere.  Azimuth and elevation would not do: near the
 zenith both change without bound while the target moves steadily.
+
+A program may send a position early or late.  gpredict 2.3, for example, sends where the target will
+be up to half a second later, or was up to half a second ago.  The more positions a polynomial is
+fitted to, the less such errors count, and the less it can follow a target that turns.  So each
+polynomial is judged by its own past: how well it would have predicted the newest positions.
 """
 
 from __future__ import annotations
@@ -15,16 +20,12 @@ from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 
-_MOST = 12
+_FITS = ((1, 3), (1, 8), (2, 5), (2, 8), (2, 12), (2, 24), (3, 5))
+"""Degrees of the polynomials to choose from, and the number of positions that each is fitted to."""
+_JUDGED = 8
+"""Newest positions that show which of the polynomials predicts best."""
+_MOST = max(count for _, count in _FITS) + _JUDGED
 """Positions that are kept."""
-_FEW = 5
-"""Newest positions, which show how much the positions deviate from a smooth path."""
-_SIZES = (12, 8)
-"""Numbers of positions of longer fits; the longest that deviates little more is used."""
-_BETTER = 0.1
-"""Deviation of a fit of one more degree that is much better, relative."""
-_FIT = 1e-4
-"""Largest deviation of a position from its fit, in addition to its rounding, rad."""
 _LONGEST_GAP = 20.0
 """Seconds after which a position does not continue the earlier ones."""
 _SHARE = 0.25
@@ -59,7 +60,7 @@ class Prediction:
         """
         self._times, self._points, self._rounding = times, points, rounding
         self.gap = max((b - a for a, b in pairwise(times[-4:])), default=0.0)
-        self._path = _path(times, points, _FIT + rounding) if times else np.zeros((1, 3))
+        self._path = _path(times, points) if times else np.zeros((1, 3))
         self.speed = float(np.linalg.norm(self._path[1])) if len(self._path) > 1 else 0.0
 
     def added(self, time: float, point: Floats) -> Prediction:
@@ -110,25 +111,30 @@ class Prediction:
         return aside < _SHARE * step + _SLACK + 2.0 * self._rounding
 
 
-def _path(times: Sequence[float], points: Sequence[Floats], tolerance: float) -> Floats:
+def _path(times: Sequence[float], points: Sequence[Floats]) -> Floats:
     """Return the coefficients of time since the newest position, shape ``(degree + 1, 3)``."""
     since, rows = np.array(times) - times[-1], np.array(points)
-    path, near = _fit(since[-_FEW:], rows[-_FEW:], min(2, len(since) - 1))
-    if len(since) >= _FEW and near > tolerance:
-        # A quick target on a curved way, not noise, if one more degree is much better.
-        cubic, left = _fit(since[-_FEW:], rows[-_FEW:], 3)
-        if left < _BETTER * near:
-            return cubic
-    for size in _SIZES:
-        if size <= len(since):
-            longer, deviation = _fit(since[-size:], rows[-size:], 2)
-            if deviation < tolerance + 2.0 * near:
-                return longer
-    return path
+    degree, count = min(len(rows) - 1, 1), len(rows)
+    if len(rows) > 2:
+        degree, count = min(_FITS, key=lambda fit: _miss(since, rows, *fit))
+    return _fit(since[-count:], rows[-count:], degree)
 
 
-def _fit(since: Floats, rows: Floats, degree: int) -> tuple[Floats, float]:
-    """Return the coefficients of a polynomial, and the largest deviation of a row from it."""
+def _miss(since: Floats, rows: Floats, degree: int, count: int) -> float:
+    """Return the mean square error of the newest rows as predicted from the *count* before each.
+
+    Infinite if there are too few rows.
+    """
+    misses = []
+    for row in range(max(degree + 1, len(rows) - _JUDGED), len(rows)):
+        used = slice(max(0, row - count), row)
+        path = _fit(since[used] - since[row], rows[used], degree)
+        # At time 0 the polynomial is its first coefficient.
+        misses.append(np.sum((path[0] / np.linalg.norm(path[0]) - rows[row]) ** 2))
+    return float(np.mean(misses)) if misses else math.inf
+
+
+def _fit(since: Floats, rows: Floats, degree: int) -> Floats:
+    """Return the coefficients of the polynomial that fits the rows best."""
     powers = np.vander(since, degree + 1, increasing=True)
-    path = np.asarray(np.linalg.lstsq(powers, rows, rcond=None)[0])
-    return path, float(np.max(np.linalg.norm(powers @ path - rows, axis=1)))
+    return np.asarray(np.linalg.lstsq(powers, rows, rcond=None)[0])
