@@ -9,7 +9,7 @@ from orientd.cli.output import Output
 from orientd.cli.parameters import Group, Option, part_of
 from orientd.errors import OrientdError
 
-lease = Group(name="lease", help="Seize a lease from its holder.")
+lease = Group(name="lease", help="Take a lease away from its holder.")
 audit = Group(name="audit", help="No longer there.", hidden=True)
 
 
@@ -29,12 +29,12 @@ def give() -> None:
 def seize(
     at: Endpoint,
     out: Output,
-    reason: Annotated[str, Option("--reason", help="Why; the holder and the audit log get it.")],
+    reason: Annotated[str, Option("--reason", help="Reason, for the holder and the audit log.")],
     device: DeviceName = "",
 ) -> None:
     """Seize the lease from its holder, and release it.
 
-    This applies to one device, or to all.  Their motions stop.  For administrators only.
+    This stops the holder's motions.  Only administrators may do it.
     """
     from orientd.protocol import control_pb2 as pb
 

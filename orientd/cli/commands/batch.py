@@ -27,26 +27,34 @@ def batch(
         Path, Option("--output", "-o", metavar="FOLDER", help="Folder for the plans.")
     ],
     records: Annotated[
-        bool, Option("--records", help="Write every setpoint too, in the folder `records`.")
+        bool, Option("--records", help="Also write every setpoint, to the folder `records`.")
     ] = False,
     backend: Annotated[
-        str, Option("--backend", help="`loky`: this machine; `ray` or `dask`: a cluster.")
+        str,
+        Option(
+            "--backend", help="Where to plan: `loky` on this machine; `ray` or `dask` on a cluster."
+        ),
     ] = "loky",
     address: Annotated[
         str | None,
-        Option("--address", metavar="ADDRESS", help="Address of the cluster, if any."),
+        Option(
+            "--address",
+            metavar="ADDRESS",
+            help="Address of the cluster; default: a new one on this machine.",
+        ),
     ] = None,
     jobs: Annotated[
-        int, Option("--jobs", "-j", help="Parts planned at a time; -1: one on each core.")
+        int, Option("--jobs", "-j", help="Number of parts to plan at a time; -1: one per core.")
     ] = -1,
     config: ConfigFile = None,
     device: DeviceName = "",
 ) -> None:
-    """Plan a file of many motions, without a daemon.
+    """Plan many motions from a file, without a daemon.
 
-    The plans go into FOLDER/plans.parquet. A line of a .jsonl file is a motion file.  In a table,
-    rows with the same `motion` are one motion, a keyframe each.  Each row of the result is a
-    certificate or the reason for a refusal. The same command continues an interrupted run.
+    Each line of a .jsonl file is a motion file.  In a table, each row is a keyframe, and rows with
+    the same `motion` form one motion.  FOLDER/plans.parquet then has one row per motion, with its
+    certificate or the reason for a refusal.  To continue an interrupted run, give the same command
+    again.
     """
     from orientd.batch import Batch, open_requests
 

@@ -17,13 +17,17 @@ if TYPE_CHECKING:
 def measure(
     out: Output,
     seconds: Annotated[
-        float, Option(range=(0.5, None), help="Length of one slot in seconds.")
+        float, Option(range=(0.5, None), help="Duration of one measurement, s.")
     ] = 2.0,
     slots: Annotated[
-        int, Option(range=(1, None), help="Pairs of slots, servo and bare C loop, per condition.")
+        int,
+        Option(
+            range=(1, None),
+            help="Number of measurements of the servo and of the C loop, per condition.",
+        ),
     ] = 3,
     servo: Annotated[bool, Option(help="Measure the servo's lateness.")] = True,
-    curves: Annotated[bool, Option(help="Measure the curves' speed.")] = True,
+    curves: Annotated[bool, Option(help="Measure the speed of the curves.")] = True,
 ) -> None:
     """Measure the servo's lateness and the curves' speed.
 
@@ -46,11 +50,13 @@ bench = command_of(Group, measure, name="bench", invoke_without_command=True)
 def retarget(
     out: Output,
     count: Annotated[
-        int, Option(range=(10, None), help="Retargets for each number of keyframes.")
+        int, Option(range=(10, None), help="Number of retargets for each number of keyframes.")
     ] = 200,
     keyframes: Annotated[
         list[int] | None,
-        Option(range=(1, None), help="Keyframes of each motion; repeatable.  [default: 1, 20]"),
+        Option(
+            range=(1, None), help="Number of keyframes per motion; repeatable.  [default: 1, 20]"
+        ),
     ] = None,
     rate: Annotated[
         float, Option(range=(1.0, 2000.0), help="Cycle rate of the device in Hz.")

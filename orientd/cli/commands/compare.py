@@ -24,7 +24,7 @@ Times = Annotated[
     Literal["file", "uniform", "chord"],
     Option(
         "--times",
-        help="Times of the file (chord if it has none), one second each, or by chord length.",
+        help="Keyframe times: from the file (else chord), every second, or by chord length.",
     ),
 ]
 """Source of the keyframes' times."""
@@ -33,7 +33,7 @@ Ends = Annotated[
     Literal["rest", "natural"],
     Option(
         "--ends",
-        help="Ends whose velocity the file leaves open: at rest (as planned), or natural (without "
+        help="An end without a velocity in the file: at rest (as planned), or natural (without "
         "acceleration).",
     ),
 ]
@@ -51,23 +51,23 @@ def compare(
     file: MotionFile,
     plot: Annotated[
         Path | None,
-        Option("--plot", help="Draw all families side by side to an image file."),
+        Option("--plot", help="Draw all methods side by side to an image file."),
     ] = None,
     inertia: Annotated[
         str | None,
         Option(
             "--inertia",
             metavar="IX,IY,IZ",
-            help="Principal moments, kg m^2: adds the integral of the squared torque.",
+            help="Principal moments of inertia, kg m^2: adds the integral of the squared torque.",
         ),
     ] = None,
     times: Times = "file",
     ends: Ends = "rest",
     sort: Annotated[Column, Option("--sort", help="Sort by this column, best first.")] = "effort",
 ) -> None:
-    """Compare all families of curves on the keyframes of FILE.
+    """Compare all interpolation methods on the keyframes of FILE.
 
-    The curve of the file's own method is the one that `orientd plan` plans.  Needs no daemon.
+    The curve of the file's own method is that of `orientd plan`.  Needs no daemon.
     """
     moments = _moments(inertia)
     if sort == "torque" and moments is None:

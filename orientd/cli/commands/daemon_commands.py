@@ -30,7 +30,7 @@ def run(
     ] = False,
     log_format: Annotated[
         Literal["auto", "text", "json"],
-        Option("--log-format", help="auto: json if journald reads it, else text."),
+        Option("--log-format", help="Format of the log; auto: json under journald, else text."),
     ] = "auto",
     require_devices: Annotated[
         bool, Option("--require-devices", help="Exit if a device is not ready.")
@@ -142,14 +142,14 @@ def methods(
     out: Output,
     gallery: Annotated[
         Path | None,
-        Option("--gallery", metavar="DIR", help="Draw every family to a file in DIR."),
+        Option("--gallery", metavar="DIR", help="Draw every method to a file in DIR."),
     ] = None,
     picture_format: Annotated[
         Literal["svg", "png", "pdf"],
-        Option("--format", help="Format of the gallery's files."),
+        Option("--format", help="Format of these files."),
     ] = "svg",
 ) -> None:
-    """List the families of curves that a motion file can name.  Needs no daemon."""
+    """List the interpolation methods.  Needs no daemon."""
     from orientd.daemon import known_methods
 
     found = known_methods()

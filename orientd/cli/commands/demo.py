@@ -44,11 +44,13 @@ def demo(
     out: Output,
     what: Annotated[
         Literal["motion", "policy"],
-        Argument(metavar="WHAT", help="A planned motion, or the chunks of poses of a policy."),
+        Argument(
+            metavar="WHAT", help="`motion`: a planned motion; `policy`: the chunks of a policy."
+        ),
     ] = "motion",
-    plot: Annotated[
-        Path, Option("--plot", "-p", help="Where to draw the picture (extra plot).")
-    ] = Path("orientd-demo.png"),
+    plot: Annotated[Path, Option("--plot", "-p", help="Image file to draw (extra plot).")] = Path(
+        "orientd-demo.png"
+    ),
 ) -> None:
     """Run a motion on a simulated device, and report how well it went.
 

@@ -70,7 +70,9 @@ reset = _of_one("reset", "Clear a fault, and start the servo process again if it
 def speed(
     to: Commander,
     out: Output,
-    factor: Annotated[float, Argument(metavar="X", help="Above 0 and at most 1; 1 is as planned.")],
+    factor: Annotated[
+        float, Argument(metavar="X", help="Speed factor: above 0, at most 1 (as planned).")
+    ],
 ) -> None:
     """Run motions at X times the planned speed, from now on."""
     _command("speed", to, out, lambda robot: robot.set_speed(factor, to.device))

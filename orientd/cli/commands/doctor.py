@@ -28,7 +28,7 @@ def doctor(
     out: Output,
     config: Annotated[
         Path | None,
-        Option("--config", "-c", help="Check the devices of this configuration too."),
+        Option("--config", "-c", help="Also check the devices of this configuration."),
     ] = None,
     latency: Annotated[
         str,

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from orientd.fleet import Fleet, Overview, Together
     from orientd.viewer import Member
 
-fleet = Group(name="fleet", help="See, stop and move several daemons, over Zenoh.")
+fleet = Group(name="fleet", help="Monitor, stop and move several daemons as a cell.")
 
 STOP_PRIORITY = 10
 """SCHED_FIFO priority, if permitted: a stop comes before other programs."""
@@ -82,9 +82,9 @@ def status(
     out: Output,
     once: Annotated[bool, Option("--once", help="Print one table, even on a terminal.")] = False,
 ) -> None:
-    """Show all daemons, what moves, what is wrong, and the age of each figure.
+    """Show the state and the faults of all daemons and devices, with the age of each value.
 
-    On a terminal the table is kept up to date until Ctrl-C.
+    In a terminal the table is updated until Ctrl-C.
     """
     from orientd.fleet import Overview
 
@@ -160,7 +160,7 @@ def stop(
     out: Output,
     halt: Annotated[
         bool,
-        Option("--halt", help="As quickly as the limits allow, off the path if need be."),
+        Option("--halt", help="Stop as fast as the limits permit; devices may leave their paths."),
     ] = False,
 ) -> None:
     """Stop every device of the cell with one message, which each daemon acknowledges."""
@@ -183,9 +183,7 @@ def stop(
 def move(
     at: Cell,
     out: Output,
-    plan: Annotated[
-        Path, Argument(metavar="PLAN", help="A YAML file with a motion for each device.")
-    ],
+    plan: Annotated[Path, Argument(metavar="PLAN", help="A YAML file with one motion per device.")],
     start_in: Annotated[
         float | None,
         Option(metavar="SECONDS", help="Time from the end of planning to the start."),
@@ -299,7 +297,7 @@ def router(
 @part_of(fleet)
 def demo(
     out: Output,
-    daemons: Annotated[int, Option("--daemons", range=(2, 16), help="How many.")] = 3,
+    daemons: Annotated[int, Option("--daemons", range=(2, 16), help="Number of daemons.")] = 3,
 ) -> None:
     """Start three daemons with a device each, and one motion on all of them at once.
 

@@ -41,15 +41,15 @@ def plan(
     config: ConfigFile = None,
     device: DeviceName = "",
     from_robot: Annotated[
-        bool, Option("--from-robot", help="Ask the device for its pose; nothing moves.")
+        bool,
+        Option("--from-robot", help="Start at the pose that the device reports; nothing moves."),
     ] = False,
 ) -> None:
     """Plan the motion of FILE without a daemon.
 
-    The device is assumed to be at the first keyframe.  An arm starts at the pose in its options, or
-    with --from-robot at the pose that it reports. Rate and limits are those of the device in the
-    configuration.  The samples are the setpoints that its servo would send, along the path that its
-    axes can follow.
+    The device starts at the first keyframe.  An arm starts at the joint angles in its options, or
+    with --from-robot at those that it reports. Rate, limits and axes are those of the device in the
+    configuration.  The samples are the setpoints that its servo would send.
     """
     from orientd import motion_file
     from orientd.cli import sample_files, texts
@@ -87,25 +87,25 @@ def move(
     out: Output,
     file: MotionFile,
     queue: Annotated[
-        bool, Option("--queue", help="Run after the present motion instead of replacing it.")
+        bool, Option("--queue", help="Run after the current motion instead of replacing it.")
     ] = False,
     blend: Annotated[
         float,
         Option(
             metavar="DEGREES",
-            help="Round the corner to the new motion by this much, without a stop (with --queue).",
+            help="Cut the corner by at most this angle instead of stopping (with --queue).",
         ),
     ] = 0.0,
     start_in: Annotated[
         float | None,
-        Option(metavar="SECONDS", help="Delay until the first setpoint."),
+        Option(metavar="SECONDS", help="Plan now, and start after this time."),
     ] = None,
     on_target: Annotated[
         str,
         Option(
             metavar="DEG,DEG/S,S[,S]",
-            help="When the motion counts as done: error in degrees, rate in degrees/s, how long "
-            "both must hold in s, and optionally a timeout in s.",
+            help="The motion is done when the measured error (degrees) and rate (degrees/s) have "
+            "stayed below these values for this time (s); last an optional timeout (s).",
         ),
     ] = "",
 ) -> None:
@@ -238,26 +238,26 @@ def turn(
     out: Output,
     rate: Annotated[
         float,
-        Option("--rate", metavar="RAD/S", help="Rate; a negative one turns the other way."),
+        Option("--rate", metavar="RAD/S", help="Rate; negative turns the other way."),
     ],
     duration: Annotated[
         float | None,
         Option(
             "--duration",
             metavar="SECONDS",
-            help="Duration at that rate; default: until a stop.",
+            help="Duration at this rate; default: until you stop it.",
         ),
     ] = None,
-    axis: Annotated[Literal["x", "y", "z"], Option("--axis", help="Axis of the turn.")] = "z",
+    axis: Annotated[Literal["x", "y", "z"], Option("--axis", help="Axis to turn about.")] = "z",
     velocity_frame: Annotated[
         Literal["body", "world"],
-        Option("--frame", help="Frame of the axis: the tool's or the world's."),
+        Option("--frame", help="Frame of the axis: of the tool (body) or the base (world)."),
     ] = "body",
 ) -> None:
     """Turn at a constant rate, from rest to rest, like a turntable.
 
-    The turn begins at the present orientation.  Ctrl-C stops it on its path.  Without a duration it
-    continues until a stop, or until an axis of a gimbal comes near the end of its range.
+    The turn begins at the current orientation.  Ctrl-C stops it on its path.  Without a duration it
+    continues until you stop it, or until an axis of a gimbal comes near the end of its range.
     """
     omega = [rate if letter == axis else 0.0 for letter in "xyz"]
 

@@ -36,20 +36,24 @@ def plot(
         str | None,
         Argument(
             metavar="FILE|NAME",
-            help="A motion file, a recording (.mcap, .csv, .tum, .txt), or the name of a family "
+            help="A motion file, a recording (.mcap, .csv, .tum, .txt), or the name of a method "
             "or figure; without it, the names are listed.",
             shell_complete=_names,
         ),
     ] = None,
     output: Annotated[
         Path | None,
-        Option("--output", "-o", help="A .svg, .png or .pdf file; default: NAME.svg here."),
+        Option(
+            "--output",
+            "-o",
+            help="A .svg, .png or .pdf file; default: NAME.svg in the current folder.",
+        ),
     ] = None,
     show: Annotated[
         Show,
         Option(
             "--show",
-            help="For a motion file: axis traces and rates, one of them, or a body along its path.",
+            help="For a motion file: axis traces and rates, one of them, or a moving body.",
         ),
     ] = "motion",
     times: Times = "file",
@@ -58,10 +62,10 @@ def plot(
     topic: Topic = "",
     partial: Partial = False,
 ) -> None:
-    """Draw a motion file, a recording, a family of curves or a figure.
+    """Draw a motion file, a recording, an interpolation method or a figure of a paper.
 
-    A motion file is drawn as its curve alone, without lead-in and limits of a device; `orientd plan
-    --plot` draws the motion.  For a family, an example is drawn.  Figures of the papers have names.
+    For a motion file, this draws only the curve, without lead-in and limits.  `orientd plan --plot`
+    draws the whole motion.  For a method, it draws an example.
     """
     from orientd import plots
     from orientd.curves import METHODS

@@ -48,8 +48,8 @@ def record(
 ) -> None:
     """Record every cycle, event and plan to an MCAP file.
 
-    Ctrl-C or SIGTERM ends it.  Foxglove and Lichtblick open the file as it is.  Planned, commanded
-    and measured values have topics of their own.
+    Ctrl-C or SIGTERM ends it.  Foxglove and Lichtblick can open the file.  Each cycle has planned,
+    sent and measured values.
     """
     check_output(file, seconds)
     tell_scalars(out, is_given=scalars)
@@ -133,8 +133,7 @@ def export(
 ) -> None:
     """Write the cycles of a recording as a table.
 
-    Planned, commanded and measured values have columns of their own.  Parquet needs the extra
-    `parquet`.
+    Each row is a cycle, with planned, sent and measured values.  Parquet needs the extra `parquet`.
     """
     check_ending(output, ENDINGS, named="--output")
     need_extra("record")

@@ -52,7 +52,8 @@ def replay(
     pace: Annotated[
         Pace,
         Option(
-            "--pace", help="As recorded (slower if the limits require it), or as fast as possible."
+            "--pace",
+            help="As recorded (slower if the limits require it), or as fast as they permit.",
         ),
     ] = "recorded",
     output: Annotated[
@@ -60,15 +61,15 @@ def replay(
         Option("--output", "-o", help="Write the motion file (.json), for `orientd move`."),
     ] = None,
     dry_run: Annotated[
-        bool, Option("--dry-run", help="Plan only, without a daemon, and move nothing.")
+        bool, Option("--dry-run", help="Only plan; needs no daemon and moves nothing.")
     ] = False,
     config: ConfigFile = None,
 ) -> None:
     """Repeat a recorded motion.
 
-    orientd fits a spline to the orientations and shows the certificate before anything moves.  The
-    fit copes with noise, sign flips, outliers and gaps.  The motion begins with a lead-in from the
-    present orientation and ends with a stop; the certificate covers both.
+    orientd fits a spline to the orientations, and shows the certificate before anything moves.  The
+    fit handles noise, sign flips, outliers and gaps.  The motion begins with a lead-in from the
+    current orientation.
     """
     need_extra("record")
     from orientd.cli.commands.motion_commands import conclude, follow

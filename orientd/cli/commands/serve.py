@@ -19,7 +19,7 @@ from orientd.cli.parameters import Group, Option, part_of
 if TYPE_CHECKING:
     from orientd.adapters import Adapter, Served
 
-serve = Group(name="serve", help="Serve antenna, MAVLink and astronomy programs.")
+serve = Group(name="serve", help="Let antenna, MAVLink and astronomy programs control a device.")
 
 
 def _finite(
@@ -37,7 +37,9 @@ def _finite(
 
 
 _NORTH = Option(
-    metavar="DEG", help="Angle of north from the world's x axis, towards y.", callback=_finite
+    metavar="DEG",
+    help="Angle from the x axis of the base frame to north, towards y.",
+    callback=_finite,
 )
 
 
@@ -88,16 +90,17 @@ def rotctld(
     to: Commander,
     out: Output,
     host: Host = "127.0.0.1",
-    port: Annotated[int, Option(range=(0, 65535), help="Port to serve at; 0 for any.")] = 4533,
+    port: Annotated[int, Option(range=(0, 65535), help="Port to listen on; 0 for any.")] = 4533,
     north: Annotated[float, _NORTH] = 0.0,
     azimuth: Annotated[
-        str, Option(metavar="MIN:MAX", help="Azimuths to accept, degrees.", callback=_range)
+        str,
+        Option(metavar="MIN:MAX", help="Range of azimuths to accept, degrees.", callback=_range),
     ] = "-180:540",
     elevation: Annotated[
         str,
         Option(
             metavar="MIN:MAX",
-            help="Elevations to accept; above 90 the device tips over.",
+            help="Range of elevations to accept, degrees; above 90 is flip mode.",
             callback=_range,
         ),
     ] = "-90:90",
@@ -105,24 +108,28 @@ def rotctld(
         Path | None,
         Option(
             "--tle",
-            help="File of orbital elements (TLE); orientd plans whole passes of these satellites.",
+            help="File of orbital elements (TLE), to plan whole passes of these satellites.",
         ),
     ] = None,
     observer: Annotated[
-        str, Option(metavar="LAT,LON[,M]", help="Place of the antenna (with --tle).")
+        str,
+        Option(
+            metavar="LAT,LON[,M]",
+            help="Location of the antenna: degrees, and m above sea level (with --tle).",
+        ),
     ] = "",
     ephemeris: Annotated[
         Path | None,
         Option(
             "--ephemeris",
-            help="CSV file of one pass, to plan as a whole: time, azimuth, elevation.",
+            help="CSV file of one pass, to plan it as a whole: time, azimuth, elevation.",
         ),
     ] = None,
 ) -> None:
     """Serve antenna programs: gpredict, SatNOGS, SDRangel, `rotctl`.
 
-    They speak the protocol of Hamlib's rotctld.  The x axis of the tool points at the azimuth and
-    elevation that they ask for.  Azimuth counts clockwise from north.
+    The server speaks the protocol of Hamlib's rotctld.  It points the x axis of the tool at the
+    requested azimuth (clockwise from north) and elevation.
     """
     from orientd import adapters
 
@@ -174,32 +181,34 @@ def mavlink(
     to: Commander,
     out: Output,
     host: Host = "127.0.0.1",
-    port: Annotated[int, Option(range=(0, 65535), help="UDP port to serve at; 0 for any.")] = 14560,
+    port: Annotated[
+        int, Option(range=(0, 65535), help="UDP port to listen on; 0 for any.")
+    ] = 14560,
     client: Annotated[
         list[str] | None,
         Option(
             metavar="HOST:PORT",
-            help="Client that waits for the gimbal's first message; default: 127.0.0.1:14550.",
+            help="Program to send to first; default: 127.0.0.1:14550.",
             callback=_peers,
         ),
     ] = None,
-    system: Annotated[int, Option(range=(1, 255), help="MAVLink system id of the vehicle.")] = 1,
+    system: Annotated[int, Option(range=(1, 255), help="MAVLink system ID of the vehicle.")] = 1,
     component: Annotated[
-        int, Option(range=(7, 255), help="MAVLink component id of the gimbal.")
+        int, Option(range=(7, 255), help="MAVLink component ID of the gimbal.")
     ] = 154,
     north: Annotated[
         float | None,
         Option(
             metavar="DEG",
-            help="Angle of north from the world's x axis, towards y; default: unknown.",
+            help="Angle from the x axis of the base frame to north, towards y; default: unknown.",
             callback=_finite,
         ),
     ] = None,
 ) -> None:
     """Serve MAVLink programs: QGroundControl, MAVSDK, an autopilot.
 
-    The device appears as a gimbal of the gimbal protocol v2, with its manager.  The x axis of the
-    tool is forward.  Yaw counts to the right, pitch up.
+    The device becomes a gimbal with a gimbal manager (gimbal protocol v2). Forward is the x axis of
+    the tool.  Yaw is positive to the right, pitch upwards.
     """
     need_extra("mavlink")
     from orientd.adapters import Mavlink
@@ -246,18 +255,20 @@ def alpaca(
     to: Commander,
     out: Output,
     host: Host = "127.0.0.1",
-    port: Annotated[int, Option(range=(0, 65535), help="Port to serve at; 0 for any.")] = 11111,
+    port: Annotated[int, Option(range=(0, 65535), help="Port to listen on; 0 for any.")] = 11111,
     discovery: Annotated[
-        int, Option(range=(0, 65535), help="UDP port that answers discovery; 0 for none.")
+        int, Option(range=(0, 65535), help="UDP port for discovery; 0 for none.")
     ] = 32227,
     north: Annotated[float, _NORTH] = 0.0,
     observer: Annotated[
         str,
-        Option(metavar="LAT,LON[,M]", help="Place of the telescope, for right ascension."),
+        Option(
+            metavar="LAT,LON[,M]", help="Location of the telescope: degrees, and m above sea level."
+        ),
     ] = "0,0",
     park: Annotated[
         str,
-        Option(metavar="AZ,ALT", help="Direction to park in, degrees.", callback=_direction),
+        Option(metavar="AZ,ALT", help="Park position, degrees.", callback=_direction),
     ] = "0,0",
     symmetric: Annotated[
         bool, Option("--symmetric", help="Treat rotator angles half a turn apart as equal.")
@@ -265,8 +276,8 @@ def alpaca(
 ) -> None:
     """Serve astronomy programs: NINA and others that speak ASCOM Alpaca.
 
-    The device is an alt-azimuth telescope, whose tube is the x axis of the tool, and a rotator that
-    turns about that axis.
+    The device becomes an alt-azimuth telescope that points along the x axis of the tool, and a
+    rotator about that axis.
     """
     from orientd import adapters
 

@@ -43,12 +43,12 @@ def install(
     out: Output,
     config: Annotated[Path, Option("--config", "-c", help="The configuration of the daemon.")],
     for_user: Annotated[
-        bool, Option("--user", help="Install a unit for this user instead of the system.")
+        bool, Option("--user", help="Install a user unit instead of a system unit.")
     ] = False,
     run_as: Annotated[
-        str, Option("--as", metavar="USER", help="The user that runs the system's daemon.")
+        str, Option("--as", metavar="USER", help="User that runs the daemon of a system unit.")
     ] = "orientd",
-    only_print: Annotated[bool, Option("--print", help="Print the unit; write nothing.")] = False,
+    only_print: Annotated[bool, Option("--print", help="Only print the unit.")] = False,
 ) -> None:
     """Write a hardened unit, and print how to start it.  Starts nothing itself."""
     from orientd import config as configuration

@@ -34,11 +34,13 @@ sim = Group(
 
 @part_of(sim)
 def ur(
-    host: Annotated[str, Option(help="An address of this machine; each robot needs its own.")],
-    model: Annotated[str, Option(help="The arm: ur3 to ur10, ur3e to ur30.")] = "ur5e",
+    host: Annotated[
+        str, Option(help="Address to listen on, for example 127.0.0.2; each robot needs its own.")
+    ],
+    model: Annotated[str, Option(help="Model of the arm: ur3 to ur10, ur3e to ur30.")] = "ur5e",
     polyscope: Annotated[
         str,
-        Option(help="Version of its software, such as 5.12.6; default: one that suits the model."),
+        Option(help="Software version, such as 5.12.6; default: one that suits the model."),
     ] = "",
 ) -> None:
     """Run an emulated UR arm.
@@ -64,20 +66,20 @@ def ur(
 
 @part_of(sim)
 def dynamixel(
-    link: Annotated[Path, Option(help="Path of the serial port for clients.")],
+    link: Annotated[Path, Option(help="Path of the serial port to create.")],
     servos: Annotated[
-        str, Option(help="Ids and models of the servos, as in 1:xm430,2:xl330.")
+        str, Option(help="IDs and models of the servos, as in 1:xm430,2:xl330.")
     ] = "1:xm430,2:xm430,3:xm430",
-    baud: Annotated[int, Option(help="The servos' line speed.")] = 1000000,
+    baud: Annotated[int, Option(help="Baud rate of the servos.")] = 1000000,
     usb_ms: Annotated[
         float,
-        Option(range=(0.0, 1e4), help="Longest time that the adapter holds an answer back, ms."),
+        Option(range=(0.0, 1e4), help="Longest delay of an answer in the adapter, ms."),
     ] = 1.0,
-    ideal: Annotated[bool, Option("--ideal", help="Transmit bytes instantly.")] = False,
-    seed: Annotated[int, Option(help="Seed of everything random.")] = 0,
+    ideal: Annotated[bool, Option("--ideal", help="Transmit without delay.")] = False,
+    seed: Annotated[int, Option(help="Random seed.")] = 0,
     console: Annotated[
         bool,
-        Option("--console", help="Read commands from standard input: faults, `state`."),
+        Option("--console", help="Read commands from standard input, for example to cause faults."),
     ] = False,
 ) -> None:
     """Run an emulated Dynamixel bus on a pseudo-terminal.
@@ -109,16 +111,16 @@ def dynamixel(
 
 @part_of(sim)
 def base(
-    kind: Annotated[str, Option(help="Kind of base: ship, vehicle or rest.")] = "ship",
+    kind: Annotated[str, Option(help="Kind of motion: ship, vehicle or rest.")] = "ship",
     rate: Annotated[float, Option(range=(0.1, 1000.0), help="Samples per second.")] = 100.0,
-    latency_ms: Annotated[
-        float, Option(range=(0.0, 1e4), help="Time until a sample is printed, ms.")
-    ] = 10.0,
-    dropouts: Annotated[float, Option(range=(0.0, 0.99), help="Share of lost samples.")] = 0.0,
+    latency_ms: Annotated[float, Option(range=(0.0, 1e4), help="Delay of each sample, ms.")] = 10.0,
+    dropouts: Annotated[
+        float, Option(range=(0.0, 0.99), help="Share of lost samples, 0 to 0.99.")
+    ] = 0.0,
     seconds: Annotated[
-        float | None, Option(range=(0.0, 1e9), help="How long to print; default: until Ctrl-C.")
+        float | None, Option(range=(0.0, 1e9), help="Duration; default: until Ctrl-C.")
     ] = None,
-    seed: Annotated[int, Option(help="Seed of everything random.")] = 0,
+    seed: Annotated[int, Option(help="Random seed.")] = 0,
 ) -> None:
     """Print the orientation and rate of an emulated moving base.
 

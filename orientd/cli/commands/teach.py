@@ -31,7 +31,7 @@ _KEYS = {" ": "take", "\n": "take", "\r": "take", "\x7f": "remove", "\b": "remov
          "n": "name", "q": "end", "\x04": "end"}  # fmt: skip
 _CLEAR = "\r\x1b[K"
 
-_HELP = "space records the pose, backspace removes the last, n names it, q ends"
+_HELP = "space adds the pose, backspace removes the last, n names it, q ends"
 
 
 def teach(
@@ -44,16 +44,16 @@ def teach(
     name: Annotated[str, Option("--name", help="Name of the motion.")] = "",
     watch: Annotated[
         bool,
-        Option("--watch", help="Leave the device as it is; something else moves it."),
+        Option("--watch", help="Do not release the device; another program moves it."),
     ] = False,
 ) -> None:
-    """Teach a motion file by moving a device by hand.
+    """Move a device by hand, and save poses as the keyframes of a motion file.
 
-    During this, an arm is in freedrive.  A gimbal has no torque: hold it.  At the end the device
-    holds its pose, and follows setpoints again if it did before. Keys: space records the pose and
-    the time since the first one; backspace removes the last keyframe, n names it, q ends.  SIGUSR1
-    records the pose, too. Without a terminal each line of standard input is `take`, `take NAME`,
-    `remove`, `name NAME` or `end`.
+    Meanwhile an arm is in freedrive.  A gimbal has no torque: hold it.  At the end the device holds
+    its pose, and follows setpoints again if it did before.  Keys: space adds the pose with the time
+    since the first one, backspace removes the last keyframe, n names it, q ends.  SIGUSR1 also adds
+    the pose.  Without a terminal each line of standard input is `take`, `take NAME`, `remove`,
+    `name NAME` or `end`.
     """
     check_ending(file, ENDINGS, named="OUT.yaml")
     if file.exists():

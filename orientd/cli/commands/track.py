@@ -28,7 +28,7 @@ def track(
     out: Output,
     time_to_live: Annotated[
         float,
-        Option(metavar="SECONDS", help="Lifetime of a target that does not give its own."),
+        Option(metavar="SECONDS", help="Time to live of targets that do not give their own."),
     ] = 0.5,
 ) -> None:
     """Follow targets that arrive on standard input.
@@ -39,13 +39,12 @@ def track(
 
     {"rotation_vector": [0, 0, 0.3], "angular_velocity": [0, 0, 1], "time_to_live": 0.2}
 
-    A line with `point` (m) looks at a moving point, with the arguments of `look_at()` in Python. A
-    line with `base` is a sample of the orientation of a moving base, as `orientd sim base` prints
-    it:
+    A line with `base` is a sample of the orientation of a moving base, as `orientd sim base` prints
+    it.  A line with `point` (m) is a point to look at, with the arguments of `look_at()` in Python:
 
     {"point": [5, 1, 0], "velocity": [0, 2, 0], "roll": 0}
 
-    A bad line is reported on standard error, counted and skipped.  The exit status is 1 if every
+    The command skips a bad line and reports it on standard error.  The exit status is 1 if every
     line was bad.
     """
     from orientd.protocol import orientation, to_quaternion

@@ -17,12 +17,10 @@ if TYPE_CHECKING:
 
 PORT = 8080
 
-Port = Annotated[int, Option(range=(0, 65535), help="Port to serve at; 0 for any.")]
-Host = Annotated[
-    str, Option(help="Address to serve at; default: reachable from this machine only.")
-]
-NoOpen = Annotated[bool, Option("--no-open", help="Open no browser.")]
-Dark = Annotated[bool, Option("--dark", help="Dark pages.")]
+Port = Annotated[int, Option(range=(0, 65535), help="Port to listen on; 0 for any.")]
+Host = Annotated[str, Option(help="Address to listen on; the default admits only this machine.")]
+NoOpen = Annotated[bool, Option("--no-open", help="Do not open a browser.")]
+Dark = Annotated[bool, Option("--dark", help="Use dark colours.")]
 
 
 def view(
@@ -34,7 +32,7 @@ def view(
         bool | None,
         Option(
             "--control/--no-control",
-            help="Whether pages may do more than stop and halt; default: on this machine only.",
+            help="Let pages do more than stop and halt; default: only on this machine.",
         ),
     ] = None,
     no_open: NoOpen = False,
@@ -43,7 +41,7 @@ def view(
 ) -> None:
     """Show a daemon's devices in the browser, until Ctrl-C or SIGTERM.
 
-    Prints a line that begins with "ready" and has the address.  Every user who can open the page
+    Prints a line that begins with "ready" and contains the address. Everyone who can open the page
     can stop devices.  Users who take the lease there can also move them.
     """
     need_extra("view")
