@@ -166,11 +166,11 @@ class DeadlineError(PlanError):
 
 
 class StateError(OrientdError):
-    """A command that the device's present state does not allow."""
+    """A command that the current state of the device does not allow."""
 
 
 class StaleBaseError(StateError):
-    """A target in the world while the orientation of the moving base is stale.
+    """A target in the earth frame while the orientation of the moving base is stale.
 
     The device comes to rest, and points again once a newer sample of the base arrives.
 

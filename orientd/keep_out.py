@@ -21,16 +21,16 @@ MOST_CONES = 8
 
 @dataclass(frozen=True, slots=True)
 class KeepOut:
-    """A cone around a direction in the world that an axis of the tool stays out of.
+    """A cone around a direction that an axis of the tool stays outside of.
 
-    The axis is never nearer to the direction than *half_angle*.  Within *margin* beyond it, the
-    planner leads paths around, but accepts a keyframe or a start.
+    The angle between the axis and the direction is never smaller than *half_angle*.  Planned paths
+    avoid the *margin* too, but may start and end in it.
 
     Attributes:
         name: its name in messages.
-        direction: unit vector in the device's world, or the sun.
+        direction: unit vector in the device's base frame, or the sun.
         half_angle: angle between the direction and the edge of the cone, rad.
-        margin: angle beyond the edge that is avoided if possible, rad.
+        margin: extra angle outside the edge, which paths avoid if possible, rad.
         axis: unit vector in the frame of the tool.
     """
 

@@ -31,8 +31,8 @@ A motion may set its own ``lookahead``, ``gain`` and ``servo_time`` in its ``dev
 ``watchdog_hz``
     1 to 100, default 10: the robot ends the program if it receives messages less often.
 ``feedback_timeout``
-    s, 0.01 to 1, default 0.1: feedback counts as missing once the controller's clock has stood
-    still for this long.
+    s, 0.01 to 1, default 0.1: the driver reports missing feedback if the robot's clock does not
+    advance for this long.  The device has another setting of this name.
 ``link_timeout``
     s, up to 2, default 0.5: the link counts as lost after this time.  The client library closes
     frozen connections after 2.5 s and may then crash or hang.

@@ -1,8 +1,11 @@
 """Point a device at moving targets, also from a moving base.
 
-Targets and the base arrive as stamped samples, from any threads.  Each sample predicts both for the
-time at which the next one will have arrived, and sends the device a target for that time.  So the
-servo knows the motion ahead, and the delay and jitter of the samples do not show.
+Samples of targets and of the base arrive with time stamps, from any thread.  With each sample,
+orientd predicts both for the time at which the next sample will have arrived, and sends the device
+a target for that time.  So the servo knows the motion ahead, in spite of delay and jitter.
+
+The device takes poses in its base frame, called the world elsewhere.  On a moving base, points,
+directions and orientations are in the earth frame.
 """
 
 from __future__ import annotations
@@ -53,15 +56,15 @@ MOST_AHEAD_NS = 100_000_000
 
 
 class BaseReport(NamedTuple):
-    """The stream of the base's orientation.
+    """State of the samples of the base.
 
     Attributes:
-        samples: how many were used.
-        skipped: how many were not: too old, out of order, not finite or not of unit norm.
-        time_ns: time of the newest one, monotonic clock; 0 without a sample.
-        age: of the newest one, s; infinity without a sample.
-        is_stale: whether it is older than its time to live.
-        stale_since_ns: time from which it is stale; 0 without a sample.
+        samples: number of used samples.
+        skipped: number of skipped samples: too old, out of order, not finite or not of unit norm.
+        time_ns: time of the newest sample, monotonic clock; 0 without a sample.
+        age: age of the newest sample, s; infinity without a sample.
+        is_stale: whether the newest sample is older than its time to live.
+        stale_since_ns: time from which the base is stale; 0 without a sample.
     """
 
     samples: int
@@ -78,7 +81,8 @@ class Pointing(ABC):
     Call the methods from any thread, about 10 to 250 times a second while something moves.
 
     Attributes:
-        transport: time that a target may take to the servo, s.  Raise it for a slow network.
+        transport: longest time that a target takes to reach the servo, s.  Raise it for a slow
+            network.
     """
 
     def __init__(self, connection: Connection, device: str) -> None:
@@ -120,21 +124,22 @@ class Pointing(ABC):
         """Look at a point, which may move; return at once.
 
         Args:
-            point: m.
-            velocity: of the point, m/s.  ``None`` derives it from successive calls; a point that
-                is given once is at rest.
-            place: where to look from, m; by default where the device is.
-            roll: about the line of sight: ``"least"`` turns nothing about it, and an angle in
-                degrees is relative to a level tool.
-            frame: name of a frame of the device, fixed to it, in which the point is and of whose
-                tool the pointing axis is.  Empty for the world.
+            point: in the base frame, m; with :meth:`base` in the earth frame.
+            velocity: of the point, m/s.  ``None`` derives it from successive calls, and is 0 for a
+                single one.
+            place: position to look from, m; by default the position of the tool.
+            roll: ``"least"`` does not turn about the line of sight; a number is the roll angle from
+                level, degrees.
+            frame: name of a frame of the device, for the point and the pointing axis.  It turns
+                with the base.  Empty for none.
             pointing_axis: tool axis that points.
-            time_ns: time of the point, on the monotonic clock of the daemon's machine; 0 for now.
-            time_to_live: how long after that a moving point counts, s.
+            time_ns: time of the sample, on the monotonic clock of the daemon's machine; 0 for now.
+            time_to_live: the device comes to rest if no new sample of a moving point arrives for
+                this long, s.
 
         Raises:
             RequestError: an argument is malformed.
-            StaleBaseError: the base is stale.  The point counts once it is not.
+            StaleBaseError: the base is stale.  The device uses the point once it is not.
             OrientdError: tracking has ended.
         """
         found = self._frame(frame)
@@ -168,9 +173,9 @@ class Pointing(ABC):
         Args:
             azimuth: about z, from x towards y, degrees.
             elevation: above the plane of x and y, degrees.
-            azimuth_rate: degrees a second; 0 if only the other rate is given.  Without both they
-                are derived from successive calls.
-            elevation_rate: degrees a second.
+            azimuth_rate: degrees/s; 0 if only the other rate is given.  Without both, they are
+                derived from successive calls.
+            elevation_rate: degrees/s.
             roll: as for :meth:`look_at`.
             frame: as for :meth:`look_at`.
             pointing_axis: as for :meth:`look_at`.
@@ -179,7 +184,7 @@ class Pointing(ABC):
 
         Raises:
             RequestError: an argument is malformed.
-            StaleBaseError: the base is stale.  The direction counts once it is not.
+            StaleBaseError: the base is stale.  The device uses the direction once it is not.
             OrientdError: tracking has ended.
         """
         a, e = _degrees(azimuth, "azimuth"), _degrees(elevation, "elevation")
@@ -204,7 +209,7 @@ class Pointing(ABC):
         time_ns: int = 0,
         time_to_live: float = 0.5,
     ) -> None:
-        """Aim at an orientation in the world, which the base does not turn; return at once.
+        """Aim at an orientation in the earth frame; return at once.
 
         Args:
             target: in a form that :meth:`.Tracking.aim` takes.
@@ -215,7 +220,7 @@ class Pointing(ABC):
 
         Raises:
             RequestError: an argument is malformed.
-            StaleBaseError: the base is stale.  The target counts once it is not.
+            StaleBaseError: the base is stale.  The device uses the target once it is not.
             OrientdError: tracking has ended.
         """
         q = _unit(orientation_of(target))
@@ -231,7 +236,7 @@ class Pointing(ABC):
             self._show(sight, now_ns)
 
     def follow(self, plan: pb.Plan, *, start_ns: int = 0) -> None:
-        """Follow a plan in the world, while :meth:`base` gives samples; return at once.
+        """Follow a plan in the earth frame; return at once.  Call :meth:`base` before.
 
         Args:
             plan: a result of :meth:`.Robot.plan` that the daemon still stores.
@@ -239,7 +244,7 @@ class Pointing(ABC):
 
         Raises:
             UnknownNameError: the daemon no longer stores the plan.
-            StateError: no base has been given.
+            StateError: there was no sample of the base.
             StaleBaseError: the base is stale.
             OrientdError: tracking has ended.
         """
@@ -264,13 +269,14 @@ class Pointing(ABC):
         time_ns: int = 0,
         time_to_live: float = 0.2,
     ) -> None:
-        """Give a sample of the base's orientation; return at once.
+        """Add a sample of the base's orientation; return at once.
 
-        From the first one on, targets in the world keep their direction while the base turns.
-        A sample that is too old, out of order, not finite or not of unit norm is skipped.
+        From the first sample on, targets are in the earth frame: the device keeps pointing at them
+        while the base turns.  Samples that are too old, out of order, not finite or not of unit
+        norm are skipped.
 
         Args:
-            q_world_base: orientation of the device's own frame in the world, in a form that
+            q_world_base: orientation of the device's base frame in the earth frame, in a form that
                 :meth:`.Tracking.aim` takes.
             angular_velocity: of the base, rad/s, as a gyroscope measures it.  ``None`` derives it
                 from successive samples.

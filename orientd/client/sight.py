@@ -1,6 +1,7 @@
 """Targets of a pointing device: a point, an orientation or a plan, each predicted at a time.
 
-The orientations are those of the flange, in the frame of the target: the world, or the device.
+The orientations are those of the flange, in the frame of the target: the earth frame, or the base
+frame of the device.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class Sight(Protocol):
     """A target at any time.
 
     Attributes:
-        is_in_world: whether it is in the world rather than in the frame of the device.
+        is_in_world: whether it is in the earth frame rather than in the base frame of the device.
         expires_ns: time from which it no longer counts; ``None`` for never.
     """
 

@@ -95,23 +95,25 @@ class DeviceSettings(Table):
             orientd needs to be installed there.
         rate_hz: cycle rate, Hz; the driver has the default, 100 for a gimbal, else 500.
         auto_enable: whether to enable the device at start and after a reset.
-        heartbeat_timeout: the servo stops after this time without a sign of the daemon, s.
-        feedback_timeout: feedback older than this is a fault, s.
+        heartbeat_timeout: the servo stops the device if it hears nothing from the daemon for this
+            long, s.
+        feedback_timeout: largest age of feedback, s; if it is older, the servo stops the device
+            with a fault.
         stall_timeout: a servo process that did not run for longer than this in motion is a fault,
             s; after a shorter time the motion resumes from rest.
         phase: start of the cycles within a period of the machine's monotonic clock, from 0 to below
             1.  Without it devices are spread over the period, so that they do not need the
             processor all at once; devices with the same phase have their cycles together.
-        spin_us: last part of the wait for a deadline, which is spent spinning, microseconds.
-        priority: SCHED_FIFO priority to ask for; 0 asks for none.
-        compensate_latency: time by which setpoints lead the reported path time, so that the
-            device is where the plan says, s; ``true`` for *latency*.
+        spin_us: how long before a deadline the servo spins instead of sleeping, microseconds.
+        priority: requested SCHED_FIFO priority; 0 requests none.
+        compensate_latency: send setpoints earlier by this time, so that the device is where the
+            plan says, s; ``true`` for *latency*.
         latency: delay of the device behind its setpoints, as `orientd doctor` measures it, s.
         limits: limits of every motion of this device.
         frames: frames that motions may name, each with ``base`` and ``tool`` as in a motion file.
-        keep_out: cones in the device's world that an axis of the tool stays out of, each with a
-            ``name``, a direction (``direction``, ``azimuth_elevation`` or ``sun``), a
-            ``half_angle_deg`` and perhaps a ``margin_deg`` and an ``axis``; at most 8.
+        keep_out: up to 8 cones that an axis of the tool stays outside of.  Each has a ``name``, a
+            direction in the base frame (``direction``, ``azimuth_elevation`` or ``sun``) and a
+            ``half_angle_deg``; ``margin_deg`` and ``axis`` are optional.
         options: the driver's own table.
     """
 

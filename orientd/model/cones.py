@@ -30,12 +30,13 @@ _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 class Place(TypedDict):
-    """The place on the earth from which the sun is seen.
+    """The location of the device on the earth.
 
     Attributes:
         latitude: degrees, north positive.
         longitude: degrees, east positive.
-        north: azimuth of true north in the device's world, degrees; 0 by default: x points north.
+        north: azimuth of true north in the device's base frame, degrees; 0 by default: x points
+            north.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # pydantic's way
@@ -46,18 +47,19 @@ class Place(TypedDict):
 
 
 class Cone(TypedDict):
-    """A cone around a direction in the device's world that an axis of the tool stays out of.
+    """A cone around a direction that an axis of the tool stays outside of.
 
-    Give the direction in one of three forms.
+    Give exactly one of *direction*, *azimuth_elevation* and *sun*, in the device's base frame.
 
     Attributes:
-        name: its name in messages.
+        name: name of the cone in messages.
         direction: a vector of any length.
         azimuth_elevation: the direction as angles.
-        sun: the sun, as seen from a place; the world's z points up.
+        sun: the sun, seen from a location on the earth; z of the base frame points up.
         half_angle_deg: from the direction to the edge of the cone, degrees.
-        margin_deg: beyond the edge, avoided if possible, degrees; 0 by default.
-        axis: the axis of the tool, ``x`` (the default), ``y``, ``z`` or a vector.
+        margin_deg: extra angle outside the edge, which paths avoid if possible, degrees; 0 by
+            default.
+        axis: tool axis that stays outside: ``x`` (the default), ``y``, ``z`` or a vector.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # as above
