@@ -11,9 +11,9 @@ import click
 from orientd.cli.main import app
 
 _EXIT = """\
-Every command has `--help`. Exit status 0 is done, 1 refused or failed with one line on standard
-error, 2 a mistake in the command line itself. With `--json` there is one JSON object, for errors on
-standard error too.
+Every command has `--help`. The exit status is 0 after success, 1 after a failure or a refusal, and
+2 after a usage error. An error is one line on standard error. With `--json`, results and errors are
+JSON objects.
 """
 
 
@@ -28,7 +28,7 @@ def pages(source: Path) -> Iterator[tuple[str, str]]:
         yield f"reference/command-line/{name}.md", text
         listed.append(f"| [`orientd {name}`]({name}.md) | {_first(command)} |")
         names.append(name)
-    table = ["| command | does |", "|---|---|", *listed]
+    table = ["| command | effect |", "|---|---|", *listed]
     yield (
         "reference/command-line/index.md",
         "\n".join(["# Command line", "", _EXIT, *table, "", *_contents(names)]),

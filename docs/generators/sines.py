@@ -31,21 +31,22 @@ LARGEST, LARGEST_ACCELERATION = 1.0, 12.0
 _HEAD = f"""\
 # Interpolation of chunks
 
-A policy follows a sine about a fixed axis. It sends chunks of {POSES} poses at {RATE:g} Hz, each
-{1e3 * INFERENCE:.0f} ms after its observation. Three interpolation methods turn the same chunks
-into {1 / PERIOD:g} setpoints a second. The table compares these setpoints with the sine itself.
+A simulated policy follows a sine about a fixed axis. It sends chunks of {POSES} poses at
+{RATE:g} Hz, each {1e3 * INFERENCE:.0f} ms after its observation. Three methods interpolate the same chunks to
+{1 / PERIOD:g} setpoints a second. The table compares these setpoints with the sine.
 
 - **orientd** is [`robot.play()`](../tutorials/policy.md), with limits of {LIMITS.velocity:g} rad/s,
   {LIMITS.acceleration:g} rad/s² and {LIMITS.jerk:g} rad/s³.
-- **slerp** is piecewise spherical linear interpolation. A new chunk begins at the newest setpoint.
-- **components** are straight lines between the components of the rotation vectors.
+- **slerp** is piecewise spherical linear interpolation. A new chunk starts from the last setpoint.
+- **components** is linear interpolation of the components of the rotation vectors.
 
 The sine has an amplitude of at most {LARGEST:g} rad and a peak acceleration of at most
-{LARGEST_ACCELERATION:g} rad/s². In its middle the rotation vector is half a turn long and changes
-its sign. A straight line between the components there passes through distant orientations.
+{LARGEST_ACCELERATION:g} rad/s². At the middle of the swing the rotation vector is half a turn long
+and changes its sign, so linear interpolation of its components passes through distant orientations.
 
-Error is the largest angle between a setpoint and the sine. Lag is the delay of the setpoints,
-as the best fit to all of them. Peak is their largest acceleration, relative to that of the sine.
+- *Error* is the largest angle between a setpoint and the sine.
+- *Lag* is the delay that fits all setpoints best.
+- *Peak* is the largest acceleration of the setpoints, relative to that of the sine.
 
 """
 
