@@ -32,8 +32,8 @@ _HEAD = f"""\
 # Interpolation of chunks
 
 A simulated policy follows a sine about a fixed axis. It sends chunks of {POSES} poses at
-{RATE:g} Hz, each {1e3 * INFERENCE:.0f} ms after its observation. Three methods interpolate the same chunks to
-{1 / PERIOD:g} setpoints a second. The table compares these setpoints with the sine.
+{RATE:g} Hz, each {1e3 * INFERENCE:.0f} ms after its observation. Three methods interpolate the
+same chunks to {1 / PERIOD:g} setpoints a second. The table compares these setpoints with the sine.
 
 - **orientd** is [`robot.play()`](../tutorials/policy.md), with limits of {LIMITS.velocity:g} rad/s,
   {LIMITS.acceleration:g} rad/s² and {LIMITS.jerk:g} rad/s³.
