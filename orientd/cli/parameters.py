@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
@@ -124,10 +125,25 @@ def _parameter(name: str, annotation: Any, default: Any) -> click.Parameter:  # 
     return click.Option([*(said.names or (flag,)), name], **settings)
 
 
+class _FiniteRange(click.FloatRange):
+    """Numbers in a range; Click's own accepts NaN, which no comparison excludes."""
+
+    def convert(
+        self,
+        value: Any,  # noqa: ANN401 - Click's
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> float:
+        found: float = super().convert(value, param, ctx)
+        if not math.isfinite(found):
+            self.fail(f"expected a finite number, got {value}", param, ctx)
+        return found
+
+
 def _type(kind: Any, limits: tuple[Any, Any] | None) -> Any:  # noqa: ANN401 - Click's
     """Return the parser of *kind*, within *limits* for a number."""
     if limits is not None:
-        return click.IntRange(*limits) if kind is int else click.FloatRange(*limits)
+        return click.IntRange(*limits) if kind is int else _FiniteRange(*limits)
     if get_origin(kind) is Literal:
         return click.Choice(get_args(kind))
     return click.Path(path_type=Path) if kind is Path else kind

@@ -242,6 +242,7 @@ def test_an_unknown_device_is_said_with_those_there_are(daemon, tmp_path, argume
         ["move", "m.yaml", "--on-target", "0.1,0.5,nan"],
         ["record", "run.txt"],
         ["record", "run.mcap", "--seconds", "nan"],
+        ["sim", "base", "--rate", "nan"],
         ["replay", "run.csv", "-o", "motion.txt"],
         ["doctor", "--latency", "arm"],
         ["lease", "seize"],
