@@ -48,7 +48,7 @@ def _command(command: Any, above: Any, name: str, *, level: int) -> Iterator[str
     yield from (_plain(command.help), "")
     rows = list(_rows(command, context))
     if rows:
-        yield from ("| argument or option | what it is |", "|---|---|", *rows, "")
+        yield from ("| argument or option | meaning |", "|---|---|", *rows, "")
     for inner in getattr(command, "commands", ()):
         yield f"{'#' * level} `orientd {name} {inner}`\n"
         yield from _command(command.commands[inner], context, inner, level=level + 1)

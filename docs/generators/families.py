@@ -34,7 +34,7 @@ def pages(source: Path) -> Iterator[tuple[str, str]]:
             f"| {figures.effort:.3g} |"
         )
     table = "\n".join(
-        ["| family | what it is | smooth | meets keyframes | meets end velocities | effort |",
+        ["| method | description | smooth | meets keyframes | meets end velocities | effort |",
          "|---|---|---|---|---|---|", *rows]
     )  # fmt: skip
     contents = "\n".join(["```{toctree}", ":hidden:", "", "cases", *METHODS, "```"])

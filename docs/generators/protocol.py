@@ -61,7 +61,7 @@ def _body(lines: list[str]) -> Iterator[str]:
                 yield from (" ".join(said) or "", "")
                 if not is_closed:
                     first = "field" if kind == "message" else "value"
-                    yield from (f"| {first} | what it is |", "|---|---|")
+                    yield from (f"| {first} | meaning |", "|---|---|")
             if not is_closed:
                 open_blocks.append(kind)
         elif line.startswith("}"):

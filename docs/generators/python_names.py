@@ -70,7 +70,7 @@ def pages(source: Path) -> Iterator[tuple[str, str]]:
         doc = "" if front in ("orientd", "orientd.errors") else first(module, front)
         tree = ["```{eval-rst}", inspect.getdoc(module) or "", "```", ""]
         parts = [f"# `{front}`", "", says, "", doc, "", *(tree if "errors" in front else ())]
-        parts += ["| name | what it is |", "|---|---|", *listed, ""]
+        parts += ["| name | meaning |", "|---|---|", *listed, ""]
         parts += _contents(f"{front}.{name}" for name in names)
         yield f"reference/python/{front}.md", "\n".join(parts)
     listed = [f"| [`{front}`]({front}.md) | {says} |" for front, says in FRONTS.items()]

@@ -108,7 +108,7 @@ def _motion(schema: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _object(schema: Mapping[str, Any]) -> Iterator[str]:
-    yield "| key | holds | what it is |\n|---|---|---|\n"
+    yield "| key | type | meaning |\n|---|---|---|\n"
     for name, inner in schema["properties"].items():
         needed = "; needed" if name in schema["required"] else ""
         default = inner.get("default")
@@ -164,7 +164,7 @@ def _table(model: type[BaseModel], heading: str) -> Iterator[str]:
         more = first.partition("\n\n")[2]
         yield f"{words.said(more)}\n\n" if more else ""
     if rows:
-        yield "| key | what it is | default |\n|---|---|---|\n"
+        yield "| key | meaning | default |\n|---|---|---|\n"
         yield from rows
     for one, name in inner:
         yield from _table(one, name)
@@ -192,7 +192,7 @@ def _presets() -> Iterator[str]:
 
 
 def _columns() -> Iterator[str]:
-    yield "| field | type | unit | what it is | step |\n|---|---|---|---|---|\n"
+    yield "| field | type | unit | meaning | step |\n|---|---|---|---|---|\n"
     for one in COLUMNS:
         if one.path:
             step = f"{one.step:.0e}" if one.step else ""
@@ -204,7 +204,7 @@ def _columns() -> Iterator[str]:
 
 
 def _metrics() -> Iterator[str]:
-    yield "| metric | kind | labels | what it is |\n|---|---|---|---|\n"
+    yield "| metric | kind | labels | meaning |\n|---|---|---|---|\n"
     # The registry tells labels of what was counted only; its collectors know them from the first.
     collectors = dict.fromkeys(Telemetry().registry._names_to_collectors.values())  # noqa: SLF001
     for collector in collectors:

@@ -90,20 +90,19 @@ class DeviceSettings(Table):
     Attributes:
         name: the key of the table.
         driver: name of the driver.
-        python: interpreter of another environment for the servo process, an absolute path.  It is
-            for a driver whose vendor's packages cannot be installed with orientd.  Nothing of
-            orientd needs to be installed there.
-        rate_hz: cycle rate, Hz; the driver has the default, 100 for a gimbal, else 500.
+        python: absolute path of the interpreter of another environment for the servo process, if
+            the vendor's packages conflict with those of orientd.  That environment does not need
+            orientd.
+        rate_hz: cycle rate, Hz; the default depends on the driver: 100 for a gimbal, else 500.
         auto_enable: whether to enable the device at start and after a reset.
         heartbeat_timeout: the servo stops the device if it hears nothing from the daemon for this
             long, s.
         feedback_timeout: largest age of feedback, s; if it is older, the servo stops the device
             with a fault.
-        stall_timeout: a servo process that did not run for longer than this in motion is a fault,
-            s; after a shorter time the motion resumes from rest.
-        phase: start of the cycles within a period of the machine's monotonic clock, from 0 to below
-            1.  Without it devices are spread over the period, so that they do not need the
-            processor all at once; devices with the same phase have their cycles together.
+        stall_timeout: if the servo process stalls for longer during a motion, that is a fault, s;
+            after a shorter stall the motion resumes.
+        phase: start of the cycles within the period, 0 to below 1. By default the daemon spreads
+            its devices over the period, so that they do not all need the processor at once.
         spin_us: how long before a deadline the servo spins instead of sleeping, microseconds.
         priority: requested SCHED_FIFO priority; 0 requests none.
         compensate_latency: send setpoints earlier by this time, so that the device is where the

@@ -46,17 +46,17 @@ class FleetSettings(Table):
     Attributes:
         cell: name of the cell; a stop of the cell stops all daemons with this name.
         name: name of this daemon, unique in its cell.
-        listen: endpoints for others: ``tls/HOST:PORT`` or ``unixsock-stream/PATH``.
-        connect: daemons or routers to connect to; daemons find the others by those.
+        listen: endpoints to listen on: ``tls/HOST:PORT`` or ``unixsock-stream/PATH``.
+        connect: endpoints of daemons or routers, through which this daemon finds the others.
         certificate: file with this daemon's certificate, PEM; default: that of ``[tcp]``.
         key: file with the key of the certificate, PEM; default: that of ``[tcp]``.
-        ca: file with the authorities that sign all certificates, PEM; default: that of ``[tcp]``.
+        ca: file with the CAs that sign all certificates, PEM; default: that of ``[tcp]``.
         daemons: names in the certificates of the other daemons of the cell.
-        routers: names in the certificates of routers, which are trusted to have checked for whom
-            they carry calls.
-        address: ``HOST:PORT`` at which others reach the daemon's ``[tcp]``, whose port takes
-            their calls; by default ``tcp.listen``.
-        state_hz: rate at which the state is published while a client listens, Hz.
+        routers: names in the certificates of routers.  The daemon trusts them to check the
+            certificates of clients.
+        address:
+            ``HOST:PORT`` at which others reach the daemon's TLS port; by default ``tcp.listen``.
+        state_hz: rate at which the daemon publishes its state while a client listens, Hz.
     """
 
     cell: Name

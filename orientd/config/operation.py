@@ -73,9 +73,9 @@ class DaemonSettings(Table):
     """The table ``[daemon]``.
 
     Attributes:
-        socket: path of the daemon's socket; ``None`` is in the user's runtime directory.
-        lease_seconds: time after which a lease ends that its holder does not renew, s.
-        log_level: lowest level of the messages that are logged.
+        socket: path of the daemon's socket; by default in the user's runtime directory.
+        lease_seconds: time after which a lease expires if its holder does not renew it, s.
+        log_level: lowest level of messages to log.
     """
 
     socket: SomePath | None = None
@@ -87,12 +87,12 @@ class RecorderSettings(Table):
     """The table ``[recorder]``: the flight recorder, which writes a file at every fault.
 
     Attributes:
-        directory: folder of the files; ``None`` is ``orientd/recordings`` in the user's state
+        directory: folder of the recordings; by default ``orientd/recordings`` in the user's state
             directory.
-        seconds: length of a recording, which is kept in memory; 0 for no flight recorder.  A device
-            takes 344 bytes a cycle, 10 MB for 60 s at 500 Hz.
-        keep_files: number of files to keep, the newest.
-        keep_megabytes: total size of the files to keep, MB.
+        seconds: length of a recording, s; 0 turns the flight recorder off.  It needs 344 bytes of
+            memory per cycle: 10 MB for 60 s at 500 Hz.
+        keep_files: number of recordings to keep; the oldest are deleted.
+        keep_megabytes: total size of the recordings to keep, MB.
     """
 
     directory: SomePath | None = None
@@ -104,21 +104,23 @@ class RecorderSettings(Table):
 class AccessSettings(Table):
     """The table ``[access]``: roles of users, and limits of one caller.
 
-    The user that runs the daemon is always an administrator, and so is root.  Others have no
-    rights unless a table here grants them.
+    Root and the user that runs the daemon are always administrators.  Other users have only the
+    roles that you give them here.
 
     Attributes:
         users: roles by name or number of a user, on the Unix socket.
         groups: roles by name or number of a group, on the Unix socket.
         certificates: roles by the name in a certificate, over TCP.
-        audit: file of the audit log; ``None`` is ``audit.jsonl`` in the user's state directory.
-        audit_bytes: size at which the daemon begins another audit log.
+        audit: file of the audit log; by default ``audit.jsonl`` in the user's state directory.
+        audit_bytes: size at which the daemon starts a new audit log.
         audit_files: number of earlier audit logs to keep.
-        message_bytes: size of the largest message; 200,000 keyframes with times take 8 MB.
+        message_bytes: largest size of a message; 200,000 keyframes with times take 8 MB.
         keyframes: largest number of keyframes of a motion.
-        streams: calls of one identity at the same time; stops and renewals do not count.
-        connections: of one identity at the same time. An idle one is closed for a later one; if all
-            are busy, as many more may connect, for a stop.
+        streams: largest number of simultaneous calls of one identity; stops and lease renewals do
+            not count.
+        connections: largest number of simultaneous connections of one identity.  A new connection
+            closes an idle one.  If all are busy, as many more may connect, but only to stop
+            devices.
     """
 
     users: dict[str, SomeRole] = Field(default_factory=dict)
@@ -134,10 +136,10 @@ class AccessSettings(Table):
 
 
 class MetricsSettings(Table):
-    """The table ``[metrics]``: metrics for Prometheus, at 127.0.0.1 alone.
+    """The table ``[metrics]``: metrics for Prometheus, at 127.0.0.1 only.
 
     Attributes:
-        port: TCP port; 0 is any free one, which the log names.
+        port: TCP port; 0 chooses a free one, which the log shows.
     """
 
     port: Annotated[int, Field(ge=0, le=65535)]
@@ -150,8 +152,8 @@ class TcpSettings(Table):
         listen: address and port.
         certificate: file with the daemon's certificate, PEM.
         key: file with the key of the daemon's certificate, PEM.
-        ca: file with the authorities that sign the certificates of clients, PEM.
-        crl: file with the authority's list of revoked certificates, PEM.
+        ca: file with the CAs that sign the certificates of clients, PEM.
+        crl: file with the CA's list of revoked certificates, PEM.
         revoked: serial numbers of further revoked certificates, hexadecimal.
     """
 
@@ -173,8 +175,8 @@ class PlannerSettings(Table):
     """The table ``[planner]``: the processes that plan.
 
     Attributes:
-        processes: number of processes; ``None`` is one for each core, from 3 to 6.
-        plan_timeout: longest time for a plan, waiting included, s.
+        processes: number of processes; by default one per core, at least 3 and at most 6.
+        plan_timeout: longest time for a plan, including its wait in the queue, s.
     """
 
     processes: Annotated[int, Field(ge=1, le=64)] | None = None

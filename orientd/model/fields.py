@@ -180,11 +180,11 @@ else:
 
 
 class PointFromPlace(TypedDict):
-    """A point to look at, seen from the origin or from a place; the roll is free.
+    """A point to look at, and the position to look from; the roll is free.
 
     Attributes:
-        point: in the world, m.
-        place: where to look from, m; the origin by default.
+        point: point to look at, m.
+        place: position to look from, m; by default the origin.
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid")  # type: ignore[misc] # as above

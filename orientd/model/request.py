@@ -130,10 +130,10 @@ class Pose:
 @refusing
 @dataclass(frozen=True, config=CONFIG)
 class Frame:
-    """The tool point that poses of keyframes describe, and the base that they are relative to.
+    """The tool that keyframes describe, and the workpiece that they are relative to.
 
     Attributes:
-        base: pose of the base in the world: ``q_world_base`` and its origin.
+        base: pose of the workpiece in the device's base frame: ``q_world_base`` and its origin.
         tool: pose of the tool on the flange: ``q_flange_tool`` and its origin.
     """
 
@@ -170,25 +170,24 @@ class Keyframe:
     Give the orientation in one form.  Whichever form that is, *q* has it.
 
     Attributes:
-        q: a unit quaternion ``(w, x, y, z)``, Hamilton's product, tool to world, of unit norm
-            within 1e-3.  A quaternion that is off by more than 1e-6 is scaled to norm one, with a
-            note in the certificate.
+        q: a unit quaternion ``(w, x, y, z)``, Hamilton's product, tool to world.  If its norm is
+            off by 1e-6 to 1e-3, it is scaled to 1, with a note in the certificate.
         rotation_vector: axis times angle, rad.
         euler: successive turns about coordinate axes.
         matrix: rotation matrix for column vectors, row by row.
         direction: pointing direction, of any length; the roll is free.
         azimuth_elevation: pointing direction as angles; the roll is free.
-        look_at: a point to look at, m, from the origin or from a place; the roll is free.
-        time: in seconds on the request's own axis; ``None`` leaves it to the planner.
-        position: of the tool in the world, m; ``None`` does not command the position.
-        turns: whole turns to add between the previous keyframe and this one.  With a single
-            keyframe, they start at the device's orientation.  Without turns, a half turn goes the
-            positive way about z of the body frame (about y or x if its axis has no z); -1 goes the
-            other way.
-        free_roll: whether only the direction of the first axis of *q* counts.
-        frame: name of the frame of its pose; empty for the frame of the request.
+        look_at: a point to look at, m, alone (from the origin) or with the position to look from;
+            the roll is free.
+        time: time of the keyframe, s; without times the planner chooses them.
+        position: of the tool in the base frame, m; without it the motion commands no position.
+        turns: whole turns to add between the previous keyframe (or the current orientation) and
+            this one.  An exact half turn is in the positive direction about z of the tool (about y
+            or x if its axis has no z); ``turns: -1`` makes it negative.
+        free_roll: whether only the direction of the tool's x axis matters.
+        frame: name of the frame of this keyframe; empty for that of the motion.
         relative: whether the pose is relative to the tool's pose at the start of the motion.
-        name: label for people; at most 80 printable characters.
+        name: label for users; at most 80 printable characters.
     """
 
     note: ClassVar[str] = ""
@@ -254,35 +253,36 @@ class MotionRequest:
     """A requested motion.
 
     Attributes:
-        keyframes: at least one.  A single one is the goal of a motion from the device's current
-            orientation.  Empty with a rate.
+        keyframes: at least one, or none with a *rate*. A single one is the goal of a motion from
+            the current orientation.
         method: a name in :data:`orientd.curves.METHODS`.
-        start_velocity: angular velocity at the first keyframe, rad/s.  ``None`` leaves it to the
-            method, which chooses rest if it can.
-        end_velocity: angular velocity at the last keyframe, in the same way.
-        velocity_frame: the frame of these two velocities.
-        approach: whether to plan a lead-in from the device's current state; always with a single
-            keyframe.
-        limits: narrower than the device's own, or ``None``; infinite ones keep the device's limit.
+        start_velocity: angular velocity at the first keyframe, rad/s; by default at rest, if the
+            method can.
+        end_velocity: angular velocity at the last keyframe, rad/s; by default at rest, if the
+            method can.
+        velocity_frame: frame of these velocities: ``body`` is the tool, ``world`` the base.
+        approach: whether to plan a lead-in from the current state of the device; always with a
+            single keyframe.
+        limits: limits that are narrower than the device's own; infinite ones change nothing.
         options: options of the method.
         device_options: options of the device's driver, for this motion only.  The planner checks
             them when it plans for a device.
-        duration: without times, from first to last keyframe, s; by default ``"minimum"``.  With a
-            rate, how long to turn.
-        pace: without times, a share of the full speed, or ``"even"``, the method's own timing
-            slowed down.
+        duration: time from the first to the last keyframe, s, for keyframes without times; by
+            default ``"minimum"``. With a *rate*, the duration of the turn.
+        pace: for keyframes without times: a share of the full speed, or ``"even"`` for the method's
+            own timing, slowed down by one factor.
         name: label of the motion in reports and logs; at most 80 printable characters.
-        pointing_axis: tool axis that keyframes with a free roll point.
-        frame: name of the frame of keyframes without one, of the end velocities and of reports;
-            empty for the device's own coordinates.
-        frames: frames by name, in addition to those of the device's configuration.  A frame here
-            replaces one of the same name.
-        rate: angular velocity of an endless turn from the device's current orientation, rad/s, in
-            the frame of the velocities.  The turn starts and ends at rest and lasts the duration.
-        keep_out: cones in the device's world that an axis of the tool stays out of during this
-            motion, in addition to those of the device; at most 8.
-        notes: notes on how the request was read, which the certificate repeats; for example that a
-            quaternion was scaled to norm one.  At most 20 lines of 300 printable characters.
+        pointing_axis: tool axis that points, for keyframes that only give a direction.
+        frame: name of the frame of keyframes, end velocities and reports; empty for the flange in
+            the base frame.
+        frames: frames by name, in addition to those of the device's configuration.  They override
+            frames of the same name.
+        rate: angular velocity of a turn from the current orientation, rad/s, in *velocity_frame*.
+            The turn lasts *duration* and is at rest at both ends.
+        keep_out: up to 8 cones that an axis of the tool stays outside of during this motion, in
+            addition to those of the device.
+        notes: notes for the certificate, for example that a quaternion was scaled; at most 20 lines
+            of 300 printable characters.
 
     Raises:
         RequestError: a field is malformed.
