@@ -54,8 +54,8 @@ class FleetSettings(Table):
         daemons: names in the certificates of the other daemons of the cell.
         routers: names in the certificates of routers.  The daemon trusts them to check the
             certificates of clients.
-        address:
-            ``HOST:PORT`` at which others reach the daemon's TLS port; by default ``tcp.listen``.
+        address: ``HOST:PORT`` at which others reach the daemon's TLS port; by default
+            ``tcp.listen``.
         state_hz: rate at which the daemon publishes its state while a client listens, Hz.
     """
 
