@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Iterable
-from typing import Protocol, Self, Unpack
+import time
+from collections.abc import Callable, Iterable, Sequence
+from typing import Protocol, Self, TypeVar, Unpack
 
 from orientd.client import MoveHandle, Playing, RequestFields, Robot
-from orientd.errors import OrientdError, UnknownNameError
+from orientd.driver import Quaternion as Components
+from orientd.errors import LeaseError, OrientdError, StateError, UnknownNameError
 from orientd.protocol import control_pb2 as pb
+from orientd.rotation import Quaternion
+
+_LONGEST_STOP = 10.0
+"""Longest wait for a motion to stop at the end, s."""
+
+Begun = TypeVar("Begun")
 
 
 class Adapter(Protocol):
@@ -61,6 +69,12 @@ class Served:
             raise UnknownNameError("device", f"expected one of {', '.join(names)}, got {device!r}")
         self.robot, self.name = robot, device
         self.lock = threading.RLock()
+        self._is_closed = False
+        self._clock = 0.0
+        if robot.local_socket is None:
+            # The daemon's machine has another monotonic clock; the times of day agree.
+            offset = 1e-9 * robot.observe().configuration().offset_ns
+            self._clock = time.time() - time.monotonic() - offset
         self._tracking: Playing | None = None
         self._moving: MoveHandle | None = None
 
@@ -68,6 +82,8 @@ class Served:
         return self
 
     def __exit__(self, *_: object) -> None:
+        with self.lock:
+            self._is_closed = True
         self.rest()
 
     def report(self) -> pb.DeviceReport:
@@ -78,6 +94,18 @@ class Served:
         """
         return self.robot.state().devices[self.name]
 
+    def enable(self) -> None:
+        """Clear a fault of the device, and enable it.
+
+        Raises:
+            OrientdError: the daemon refuses it.
+        """
+        state = self.report().state
+        if state == pb.STATE_FAULT:
+            self.robot.reset(self.name)
+        elif state == pb.STATE_IDLE:
+            self.robot.enable(self.name)
+
     def track(self) -> Playing:
         """Return the session of targets or chunks of poses; begin one if there is none.
 
@@ -87,6 +115,7 @@ class Served:
             OrientdError: the daemon refuses it.
         """
         with self.lock:
+            self._check_open()
             tracking = self._tracking
             if tracking is not None:
                 try:
@@ -94,9 +123,24 @@ class Served:
                 except OrientdError:
                     tracking = None
             if tracking is None:
-                tracking = self.robot.play(device=self.name)
+                tracking = self._leased(lambda: self.robot.play(device=self.name))
             self._tracking, self._moving = tracking, None
             return tracking
+
+    def follow(self, poses: Sequence[Quaternion], start: float, step: float) -> None:
+        """Follow a path, and come to rest at its end.
+
+        The servo knows the whole path, so a delay of this process does not disturb the motion.
+
+        Args:
+            poses: orientations of the tool at equal times, at most 64.
+            start: time of the first one, s, by :func:`time.monotonic`.
+            step: time between two of them, s.
+
+        Raises:
+            OrientdError: the daemon refuses it.
+        """
+        self.track().chunk(poses, rate=1.0 / step, start=start + self._clock)
 
     def move(self, keyframes: Iterable[object], **fields: Unpack[RequestFields]) -> MoveHandle:
         """Begin a motion, in place of a running one or once the device has stopped following.
@@ -109,8 +153,11 @@ class Served:
             OrientdError: the daemon refuses it.
         """
         with self.lock:
+            self._check_open()
             self.end_tracking()
-            self._moving = self.robot.move(keyframes, device=self.name, **fields)
+            self._moving = self._leased(
+                lambda: self.robot.move(keyframes, device=self.name, **fields)
+            )
             return self._moving
 
     def begin(self, plan: pb.Plan, start_time: float) -> MoveHandle:
@@ -126,7 +173,9 @@ class Served:
             OrientdError: the daemon refuses it.
         """
         self.end_tracking()
-        self._moving = self.robot.move(plan, device=self.name, start_time=start_time)
+        self._moving = self._leased(
+            lambda: self.robot.move(plan, device=self.name, start_time=start_time)
+        )
         return self._moving
 
     def end_tracking(self) -> None:
@@ -150,7 +199,36 @@ class Served:
     def rest(self) -> None:
         """Bring the device to rest if this adapter moves it, and return then."""
         self.end_tracking()
-        with self.lock, contextlib.suppress(OrientdError):
+        with self.lock, contextlib.suppress(OrientdError, TimeoutError):
             if self._moving is not None:
                 self._moving.cancel()
-                self._moving.wait()
+                self._moving.wait(_LONGEST_STOP)
+
+    def _leased(self, command: Callable[[], Begun]) -> Begun:
+        """Return the result of a command, which takes the lease again if it was lost.
+
+        A daemon that has restarted knows no leases.
+
+        Raises:
+            OrientdError: the daemon refuses the command, or another client holds the lease.
+        """
+        try:
+            return command()
+        except LeaseError:
+            self.robot.release_lease(self.name)
+            return command()
+
+    def _check_open(self) -> None:
+        """Check that this context has not ended: a late thread must not move the device again.
+
+        Raises:
+            StateError: it has.
+        """
+        if self._is_closed:
+            raise StateError("the server has ended")
+
+
+def named(q: Components) -> Quaternion:
+    """Return a quaternion ``(w, x, y, z)`` with named components."""
+    w, x, y, z = q
+    return Quaternion(w=w, x=x, y=y, z=z)

@@ -109,11 +109,14 @@ class Leases:
         renew.start()
         return lease
 
-    def release(self) -> None:
-        """Release every lease; it does not matter whether the daemon still knows it."""
+    def release(self, devices: Sequence[str] = ()) -> None:
+        """Release the leases of *devices*, by default all; the daemon need not know them."""
         with self._lock:
-            all_held, self._held = self._held, []
-        for held in all_held:
+            released = [
+                held for held in self._held if not devices or set(devices) & set(held.devices)
+            ]
+            self._held = [held for held in self._held if held not in released]
+        for held in released:
             held.ended.set()
             if held.lost is None:
                 request = pb.ReleaseLeaseRequest(token=held.token)

@@ -301,9 +301,13 @@ class Robot:
         if missing:
             self._leases.acquire(missing, beside=beside)
 
-    def release_lease(self) -> None:
-        """Release the leases now, rather than at the end; motions under them are stopped."""
-        self._leases.release()
+    def release_lease(self, *devices: str) -> None:
+        """Release leases now, rather than at the end; motions under them are stopped.
+
+        Args:
+            devices: names of devices; by default every device whose lease is held.
+        """
+        self._leases.release(devices)
 
     def seize_lease(self, reason: str, *devices: str) -> None:
         """Seize the lease from its holder; motions that run under it are stopped.

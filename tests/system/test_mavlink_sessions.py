@@ -4,6 +4,7 @@ import math
 import random
 import time
 
+import numpy as np
 import pytest
 from gimbal_bench import GimbalDaemon, await_hold, seldom
 from harness import DaemonProcess, until
@@ -28,6 +29,7 @@ from pymavlink.dialects.v20 import common as mavlink
 
 from orientd import connect
 from orientd.protocol import control_pb2 as pb
+from orientd_loopback import read_recording
 
 PITCH_YAW = mavlink.MAVLink_gimbal_manager_set_pitchyaw_message
 ATTITUDE = mavlink.MAVLink_gimbal_manager_set_attitude_message
@@ -317,6 +319,28 @@ def test_a_turn_ends_when_its_stream_or_its_client_ends(daemon):
         assert station.point(NAN, NAN, 0, -15) == ACCEPTED
         station.hear("GIMBAL_DEVICE_ATTITUDE_STATUS", lambda m: m.angular_velocity_z < -0.1)
         station.hear("GIMBAL_DEVICE_ATTITUDE_STATUS", lambda m: abs(m.angular_velocity_z) < 1e-3)
+
+
+@pytest.mark.parametrize("is_even", [True, False])
+def test_a_stream_without_rates_does_not_pass_its_end(daemon, is_even):
+    chance = random.Random(5)
+    with gimbal(daemon.socket) as station:
+        station.take_control()
+        assert station.point(0, 0) == ACCEPTED
+        station.await_attitude(0, 0, 0)
+        begin = len(read_recording(daemon.recording))
+        start = time.monotonic()
+        while (yaw := 30.0 * (time.monotonic() - start)) < 60.0:
+            station.stream(0, yaw)
+            time.sleep(0.1 if is_even else chance.choice([0.02, 0.05, 0.1, 0.3]))
+        station.stream(0, 60)
+        station.await_attitude(0, 0, 60)
+        until(lambda: daemon.device().state == pb.STATE_HOLDING, "the device to rest")
+        station.release()
+    sent = read_recording(daemon.recording)[begin:]
+    yaws = [-2.0 * math.degrees(math.atan2(one.q[3], one.q[0])) for one in sent]
+    assert 59.9 < max(yaws) < 60.5
+    assert min(np.array(yaws) - np.maximum.accumulate(yaws)) > -0.5
 
 
 def test_jumps_of_the_setpoint_keep_the_limits_of_the_device(tmp_path):

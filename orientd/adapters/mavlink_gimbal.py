@@ -1,42 +1,45 @@
-"""The motion of a MAVLink gimbal: one setpoint, followed by targets or reached by a motion."""
+"""The device of a MAVLink gimbal: it follows the path of the setpoint."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
 
-from orientd.adapters.mavlink.setpoint import RETRACT, Base, Setpoint, Wish
-from orientd.adapters.served import Served
+from orientd.adapters.mavlink_setpoint import RETRACT, STEP, Setpoint, Wish
+from orientd.adapters.served import Served, named
 from orientd.driver import IDENTITY
-from orientd.driver import Quaternion as Components
 from orientd.errors import DaemonError, OrientdError
 from orientd.floats import difference, norm
 from orientd.protocol import to_quaternion, to_vector
-from orientd.rotation import Quaternion
 
-LIFE = 0.15
-"""How long a target of a turning gimbal counts, s."""
+_POSES = 60
+"""Poses of the path that the device has in advance: enough for the longest brake."""
 
-LONG_LIFE = 60.0
-"""How long the last target counts, s; the device reaches it in this time or stops."""
+_RENEWAL = 0.4
+"""Time after which a moving device gets a longer path, s."""
 
-IDLE = 1.0
+_IDLE = 1.0
 """Time without a request after which a device at rest stops following, s."""
 
-BEHIND = 0.3
-"""Angle from the target at which a device counts as unable to follow a rate, rad."""
+_BEHIND = 0.3
+"""Angle from the setpoint at which a device counts as unable to follow a rate, rad."""
+
+_LIFE = 60.0
+"""How long a target counts, s; the device reaches it in this time or stops."""
 
 _TURNED = 1e-6
 """Smallest turn of the setpoint that counts, rad."""
 
-AT_REST = 1e-6
+_AT_REST = 1e-6
 """Angular velocity of a device at rest, rad/s."""
 
-PATIENCE = 1.5
+_PATIENCE = 1.5
 """Longest time until a command is answered, s.  MAVSDK repeats one every 0.5 s, for 2 s."""
+
+_USUAL = 0.2
+"""Weight of the last gap between two messages of a stream in the usual one."""
 
 _NO_HEADING = (
     "a yaw from north is denied: the heading is unknown; set --north, or let the autopilot send "
@@ -47,37 +50,42 @@ Done = Callable[[bool], None]
 """Called with whether a command is carried out."""
 
 
-class GimbalMotion:
+class Gimbal:
     """Moves the device to the setpoint, in the thread that calls :meth:`tick`.
 
     Planning and coming to rest may take longer, so they run in a thread of their own.
 
     Attributes:
         setpoint: of the gimbal.
-        base: the attitude of its base.
         limits: of the device.
+        knows_north: whether the heading of the base is known.
         problem: the error because of which the device does not move; empty if there is none.
     """
 
-    def __init__(self, served: Served, base: Base, warn: Callable[[str], None]) -> None:
+    def __init__(self, served: Served, north: float | None, warn: Callable[[str], None]) -> None:
         """Move the device only when asked.
 
         Args:
             served: the device.
-            base: the attitude of its base, until another is known.
+            north: heading of the base, rad; ``None`` if it is unknown.
             warn: called with each problem, in one line.
         """
         self.limits = served.report().limits
-        # The other half is for corrections.
-        self.setpoint = Setpoint(0.5 * self.limits.acceleration)
-        self.base, self.problem, self._told = base, "", ""
+        # The other half of the acceleration is for corrections.
+        self.setpoint = Setpoint(
+            north or 0.0,
+            speed=self.limits.velocity,
+            acceleration=0.5 * self.limits.acceleration,
+        )
+        self.knows_north, self.problem, self._told = north is not None, "", ""
         self._served, self._warn = served, warn
         self._threads = ThreadPoolExecutor(1, "orientd mavlink")
         self._job: Future[object] | None = None
         self._done: Done | None = None
-        self._done_by = self._asked = self._turns_until = -math.inf
-        self._is_tracking = self._is_new = self._is_last = False
-        self._ticked = time.monotonic()
+        self._is_tracking = self._is_turned = False
+        self._done_by = self._asked = self._turns_until = self._renewal = -math.inf
+        self._gap, self._streamed = 0.0, -math.inf
+        self._ticked = math.inf
 
     @property
     def is_idle(self) -> bool:
@@ -100,7 +108,7 @@ class GimbalMotion:
 
     def can(self, wish: Wish) -> bool:
         """Return whether a request is valid, and north is known if it needs that."""
-        if wish.needs_heading and self.base.heading is None:
+        if wish.needs_heading and not self.knows_north:
             self._tell(_NO_HEADING)
             return False
         return wish.is_valid
@@ -115,53 +123,59 @@ class GimbalMotion:
             self._run(self._retract, done)
             return
         self._take(wish)
-        self.setpoint.advance(0.0)
-        q = _named(self.setpoint.orientation(self.base))
+        self.setpoint.settle()
+        q = named(self.setpoint.orientation())
         self._run(lambda: self._served.move([q], approach=True), done)
 
-    def take(self, wish: Wish, *, life: float, is_stream: bool) -> None:
-        """Follow what is asked from now on.
+    def take(self, wish: Wish, *, life: float) -> None:
+        """Follow a request from now on.
 
         Args:
             wish: the request.
-            life: how long its rates count, s.
-            is_stream: whether others follow it soon; else the device rests at its angles.
+            life: how long its rates count, s; infinity for a command, others are of a stream.
         """
         if wish.flags & RETRACT:
             if not self.setpoint.flags & RETRACT:
                 self.plan(wish, lambda _: None)
             return
-        self._take(wish)
-        self._turns_until = time.monotonic() + life
-        self._track(is_last=not is_stream)
+        now = time.monotonic()
+        gap, self._streamed = now - self._streamed, now
+        if life == math.inf or gap > life:
+            self._gap = 0.0
+        else:
+            self._gap += (_USUAL if self._gap else 1.0) * (gap - self._gap)
+        self._take(wish, self._gap)
+        self._turns_until = now + life
+        self._track()
 
-    def turn_base(self, base: Base) -> None:
-        """Keep the setpoint where its flags say while the base turns."""
-        before, self.base = self.setpoint.orientation(self.base), base
-        turned = norm(difference(before, self.setpoint.orientation(base)))
+    def turn_base(self, base: Sequence[float]) -> None:
+        """Keep the setpoint where its flags say while the base turns.
+
+        Args:
+            base: roll, pitch and heading in the earth frame, rad.
+        """
+        before = self.setpoint.orientation()
+        self.setpoint.base, self.knows_north = base, True
+        turned = difference(before, self.setpoint.orientation())
         is_ours = self._served.robot.holds_lease(self._served.name)
-        if turned > _TURNED and is_ours and not self.setpoint.flags & RETRACT:
-            self._track(is_last=False)
-
-    def lose_heading(self) -> None:
-        """Know no longer where north is."""
-        self.base = replace(self.base, heading=None)
+        if norm(turned) > _TURNED and is_ours and not self.setpoint.flags & RETRACT:
+            self._track()
+            self._is_turned = True
 
     def rest(self) -> None:
-        """Let what turns at a rate come to rest."""
-        self.setpoint.rest()
+        """Let every angle that turns at a rate come to rest."""
+        if self.setpoint.rest():
+            self._renewal = -math.inf
 
     def tick(self) -> None:
-        """Send the next target if one is due, and answer commands that are carried out.
+        """Send the next part of the path if it is due, and answer commands that are carried out.
 
         Raises:
             DaemonError: the daemon is lost.
         """
-        now = time.monotonic()
-        seconds, self._ticked = min(now - self._ticked, 0.1), now
         if self._job is not None:
             if not self._job.done():
-                if now > self._done_by:
+                if time.monotonic() > self._done_by:
                     self._answer(is_done=True)
                 return
             job, self._job = self._job, None
@@ -172,7 +186,7 @@ class GimbalMotion:
             self._answer(is_done=error is None)
         if self._is_tracking:
             try:
-                self._follow(seconds, now)
+                self._follow()
             except OrientdError as error:
                 self._is_tracking = False
                 self._check(error)
@@ -182,43 +196,47 @@ class GimbalMotion:
         self._threads.shutdown(cancel_futures=True)
 
     def _stand(self) -> None:
-        self.setpoint.begin(to_quaternion(self._served.report().cycle.q), self.base)
+        self.setpoint.begin(to_quaternion(self._served.report().cycle.q))
 
-    def _take(self, wish: Wish) -> None:
+    def _take(self, wish: Wish, gap: float = 0.0) -> None:
         if self.setpoint.flags & RETRACT:
             self._stand()
-        self.setpoint.take(wish, self.base)
+        self.setpoint.take(wish, gap)
 
-    def _track(self, *, is_last: bool) -> None:
-        self._asked = time.monotonic()
-        self._is_tracking = self._is_new = True
-        self._is_last = is_last
+    def _track(self) -> None:
+        if not self._is_tracking:
+            self._is_tracking, self._ticked = True, math.inf
+        self._asked, self._renewal = time.monotonic(), -math.inf
 
-    def _follow(self, seconds: float, now: float) -> None:
+    def _follow(self) -> None:
+        """Give the device the next part of the path; stop following once it has rested a while."""
         setpoint, tracking = self.setpoint, self._served.track()
+        # The path does not move on while a session begins.
+        now = time.monotonic()
+        seconds, self._ticked = min(now - self._ticked, _POSES * STEP), now
+        setpoint.advance(max(seconds, 0.0))
         self.problem = ""
-        if now > self._turns_until:
-            setpoint.rest()
-        was_moving = setpoint.is_moving
-        setpoint.advance(seconds, is_behind=tracking.report.error > BEHIND)
-        target = _named(setpoint.orientation(self.base))
+        apart = difference(setpoint.orientation(), to_quaternion(tracking.report.q))
+        if now > self._turns_until or norm(apart) > _BEHIND:
+            self.rest()
+        if self._is_turned and not setpoint.is_moving:
+            # The servo derives the velocity of the base from one target to the next.
+            tracking.aim(named(setpoint.orientation()), time_to_live=_LIFE)
+            self._renewal = math.inf
+        elif now > self._renewal:
+            self._served.follow([named(q) for q in setpoint.ahead(_POSES)], now, STEP)
+            self._renewal = now + _RENEWAL if setpoint.is_moving else math.inf
+        self._is_turned = False
         if setpoint.is_moving:
-            omega = setpoint.omega_body()
-            tracking.aim(target, angular_velocity=omega, time_to_live=LIFE)
-        elif was_moving or self._is_new:
-            stands = was_moving or self._is_last
-            rest = (0.0, 0.0, 0.0) if stands else None
-            tracking.aim(target, angular_velocity=rest, time_to_live=LONG_LIFE)
             self._asked = now
-        elif now - self._asked > IDLE and norm(to_vector(tracking.report.omega_body)) < AT_REST:
+        elif now - self._asked > _IDLE and norm(to_vector(tracking.report.omega_body)) < _AT_REST:
             # The next command can be planned as a whole again.
             self._is_tracking = False
             self._run(self._served.end_tracking)
-        self._is_new = False
 
     def _run(self, work: Callable[[], object], done: Done | None = None) -> None:
         self._answer(is_done=True)
-        self._done, self._done_by = done, time.monotonic() + PATIENCE
+        self._done, self._done_by = done, time.monotonic() + _PATIENCE
         self._job = self._threads.submit(work)
         self._asked = time.monotonic()
 
@@ -245,13 +263,8 @@ class GimbalMotion:
             self._warn(problem)
 
     def _retract(self) -> None:
-        self._served.move([_named(IDENTITY)], device_options={"home": True}, name="home")
+        self._served.move([named(IDENTITY)], device_options={"home": True}, name="home")
 
     def _release(self) -> None:
         self._served.rest()
-        self._served.robot.release_lease()
-
-
-def _named(q: Components) -> Quaternion:
-    w, x, y, z = q
-    return Quaternion(w=w, x=x, y=y, z=z)
+        self._served.robot.release_lease(self._served.name)

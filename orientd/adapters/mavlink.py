@@ -1,12 +1,12 @@
-"""The MAVLink component: its UDP socket, and what it does with the messages of others.
+"""Serve a MAVLink gimbal, device and manager, over UDP.
 
 Source: the gimbal protocol v2, https://mavlink.io/en/services/gimbal_v2.html.  Only components that
-have taken control may command the gimbal.  The autopilot of its own system takes control with its
-first setpoint for the device, if no other component has it.
+have taken control may command the gimbal.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
 import select
 import socket
@@ -17,23 +17,27 @@ from typing import Any
 
 from pymavlink.dialects.v20 import common as mavlink
 
-from orientd.adapters.mavlink.control import NOBODY, Source, holder
-from orientd.adapters.mavlink.motion import GimbalMotion
-from orientd.adapters.mavlink.reports import GIMBAL_ID, Reports
-from orientd.adapters.mavlink.setpoint import RETRACT, UNSET, Base, Wish, angles_of
+from orientd.adapters.mavlink_gimbal import Gimbal
+from orientd.adapters.mavlink_reports import GIMBAL_ID, Reports
+from orientd.adapters.mavlink_setpoint import RETRACT, attitude, level, wish_of
 from orientd.adapters.served import Served
-from orientd.driver import Vector3
 from orientd.errors import OrientdError
-from orientd.floats import normalize
 from orientd.own_socket import own_socket
-from orientd.tolerances import TYPED_NORM_TOLERANCE
+
+Source = tuple[int, int]
+"""System and component of a sender."""
 
 Peer = tuple[str, int]
+
 ACCEPTED, REJECTED, DENIED, UNSUPPORTED = 0, 1, 2, 3
 """Results of a command; a rejected one may succeed later."""
 
+NOBODY: Source = (0, 0)
+FREE = (NOBODY, NOBODY)
+"""Primary and secondary holder while no component is in control."""
+
 PERIOD = 0.02
-"""Time between two targets of a turning gimbal, s."""
+"""Time between two looks at the gimbal, s."""
 
 STREAM_LIFE = 1.0
 """Longest time between two messages of a stream of rates, s; then the gimbal comes to rest."""
@@ -82,22 +86,23 @@ class Mavlink:
         Raises:
             DaemonError: the port is not available, or no daemon answers.
         """
-        self._motion = GimbalMotion(served, Base(heading=north), warn)
-        self._reports = Reports(served, self._motion)
-        self._warn, self._fastest = warn, self._motion.limits.velocity
+        self._gimbal = Gimbal(served, north, warn)
+        self._reports = Reports(served, self._gimbal)
+        self._warn = warn
         self._own: Source = (system, component)
+        self._autopilot: Source = (system, mavlink.MAV_COMP_ID_AUTOPILOT1)
         self._codec = mavlink.MAVLink(None, system, component)
         self._peers: dict[Peer, float] = dict.fromkeys(to, math.inf)
-        self._primary, self._secondary, self._heard = NOBODY, NOBODY, -math.inf
-        self._base_until, self._planned = math.inf, ""
+        self._holders: Sequence[Source] = FREE
+        self._heard, self._base_until, self._planned = -math.inf, math.inf, ""
         self._ticked = time.monotonic()
         self._handlers: dict[str, Callable[[Any, Source, Peer], None]] = {
             "COMMAND_LONG": self._on_command,
             "COMMAND_INT": self._on_command,
-            "GIMBAL_MANAGER_SET_PITCHYAW": self._on_pitch_yaw,
-            "GIMBAL_MANAGER_SET_MANUAL_CONTROL": self._on_pitch_yaw,
-            "GIMBAL_MANAGER_SET_ATTITUDE": self._on_attitude,
-            "GIMBAL_DEVICE_SET_ATTITUDE": self._on_attitude,
+            "GIMBAL_MANAGER_SET_PITCHYAW": self._on_wish,
+            "GIMBAL_MANAGER_SET_MANUAL_CONTROL": self._on_wish,
+            "GIMBAL_MANAGER_SET_ATTITUDE": self._on_wish,
+            "GIMBAL_DEVICE_SET_ATTITUDE": self._on_wish,
             "AUTOPILOT_STATE_FOR_GIMBAL_DEVICE": self._on_vehicle,
             "PARAM_REQUEST_LIST": self._on_parameters,
             "PARAM_REQUEST_READ": self._on_parameters,
@@ -120,27 +125,24 @@ class Mavlink:
                 continue
             self._ticked = now
             if now - self._heard > CLIENT_LIFE:
-                self._motion.rest()
+                self._gimbal.rest()
             if now > self._base_until:
-                self._base_until = math.inf
-                self._motion.lose_heading()
-            self._motion.tick()
+                self._base_until, self._gimbal.knows_north = math.inf, False
+            self._gimbal.tick()
             for message in self._reports.due():
                 self._send(message, list(self._peers))
 
     def close(self) -> None:
         """Close the socket; return when no command runs any more."""
-        self._motion.close()
+        self._gimbal.close()
         self._socket.close()
 
     def _send(self, message: Any, peers: Iterable[Peer]) -> None:  # noqa: ANN401 - pymavlink has no types
         packed = message.pack(self._codec)
         self._codec.seq = (self._codec.seq + 1) % 256
         for peer in peers:
-            try:
+            with contextlib.suppress(OSError):  # the network cannot reach it now
                 self._socket.sendto(packed, peer)
-            except OSError:  # the network cannot reach it now
-                continue
 
     def _receive(self) -> None:
         datagram, peer = self._socket.recvfrom(65536)
@@ -163,7 +165,7 @@ class Mavlink:
 
     def _hear(self, source: Source, peer: Peer) -> None:
         now = time.monotonic()
-        if source in {self._primary, self._secondary}:
+        if source in self._holders:
             self._heard = now
         if len(self._peers) >= MOST_PEERS and peer not in self._peers:
             del self._peers[min(self._peers, key=self._peers.__getitem__)]
@@ -198,34 +200,31 @@ class Mavlink:
 
     def _configure(self, p: Sequence[float], source: Source) -> int:
         """Set who is in control, and return the result."""
-        primary = holder(p[0], p[1], self._primary, source)
-        secondary = holder(p[2], p[3], self._secondary, source)
+        primary = holder(p[0], p[1], self._holders[0], source)
+        secondary = holder(p[2], p[3], self._holders[1], source)
         if primary is None or secondary is None or not _is_own(p[6]):
             return DENIED
         return self._control(primary, secondary)
 
-    def _control(self, primary: Source, secondary: Source) -> int:
-        had_control = self._primary != NOBODY or self._secondary != NOBODY
-        has_control = primary != NOBODY or secondary != NOBODY
+    def _control(self, *holders: Source) -> int:
         try:
-            if has_control and not had_control:
-                self._motion.begin()
+            if self._holders == FREE != holders:
+                self._gimbal.begin()
         except OrientdError as error:
             self._warn(str(error))
             return REJECTED
-        if had_control and not has_control:
-            self._motion.end()
-        elif primary != self._primary:
-            self._motion.rest()
-        self._primary, self._secondary = primary, secondary
-        self._reports.holders = (*primary, *secondary)
+        if self._holders != FREE == holders:
+            self._gimbal.end()
+        elif holders[0] != self._holders[0]:
+            self._gimbal.rest()
+        self._holders = self._reports.holders = holders
         self._heard = time.monotonic()
         return ACCEPTED
 
     def _pitch_yaw(self, p: Sequence[float], source: Source, answer: Callable[[int], None]) -> None:
-        pitch, yaw, pitch_rate, yaw_rate = map(math.radians, p[:4])
         flags = int(p[4]) if 0.0 <= p[4] < 1 << 16 else 0
-        wish = _level(flags, (pitch, yaw), (pitch_rate, yaw_rate))
+        pitch, yaw, pitch_rate, yaw_rate = map(math.radians, p[:4])
+        wish = level(flags, (pitch, yaw), (pitch_rate, yaw_rate))
         asked = repr((source, p))
         if asked == self._planned:
             return  # the client repeats a command that has no answer yet
@@ -234,84 +233,68 @@ class Mavlink:
             self._planned = ""
             answer(ACCEPTED if is_done else DENIED)
 
-        if not (self._may(source, p[6]) and 0.0 <= p[4] < 1 << 16 and self._motion.can(wish)):
+        if not (self._may(source, p[6]) and 0.0 <= p[4] < 1 << 16 and self._gimbal.can(wish)):
             answer(DENIED)
-        elif flags & RETRACT or (self._motion.is_idle and wish.is_still):
+        elif flags & RETRACT or (self._gimbal.is_idle and wish.is_still):
             self._planned = asked
-            self._motion.plan(wish, done)
+            self._gimbal.plan(wish, done)
         else:
-            self._motion.take(wish, life=math.inf, is_stream=False)
+            self._gimbal.take(wish, life=math.inf)
             answer(ACCEPTED)
 
     # Streams
 
-    def _on_pitch_yaw(self, message: Any, source: Source, peer: Peer) -> None:  # noqa: ANN401
+    def _on_wish(self, message: Any, source: Source, peer: Peer) -> None:  # noqa: ANN401
+        """Follow a stream.  The autopilot takes control of a free gimbal with its first one."""
         del peer
-        scales = (1.0, 1.0, 1.0, 1.0)
-        if message.get_type() == "GIMBAL_MANAGER_SET_MANUAL_CONTROL":
-            scales = (0.5 * math.pi, math.pi, self._fastest, self._fastest)
-        given = (message.pitch, message.yaw, message.pitch_rate, message.yaw_rate)
-        pitch, yaw, pitch_rate, yaw_rate = (a * b for a, b in zip(given, scales, strict=True))
-        wish = _level(message.flags, (pitch, yaw), (pitch_rate, yaw_rate))
-        if self._may(source, message.gimbal_device_id):
-            self._stream(wish)
-
-    def _on_attitude(self, message: Any, source: Source, peer: Peer) -> None:  # noqa: ANN401
-        del peer
-        is_first = self._primary == self._secondary == NOBODY
-        if message.get_type() == "GIMBAL_DEVICE_SET_ATTITUDE":
-            if is_first and source == (self._own[0], mavlink.MAV_COMP_ID_AUTOPILOT1):
-                self._control(source, NOBODY)
-            gimbal = 0
-        else:
-            gimbal = message.gimbal_device_id
-        angles = _angles(message.q)
-        names = ("angular_velocity_x", "angular_velocity_y", "angular_velocity_z")
-        x, y, z = (getattr(message, name) for name in names)
-        if angles is not None and self._may(source, gimbal):
-            self._stream(Wish(message.flags, angles, (x, y, z)))
-
-    def _stream(self, wish: Wish) -> None:
-        if self._motion.can(wish):
-            self._motion.take(wish, life=STREAM_LIFE, is_stream=True)
+        gimbal = getattr(message, "gimbal_device_id", 0)
+        is_for_device = message.get_type() == "GIMBAL_DEVICE_SET_ATTITUDE"
+        if is_for_device and self._holders == FREE and source == self._autopilot:
+            self._control(source, NOBODY)
+        wish = wish_of(message, self._gimbal.limits.velocity)
+        if wish is not None and self._may(source, gimbal) and self._gimbal.can(wish):
+            self._gimbal.take(wish, life=STREAM_LIFE)
 
     def _on_vehicle(self, message: Any, source: Source, peer: Peer) -> None:  # noqa: ANN401
         del peer
-        angles = _angles(message.q)
-        is_ours = source == (self._own[0], mavlink.MAV_COMP_ID_AUTOPILOT1)
-        if is_ours and angles is not None and not math.isnan(angles[0]):
+        angles = attitude(message.q)
+        if source == self._autopilot and angles is not None and not math.isnan(angles[0]):
             self._base_until = time.monotonic() + BASE_LIFE
-            self._motion.turn_base(Base(*angles))
+            self._gimbal.turn_base(angles)
 
     def _on_parameters(self, message: Any, source: Source, peer: Peer) -> None:  # noqa: ANN401
         """Answer that there are no parameters."""
         del message, source
-        none = mavlink.MAVLink_param_value_message(
-            b"", 0.0, mavlink.MAV_PARAM_TYPE_REAL32, 0, 0xFFFF
-        )
-        self._send(none, [peer])
+        kind = mavlink.MAV_PARAM_TYPE_REAL32
+        self._send(mavlink.MAVLink_param_value_message(b"", 0.0, kind, 0, 0xFFFF), [peer])
 
     def _may(self, source: Source, gimbal: float) -> bool:
-        return source in {self._primary, self._secondary} and _is_own(gimbal)
+        """Return whether a component may command a gimbal device id."""
+        return source in self._holders and _is_own(gimbal)
+
+
+def holder(system: float, component: float, present: Source, source: Source) -> Source | None:
+    """Return the component in control after a command to configure it.
+
+    Args:
+        system: of the new holder; 0 for none, -1 for no change, -2 for the sender, -3 for none if
+            the sender is in control.
+        component: of the new holder.
+        present: the component in control.
+        source: the sender.
+
+    Returns:
+        System and component; ``None`` if the command is invalid.
+    """
+    named = {-1.0: present, -2.0: source, -3.0: NOBODY if present == source else present}
+    if system in named:
+        return named[system]
+    if system == 0.0 or component == 0.0:
+        return NOBODY
+    is_valid = all(0.0 < one < 256.0 and one == int(one) for one in (system, component))
+    return (int(system), int(component)) if is_valid else None
 
 
 def _is_own(gimbal: float) -> bool:
     """Return whether a gimbal device id is ours; 0 is for all."""
     return math.isnan(gimbal) or gimbal in {0, GIMBAL_ID}
-
-
-def _level(flags: int, angles: tuple[float, float], rates: tuple[float, float]) -> Wish:
-    """Return a wish for pitch and yaw.  With an angle it levels the roll, else the roll stays."""
-    roll = math.nan if all(map(math.isnan, angles)) else 0.0
-    return Wish(flags, (roll, *angles), (math.nan, *rates))
-
-
-def _angles(q: Sequence[float]) -> Vector3 | None:
-    """Return roll, pitch and yaw, NaN if a component is; ``None`` if *q* is not of unit norm."""
-    size = math.hypot(*q)
-    if math.isnan(size):
-        return UNSET
-    if abs(size - 1.0) > TYPED_NORM_TOLERANCE:
-        return None
-    w, x, y, z = q
-    return angles_of(normalize((w, x, y, z)))

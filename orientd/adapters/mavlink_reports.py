@@ -1,22 +1,21 @@
-"""The messages that a MAVLink gimbal sends about itself."""
+"""The messages that a MAVLink gimbal sends about itself, on request and at intervals."""
 
 from __future__ import annotations
 
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from pymavlink.dialects.v20 import common as mavlink
 
 import orientd
-from orientd.adapters.mavlink.motion import GimbalMotion
-from orientd.adapters.mavlink.setpoint import (
+from orientd.adapters.mavlink_gimbal import Gimbal
+from orientd.adapters.mavlink_setpoint import (
     ACCEPTS_YAW_IN_EARTH_FRAME,
     YAW_IN_VEHICLE_FRAME,
     mirrored,
-    mirrored_turn,
     of_angles,
 )
 from orientd.adapters.served import Served
@@ -26,7 +25,7 @@ from orientd.protocol import to_quaternion, to_vector
 GIMBAL_ID = 1
 """Gimbal device id: manager and device are one component."""
 
-STALE = 0.5
+_STALE = 0.5
 """Age from which a measurement counts as a failure of the device, s."""
 
 _USUAL_INTERVALS = {
@@ -48,20 +47,20 @@ _ENDLESS_YAW = 2048
 
 
 class Reports:
-    """The reports of the gimbal, on request and at intervals.
+    """The reports of the gimbal.
 
     Attributes:
         holders: primary and secondary system and component in control, 0 for none.
     """
 
-    def __init__(self, served: Served, motion: GimbalMotion) -> None:
+    def __init__(self, served: Served, gimbal: Gimbal) -> None:
         """Ask the daemon for the ranges of the axes.
 
         Raises:
             OrientdError: no daemon answers.
         """
-        self._served, self._motion = served, motion
-        self.holders = (0, 0, 0, 0)
+        self._served, self._gimbal = served, gimbal
+        self.holders: Sequence[tuple[int, int]] = ((0, 0), (0, 0))
         self._began = time.monotonic()
         settings = json.loads(served.robot.observe().configuration().json)
         self._settings = settings["devices"][served.name]
@@ -108,37 +107,35 @@ class Reports:
         return round(1e3 * (time.monotonic() - self._began)) % (1 << 32)
 
     def _flags(self) -> int:
-        knows_north = self._motion.base.heading is not None
-        flags = self._motion.setpoint.flags & 0x1F
-        return flags | YAW_IN_VEHICLE_FRAME | (ACCEPTS_YAW_IN_EARTH_FRAME if knows_north else 0)
+        accepts = ACCEPTS_YAW_IN_EARTH_FRAME if self._gimbal.knows_north else 0
+        return self._gimbal.setpoint.flags & 0x1F | YAW_IN_VEHICLE_FRAME | accepts
 
     def _status(self) -> Any:  # noqa: ANN401
         return mavlink.MAVLink_gimbal_manager_status_message(
-            self._ms(), self._flags(), GIMBAL_ID, *self.holders
+            self._ms(), self._flags(), GIMBAL_ID, *self.holders[0], *self.holders[1]
         )
 
     def _attitude(self) -> Any:  # noqa: ANN401
         report = self._served.report()
         if not report.cycle.HasField("feedback_q"):
             return None
-        base = self._motion.base
-        level = of_angles((base.roll, base.pitch, 0.0))
-        q = multiply(level, mirrored_turn(to_quaternion(report.cycle.feedback_q)))
-        omega = mirrored(to_vector(report.cycle.feedback_omega_body))
+        roll, pitch, heading = self._gimbal.setpoint.base
+        turned = mirrored(to_quaternion(report.cycle.feedback_q))
+        x, y, z = to_vector(report.cycle.feedback_omega_body)
         failures = 0
-        if report.feedback_age > STALE or report.is_stale:
+        if report.feedback_age > _STALE or report.is_stale:
             failures |= mavlink.GIMBAL_DEVICE_ERROR_FLAGS_COMMS_ERROR
-        if report.fault or self._motion.problem:
+        if report.fault or self._gimbal.problem:
             failures |= mavlink.GIMBAL_DEVICE_ERROR_FLAGS_SOFTWARE_ERROR
         return mavlink.MAVLink_gimbal_device_attitude_status_message(
             0,
             0,
             max(0, self._ms() - round(1e3 * report.feedback_age)),
             self._flags(),
-            q,
-            *omega,
+            multiply(of_angles((roll, pitch, 0.0)), turned),
+            *(x, -y, -z),
             failures,
-            math.nan if base.heading is None else base.heading,
+            heading if self._gimbal.knows_north else math.nan,
             math.nan,
             GIMBAL_ID,
         )
@@ -186,5 +183,5 @@ class Reports:
 
 def _heartbeat() -> Any:  # noqa: ANN401
     return mavlink.MAVLink_heartbeat_message(
-        mavlink.MAV_TYPE_GIMBAL, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_UNINIT, 3
+        mavlink.MAV_TYPE_GIMBAL, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
     )

@@ -1,5 +1,0 @@
-"""A MAVLink gimbal, device and manager, over UDP."""
-
-from __future__ import annotations
-
-from orientd.adapters.mavlink.server import Mavlink
