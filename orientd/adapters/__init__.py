@@ -8,8 +8,7 @@ from orientd.lazy import lazily
 
 if TYPE_CHECKING:
     from orientd.adapters.alpaca import Alpaca
-    from orientd.adapters.alpaca_mount import Mount
-    from orientd.adapters.alpaca_rotator import Rotator
+    from orientd.adapters.alpaca_mount import Mount, Rotator
     from orientd.adapters.alpaca_telescope import Telescope
     from orientd.adapters.bluesky import FlyScan, RotationAxis
     from orientd.adapters.equatorial import Place
@@ -24,8 +23,7 @@ __getattr__ = lazily(
     __name__,
     {
         "orientd.adapters.alpaca": ("Alpaca",),
-        "orientd.adapters.alpaca_mount": ("Mount",),
-        "orientd.adapters.alpaca_rotator": ("Rotator",),
+        "orientd.adapters.alpaca_mount": ("Mount", "Rotator"),
         "orientd.adapters.alpaca_telescope": ("Telescope",),
         "orientd.adapters.bluesky": ("FlyScan", "RotationAxis"),
         "orientd.adapters.equatorial": ("Place",),

@@ -8,28 +8,21 @@ import json
 import re
 import socket
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, HTTPServer
-from socketserver import ThreadingMixIn
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import unquote
 
 import orientd
-from orientd.adapters import alpaca_protocol as protocol
-from orientd.adapters.alpaca_device import AlpacaDevice
-from orientd.adapters.alpaca_protocol import BadRequest
+from orientd.adapters.alpaca_device import AlpacaDevice, BadRequest, envelope, read_call
 from orientd.errors import DaemonError
 from orientd.own_socket import own_socket
 
-DISCOVERY_PORT = 32227
 _QUESTION = b"alpacadiscovery1"
 
 _MOST_BYTES = 65536
 """Longest body of a request."""
-
-_MOST_CLIENTS = 64
-"""Connections at a time."""
 
 _PATIENCE = 60.0
 """Seconds until a silent connection is closed."""
@@ -59,6 +52,24 @@ class Alpaca:
             DaemonError: a port is in use, or the address is not one of this machine.
         """
         self._devices = {device.kind.lower(): device for device in devices}
+        self._management = {
+            "/management/apiversions": [1],
+            "/management/v1/description": {
+                "ServerName": "orientd",
+                "Manufacturer": "orientd",
+                "ManufacturerVersion": orientd.__version__,
+                "Location": socket.gethostname(),
+            },
+            "/management/v1/configureddevices": [
+                {
+                    "DeviceName": device.name,
+                    "DeviceType": device.kind,
+                    "DeviceNumber": 0,
+                    "UniqueID": device.unique_id,
+                }
+                for device in devices
+            ],
+        }
         self._server = _Server(own_socket(host, port), self)
         host, port = self._server.socket.getsockname()[:2]
         self.endpoint = f"{host}:{port}"
@@ -79,12 +90,10 @@ class Alpaca:
         self._server.serve_forever()
 
     def close(self) -> None:
-        """Hang up on every client, and wait for their commands to end."""
+        """Accept no more clients; the others get errors once the device is at rest."""
         if self._finder is not None:
             self._finder.close()
-        self._server.hang_up()
-        for device in self._devices.values():
-            device.close()
+        self._server.server_close()
 
     def answer(self, path: str, text: str, *, is_put: bool) -> dict[str, Any]:
         """Return the answer to a request.
@@ -97,9 +106,9 @@ class Alpaca:
         Raises:
             BadRequest: it is malformed, or what it names is not there.
         """
-        call = protocol.read_call(is_put=is_put, text=text)
-        if not is_put and path in _MANAGEMENT:
-            return protocol.envelope(call.transaction) | {"Value": self._management(path)}
+        call = read_call(is_put=is_put, text=text)
+        if not is_put and path in self._management:
+            return {**envelope(call.transaction), "Value": self._management[path]}
         found = _DEVICE.fullmatch(path)
         if found is None:
             raise BadRequest(f"expected /api/v1/KIND/NUMBER/MEMBER, got {path[:80]!r}")
@@ -118,26 +127,6 @@ class Alpaca:
             "the daemon's configuration are its settings.</p>"
         )
 
-    def _management(self, path: str) -> object:
-        if path == "/management/apiversions":
-            return [1]
-        if path == "/management/v1/description":
-            return {
-                "ServerName": "orientd",
-                "Manufacturer": "orientd",
-                "ManufacturerVersion": orientd.__version__,
-                "Location": socket.gethostname(),
-            }
-        return [
-            {
-                "DeviceName": device.name,
-                "DeviceType": device.kind,
-                "DeviceNumber": 0,
-                "UniqueID": device.unique_id,
-            }
-            for device in self._devices.values()
-        ]
-
     def _answer_discovery(self, finder: socket.socket, port: int) -> None:
         """Answer questions for the port; only those of this machine if no other may connect."""
         found = json.dumps({"AlpacaPort": port}).encode()
@@ -148,13 +137,6 @@ class Alpaca:
                 if question.startswith(_QUESTION) and is_known:
                     with contextlib.suppress(OSError):
                         finder.sendto(found, sender)
-
-
-_MANAGEMENT = (
-    "/management/apiversions",
-    "/management/v1/description",
-    "/management/v1/configureddevices",
-)
 
 
 def _shared_socket(port: int) -> socket.socket:
@@ -176,43 +158,17 @@ def _shared_socket(port: int) -> socket.socket:
     return opened
 
 
-class _Server(ThreadingMixIn, HTTPServer):
+class _Server(ThreadingHTTPServer):
     """The HTTP server, with a thread for each connection."""
-
-    daemon_threads = False  # they are waited for
 
     def __init__(self, listener: socket.socket, alpaca: Alpaca) -> None:
         super().__init__(listener.getsockname(), _Handler, bind_and_activate=False)
         self.socket.close()
         self.socket = listener
         self.alpaca = alpaca
-        self._clients: set[socket.socket] = set()
-        self._lock = threading.Lock()
-
-    def verify_request(self, request: Any, client_address: Any) -> bool:  # noqa: ANN401, ARG002 - as inherited
-        """Return whether there is room for another connection."""
-        with self._lock:
-            is_free = len(self._clients) < _MOST_CLIENTS
-            if is_free:
-                self._clients.add(request)
-        return is_free
-
-    def shutdown_request(self, request: Any) -> None:  # noqa: ANN401 - as inherited
-        """Close a connection."""
-        with self._lock:
-            self._clients.discard(request)
-        super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:  # noqa: ANN401 - as inherited
         """Take a client that hangs up as its end."""
-
-    def hang_up(self) -> None:
-        """Close every connection, and wait for their threads."""
-        with self._lock:
-            for client in self._clients:
-                with contextlib.suppress(OSError):
-                    client.shutdown(socket.SHUT_RDWR)
-        self.server_close()
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -243,9 +199,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _answer(self, path: str, text: str, *, is_put: bool) -> None:
         try:
-            answer: Mapping[str, Any] = self.server.alpaca.answer(
-                unquote(path), text, is_put=is_put
-            )
+            answer = self.server.alpaca.answer(unquote(path), text, is_put=is_put)
         except BadRequest as error:
             self._send(HTTPStatus.BAD_REQUEST, "text/plain", str(error).encode())
             return

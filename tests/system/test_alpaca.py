@@ -13,7 +13,7 @@ from urllib.parse import urlencode
 import pytest
 from command_line import assert_refused, begin, inside, orientd
 from gimbal_bench import GimbalDaemon, await_hold
-from harness import DEVICE, until
+from harness import DEVICE, DaemonProcess, until
 
 from orientd import connect
 from orientd.protocol import control_pb2 as pb
@@ -283,6 +283,9 @@ def test_each_refusal_has_its_error_number(served, daemon):
         (exceptions.InvalidValueException, lambda: telescope.MoveAxis(PRIMARY, 1000.0)),
         (exceptions.InvalidValueException, lambda: telescope.MoveAxis(TERTIARY, 1.0)),
         (exceptions.InvalidValueException, lambda: setattr(telescope, "SiteLatitude", 91.0)),
+        (exceptions.InvalidValueException, lambda: rotator.MoveAbsolute(360.1)),
+        (exceptions.InvalidValueException, lambda: rotator.MoveMechanical(-0.1)),
+        (exceptions.InvalidValueException, lambda: rotator.Sync(405.0)),
         (exceptions.InvalidOperationException, lambda: telescope.SlewToCoordinatesAsync(1.0, 1.0)),
         (exceptions.ValueNotSetException, lambda: telescope.TargetDeclination),
         (exceptions.NotImplementedException, telescope.FindHome),
@@ -574,9 +577,22 @@ def test_its_end_brings_a_tracking_device_to_rest(daemon, number):
         assert daemon.device().state == pb.STATE_HOLDING
 
 
-def test_a_daemon_that_is_gone_is_a_driver_error(tmp_path):
-    from harness import DaemonProcess
+def test_a_restart_of_the_daemon_needs_no_restart_of_the_server(tmp_path):
+    with DaemonProcess(tmp_path / "daemon") as daemon:
+        daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+        with alpaca(daemon) as served:
+            served.connect().slew(20.0, 10.0)
+            served.telescope.MoveAxis(PRIMARY, 10.0)
+            daemon.end()
+            daemon.start()
+            daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+            until(lambda: not served.telescope.Slewing, "the end of the turn")
+            served.slew(40.0, 5.0)
+            assert served.direction() == pytest.approx((40.0, 5.0), abs=CLOSE)
+            assert is_near(served.rotator.Position, 0.0)
 
+
+def test_a_daemon_that_is_gone_is_a_driver_error(tmp_path):
     with DaemonProcess(tmp_path / "daemon") as daemon:
         daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
         with alpaca(daemon) as served:
