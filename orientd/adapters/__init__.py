@@ -10,10 +10,10 @@ if TYPE_CHECKING:
     from orientd.adapters.alpaca import Alpaca
     from orientd.adapters.alpaca_mount import Mount, Rotator
     from orientd.adapters.alpaca_telescope import Telescope
-    from orientd.adapters.bluesky import FlyScan, RotationAxis
+    from orientd.adapters.bluesky import RotationAxis
+    from orientd.adapters.bluesky_values import FlyScan, MotionStatus
     from orientd.adapters.equatorial import Place
     from orientd.adapters.mavlink import Mavlink
-    from orientd.adapters.motion_status import MotionStatus
     from orientd.adapters.pointing import Direction, direction, orientation
     from orientd.adapters.rotctld import Ranges, Rotctld
     from orientd.adapters.served import Adapter, Served
@@ -25,10 +25,10 @@ __getattr__ = lazily(
         "orientd.adapters.alpaca": ("Alpaca",),
         "orientd.adapters.alpaca_mount": ("Mount", "Rotator"),
         "orientd.adapters.alpaca_telescope": ("Telescope",),
-        "orientd.adapters.bluesky": ("FlyScan", "RotationAxis"),
+        "orientd.adapters.bluesky": ("RotationAxis",),
+        "orientd.adapters.bluesky_values": ("FlyScan", "MotionStatus"),
         "orientd.adapters.equatorial": ("Place",),
         "orientd.adapters.mavlink": ("Mavlink",),
-        "orientd.adapters.motion_status": ("MotionStatus",),
         "orientd.adapters.pointing": ("Direction", "direction", "orientation"),
         "orientd.adapters.rotctld": ("Ranges", "Rotctld"),
         "orientd.adapters.served": ("Adapter", "Served"),

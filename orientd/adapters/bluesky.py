@@ -1,8 +1,7 @@
-"""An axis of rotation for bluesky: it moves, stops, scans, and flies at a constant rate.
+"""An axis of rotation for bluesky, in degrees: it moves, scans, and flies at a constant rate.
 
 The device implements bluesky's protocols ``Readable``, ``Locatable``, ``Stoppable``,
-``Preparable``, ``Flyable`` and ``EventCollectable`` without importing bluesky.  Angles are in
-degrees, as on other rotation stages.
+``Preparable``, ``Flyable`` and ``EventCollectable`` without importing bluesky.
 """
 
 from __future__ import annotations
@@ -11,17 +10,17 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
-from orientd.adapters.motion_status import MotionStatus
-from orientd.adapters.watched_angle import Pair, WatchedAngle, interpolated
+import numpy as np
+
+from orientd.adapters.bluesky_values import FlyScan, MotionStatus
+from orientd.adapters.served import Served
+from orientd.adapters.watched_angle import WatchedAngle
+from orientd.client import MoveHandle, Robot
 from orientd.errors import OrientdError, RequestError, StateError
 from orientd.protocol import control_pb2 as pb
-from orientd.rotation import Quaternion
-
-if TYPE_CHECKING:
-    from orientd.client import MoveHandle, Robot
+from orientd.rotation import Floats, Quaternion
 
 _THERE_DEG = 1e-5
 """Distance at which the device is at an angle already, degrees."""
@@ -31,47 +30,6 @@ _SAMPLES_HZ = 10.0
 
 _ARM = 0.25
 """Time between the plan of a fly scan and its start, s."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FlyScan:
-    """A turn at a constant rate past equally spaced points.
-
-    Attributes:
-        start_deg: angle of the first point, degrees.
-        stop_deg: angle of the last point, degrees.
-        points: number of points, at least 2.
-        time_per_point: from each point to the next, s.
-
-    Raises:
-        RequestError: the points do not make a turn.
-    """
-
-    start_deg: float
-    stop_deg: float
-    points: int
-    time_per_point: float
-
-    def __post_init__(self) -> None:
-        for name in ("start_deg", "stop_deg", "time_per_point"):
-            if not math.isfinite(getattr(self, name)):
-                raise RequestError(name, f"expected a number, got {getattr(self, name)!r}")
-        if self.points != int(self.points) or self.points < 2:
-            raise RequestError("points", f"expected a whole number from 2, got {self.points!r}")
-        if self.time_per_point <= 0.0:
-            raise RequestError("time_per_point", f"expected seconds, got {self.time_per_point!r}")
-        if self.start_deg == self.stop_deg:
-            raise RequestError("stop_deg", f"expected another angle than {self.start_deg:g}")
-
-    @property
-    def duration(self) -> float:
-        """Time from the first to the last point, s."""
-        return (self.points - 1) * self.time_per_point
-
-    @property
-    def rate(self) -> float:
-        """Angular velocity, rad/s; negative if the angle decreases."""
-        return math.radians(self.stop_deg - self.start_deg) / self.duration
 
 
 class RotationAxis:
@@ -113,16 +71,15 @@ class RotationAxis:
             RequestError: *axis* is not a letter of an axis.
             OrientdError: the daemon has no such device.
         """
-        self.name = name
-        self.velocity_deg = velocity_deg
+        self.name, self.velocity_deg = name, velocity_deg
         self.trigger_times: list[float] = []
-        self._robot, self._device = robot, device
-        self._angle = WatchedAngle(robot, device=device, axis=axis, zero=zero)
-        self._source = f"orientd:{self._angle.report().name}/{axis}"
+        self._served = Served(robot, device)
+        self._angle = WatchedAngle(self._served, axis=axis, zero=zero)
+        self._source = f"orientd:{self._served.name}/{axis}"
         self._running: tuple[MoveHandle, MotionStatus] | None = None
         self._scan: FlyScan | None = None
         self._flight: MotionStatus | None = None
-        self._flown: list[Pair] = []
+        self._flown: Floats = np.empty((0, 4))
         self._offset = 0.0
 
     def __enter__(self) -> Self:
@@ -165,7 +122,7 @@ class RotationAxis:
 
     def read_configuration(self) -> dict[str, dict[str, Any]]:
         """Return the largest rate of moves, degrees/s; the device's own without another one."""
-        velocity = self.velocity_deg or math.degrees(self._angle.report().limits.velocity)
+        velocity = self.velocity_deg or math.degrees(self._served.report().limits.velocity)
         return {f"{self.name}_velocity": {"value": velocity, "timestamp": time.time()}}
 
     def describe_configuration(self) -> dict[str, dict[str, Any]]:
@@ -199,16 +156,20 @@ class RotationAxis:
         limits = {} if self.velocity_deg is None else {"velocity": math.radians(self.velocity_deg)}
         start = self._angle.newest().setpoint
         keyframes = self._angle.keyframes(start, target)
-        is_at_rest = self._angle.report().state == pb.STATE_HOLDING
+        is_at_rest = self._served.report().state == pb.STATE_HOLDING
         if abs(target - start) < (_THERE_DEG if is_at_rest else 180.0):
             # It is there, or moves: a path from where it was would turn back first.
             keyframes = keyframes[-1:]
-        handle = self._robot.move(
-            keyframes, device=self._device, approach=True, limits=limits, name=f"{self.name} set"
-        )
+        handle = self._served.move(keyframes, approach=True, limits=limits, name=f"{self.name} set")
 
         def end(is_done: bool) -> OrientdError | None:
-            return self._check_turn(target) if is_done else None
+            reached = self._angle.newest().setpoint
+            if not is_done or abs(reached - target) < 180.0:
+                return None
+            return StateError(
+                f"{self.name} turned to {reached:.4g} deg instead of {target:.4g} deg, since an "
+                "axis of the device ends in between"
+            )
 
         return self._follow(handle, end)
 
@@ -249,7 +210,7 @@ class RotationAxis:
             StateError: no scan is prepared, or the device does not run at full speed.
             OrientdError: the motion is refused.
         """
-        scan, speed = self._scan, self._angle.report().speed
+        scan, speed = self._scan, self._served.report().speed
         if scan is None:
             raise StateError(f"{self.name} has no fly scan; prepare one before kickoff")
         if speed != 1.0:
@@ -258,7 +219,7 @@ class RotationAxis:
         self._offset = self._angle.clock_offset()
         self._angle.record()
         start = time.time() + _ARM
-        handle = self._robot.move(plan, device=self._device, start_time=start)
+        handle = self._served.begin(plan, start)
         first = start + plan.start_time
         self.trigger_times = [first + k * scan.time_per_point for k in range(scan.points)]
         self._scan = None
@@ -281,26 +242,24 @@ class RotationAxis:
 
     def collect(self) -> Iterator[dict[str, Any]]:
         """Yield an event for each point that was passed, with the angles at its trigger time."""
-        setpoints = [pair[0] for pair in self._flown]
-        measured = [pair[1] for pair in self._flown]
+        due, setpoints, measured_at, angles = self._flown.T
+        end = min(due[-1], measured_at[-1]) if len(due) else -math.inf
         for at in self.trigger_times:
             when = at - self._offset
-            setpoint, angle = interpolated(setpoints, when), interpolated(measured, when)
-            if setpoint is None or angle is None:
+            if when > end:
                 return
-            data = {self.name: angle, f"{self.name}_setpoint": setpoint}
+            angle, setpoint = np.interp(when, measured_at, angles), np.interp(when, due, setpoints)
+            data = {self.name: float(angle), f"{self.name}_setpoint": float(setpoint)}
             yield {"time": at, "data": data, "timestamps": dict.fromkeys(data, at)}
-
-    # Inside
 
     def _plan(self, scan: FlyScan) -> pb.Plan:
         """Return the plan of a fly scan from the present state of the device."""
         keyframes = self._angle.keyframes(scan.start_deg, scan.stop_deg)
         share = scan.duration / (len(keyframes) - 1)
         velocity = self._angle.vector(scan.rate)
-        return self._robot.plan(
+        return self._served.robot.plan(
             keyframes,
-            device=self._device,
+            device=self._served.name,
             times=[share * k for k in range(len(keyframes))],
             start_velocity=velocity,
             end_velocity=velocity,
@@ -334,16 +293,6 @@ class RotationAxis:
 
         threading.Thread(target=wait, name="orientd bluesky", daemon=True).start()
         return status
-
-    def _check_turn(self, target: float) -> OrientdError | None:
-        """Return a problem if the device has reached *target* on another whole turn."""
-        reached = self._angle.newest().setpoint
-        if abs(reached - target) < 180.0:
-            return None
-        return StateError(
-            f"{self.name} turned to {reached:.4g} deg instead of {target:.4g} deg, since an axis "
-            "of the device ends in between"
-        )
 
     def _keep(self, is_done: bool) -> None:
         """Keep the angles of a fly scan, up to its end."""

@@ -6,11 +6,11 @@ import threading
 import numpy as np
 import pytest
 from gimbal_bench import GimbalDaemon, await_hold
-from harness import until
+from harness import DaemonProcess, until
 
 from orientd import connect
 from orientd.adapters import FlyScan, RotationAxis
-from orientd.errors import LimitError, PlanError, RequestError, StateError
+from orientd.errors import DaemonError, LimitError, PlanError, RequestError, StateError
 from orientd.protocol import control_pb2 as pb
 from orientd_loopback import read_recording
 
@@ -290,3 +290,26 @@ def test_an_angle_beyond_the_end_of_an_axis_is_refused_before_the_device_moves(b
             assert yaw.position == pytest.approx(160.0, abs=0.5)
     finally:
         gimbal.end()
+
+
+def test_an_axis_moves_again_after_a_restart_of_the_daemon(tmp_path, engine):
+    with DaemonProcess(tmp_path / "daemon") as daemon:
+        daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+        with connect(daemon.socket) as robot, RotationAxis(robot, name="theta") as theta:
+            engine(bps.mv(theta, 20.0))
+            daemon.end()
+            with pytest.raises(DaemonError):
+                theta.read()
+            daemon.start()
+            daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
+            until(lambda: is_watched(theta), "the axis to be watched again")
+            engine(bps.mv(theta, -15.0))
+            assert theta.position == pytest.approx(-15.0, abs=1e-6)
+
+
+def is_watched(axis):
+    try:
+        axis.read()
+    except DaemonError:
+        return False
+    return True
