@@ -2,6 +2,7 @@
 
 import signal
 import socket
+import time
 
 import pytest
 from command_line import assert_refused, begin, inside, orientd
@@ -56,3 +57,17 @@ def test_its_end_brings_the_device_to_rest_in_one_line(daemon, number):
     assert (server.returncode, rest, errors) == (0, f"{DEVICE} is at rest\n", "")
     with connect(daemon.socket) as robot:
         assert robot.state().devices[DEVICE].state == pb.STATE_HOLDING
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.01, 0.05, 0.2])
+def test_a_second_interrupt_does_not_disturb_its_end(daemon, seconds):
+    server = begin("serve", "rotctld", "--port", 0, "--socket", daemon.socket)
+    port = int(server.stdout.readline().split()[2].rpartition(":")[2])
+    with socket.create_connection(("127.0.0.1", port)) as client:
+        client.sendall(b"P 10 20\n")
+        assert client.recv(100) == b"RPRT 0\n"
+        server.send_signal(signal.SIGINT)
+        time.sleep(seconds)
+        server.send_signal(signal.SIGINT)
+        rest, errors = server.communicate(timeout=30.0)
+    assert (server.returncode, rest, errors) == (0, f"{DEVICE} is at rest\n", "")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import signal
 import socket
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -43,6 +44,14 @@ _NORTH = Option(
 )
 
 
+def _interrupt(number: int, frame: object) -> None:
+    """End the server at the first Ctrl-C or SIGTERM; later ones must not disturb its end."""
+    del number, frame
+    for one in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(one, signal.SIG_IGN)
+    raise KeyboardInterrupt
+
+
 def run(name: str, to: Commander, out: Output, adapter: Callable[[Served], Adapter]) -> None:
     """Serve until Ctrl-C or SIGTERM, then bring the device to rest.
 
@@ -56,6 +65,8 @@ def run(name: str, to: Commander, out: Output, adapter: Callable[[Served], Adapt
     """
     from orientd.adapters import Served
 
+    for one in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(one, _interrupt)
     with to.connect(f"serve {name}") as robot, Served(robot, to.device) as served:
         opened = adapter(served)
         with contextlib.closing(opened), contextlib.suppress(KeyboardInterrupt):
@@ -67,22 +78,40 @@ def run(name: str, to: Commander, out: Output, adapter: Callable[[Served], Adapt
     out.answer({"ready": False, "device": served.name}, f"{served.name} is at rest")
 
 
-def _range(context: click.Context, parameter: click.Parameter, given: str) -> tuple[float, float]:
-    """Return the two angles of an option.
+def _pair(
+    separator: str, expected: str, is_valid: Callable[[float, float], bool]
+) -> Callable[[click.Context, click.Parameter, str], tuple[float, float]]:
+    """Return a callback that reads the two angles of an option, degrees.
 
-    Raises:
-        click.BadParameter: it is no range.
+    Args:
+        separator: between the two.
+        expected: what they are, with an example, for the message of an error.
+        is_valid: whether both are in their ranges; false for NaN.
     """
-    del context
-    try:
-        least, largest = map(float, given.split(":"))
-    except ValueError:
-        least = largest = math.nan
-    if not -720.0 <= least < largest <= 720.0:
-        raise click.BadParameter(
-            f"expected two angles in degrees as in -180:540, got {given!r}", param=parameter
-        )
-    return least, largest
+
+    def read(context: click.Context, parameter: click.Parameter, given: str) -> tuple[float, float]:
+        del context
+        try:
+            first, second = map(float, given.split(separator))
+        except ValueError:
+            first = second = math.nan
+        if not is_valid(first, second):
+            raise click.BadParameter(f"expected {expected}, got {given!r}", param=parameter)
+        return first, second
+
+    return read
+
+
+_RANGE = _pair(
+    ":",
+    "two angles in degrees as in -180:540",
+    lambda least, largest: -720.0 <= least < largest <= 720.0,
+)
+_DIRECTION = _pair(
+    ",",
+    "azimuth and altitude in degrees as in 180,30",
+    lambda azimuth, altitude: abs(azimuth) <= 360.0 and abs(altitude) <= 90.0,
+)
 
 
 @part_of(serve)
@@ -94,14 +123,14 @@ def rotctld(
     north: Annotated[float, _NORTH] = 0.0,
     azimuth: Annotated[
         str,
-        Option(metavar="MIN:MAX", help="Range of azimuths to accept, degrees.", callback=_range),
+        Option(metavar="MIN:MAX", help="Range of azimuths to accept, degrees.", callback=_RANGE),
     ] = "-180:540",
     elevation: Annotated[
         str,
         Option(
             metavar="MIN:MAX",
             help="Range of elevations to accept, degrees; above 90 is flip mode.",
-            callback=_range,
+            callback=_RANGE,
         ),
     ] = "-90:90",
     tle: Annotated[
@@ -230,26 +259,6 @@ def mavlink(
     )
 
 
-def _direction(
-    context: click.Context, parameter: click.Parameter, given: str
-) -> tuple[float, float]:
-    """Return azimuth and altitude.
-
-    Raises:
-        click.BadParameter: they are not.
-    """
-    del context
-    try:
-        azimuth, altitude = map(float, given.split(","))
-    except ValueError:
-        azimuth = altitude = math.nan
-    if not (abs(azimuth) <= 360.0 and abs(altitude) <= 90.0):
-        raise click.BadParameter(
-            f"expected azimuth and altitude in degrees as in 180,30, got {given!r}", param=parameter
-        )
-    return azimuth, altitude
-
-
 @part_of(serve)
 def alpaca(
     to: Commander,
@@ -268,7 +277,7 @@ def alpaca(
     ] = "0,0",
     park: Annotated[
         str,
-        Option(metavar="AZ,ALT", help="Park position, degrees.", callback=_direction),
+        Option(metavar="AZ,ALT", help="Park position, degrees.", callback=_DIRECTION),
     ] = "0,0",
     symmetric: Annotated[
         bool, Option("--symmetric", help="Treat rotator angles half a turn apart as equal.")
