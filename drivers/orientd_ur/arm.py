@@ -15,12 +15,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import cos, inf, radians, sin, tau
+from math import inf, radians, tau
 
-from orientd.driver import IDENTITY, ZERO, AxisLimits, Joints, Quaternion, Vector3
+from orientd.driver import AxisLimits, Joints, Quaternion, Vector3
 from orientd.floats import conjugate, multiply, plus, rotate_back
-from orientd.mechanism import Mechanism, Reserve
-from orientd_ur.kinematics import Kinematics, Links, Six
+from orientd.mechanism import Mechanism, Reserve, Rows
+from orientd_ur.kinematics import BARE, Kinematics, Links, Six
 from orientd_ur.pose import Pose
 
 JOINT_NAMES = ("base", "shoulder", "elbow", "wrist 1", "wrist 2", "wrist 3")
@@ -50,7 +50,7 @@ class Arm(Mechanism):
     name: str
     kinematics: Kinematics
     axes: tuple[AxisLimits, ...]
-    tool: Pose = (IDENTITY, ZERO)
+    tool: Pose = BARE
     start: Joints = ()
 
     def seen(self, joints: Joints, pose: Pose) -> Arm:
@@ -61,11 +61,6 @@ class Arm(Mechanism):
         q, position = self.kinematics.forward(joints)
         offset = rotate_back(q, plus(pose[1], position, -1.0))
         return replace(self, tool=(multiply(conjugate(q), pose[0]), offset))
-
-    @property
-    def published(self) -> Arm:
-        """This arm with the lengths of its model, whose inverse is several times as fast."""
-        return replace(self, kinematics=Kinematics(self.kinematics.links))
 
     def slower(self, acceleration: float) -> Arm:
         """Return this arm with the acceleration of every joint limited, rad/s^2."""
@@ -86,11 +81,19 @@ class Arm(Mechanism):
 
     def solutions(self, q: Quaternion, position: Vector3) -> Sequence[Joints]:
         """Return the joints of every branch, rad; wrist 3 is at 0 if wrist 2 is straight."""
-        return self.kinematics.solutions(self._flange(q, position))
+        return self.kinematics.solutions((q, position), self.tool)
 
     def nearest(self, q: Quaternion, position: Vector3, near: Joints) -> Joints | None:
         """Return the joints on the branch of *near* if close, otherwise the nearest, rad."""
-        return self.kinematics.inverse(self._flange(q, position), near)
+        return self.kinematics.inverse((q, position), near, self.tool)
+
+    def follow(self, poses: Rows, near: Joints, joints: Rows, count: int) -> int:
+        """Write the joints for *poses* one after the other, as :meth:`nearest` finds them."""
+        return self.kinematics.follow(poses, near, joints, count, self.tool)
+
+    def reserves(self, joints: Rows, found: Rows, count: int) -> None:
+        """Write the distances of rows of joints from each kind of singularity."""
+        self.kinematics.reserves(joints, found, count)
 
     def reserve(self, joints: Joints) -> Sequence[Reserve]:
         """Return the distance of *joints* from each kind of singularity; 0 is singular.
@@ -98,26 +101,20 @@ class Arm(Mechanism):
         ``wrist`` and ``elbow`` are sines of their bend.  ``shoulder`` is the distance of the fifth
         frame from the cylinder about the base axis that it cannot enter, in m.
         """
-        links, (_, q2, q3, q4, q5, _) = self.kinematics.links, joints
-        along = (
-            -links.upper_arm * cos(q2) - links.forearm * cos(q2 + q3) + links.d5 * sin(q2 + q3 + q4)
-        )
+        found = Rows(1, 3)
+        self.reserves(Rows(1, 6, joints), found, 1)
+        wrist, elbow, shoulder = found[0]
         return (
-            Reserve("wrist", abs(sin(q5)), _LEAST, 0.05, "rad",
+            Reserve("wrist", wrist, _LEAST, 0.05, "rad",
                     "begin with wrist 2 bent, or turn about another axis"),
-            Reserve("elbow", abs(sin(q3)), _LEAST, 0.1, "rad", "move the tool nearer to the base"),
-            Reserve("shoulder", abs(along), _LEAST, 0.05, "m",
+            Reserve("elbow", elbow, _LEAST, 0.1, "rad", "move the tool nearer to the base"),
+            Reserve("shoulder", shoulder, _LEAST, 0.05, "m",
                     "move the tool away from the axis of the base"),
         )  # fmt: skip
 
     def outline(self, joints: Joints) -> Sequence[Sequence[Vector3]]:
         """Return the links from the base to the flange, m."""
         return (self.kinematics.frames(joints),) if len(joints) == len(JOINT_NAMES) else ()
-
-    def _flange(self, q: Quaternion, position: Vector3) -> Pose:
-        turn, offset = self.tool
-        flange = multiply(q, conjugate(turn))
-        return flange, plus(position, _beside(ZERO, flange, offset), -1.0)
 
 
 def _beside(point: Vector3, q: Quaternion, offset: Vector3) -> Vector3:

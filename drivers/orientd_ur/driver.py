@@ -200,8 +200,7 @@ class UrDriver(Driver):
         start = Feedback(now_ns, q, position=position, joints=measured.joints)
         self._feedback = start
         if self._arm is not None:
-            # The servo predicts the joints with it in every cycle.
-            self._arm = self._arm.published.seen(joints, (q, position))
+            self._arm = self._arm.seen(joints, (q, position))
         self._is_enabled, self._is_muted, self._is_in_fault = True, False, False
         self._silence.begin(now_ns)
         return start

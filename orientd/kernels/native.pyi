@@ -1,10 +1,13 @@
 """What the compiled library offers; see the headers of each group in ``c/``."""
 
+from array import array
+
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Rows = Floats | memoryview[float] | array[float]
 
 LEVEL: str
 SOURCES: str
@@ -143,3 +146,15 @@ def time_quickest(
     slower: float,
     /,
 ) -> tuple[bytes, bytes] | bool: ...
+
+# arms.h; rows as NumPy's arrays or as memory views, which the servo has
+def follow_arm(arm: Rows, tool: Rows, poses: Rows, near: Rows, joints: Rows, /) -> int: ...
+def place_arm(arm: Rows, is_own: bool, joints: Rows, poses: Rows, /) -> None: ...
+def reserve_arm(arm: Rows, joints: Rows, reserves: Rows, /) -> None: ...
+def solve_arm(arm: Rows, tool: Rows, pose: Rows, joints: Rows, /) -> int: ...
+
+# foresight.h
+def foresee_stop(stop: Rows, seconds: Rows, poses: Rows, /) -> int: ...
+def first_strain(
+    seconds: Rows, joints: Rows, last: Rows, axes: Rows, period: float, strain: Rows, /
+) -> int: ...

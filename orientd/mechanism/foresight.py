@@ -1,42 +1,78 @@
 """Predict what followed targets demand of a mechanism's axes, from cycle to cycle.
 
 Followed targets have no plan.  So the servo predicts the axes for each setpoint, and for the stop
-that could follow it.  Plain floats only, since the servo process runs it.
+that could follow it.  Kernels compute the poses and check the axes (``kernels/c/foresight.h``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from array import array
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from orientd.driver import Joints, Quaternion, Vector3
-from orientd.mechanism.mechanism import Mechanism
+from orientd.driver import ZERO, Joints, Quaternion, Vector3
+from orientd.kernels import first_strain, foresee_stop
+from orientd.mechanism.mechanism import Mechanism, Reserve, Rows
 
 Pose = tuple[Quaternion, Vector3]
 
-_SPEED_SHARE = 0.98
-# The check looks at a few instants of a stop; between them an axis may be faster.
-_STOP_SPEED_SHARE = 0.9
-_STOP_ACCELERATION_SHARE = 0.5
-# The first cycle of a stop is checked exactly.
-_FIRST_ACCELERATION_SHARE = 0.7
-# A device lags behind its setpoints, and stops at the very end of an axis' range.
-_RANGE_MARGIN = 0.02
-_STILL = 1e-9
+_MOST = 14
+"""Most checked poses: the next setpoint, the first cycle of a stop, and one more for every cycle of
+a short stop."""
+
+_STRAINS = (
+    "{0} would turn at {1:.3g} rad/s, the limit is {2:.3g}",
+    "the speed of {0} would change by {1:.3g} rad/s^2, the limit is {2:.3g}",
+    "{0} is at the end of its range, {1:.4g} rad",
+)
+"""Messages about an axis, in the order of ``kernels/c/foresight.h``."""
 
 
-class ComingPose(NamedTuple):
-    """A pose that the device would be sent to soon.
+class AxisStop(NamedTuple):
+    """A stop about one axis: its acceleration falls to a peak, stays there, and rises to zero.
 
     Attributes:
-        seconds: time after the pose before it.
-        q: orientation ``(w, x, y, z)``, tool to world.
-        position: tool position in the world, m.
+        axis: of the turn.
+        speed: about it at the beginning, rad/s.
+        rate: change of that speed, rad/s^2.
+        phases: durations of the three parts, s.
+        jerk: rad/s^3.
     """
 
-    seconds: float
+    axis: Vector3
+    speed: float
+    rate: float
+    phases: Vector3
+    jerk: float
+
+
+class ComingStop(NamedTuple):
+    """The next setpoint, and a stop from it.
+
+    Attributes:
+        q: orientation ``(w, x, y, z)`` of the setpoint, tool to world.
+        position: of the tool in the world, m.
+        velocity: of the step to it, m/s.
+        acceleration: of the stop of the position, m/s^2.
+        braked: orientation after the first cycle of the stop.
+        turning: the turn after that; ``None`` if there is none.
+    """
+
     q: Quaternion
     position: Vector3
+    velocity: Vector3
+    acceleration: float
+    braked: Quaternion
+    turning: AxisStop | None
+
+    def numbers(self, period: float) -> array[float]:
+        """Return the numbers of ``coming_stop_t`` for cycles of *period* seconds."""
+        axis, speed, rate, phases, jerk = self.turning or _NO_TURN
+        pose = *self.q, *self.position, *self.velocity, self.acceleration, *self.braked
+        return array("d", (period, *pose, *axis, speed, rate, *phases, jerk))
+
+
+_NO_TURN = AxisStop(ZERO, 0.0, 0.0, ZERO, 0.0)
 
 
 class Foresight:
@@ -54,6 +90,13 @@ class Foresight:
         self._next: tuple[Pose, Joints] | None = None
         self._joints: Joints | None = None
         self._rates: Joints = ()
+        self._reserve: Sequence[Reserve] = ()
+        axes = mechanism.axes
+        limits = [x for one in axes for x in (one.low, one.high, one.velocity, one.acceleration)]
+        self._limits = Rows(len(axes), 4, limits)
+        self._last = Rows(2, len(axes))
+        self._seconds, self._poses = Rows(_MOST, 1), Rows(_MOST, 7)
+        self._along, self._strain = Rows(_MOST, len(axes)), array("d", bytes(32))
 
     def begin(self, before: Pose, sent: Pose, near: Joints) -> None:
         """Start from setpoints of another kind.
@@ -64,43 +107,29 @@ class Foresight:
             near: joints close to them, rad.
         """
         first = self._mechanism.nearest(*before, near)
-        self._joints = None if first is None else self._mechanism.nearest(*sent, first)
-        self._sent, self._next = sent, None
-        self._rates = self._rates_to(self._joints, first)
+        joints = None if first is None else self._mechanism.nearest(*sent, first)
+        self._sent, self._next, self._joints = sent, None, None
+        if first is not None and joints is not None:
+            self._note(joints, first)
 
-    def look(self, sent: Pose, coming: Sequence[ComingPose]) -> str:
+    def look(self, sent: Pose, coming: ComingStop) -> str:
         """Return why the axes cannot follow the next setpoint, or an empty string.
 
         Args:
             sent: the last setpoint.
-            coming: the next one, a period later, and a stop from there at a few instants.
+            coming: the next one, a period later, and a stop from there.
         """
         if sent != self._sent:
             self._take(sent)
-        near, rates = self._joints, self._rates
-        if near is None:
+        if self._joints is None:
             return "the device does not reach where it was sent"
-        before = self._period
-        speed_share, change_share = _SPEED_SHARE, 1.0
-        reserves = {one.name: one.value for one in self._mechanism.reserve(near)}
+        count = foresee_stop(coming.numbers(self._period), self._seconds.flat, self._poses.view)
+        reached = self._mechanism.follow(self._poses, self._joints, self._along, count)
         self._next = None
-        for place, (seconds, q, position) in enumerate(coming):
-            # One after the other: the first one usually shows a problem.
-            joints = self._mechanism.nearest(q, position, near)
-            if joints is None:
-                return "the device does not reach there"
-            if not place:
-                self._next = (q, position), joints
-            moved = tuple((a - b) / seconds for a, b in zip(joints, near, strict=True))
-            since = 0.5 * (seconds + before)
-            problem = self._turning(joints, moved, rates, since, speed_share, change_share)
-            problem = problem or self._nearing(joints, reserves)
-            if problem:
-                return problem
-            near, rates, before = joints, moved, seconds
-            speed_share = _STOP_SPEED_SHARE
-            change_share = _STOP_ACCELERATION_SHARE if place else _FIRST_ACCELERATION_SHARE
-        return ""
+        if reached:
+            self._next = (coming.q, coming.position), self._along[0]
+        problem = self._turning(reached) or self._nearing(reached)
+        return problem or ("" if reached == count else "the device does not reach there")
 
     def _take(self, sent: Pose) -> None:
         """Record another setpoint."""
@@ -112,44 +141,34 @@ class Foresight:
         else:
             found = self._mechanism.nearest(*sent, before)
         if found is not None:
-            self._joints, self._rates = found, self._rates_to(found, before)
+            self._note(found, before)
 
-    def _rates_to(self, joints: Joints | None, before: Joints | None) -> Joints:
-        if joints is None or before is None:
-            return (0.0,) * len(self._mechanism.axes)
-        return tuple((a - b) / self._period for a, b in zip(joints, before, strict=True))
+    def _note(self, joints: Joints, before: Joints) -> None:
+        """Record the axes at the last setpoint and, by those *before*, their rates."""
+        rates = [(a - b) / self._period for a, b in zip(joints, before, strict=True)]
+        self._joints, self._last = joints, Rows(2, len(joints), (*joints, *rates))
+        self._reserve = self._mechanism.reserve(joints)
 
-    def _turning(
-        self,
-        joints: Joints,
-        moved: Joints,
-        rates: Joints,
-        since: float,
-        speed_share: float,
-        change_share: float,
-    ) -> str:
+    def _turning(self, reached: int) -> str:
         """Return which axis is too fast, accelerates too much, or turns too far."""
-        for axis, angle, rate, last in zip(self._mechanism.axes, joints, moved, rates, strict=True):
-            speed, most = abs(rate), speed_share * axis.velocity
-            if speed > most and speed > abs(last):
-                return f"{axis.name} would turn at {speed:.3g} rad/s, the limit is {most:.3g}"
-            change, most = abs(rate - last) / since, change_share * axis.acceleration
-            if change > most:
-                return (
-                    f"the speed of {axis.name} would change by {change:.3g} rad/s^2, the limit is "
-                    f"{most:.3g}"
-                )
-            if (angle > axis.high - _RANGE_MARGIN and rate > _STILL) or (
-                angle < axis.low + _RANGE_MARGIN and rate < -_STILL
-            ):
-                return f"{axis.name} is at the end of its range, {angle:.4g} rad"
-        return ""
+        joints, last, limits = self._along.view[:reached], self._last.view, self._limits.view
+        row = first_strain(self._seconds.flat, joints, last, limits, self._period, self._strain)
+        if row == reached:
+            return ""
+        place, kind, value, most = self._strain
+        return _STRAINS[int(kind)].format(self._mechanism.axes[int(place)].name, value, most)
 
-    def _nearing(self, joints: Joints, reserves: Mapping[str, float]) -> str:
-        """Return which singularity is too close, and closer than by *reserves*."""
-        for one in self._mechanism.reserve(joints):
-            if one.value < one.least_followed and one.value < reserves[one.name]:
-                return f"the {one.name} would be {one.value:.3g} {one.unit} from its singularity"
+    def _nearing(self, reached: int) -> str:
+        """Return which singularity is too close, and closer than at the last setpoint."""
+        kinds = len(self._reserve)
+        if not (kinds and reached):
+            return ""
+        found = Rows(reached, kinds)
+        self._mechanism.reserves(self._along, found, reached)
+        for place, one in enumerate(self._reserve):
+            value = min(found.flat[place::kinds])
+            if value < one.least_followed and value < one.value:
+                return f"the {one.name} would be {value:.3g} {one.unit} from its singularity"
         return ""
 
 

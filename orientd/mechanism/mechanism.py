@@ -6,7 +6,8 @@ Plain floats only, since the servo process loads it.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from array import array
+from collections.abc import Iterable, Sequence
 from math import ceil, floor, tau
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -35,6 +36,35 @@ class Reserve(NamedTuple):
     least_followed: float
     unit: str = "rad"
     advice: str = ""
+
+
+class Rows:
+    """Rows of floats in one piece of memory, as kernels take them, without NumPy.
+
+    Attributes:
+        flat: the numbers, row after row.
+        view: the same with two dimensions; a slice of it has fewer rows.
+    """
+
+    __slots__ = ("flat", "view", "width")
+
+    def __init__(self, count: int, width: int, numbers: Iterable[float] | bytes = b"") -> None:
+        """Create *count* rows of *width* zeros, or of *numbers*, which may be those in memory."""
+        self.width = width
+        self.flat = array("d", numbers or bytes(8 * count * width))
+        self.view = memoryview(self.flat).cast("B").cast("d", (count, width))
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.view)
+
+    def __getitem__(self, row: int) -> tuple[float, ...]:
+        """Return the numbers of a row."""
+        return tuple(self.flat[row * self.width : (row + 1) * self.width])
+
+    def __setitem__(self, row: int, numbers: Iterable[float]) -> None:
+        """Write the numbers of a row."""
+        self.flat[row * self.width : (row + 1) * self.width] = array("d", numbers)
 
 
 class Mechanism(ABC):
@@ -95,6 +125,29 @@ class Mechanism(ABC):
         ]
         return min(turned, key=lambda one: _apart(one, near), default=None)
 
+    def follow(self, poses: Rows, near: Joints, joints: Rows, count: int) -> int:
+        """Write the joints for poses one after the other, each by :meth:`nearest`.
+
+        Override it if the mechanism can follow many poses at once faster.
+
+        Args:
+            poses: orientation ``(w, x, y, z)`` and position, m: rows of 7.
+            near: joints of a pose close to the first, rad, unwrapped.
+            joints: receives them, rad: rows of as many as there are axes.
+            count: number of poses.
+
+        Returns:
+            Number of poses before the first that is out of reach.
+        """
+        for row in range(count):
+            w, x, y, z, *position = poses[row]
+            a, b, c = position
+            found = self.nearest((w, x, y, z), (a, b, c), near)
+            if found is None:
+                return row
+            joints[row] = near = found
+        return count
+
     def completed(self, q: Quaternion, position: Vector3, outer: float, wanted: Joints) -> Joints:  # noqa: ARG002 - most mechanisms need no more
         """Return the joints closest to a pose with the outermost axis elsewhere, rad.
 
@@ -116,6 +169,17 @@ class Mechanism(ABC):
     def reserve(self, joints: Joints) -> Sequence[Reserve]:  # noqa: ARG002 - many mechanisms have no singularity to avoid
         """Return how far *joints*, in rad, are from each singularity."""
         return ()
+
+    def reserves(self, joints: Rows, found: Rows, count: int) -> None:
+        """Write the values of :meth:`reserve` for rows of joints.
+
+        Args:
+            joints: rad.
+            found: receives them: rows of as many as there are singularities.
+            count: number of rows.
+        """
+        for row in range(count):
+            found[row] = [one.value for one in self.reserve(joints[row])]
 
     def outline(self, joints: Joints) -> Sequence[Sequence[Vector3]]:  # noqa: ARG002 - drawing is optional
         """Return the shape as lines from point to point, m, for drawing; empty if there is none.

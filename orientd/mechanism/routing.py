@@ -28,7 +28,7 @@ from orientd.mechanism.joint_path import (
     refuse_range,
     refuse_rates,
 )
-from orientd.mechanism.mechanism import Mechanism, inside
+from orientd.mechanism.mechanism import Mechanism, Rows, inside
 from orientd.mechanism.pole import outer_line
 from orientd.mechanism.timed_route import TimedPath, timed_route
 from orientd.rotation import Floats, check_unit
@@ -144,15 +144,13 @@ def joints_along(
         joints = joints_at(mechanism, matrix, outer_line(mechanism, matrix)[0])
         joints[:, 1:] = np.unwrap(joints[:, 1:], axis=0)
         return joints
-    found: list[Joints] = []
-    last = near or begun(mechanism, row_of(q[0]), tuple(position[0].tolist()))
-    for place, (turned, point) in enumerate(zip(q.tolist(), position.tolist(), strict=True)):
-        here = mechanism.nearest(tuple(turned), tuple(point), last)
-        if here is None:
-            raise PlanError(f"the axes do not reach the pose at {place * period:.4f} s")
-        found.append(here)
-        last = here
-    return np.array(found)
+    near = near or begun(mechanism, row_of(q[0]), tuple(position[0].tolist()))
+    poses = Rows(len(q), 7, np.concatenate([q, position], axis=1).tobytes())
+    found = Rows(len(q), len(mechanism.axes))
+    reached = mechanism.follow(poses, near, found, len(q))
+    if reached < len(q):
+        raise PlanError(f"the axes do not reach the pose at {reached * period:.4f} s")
+    return np.array(found.view)
 
 
 def begun(mechanism: Mechanism, q: Quaternion, position: Vector3) -> Joints:
@@ -198,11 +196,16 @@ def _followed(
 
 def _refuse_singular(mechanism: Mechanism, joints: Floats, period: float) -> None:
     """Raise :class:`.PlanError` if *joints* come too near to a singularity."""
-    reserves = [mechanism.reserve(tuple(row)) for row in joints.tolist()]
-    for every in zip(*reserves, strict=True):
-        at, worst = min(enumerate(every), key=lambda one: one[1].value)
-        if worst.value < worst.least:
+    kinds = mechanism.reserve(tuple(joints[0].tolist())) if len(joints) else ()
+    if not kinds:
+        return
+    found = Rows(len(joints), len(kinds))
+    rows = Rows(len(joints), joints.shape[1], joints.tobytes())
+    mechanism.reserves(rows, found, len(joints))
+    for one, values in zip(kinds, np.array(found.view).T, strict=True):
+        at = int(np.argmin(values))
+        if values[at] < one.least:
             raise PlanError(
-                f"the {worst.name} comes within {worst.value:.4f} {worst.unit} of its singularity "
-                f"at {at * period:.4f} s, at least {worst.least:g} are needed; {worst.advice}"
+                f"the {one.name} comes within {values[at]:.4f} {one.unit} of its singularity "
+                f"at {at * period:.4f} s, at least {one.least:g} are needed; {one.advice}"
             )

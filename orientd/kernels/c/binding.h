@@ -54,6 +54,12 @@ PyObject *refuse(arguments_t *taken);
         Py_BEGIN_ALLOW_THREADS STATEMENT; \
         Py_END_ALLOW_THREADS release(&taken); \
     } while (0)
+/* The same with the interpreter's lock, for a cycle of the servo, which must not wait to get it back. */
+#define RUN_AT_ONCE(STATEMENT) \
+    do { \
+        STATEMENT; \
+        release(&taken); \
+    } while (0)
 /* An entry of a table of methods. */
 #define ENTRY(NAME) {#NAME, (PyCFunction)(void (*)(void))py_##NAME, METH_FASTCALL, NULL}
 #define LAST_ENTRY {NULL, NULL, 0, NULL}
@@ -63,6 +69,7 @@ extern PyMethodDef interpolation_methods[];
 extern PyMethodDef trajectory_methods[];
 extern PyMethodDef connectors_methods[];
 extern PyMethodDef certify_methods[];
+extern PyMethodDef mechanism_methods[];
 extern PyMethodDef timing_methods[];
 
 #endif

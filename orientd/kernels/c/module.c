@@ -3,7 +3,8 @@
 
 static int set_up(PyObject *module) {
     PyMethodDef *groups[] = {trajectory_methods, certify_methods,
-                             connectors_methods, interpolation_methods, timing_methods};
+                             connectors_methods, interpolation_methods, mechanism_methods,
+                             timing_methods};
     for (size_t i = 0; i < sizeof groups / sizeof *groups; i++)
         if (PyModule_AddFunctions(module, groups[i]) < 0)
             return -1;

@@ -11,11 +11,11 @@ brakes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import ceil, dist
+from math import dist
 
 from orientd.driver import ZERO, Joints, Quaternion, Vector3
 from orientd.floats import combine, dot, exp, multiply, norm, plus
-from orientd.mechanism import ComingPose, Foresight
+from orientd.mechanism import ComingStop, Foresight
 from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.motion_law import (
@@ -35,7 +35,7 @@ from orientd.servo.tracking.chunks import (
 )
 from orientd.servo.tracking.steering import position_command
 from orientd.servo.tracking.targets import Target
-from orientd.servo.tracking.tracker import AxisStop, Place, Tracker, TrackPoint
+from orientd.servo.tracking.tracker import Place, Tracker, TrackPoint
 from orientd.stream import RecordRing, ServoLimits
 
 TARGETS_PER_CYCLE = 8
@@ -50,9 +50,6 @@ LEFT_OUT_WORD = 1
 HELD_WORD = 2
 """Word of the ring of targets: one more than the place of the keep-out cone that holds the target
 at its edge; 0 for none."""
-
-MOST = 12
-"""Most times of a stop at which the axes are checked: every cycle of a short one."""
 
 SHARES = ((0.3, 0.3), (0.06, 0.06), (0.3, None), (None, 0.3))
 """Shares of the change of speed towards a target that are tried in turn.
@@ -166,10 +163,10 @@ class TargetFollower:
             return ""
         if not self.tracker.stops_outside():
             return "a stop would enter a keep-out cone"
-        guard, stop = self._guard, self.tracker.stop_ahead()
-        _, velocity = guard.rates(q, position)
+        guard, (braked, turning) = self._guard, self.tracker.stop_ahead()
+        velocity = combine(position, 1.0 / guard.period, guard.position, -1.0 / guard.period)
         acceleration = servo_limits.linear_acceleration
-        coming = _coming(q, position, velocity, stop, acceleration, guard.period)
+        coming = ComingStop(q, position, velocity, acceleration, braked, turning)
         return self.foresight.look((guard.q, guard.position), coming)
 
     def _position(self) -> Vector3 | None:
@@ -247,42 +244,6 @@ class TargetFollower:
         moving = guard.position, guard.velocity, guard.acceleration
         self.tracker.take_chunk(chunk.knots, now_ns, moving, has_positions=chunk.has_positions)
         write_report(self._chunks, self.tracker.preview)
-
-
-def _coming(
-    q: Quaternion,
-    position: Vector3,
-    velocity: Vector3,
-    stop: tuple[Quaternion, AxisStop | None],
-    acceleration: float,
-    period: float,
-) -> list[ComingPose]:
-    """Return a setpoint, the first cycle of a stop from it, and later poses of the stop.
-
-    *velocity* is that of the step to the setpoint, *stop* the result of :meth:`Tracker.stop_ahead`,
-    and *acceleration* that with which the position comes to rest, m/s^2.
-    """
-    poses = [ComingPose(period, q, position)]
-    q, turning = stop
-    speed = norm(velocity)
-    if turning is None and speed == 0.0:
-        return poses
-    change = acceleration * period
-    velocity = plus(ZERO, velocity, 1.0 - change / speed) if speed > change else ZERO
-    position, speed = plus(position, velocity, period), max(speed - change, 0.0)
-    poses.append(ComingPose(period, q, position))
-    # The velocity of a step is that of its middle, and the next one is already slower.
-    running = max(speed / acceleration - 0.5 * period, 0.0)
-    share = running * acceleration / speed if speed > 0.0 else 0.0
-    longest = max(running, turning.seconds if turning is not None else 0.0, period)
-    count = min(ceil(longest / period), MOST)
-    for k in range(1, count + 1):
-        since = longest * k / count
-        there = q if turning is None else multiply(q, exp(turning.turn(since)))
-        left = 1.0 - since / running if since < running else 0.0
-        along = 0.5 * running * share * (1.0 - left * left)
-        poses.append(ComingPose(longest / count, there, plus(position, velocity, along)))
-    return poses
 
 
 def _given(vector: Sequence[float]) -> Vector3 | None:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.floats import combine, difference, dot, exp, multiply, norm, normalize, plus
+from orientd.mechanism import AxisStop
 from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.motion_law import (
     NO_LIMITS,
@@ -69,32 +70,6 @@ class Place(NamedTuple):
     velocity: Vector3
     acceleration: Vector3 = ZERO
     next_acceleration: Vector3 = ZERO
-
-
-class AxisStop:
-    """A stop about one axis: its acceleration falls to a peak, stays there, and rises to zero.
-
-    Attributes:
-        seconds: its duration.
-    """
-
-    def __init__(self, axis: Vector3, speed: float, rate: float, limits: TrackingLimits) -> None:
-        """Begin at a *speed* about *axis* that changes at *rate*; rad/s and rad/s^2."""
-        self._axis, self._speed, self._rate = axis, speed, rate
-        phases = stop_phases(speed, rate, limits.acceleration, limits.jerk)
-        self._phases = tuple(zip(phases, (-limits.jerk, 0.0, limits.jerk), strict=True))
-        self.seconds = sum(phases)
-
-    def turn(self, since: float) -> Vector3:
-        """Return the rotation vector *since* the beginning, s."""
-        angle, speed, rate = 0.0, self._speed, self._rate
-        for seconds, jerk in self._phases:
-            t = min(since, seconds)
-            angle += t * (speed + t * (0.5 * rate + t * jerk / 6.0))
-            speed += t * (rate + 0.5 * t * jerk)
-            rate += t * jerk
-            since -= t
-        return plus(ZERO, self._axis, angle)
 
 
 class Tracker:
@@ -299,7 +274,9 @@ class Tracker:
             return q, None
         axis = plus(ZERO, ahead, 1.0 / size)
         speed, rate = dot(omega, axis), dot(alpha, axis)
-        return q, AxisStop(times(axis, self._units), speed + 0.5 * h * rate, rate, limits)
+        speed += 0.5 * h * rate
+        phases = stop_phases(speed, rate, limits.acceleration, limits.jerk)
+        return q, AxisStop(times(axis, self._units), speed, rate, phases, limits.jerk)
 
     def _move(self, omega: Vector3, alpha: Vector3) -> TrackPoint:
         """Turn for a period; all in the law's units."""

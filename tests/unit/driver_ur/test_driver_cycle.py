@@ -683,16 +683,14 @@ def test_missing_feedback_is_said_to_be_late_by_whose_fault(robot, silence_ms, w
         cycle(driver, ms=90)
 
 
-def test_servo_looks_ahead_with_the_published_lengths_and_the_tool_as_it_is_seen(
-    robot, monkeypatch
-):
+def test_servo_looks_ahead_with_the_calibrated_arm_and_the_tool_as_it_is_seen(robot, monkeypatch):
     links = MODELS["ur5e"].links
     own = links.table._replace(theta=(1e-3,) * 6)
     calibrated = replace(MODELS["ur5e"].arm(), kinematics=Kinematics(links, own))
     monkeypatch.setattr("orientd_ur.robot.ask", lambda *_: calibrated)
     driver, start = enabled(robot)
     arm = driver.mechanism(may_ask=False)
-    assert not arm.kinematics.is_calibrated
+    assert arm.kinematics is calibrated.kinematics
     assert arm.forward(JOINTS)[1] == pytest.approx(start.position)
 
 

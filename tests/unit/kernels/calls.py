@@ -6,6 +6,7 @@ import contextlib
 
 import numpy as np
 
+from orientd import kernels
 from orientd.curves import METHODS
 from orientd.errors import OrientdError
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan, states_between
@@ -32,6 +33,7 @@ def make_calls():
         count = 2 if name in SHORTEST else 5
         curve = family(keys=keyframes(count), times=np.arange(float(count)))
         curve.evaluate(np.linspace(*curve.domain, 50))
+    follow_arms()
     start = State.at_rest(keyframes(2)[0])
     rows = np.concatenate([keyframes(9), np.full((9, 6), 0.1)], axis=1)
     states_between(rows[:-1], rows[1:], PERIOD, np.linspace(0.1, 0.9, 8))
@@ -52,6 +54,32 @@ def make_calls():
     for method in ("squad", "kks_hermite_spline", "minimum_effort"):
         with contextlib.suppress(OrientdError):
             planned(many[:4], start, method=method, pace="even")
+
+
+def follow_arms():
+    """Solve an arm like a UR5e, also calibrated, and foresee what a stop demands of its joints."""
+    links = [0.16, 0.42, 0.39, 0.13, 0.1, 0.1]
+    a, d = [0.0, -0.42, -0.39, 0.0, 0.0, 0.0], [0.16, 0.0, 0.0, 0.13, 0.1, 0.1]
+    twist = 0.5 * np.pi * np.array([1.0, 0.0, 0.0, 1.0, -1.0, 0.0])
+    table = np.array([np.zeros(6), a, d, np.cos(twist), np.sin(twist)]).T
+    own = table + np.array([1e-4, 0.0, 0.0, 0.0, 0.0])
+    home, tool = np.array([0.1, -1.4, 1.5, -1.6, -1.5, 0.2]), np.eye(1, 7)[0]
+    limits = np.tile([-6.0, 6.0, 3.0, 40.0], (6, 1))
+    for tables in ((table,), (table, own)):
+        arm = np.concatenate([links, *(one.ravel() for one in tables)])
+        frames, joints, seconds = np.zeros((6, 7)), np.zeros((8, 6)), np.zeros(8)
+        kernels.place_arm(arm, True, home, frames)
+        kernels.solve_arm(arm, tool, frames[5], joints)
+        pose, still = frames[5], [0.0, 0.0, 0.0]
+        turn = [0.0, 0.0, 1.0, 0.5, 0.0, 0.05, 0.1, 0.05, 100.0]
+        stop = np.array([PERIOD, *pose, 0.1, 0.0, 0.0, 2.0, *pose[:4], *turn])
+        for numbers in (stop, np.array([PERIOD, *pose, *still, 2.0, *pose[:4], *[0.0] * 9])):
+            poses = np.zeros((8, 7))
+            count = kernels.foresee_stop(numbers, seconds, poses)
+            kernels.follow_arm(arm, tool, poses[:count], home, joints)
+            kernels.reserve_arm(arm, joints, np.zeros((8, 3)))
+            last = np.array([home, np.zeros(6)])
+            kernels.first_strain(seconds, joints, last, limits, PERIOD, np.zeros(4))
 
 
 def planned(keys, start, **fields):

@@ -13,6 +13,7 @@ import os
 import random
 import sys
 import types
+from array import array
 from typing import Any
 
 import numpy as np
@@ -44,7 +45,10 @@ def recorder(name, kernel):
 
     def call(*arguments):
         if len(kept) < MOST_RECORDED or random.random() < 0.02:
-            copies = tuple(a.copy() if isinstance(a, np.ndarray) else a for a in arguments)
+            copies = tuple(
+                np.array(a) if isinstance(a, np.ndarray | array | memoryview) else a
+                for a in arguments
+            )
             if len(kept) < MOST_RECORDED:
                 kept.append(copies)
             else:
