@@ -13,7 +13,7 @@ An error means that a call failed.  A fault means that a device stopped and wait
     │   ├── LimitError          it would break a limit (quantity, value, limit, time)
     │   ├── StartError          it does not begin in the commanded state of the device
     │   └── DeadlineError       planning it took too long
-    ├── StateError              not possible in the device's present state
+    ├── StateError              not possible in the device's current state
     │   ├── StaleBaseError      the orientation of the moving base is too old (since_ns, age)
     │   └── LateError           the device has passed the intended point
     │       └── NotYetError     the running motion cannot be replaced yet

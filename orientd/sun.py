@@ -34,7 +34,7 @@ class Sun(NamedTuple):
     Attributes:
         latitude: degrees, north positive.
         longitude: degrees, east positive.
-        north: azimuth of true north in the device's world, degrees.
+        north: azimuth of true north in the device's base frame, degrees.
     """
 
     latitude: float
@@ -42,7 +42,7 @@ class Sun(NamedTuple):
     north: float = NORTH
 
     def direction(self, unix_ns: int) -> Vector3:
-        """Return the unit vector towards the sun's centre in the device's world, whose z is up.
+        """Return the unit vector towards the sun's centre in the base frame, whose z is up.
 
         The apparent direction without refraction and parallax, within 0.02 degrees from 1950 to
         2050.  Refraction lifts the sun by up to 0.6 degrees at the horizon.  The radius of its

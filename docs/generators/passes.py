@@ -16,7 +16,7 @@ from orientd.plots.paper import new_figure, save
 from orientd.rotation import Floats, rotate
 
 PAGE = Path("how-to/satellite-pass.md")
-RATE = 0.6  # degrees a second, of a low orbit at its highest point
+RATE = 0.6  # degrees/s, of a low orbit at its highest point
 FINE = 0.05  # s
 
 

@@ -185,7 +185,7 @@ def parse(options: Mapping[str, Any]) -> GimbalOptions:
         park = tuple(map(math.radians, numbers("park_deg", parked, len(axes))))
         for axis, angle in zip(axes, park, strict=True):
             if not axis.low <= angle <= axis.high:
-                raise ValueError(f"park_deg must be inside the limits of {axis.name}, got {parked}")
+                raise ValueError(f"park_deg must be within the limits of {axis.name}, got {parked}")
     numbered = {
         name: number(name, options.get(name, default), lowest, highest)
         for name, (lowest, highest, default) in _NUMBERS.items()

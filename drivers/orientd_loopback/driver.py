@@ -97,7 +97,7 @@ class LoopbackDriver(Driver):
                 raise LinkError(f"cannot record to {self._record_path}: {error}") from error
 
     def enable(self) -> Feedback:
-        """Hold the present pose."""
+        """Hold the current pose."""
         fault = self._fault()
         if fault:
             raise DeviceFaultError(f"injected fault: {fault}")

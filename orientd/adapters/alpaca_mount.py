@@ -96,8 +96,8 @@ class Mount:
         While a direction is followed, a new roll only changes the poses that are sent.
 
         Args:
-            target: the present target by default, which is then not followed any more.
-            roll: degrees; the present target by default.
+            target: the current target by default, which is then not followed any more.
+            roll: degrees; the current target by default.
 
         Raises:
             OrientdError: the daemon refuses it; the targets stay as they were.

@@ -42,7 +42,7 @@ class RotationAxis:
             ``NAME_setpoint``.
         parent: always ``None``.
         velocity_deg: largest rate of moves, degrees/s; ``None`` for the limit of the device.
-        trigger_times: when the present fly scan passes each of its points, s since the epoch.
+        trigger_times: when the present fly scan passes each of its points, Unix time in s.
     """
 
     parent = None
@@ -253,7 +253,7 @@ class RotationAxis:
             yield {"time": at, "data": data, "timestamps": dict.fromkeys(data, at)}
 
     def _plan(self, scan: FlyScan) -> pb.Plan:
-        """Return the plan of a fly scan from the present state of the device."""
+        """Return the plan of a fly scan from the current state of the device."""
         keyframes = self._angle.keyframes(scan.start_deg, scan.stop_deg)
         share = scan.duration / (len(keyframes) - 1)
         velocity = self._angle.vector(scan.rate)

@@ -182,7 +182,7 @@ class Setpoint:
         return self._angles != self._goals
 
     def begin(self, q: Quaternion) -> None:
-        """Stand still at an orientation ``(w, x, y, z)`` of the tool in the device's world."""
+        """Stand still at an orientation ``(w, x, y, z)`` of the tool in the base frame."""
         turned = multiply(of_angles(self.base), mirrored(q))
         frame = _frame(self.base, self.flags, self._is_from_north)
         self._goals = angles_of(multiply(conjugate(frame), turned))
@@ -240,7 +240,7 @@ class Setpoint:
             seconds -= STEP
 
     def ahead(self, count: int) -> list[Quaternion]:
-        """Return the next orientations of the tool in the device's world, :data:`STEP` s apart."""
+        """Return the next orientations of the tool in the base frame, :data:`STEP` s apart."""
         path, poses = copy.deepcopy(self), []
         for _ in range(count):
             poses.append(path.orientation())
@@ -248,7 +248,7 @@ class Setpoint:
         return poses
 
     def orientation(self) -> Quaternion:
-        """Return the orientation ``(w, x, y, z)`` of the tool in the device's world."""
+        """Return the orientation ``(w, x, y, z)`` of the tool in the base frame."""
         frame = _frame(self.base, self.flags, self._is_from_north)
         turn = multiply(frame, of_angles(self._angles))
         return mirrored(multiply(conjugate(of_angles(self.base)), turn))

@@ -56,7 +56,7 @@ class Pointer:
             served: the device.
             passes: the known ones.
             north: angle of north from the world's x axis, counted towards y, degrees.
-            tips: whether the device may tip over, to elevations above 90 degrees.
+            tips: whether flip mode is allowed: elevations above 90 degrees.
         """
         self._served, self._passes = served, passes
         self._north, self._tips = north, tips

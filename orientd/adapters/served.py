@@ -166,8 +166,8 @@ class Served:
         Another command may come meanwhile; it replaces the motion.
 
         Args:
-            plan: from the present state of the device.
-            start_time: s since the epoch.
+            plan: from the current state of the device.
+            start_time: Unix time in s.
 
         Raises:
             OrientdError: the daemon refuses it.

@@ -52,8 +52,8 @@ class Pass:
 
     Attributes:
         target: the target.
-        start: when it has risen, or now if it has already, s since the epoch.
-        end: when it sets, s since the epoch.
+        start: when it has risen, or now if it has already, Unix time in s.
+        end: when it sets, Unix time in s.
     """
 
     target: Target
@@ -80,7 +80,7 @@ def find_pass(targets: Sequence[Target], now: float, point: Floats) -> Pass | No
 
     Args:
         targets: the known ones.
-        now: s since the epoch.
+        now: Unix time in s.
         point: unit vector of the position.
     """
     times = now + np.arange(0.0, _AHEAD + _LONGEST, _STEP)
@@ -145,7 +145,7 @@ def from_table(path: Path) -> list[Target]:
     """Return the target of a table with the columns time, azimuth and elevation.
 
     Args:
-        path: a CSV file; the time is in s since the epoch, or ISO 8601 (UTC without a zone).
+        path: a CSV file; times are Unix time in s, or ISO 8601 (UTC without a zone).
 
     Raises:
         OrientdError: the file cannot be read, or is not such a table.

@@ -36,7 +36,7 @@ class Reading(NamedTuple):
     Attributes:
         setpoint: as sent.
         angle: as measured; the setpoint if nothing is measured.
-        time: of the measurement, s since the epoch.
+        time: of the measurement, Unix time in s.
     """
 
     setpoint: float

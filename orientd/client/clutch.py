@@ -186,7 +186,7 @@ class Clutch:
             self.position = plus(self.position, displacement, 1.0)
 
     def release(self) -> None:
-        """Release the clutch: the device comes to rest at its present target.
+        """Release the clutch: the device comes to rest at its current target.
 
         If the time to live of the last pose has expired, the device already rests and stays there.
         """

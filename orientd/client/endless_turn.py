@@ -111,5 +111,5 @@ class EndlessTurn:
         try:
             self._handle = self._begin()
         except OrientdError as error:
-            # The present motion has half its time left, and then comes to rest.
+            # The current motion has half its time left, and then comes to rest.
             self.problem = str(error)

@@ -46,7 +46,7 @@ class Observer:
         return Configuration(answer.json, answer.time.ToNanoseconds() - answer.monotonic_ns)
 
     def state(self) -> pb.GetStateResponse:
-        """Return the present state of the daemon and its devices, as its message."""
+        """Return the current state of the daemon and its devices, as its message."""
         request = pb.GetStateRequest()
         answer: pb.GetStateResponse = self._connection.ask(self._stub.GetState, request)
         return answer

@@ -153,7 +153,7 @@ class Robot:
     # What there is
 
     def state(self) -> CellReport:
-        """Return the present state of the daemon and its devices."""
+        """Return the current state of the daemon and its devices."""
         answer = self._connection.ask(self._stub.GetState, pb.GetStateRequest())
         return CellReport(answer.daemon, {device.name: device for device in answer.devices})
 
@@ -334,7 +334,7 @@ class Robot:
     ) -> pb.Plan:
         """Plan a motion without running it.
 
-        It begins at the commanded state of the device, or at the end of its present motion.
+        It begins at the commanded state of the device, or at the end of its current motion.
 
         Args:
             keyframes: see :func:`~orientd.client.motion_request.motion_request`.
@@ -406,7 +406,7 @@ class Robot:
             queue: whether to follow the running motion rather than replace it.
             blend_tolerance: for a queued motion, largest angle by which the device may cut the
                 corner to it, rad, so that it need not stop there.
-            start_time: start in seconds since the epoch, as of :func:`time.time`; motions with the
+            start_time: start in Unix time in s, as of :func:`time.time`; motions with the
                 same start time stay in step.
             on_target: required measurement for the motion to count as done.
             plan_timeout: as for :meth:`plan`.

@@ -81,7 +81,7 @@ class Teaching:
         self.close()
 
     def pose(self) -> MeasuredPose:
-        """Return the present pose of the device.
+        """Return the current pose of the device.
 
         Raises:
             FeedbackError: it does not report its pose, or has not for half a second.
@@ -102,7 +102,7 @@ class Teaching:
         )
 
     def take(self, name: str = "") -> Keyframe:
-        """Record the present pose as a keyframe, with the time since the first one, and return it.
+        """Record the current pose as a keyframe, with the time since the first one, and return it.
 
         Args:
             name: label of the keyframe.

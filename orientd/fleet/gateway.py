@@ -1,7 +1,7 @@
 """The gateway: the process that speaks Zenoh for one daemon.
 
 It declares the daemon's presence, publishes its state, tells its clock, and stops its devices as
-``orientd stop`` does: straight to the servos, even while the daemon hangs.  The daemon is
+``orientd stop`` does: directly to the servos, even while the daemon hangs.  The daemon is
 at the other end of a socket of packets.  Its first packet is the configuration, JSON; each one
 after it is a state: the time it was taken, 8 bytes, and a ``GetStateResponse``.  The gateway
 answers in JSON.

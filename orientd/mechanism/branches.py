@@ -1,6 +1,6 @@
 """Choose branches and whole turns by dynamic programming over the whole path.
 
-The candidates at each sample are both branches with every whole turn inside the limits.  An axis
+The candidates at each sample are both branches with every whole turn within the limits.  An axis
 can turn only so far from sample to sample.  A passage near the pole leads from its first sample to
 its last in one step.  Anything else is a slew, which costs more than any detour.
 """
@@ -51,7 +51,7 @@ class Choice(NamedTuple):
 def candidates(
     principal: Floats, axes: Sequence[AxisLimits], start: Floats | None = None
 ) -> Floats:
-    """Return all axis angles inside the limits for each orientation.
+    """Return all axis angles within the limits for each orientation.
 
     Args:
         principal: both branches in (-pi, pi], shape ``(n, 2, axes)``.
@@ -187,7 +187,7 @@ def _offer(
     bounds: Bounds,
     via: dict[tuple[int, int], tuple[int, int, Passage]],
 ) -> None:
-    """Add *passage* wherever it connects two candidates inside the limits."""
+    """Add *passage* wherever it connects two candidates within the limits."""
     low, high = np.array([(axis.low - EDGE, axis.high + EDGE) for axis in bounds.axes]).T
     for origin in np.nonzero(np.isfinite(before))[0]:
         shift = every[passage.first, origin] - passage.joints[0]

@@ -80,7 +80,7 @@ class Following:
         return tuple(joints)
 
     def _inside(self, joints: Joints, last: Joints) -> Joints:
-        """Return *joints* on the turns nearest to *last*, inside the limits if possible."""
+        """Return *joints* on the turns nearest to *last*, within the limits if possible."""
         found = []
         for angle, near, axis in zip(joints, last, self._axes, strict=True):
             turns = round((near - angle) / tau)

@@ -331,7 +331,7 @@ class Gimbal(Mechanism):
         return bool(self.kinematics.pointing(self.kinematics.matrix(q))[1] < LOCK)
 
     def home(self) -> Joints:
-        """Return zero for every axis, or the angle nearest to it inside the limits, rad."""
+        """Return zero for every axis, or the angle nearest to it within the limits, rad."""
         return tuple(min(max(0.0, axis.low), axis.high) for axis in self.axes)
 
     def outline(self, joints: Joints) -> list[list[Vector3]]:

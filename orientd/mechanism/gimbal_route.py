@@ -211,7 +211,7 @@ def refuse_angle(principal: Floats, axes: Sequence[AxisLimits], time: float) -> 
         place = int(np.argmax(outside))
         worst.append((outside[place], place, float(branch[place])))
     _, place, value = min(worst)
-    raise out_of_range(axes[place], value, time, "no branch is inside the limits")
+    raise out_of_range(axes[place], value, time, "no branch is within the limits")
 
 
 def _is_by_pole(gimbal: Gimbal, q: Floats, count: float) -> Bools:

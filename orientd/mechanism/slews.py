@@ -113,7 +113,7 @@ def stop_time(q: Floats, bounds: Bounds) -> float:
 def straight(
     gimbal: Gimbal, here: Floats, there: Floats, bounds: Bounds, *, least: float = 0.0
 ) -> Floats:
-    """Return the fastest joint motion of all axes from rest to rest inside the limits.
+    """Return the fastest joint motion of all axes from rest to rest within the limits.
 
     Args:
         gimbal: the gimbal.

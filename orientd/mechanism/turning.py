@@ -54,7 +54,7 @@ def pointed(gimbal: Gimbal, direction: Vector3, axis: str) -> Quaternion | None:
 
 
 def windings(gimbal: Gimbal, q: Quaternion, last: Joints) -> list[Joints]:
-    """Return the axis angles for *q* inside the limits, the nearest ones of each branch, rad.
+    """Return the axis angles for *q* within the limits, the nearest ones of each branch, rad.
 
     At the pole three axes make *q* with any outer angle.  The inner one then stays where it is, or
     turns as far as the limits of the outer one require.
@@ -65,7 +65,7 @@ def windings(gimbal: Gimbal, q: Quaternion, last: Joints) -> list[Joints]:
         last: current axis angles, rad.
 
     Raises:
-        LimitError: no axis angles inside the limits make *q*; the error names the axis.
+        LimitError: no axis angles within the limits make *q*; the error names the axis.
     """
     branches = [gimbal.solve(q, last)[0]] if gimbal.is_fitting else gimbal.branches(q, last)
     found = []
@@ -110,7 +110,7 @@ def together(
     tool: ToolLimits,
     least: float = 0.0,
 ) -> JointPath | None:
-    """Return the fastest joint motion of all axes from rest to rest inside the limits.
+    """Return the fastest joint motion of all axes from rest to rest within the limits.
 
     Args:
         gimbal: the gimbal.
@@ -124,7 +124,7 @@ def together(
         ``None`` if two axes cannot make *q*.
 
     Raises:
-        LimitError: no axis angles inside the limits make *q*; the error names the axis.
+        LimitError: no axis angles within the limits make *q*; the error names the axis.
         PlanError: no duration keeps the limits of the tool.
     """
     if q is None:

@@ -163,7 +163,7 @@ class Fitting:
             evenly = self._slowed(motion, refusal, least)
         except PlanError:
             if paced is None:
-                # If the axes reach an end of travel at any speed, report that.
+                # If the axes reach an end of its range at any speed, report that.
                 raise (outside or refusal) from None
             return paced
         return evenly if paced is None or evenly.duration < paced.duration else paced
@@ -206,7 +206,7 @@ class Fitting:
         """Return *motion* at the pace that suits the axes, if that fits.
 
         Raises the refusal if the user set the times and the axes cannot follow, or if an axis
-        reaches the end of its travel.
+        reaches the end of its range.
         """
         period = motion.period
         refusal: PlanError | None = None

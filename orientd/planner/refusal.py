@@ -84,7 +84,7 @@ def check_velocity(field: str, omega: Floats, limits: Limits) -> None:
 
 
 def check_present_rates(start: State, limits: Limits, period: float) -> None:
-    """Raise :class:`.LimitError` if the present motion is too far beyond a limit for one cycle.
+    """Raise :class:`.LimitError` if the current motion is too far beyond a limit for one cycle.
 
     A motion has one set of limits from its first record on, and so have the stops on its path.  No
     part of it could brake above them.

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from orientd.rotation import Floats
 
 STALE = 1.0
-"""s; older reports are no longer shown as the present state."""
+"""s; older reports are no longer shown as the current state."""
 
 Outline = tuple["Floats", ...]
 """A device's shape: lines from point to point in the world, m, each of shape ``(n, 3)``."""

@@ -1,4 +1,4 @@
-"""The keep-out cones of a device as its servo keeps them: their present directions.
+"""The keep-out cones of a device as its servo keeps them: their current directions.
 
 The servo reads the wall clock for cones that move, about ten times a second.  A step of the wall
 clock must not make the device jump.  So a direction never turns faster than :data:`MOST_DRIFT`.
@@ -29,7 +29,7 @@ class KeepOutCones:
 
     Attributes:
         cones: as configured.
-        directions: their present directions in the world.
+        directions: their current directions in the world.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class Room:
         self._least -= angle + self._drift
 
     def is_within(self, q: Quaternion, distance: float) -> bool:
-        """Return whether a cone is nearer than *distance*, rad, at the present orientation *q*."""
+        """Return whether a cone is nearer than *distance*, rad, at the current orientation *q*."""
         if self._least <= distance:
             self._least = min(self._cones.clearances(q))
         return self._least <= distance

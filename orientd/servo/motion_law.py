@@ -1,4 +1,4 @@
-"""The law of motion: limits and gains, and the next acceleration inside the limits.
+"""The law of motion: limits and gains, and the next acceleration within the limits.
 
 The motion is a chain of backward differences, exactly as the guard computes them.  In each cycle
 ``alpha`` changes by at most ``jerk * h``, ``omega`` by ``alpha * h``, and the orientation turns by
@@ -87,7 +87,7 @@ class TrackingLimits(NamedTuple):
 def limits_of(servo_limits: ServoLimits, period: float) -> tuple[TrackingLimits, Vector3]:
     """Return *servo_limits* for the law, and the units along the axes in which they hold.
 
-    This is an ellipsoid inside the limits of norm and components.  It uses the full limit along the
+    This is an ellipsoid within the limits of norm and components.  It uses the full limit along the
     axis with the largest one, and less along others if their limits are out of proportion.  The
     gains are those for a target at rest: the final approach is *PRECISION* long.
     """

@@ -4,7 +4,7 @@ A stall is a time in which the servo's own process does not run, because the mac
 or a call of the driver is slow.  The servo then hears nothing, but the others are not at fault.
 Path time does not pass in a stall, so the device never jumps.  But the device has come to rest at
 the last setpoint, and resuming at the old speed would be a velocity step.  So the motion resumes
-from rest, inside the limits.  After a longer stall it does not resume by itself.
+from rest, within the limits.  After a longer stall it does not resume by itself.
 """
 
 from __future__ import annotations

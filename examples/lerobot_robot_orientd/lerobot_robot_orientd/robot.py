@@ -102,7 +102,7 @@ class Orientd(Robot):
     def send_action(self, action: RobotAction) -> RobotAction:
         """Send one pose as the target; return it.
 
-        The device follows inside its limits.  It comes to rest if no action follows within the
+        The device follows within its limits.  It comes to rest if no action follows within the
         time to live.
 
         Raises:

@@ -85,7 +85,7 @@ class ClientCertificate:
     Attributes:
         name: the common name.
         serial: hexadecimal, upper case, without leading zeros.
-        expires: seconds since the epoch.
+        expires: Unix time in s.
     """
 
     name: str

@@ -60,7 +60,7 @@ def measure_latency(settings: DeviceSettings) -> Latency:
     Raises:
         ConfigError: the driver is not installed, or refuses its options.
         DaemonError: the device cannot be started, or did not follow to the end.
-        PlanError: the motion is not inside the device's limits.
+        PlanError: the motion is not within the device's limits.
     """
     cycles = asyncio.run(_measure(settings))
     written = [cycle for cycle in cycles if cycle.flags & CycleFlag.WRITTEN]

@@ -64,7 +64,7 @@ _LONGEST_END = 30.0
 _MOST_RECORDS = 1 << 17
 
 _UNREADY = {
-    "streaming": "; stop the present motion first",
+    "streaming": "; stop the current motion first",
     "tracking": "; end the following of targets first",
 }
 

@@ -1,4 +1,4 @@
-"""Connectors between two states of motion: quintic pieces and ramps inside the limits.
+"""Connectors between two states of motion: quintic pieces and ramps within the limits.
 
 ``orientd/kernels/c/connectors.h`` defines the quintic pieces (joins).  The search finds one piece
 with a ramp before and after it, if that is faster or needed.  A ramp only changes the acceleration,

@@ -1,4 +1,4 @@
-"""Timing of a path: times for keyframes, and the fastest profile inside the limits."""
+"""Timing of a path: times for keyframes, and the fastest profile within the limits."""
 
 from __future__ import annotations
 

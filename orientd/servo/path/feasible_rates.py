@@ -76,7 +76,7 @@ def allowed(
     period: float,
     share: float,
 ) -> tuple[float, float]:
-    """Return the least and the largest rate inside the limits; least > largest if there is none.
+    """Return the least and the largest rate within the limits; least > largest if there is none.
 
     A *share* of the limits of acceleration and of jerk may be used.
     """

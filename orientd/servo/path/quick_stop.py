@@ -2,7 +2,7 @@ r"""The quick stop: the time scaling comes to rest in hardly more time than the 
 
 The certified law of :mod:`orientd.servo.path.time_scaling` has one brake rate for a whole motion,
 set by its worst point.  In every cycle, a quick stop takes the least rate that keeps the limits at
-the present place (:mod:`orientd.servo.path.feasible_rates`).  It ends with a terminal deceleration
+the current place (:mod:`orientd.servo.path.feasible_rates`).  It ends with a terminal deceleration
 in which velocity and acceleration reach zero together.
 
 This law sees one cycle and could reach a place without a feasible rate.  So the servo first rolls

@@ -1,4 +1,4 @@
-"""Follow targets that arrive at any time, inside the limits of every cycle.
+"""Follow targets that arrive at any time, within the limits of every cycle.
 
 A time-optimal generator per axis, such as ruckig, has the wrong limits: boxes, instead of norms of
 a rotation's derivatives in the body's own frame.  A box inside the ball gives away up to 42 % of
