@@ -16,8 +16,6 @@ from emulated_dynamixel.servo import EmulatedServo
 from emulated_dynamixel.table import BAUD_RATES, MODELS
 
 _GAP_NS = 20_000_000
-_IDLE_S = 0.2
-"""Longest delay before a signal is handled."""
 
 
 def servos(text: str, *, baud: int = 1_000_000, now_ns: int = 0) -> list[EmulatedServo]:
@@ -75,7 +73,7 @@ def run(
         print(f"ready: {link} at {baud} baud, servos {kinds}", flush=True)  # noqa: T201
         pending = b""
         while not stopping:
-            is_asked = server.step(_IDLE_S, *([] if console is None else [console]))
+            is_asked = server.step(*([] if console is None else [console]))
             if console is None or not is_asked:
                 continue
             octets = os.read(console, 4096)

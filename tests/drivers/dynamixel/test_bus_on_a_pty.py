@@ -26,7 +26,7 @@ def link(tmp_path):
     read, write = os.pipe()
 
     def serve():
-        while not server.step(1.0, read):
+        while not server.step(read):
             pass
 
     thread = threading.Thread(target=serve)
@@ -40,7 +40,9 @@ def link(tmp_path):
 
 
 @pytest.fixture
-def port(link):
+def port(link, monkeypatch):
+    # The vendor allows 34 ms for an answer, but a busy machine may not run the bus for longer.
+    monkeypatch.setattr("dynamixel_sdk.port_handler.LATENCY_TIMER", 5000)
     it = sdk.PortHandler(str(link.link))
     assert it.openPort()
     it.ser.timeout = 0.002
@@ -67,9 +69,10 @@ def test_unmodified_sdk_drives_the_bus(port):
 
 def test_servos_at_another_line_speed_are_silent(port, monkeypatch):
     ph = sdk.Protocol2PacketHandler()
-    monkeypatch.setattr("dynamixel_sdk.port_handler.LATENCY_TIMER", 4)
-    assert port.setBaudRate(57600)
-    assert ph.ping(port, 1)[1] == -3001
+    with monkeypatch.context() as quick:
+        quick.setattr("dynamixel_sdk.port_handler.LATENCY_TIMER", 4)
+        assert port.setBaudRate(57600)
+        assert ph.ping(port, 1)[1] == -3001
     assert port.setBaudRate(1_000_000)
     assert ph.ping(port, 1)[1] == 0
 
@@ -77,7 +80,7 @@ def test_servos_at_another_line_speed_are_silent(port, monkeypatch):
 @pytest.mark.parametrize("fast", [False, True])
 def test_rustypot_reads_and_writes_positions(link, fast):
     rustypot = pytest.importorskip("rustypot")
-    bus = rustypot.Xl430PyController(str(link.link), 1_000_000, 0.5)
+    bus = rustypot.Xl430PyController(str(link.link), 1_000_000, 2.0)
     try:
         bus.set_fast_sync_read(fast)
         assert bus.scan([1, 2, 3, 4]) == {1: 1020, 2: 1020, 3: 1020}
