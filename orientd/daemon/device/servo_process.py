@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from orientd.daemon.stops import StopFolder
 
 ANSWER_TIMEOUT = 0.5
-"""How long an ordinary command may take, s."""
+"""How long an ordinary command may take, s; at least as long as the device's ``stall_timeout``."""
 
 SLOW_ANSWER_TIMEOUT = 60.0
 """How long a command may take for which the driver talks to the device at length, s."""
@@ -382,7 +382,9 @@ class ServoProcess:
             DaemonError: there is none in time.
         """
         name = command.name.lower()
-        timeout = SLOW_ANSWER_TIMEOUT if command in _SLOW else ANSWER_TIMEOUT
+        timeout = max(ANSWER_TIMEOUT, self._settings.stall_timeout)
+        if command in _SLOW:
+            timeout = SLOW_ANSWER_TIMEOUT
         look = begun + ANSWER_TIMEOUT
         while (answer := self._take(index, is_awaited=True)) is None:
             now = time.monotonic()

@@ -8,14 +8,23 @@ import time
 import pytest
 
 from orientd.config import DeviceSettings
-from orientd.daemon.device.servo_process import ServoProcess
+from orientd.daemon.device.servo_process import ANSWER_TIMEOUT, ServoProcess
 from orientd.errors import DaemonError, StateError
 from orientd.stream import Command
 
 
 @pytest.fixture
-def servo():
-    settings = DeviceSettings(name="arm", driver="loopback", priority=0, heartbeat_timeout=10.0)
+def gate(tmp_path):
+    """Return a path at which a pipe without a writer blocks the servo's cycle."""
+    return tmp_path / "gate"
+
+
+@pytest.fixture
+def servo(gate):
+    settings = DeviceSettings(
+        name="arm", driver="loopback", priority=0, heartbeat_timeout=10.0, stall_timeout=10.0,
+        options={"fault_file": str(gate)},
+    )  # fmt: skip
     servo = ServoProcess(settings, read_ahead=4096, tell=lambda *_: None)
     servo.start()
     yield servo
@@ -62,5 +71,18 @@ def test_a_stop_passes_a_command_that_takes_its_time_and_others_are_refused(serv
     finally:
         os.kill(servo.pid, signal.SIGCONT)
     assert "is stopped (SIGSTOP or a debugger), it cannot enable" in refused[0]
+    with pytest.raises(StateError, match="not possible while idle"):
+        servo.ask(Command.SPEED, speed=1.0)
+
+
+def test_a_command_waits_as_long_as_the_servo_may_stall(servo, gate):
+    await_cycles(servo)
+    os.mkfifo(gate)
+
+    def let_go():
+        with gate.open("w"):
+            gate.unlink()
+
+    threading.Timer(2 * ANSWER_TIMEOUT, let_go).start()
     with pytest.raises(StateError, match="not possible while idle"):
         servo.ask(Command.SPEED, speed=1.0)
