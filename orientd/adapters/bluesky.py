@@ -295,6 +295,10 @@ class RotationAxis:
         return status
 
     def _keep(self, is_done: bool) -> None:
-        """Keep the angles of a fly scan, up to its end."""
+        """Keep the angles of a fly scan, up to its end or to where it was stopped."""
         last = self.trigger_times[-1] if is_done else self._offset
-        self._flown = self._angle.recorded(until=last - self._offset)
+        flown = self._angle.recorded(until=last - self._offset)
+        if not is_done:  # at rest it passes no further point
+            turning = np.flatnonzero(np.diff(flown[:, 1]))
+            flown = flown[: turning[-1] + 2] if len(turning) else flown[:0]
+        self._flown = flown

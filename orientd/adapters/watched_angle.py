@@ -23,7 +23,7 @@ WATCH_HZ = 50.0
 _STEP_DEG = 120.0
 """Longest turn between two keyframes: half a turn would have no sense of rotation."""
 
-_FIRST, _LAST = 5.0, 0.5
+_PATIENCE = 5.0
 """Longest wait for the first cycles, and for the last measurement of a recording, s."""
 
 _RETRY = 0.5
@@ -69,13 +69,13 @@ class WatchedAngle:
         self._news, self._closed = threading.Condition(), threading.Event()
         self._angle, self._measured_at = 0.0, -math.inf
         self._recording: list[Sequence[float]] | None = None
-        self._problem: OrientdError | None = DaemonError(f"none within {_FIRST:g} s")
+        self._problem: OrientdError | None = DaemonError(f"none within {_PATIENCE:g} s")
         self._observer = served.robot.observe()
         self._period = 1.0 / served.report().rate_hz
         self._thread = threading.Thread(target=self._watch, name="orientd angle", daemon=True)
         self._thread.start()
         with self._news:
-            self._news.wait_for(lambda: self._problem is None, _FIRST)
+            self._news.wait_for(lambda: self._problem is None, _PATIENCE)
         self.newest()
 
     def close(self) -> None:
@@ -120,7 +120,7 @@ class WatchedAngle:
             of the newest measurement.  Times are s on the daemon's monotonic clock, angles degrees.
         """
         with self._news:
-            self._news.wait_for(lambda: self._measured_at > until, _LAST)
+            self._news.wait_for(lambda: self._measured_at > until, _PATIENCE)
             recording, self._recording = self._recording or [], None
         return np.array(recording).reshape(-1, 4)
 

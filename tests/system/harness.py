@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,10 +19,12 @@ from google.protobuf.message import Message
 from google.protobuf.message_factory import GetMessageClass
 from grpclib.health.v1.health_pb2 import HealthCheckRequest, HealthCheckResponse
 
-from orientd import rotation
+from orientd import connect, rotation
+from orientd.errors import OrientdError
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol.control_pb2_grpc import ControlStub
 from orientd.servo.watchdog import SHORTEST_NS
+from orientd.stream import CYCLE_RECORD, Cycle, CycleFlag, unpack_cycle
 from orientd_loopback import read_recording
 
 DEVICE = "arm"
@@ -70,6 +73,46 @@ def health(channel: grpc.Channel) -> SimpleNamespace:
         Check=channel.unary_unary(f"{service}/Check", **kinds),
         Watch=channel.unary_stream(f"{service}/Watch", **kinds),
     )
+
+
+class CycleLog:
+    """Every cycle of a daemon's only device since this began, gathered by a client of its own."""
+
+    def __init__(self, socket: Path) -> None:
+        self._robot = connect(socket)
+        self._observer = self._robot.observe()
+        self._packed: list[bytes] = []
+        self._thread = threading.Thread(target=self._gather, daemon=True)
+        self._thread.start()
+        until(lambda: self._packed, "the first cycles")
+
+    def _gather(self) -> None:
+        with contextlib.suppress(OrientdError):
+            for packed, _ in self._observer.records():
+                if packed:
+                    self._packed.append(packed)
+
+    def cycles(self) -> list[Cycle]:
+        """Wait for the newest cycle that the daemon has, and return all of them."""
+        (device,) = self._robot.state().devices.values()
+
+        def newest() -> Cycle:
+            return unpack_cycle(self._packed[-1], len(self._packed[-1]) - CYCLE_RECORD.size)
+
+        until(lambda: newest().index >= device.cycle.index, "the newest cycle")
+        packed = b"".join(self._packed)
+        return [unpack_cycle(packed, at) for at in range(0, len(packed), CYCLE_RECORD.size)]
+
+    def close(self) -> None:
+        """End the gathering."""
+        self._observer.close()
+        self._thread.join(10.0)
+        self._robot.close()
+
+
+def is_from_rest(cycle: Cycle) -> bool:
+    """Return whether motion resumes in this cycle, after the servo process did not run."""
+    return bool(cycle.flags & CycleFlag.FROM_REST)
 
 
 class DaemonProcess:

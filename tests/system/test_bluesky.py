@@ -1,18 +1,19 @@
 """An axis of rotation in bluesky's own RunEngine: moves, scans, stops, fly scans."""
 
+import contextlib
 import math
 import threading
+import time
 
 import numpy as np
 import pytest
 from gimbal_bench import GimbalDaemon, await_hold
-from harness import DaemonProcess, until
+from harness import CycleLog, DaemonProcess, until
 
 from orientd import connect
 from orientd.adapters import FlyScan, RotationAxis
 from orientd.errors import DaemonError, LimitError, PlanError, RequestError, StateError
 from orientd.protocol import control_pb2 as pb
-from orientd_loopback import read_recording
 
 event_model = pytest.importorskip("event_model")
 bluesky = pytest.importorskip("bluesky")
@@ -154,9 +155,43 @@ def fly(axis, scan):
     return (yield from bp.fly([axis]))
 
 
+@pytest.fixture
+def log(daemon):
+    with contextlib.closing(CycleLog(daemon.socket)) as log:
+        yield log
+
+
+class Flight:
+    """The setpoints of the newest motion; a servo that misses cycles passes the points later.
+
+    Attributes:
+        cycles: those in which it moves.
+        sent: angles at the trigger times, degrees.
+        planned: the same, if the servo had missed no cycle since the start.
+        end: the last angle, degrees.
+        late: how late the servo started it, s.
+    """
+
+    def __init__(self, daemon, log, triggers):
+        cycles, period = log.cycles(), daemon.period
+        number = max(cycle.motion for cycle in cycles)
+        cycles = [cycle for cycle in cycles if cycle.motion == number]
+        path = period * np.array([cycle.path_index + cycle.path_fraction for cycle in cycles])
+        due = 1e-9 * np.array([cycle.deadline_ns for cycle in cycles]) + period
+        begin = np.argmax(path > path[0])  # before, it waits for its start time
+        self.late = due[begin] - due[begin - 1] - period
+        path, due, self.cycles = path[begin:], due[begin:], cycles[begin:]
+        half_turns = [math.atan2(cycle.q[3], cycle.q[0]) for cycle in self.cycles]
+        angles = np.degrees(np.unwrap(2.0 * np.array(half_turns)))
+        at = np.array(triggers) - (time.time() - time.monotonic())
+        self.sent = np.interp(at, due, angles)
+        self.planned = np.interp(at, due[0] + path - path[0], angles)
+        self.end = angles[-1]
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_fly_scan_passes_every_point_on_time_at_a_constant_rate(
-    theta, engine, documents, daemon, sign
+    theta, engine, documents, daemon, log, sign
 ):
     scan = FlyScan(
         start_deg=sign * SCAN.start_deg,
@@ -164,39 +199,43 @@ def test_a_fly_scan_passes_every_point_on_time_at_a_constant_rate(
         points=SCAN.points,
         time_per_point=SCAN.time_per_point,
     )
-    begin, missed = len(read_recording(daemon.recording)), daemon.device().cycle.missed
     engine(fly(theta, scan))
-    # A busy machine may skip cycles of the servo, which delays its path.
-    late = (daemon.device().cycle.missed - missed) * daemon.period
-    points = np.linspace(scan.start_deg, scan.stop_deg, scan.points)
     found = events(documents)
+    triggers = [when for when, _ in found]
+    flight = Flight(daemon, log, triggers)
     assert documents[-1][1]["num_events"] == {"primary": scan.points}
-    assert np.diff([when for when, _ in found]) == pytest.approx(scan.time_per_point, abs=1e-6)
+    assert np.diff(triggers) == pytest.approx(scan.time_per_point, abs=1e-6)
     # The clocks of the day and of the cycles drift apart by less than a millisecond in a scan.
-    tolerance = (1e-3 + late) * math.degrees(abs(scan.rate))
-    assert [data["theta_setpoint"] for _, data in found] == pytest.approx(points, abs=tolerance)
+    drift = 1e-3 * math.degrees(abs(scan.rate))
+    assert [data["theta_setpoint"] for _, data in found] == pytest.approx(flight.sent, abs=drift)
+    points = np.linspace(scan.start_deg, scan.stop_deg, scan.points)
+    tolerance = drift + flight.late * math.degrees(abs(scan.rate))
+    assert flight.planned == pytest.approx(points, abs=tolerance)
     # The loopback device is where the setpoint wants it, up to a cycle early.
     lead = [data["theta"] - data["theta_setpoint"] for _, data in found]
+    late = daemon.period * (flight.cycles[-1].missed - flight.cycles[0].missed)
+    late += 1e-9 * max(cycle.lateness_ns for cycle in flight.cycles)
     assert np.abs(lead).max() < (0.004 + late) * math.degrees(abs(scan.rate))
-    # Between the first point and the last, every setpoint has exactly that rate.
-    sent = read_recording(daemon.recording)[begin:]
-    angles = np.array([2.0 * math.atan2(one.q[3], one.q[0]) for one in sent])
-    rates = np.array([one.omega_body[2] for one in sent])
-    moving = sign * rates > 0.99 * abs(scan.rate)
-    inside = moving & (np.abs(angles) < math.radians(30.0))
+    # Between the first point and the last, every setpoint has exactly that rate along the path.
+    angles = np.array([2.0 * math.atan2(one.q[3], one.q[0]) for one in flight.cycles])
+    speeds = np.array([cycle.speed for cycle in flight.cycles])
+    inside = (np.abs(angles) < math.radians(30.0)) & (speeds > 0.0)
     assert np.count_nonzero(inside) > 0.9 * scan.duration / daemon.period
-    assert rates[inside] == pytest.approx(scan.rate, rel=1e-9)
+    rates = np.array([cycle.omega_body[2] for cycle in flight.cycles])
+    assert rates[inside] == pytest.approx(scan.rate * speeds[inside], rel=1e-9)
     daemon.assert_limits_kept()
 
 
-def test_a_fly_scan_may_go_over_whole_turns(theta, engine, documents):
+def test_a_fly_scan_may_go_over_whole_turns(theta, engine, documents, daemon, log):
     scan = FlyScan(start_deg=0.0, stop_deg=540.0, points=10, time_per_point=0.5)
     engine(fly(theta, scan))
-    angles = [data["theta_setpoint"] for _, data in events(documents)]
-    assert angles == pytest.approx(np.linspace(0.0, 540.0, 10), abs=3.0)
+    found = events(documents)
+    flight = Flight(daemon, log, [when for when, _ in found])
+    assert [data["theta_setpoint"] for _, data in found] == pytest.approx(flight.sent, abs=0.2)
+    assert flight.planned == pytest.approx(np.linspace(0.0, 540.0, 10), abs=3.0)
 
 
-def test_a_fly_scan_that_is_stopped_has_the_points_it_has_passed(theta, daemon):
+def test_a_fly_scan_that_is_stopped_has_the_points_it_has_passed(theta, daemon, log):
     scan = FlyScan(start_deg=0.0, stop_deg=90.0, points=10, time_per_point=1.0)
     assert theta.prepare(scan).exception(30.0) is None
     theta.kickoff()
@@ -204,8 +243,13 @@ def test_a_fly_scan_that_is_stopped_has_the_points_it_has_passed(theta, daemon):
     theta.stop()
     failure = theta.complete().exception(30.0)
     assert isinstance(failure, StateError)
-    passed = [event["data"]["theta_setpoint"] for event in theta.collect()]
-    assert passed == pytest.approx([10.0 * k for k in range(len(passed))], abs=1.0)
+    found = list(theta.collect())
+    flight = Flight(daemon, log, [event["time"] for event in found])
+    passed = [event["data"]["theta_setpoint"] for event in found]
+    assert passed == pytest.approx(flight.sent, abs=0.02)
+    assert len(set(passed)) == len(passed)  # none from after it came to rest
+    points = [min(10.0 * k, flight.end) for k in range(len(passed))]
+    assert flight.planned == pytest.approx(points, abs=1.0)
     assert 3 <= len(passed) < 10
     at_rest(daemon)
 
