@@ -21,7 +21,7 @@ STEADY = "stall_timeout = 5.0\nheartbeat_timeout = 5.0\nfeedback_timeout = "
 PATIENT = (
     ("max_losses = 10 ", "max_losses = 100 "),
     ("latency_ms = 16.0 ", "latency_ms = 100.0 "),
-    ("feedback_timeout = 0.3 ", f"{STEADY}2.0 "),
+    ("feedback_timeout = 0.3 ", f"{STEADY}5.0 "),
     ("watchdog_ms = 500 ", "watchdog_ms = 2000 "),
 )
 

@@ -1,20 +1,17 @@
 """Changes to a gimbal's running motions: a real daemon on the emulated bus."""
 
-import contextlib
 import itertools
-import threading
 import time
 
 import numpy as np
 import pytest
 from gimbal_bench import EmulatedGimbal, GimbalDaemon
-from harness import until
+from harness import CycleLog, is_from_rest, until
 
 import orientd
 from orientd import rotation
-from orientd.errors import LimitError, OrientdError, StartError
+from orientd.errors import LimitError, StartError
 from orientd.protocol import control_pb2 as pb
-from orientd.servo.watchdog import SHORTEST_NS
 from orientd.stream import ServoState
 
 pytest.importorskip("dynamixel_sdk")
@@ -47,19 +44,11 @@ class Watched:
         self.bus = EmulatedGimbal(folder / "bus")
         self.daemon = GimbalDaemon(folder, self.bus.link, *WIDE, *changes).start()
         self.robot = orientd.connect(self.daemon.socket)
-        self.cycles = []
-        self._thread = threading.Thread(target=self._watch, daemon=True)
-        self._thread.start()
-        until(lambda: self.cycles, "the first cycles")
-
-    def _watch(self):
-        with contextlib.suppress(OrientdError):
-            for batch in self.robot.watch(DEVICE):
-                self.cycles += batch
+        self.log = CycleLog(self.daemon.socket)
 
     def end(self):
+        self.log.close()
         self.robot.close()
-        self._thread.join(10.0)
         self.daemon.end()
         self.bus.end()
 
@@ -67,20 +56,9 @@ class Watched:
     def report(self):
         return self.robot.state().devices[DEVICE]
 
-    def is_at_speed_after(self, path_time):
-        """Whether the motion is that far, at full speed; it goes on from rest after a stall."""
-        report = self.report
-        return report.path_time > path_time and report.cycle.speed == 1.0
-
     def pitch(self):
         """Return the angle of pitch as measured, deg."""
         return (self.bus.state(2)["position"] - 2048) * 360 / 4096
-
-    def sent(self):
-        """Return the cycles from the enabling on until all of them are here."""
-        last = self.report.cycle.index
-        until(lambda: self.cycles[-1].index >= last, "the last cycles")
-        return list(self.cycles)
 
 
 @pytest.fixture
@@ -95,14 +73,23 @@ def key(*vector):
     return orientd.Quaternion(w=w, x=x, y=y, z=z)
 
 
-def over_the_top(miss_deg=2.0, seconds=6.0):
-    """Return a motion that turns over by 150 degrees, missing the pole."""
+def over_the_top(miss_deg=2.0):
+    """Return a motion that turns over from 60 to 150 degrees, missing the pole.
+
+    It is so slow that a new motion, planned on a busy machine, still begins near the pole.
+    """
     miss = np.deg2rad(miss_deg)
     axis = np.array([0, -np.cos(miss), np.sin(miss)])
     return [
-        {"rotation_vector": (np.deg2rad(sweep) * axis).tolist(), "time": seconds * sweep / 150}
-        for sweep in np.linspace(0, 150, 7)
+        {"rotation_vector": (np.deg2rad(sweep) * axis).tolist(), "time": (sweep - 60) / 7.5}
+        for sweep in np.linspace(60, 150, 5)
     ]
+
+
+def round_and_round(turns=4):
+    """Return a motion in circles that does not end before a busy machine has planned another."""
+    quarters = np.arange(4 * turns) * np.pi / 2
+    return [key(0, -0.6 * np.sin(quarter), 1.0 - np.cos(quarter)) for quarter in quarters]
 
 
 def axes_of(cycles):
@@ -115,14 +102,10 @@ def axes_of(cycles):
 
 
 def stretches(cycles):
-    """Return the cycles cut where the servo process did not run for a while.
-
-    The device has come to rest then, and motion goes on from rest.
-    """
-    gaps = np.diff([cycle.deadline_ns for cycle in cycles])
-    cuts = np.flatnonzero(gaps >= SHORTEST_NS).tolist()
-    pairs = itertools.pairwise([-1, *cuts, len(cycles)])
-    return [cycles[a + 1 : b] for a, b in pairs if b - a > 4]
+    """Return the cycles cut where motion resumed from rest, after the servo process did not run."""
+    cuts = [k for k, cycle in enumerate(cycles) if is_from_rest(cycle)]
+    pairs = itertools.pairwise([0, *cuts, len(cycles)])
+    return [cycles[a:b] for a, b in pairs if b - a > 4]
 
 
 def assert_smooth(cycles, *, velocity=1.5, acceleration=8.0):
@@ -146,7 +129,8 @@ def assert_stretch_smooth(cycles, axes, velocity, acceleration):
     ):
         rates = way / steps
         assert np.max(np.abs(rates)) <= fastest * 1.001
-        assert np.max(np.abs(np.diff(rates, axis=0) / steps[1:])[even]) <= hardest * 1.001
+        changes = np.abs(np.diff(rates, axis=0) / steps[1:])[even]
+        assert np.max(changes, initial=0.0) <= hardest * 1.001
     # What is sent beside the orientation is its derivative, across the seam as well.
     omega = np.array([cycle.omega_body for cycle in cycles])
     alpha = np.array([cycle.alpha_body for cycle in cycles])
@@ -156,13 +140,19 @@ def assert_stretch_smooth(cycles, axes, velocity, acceleration):
 
 
 def assert_never_at_rest(cycles, first, second):
-    """Check that motion *second* took over from *first* at full speed."""
+    """Check that motion *second* took over from *first* at full speed.
+
+    Only after the servo process did not run for a while does the speed rise from rest.
+    """
     moving = [cycle for cycle in cycles if cycle.motion in (first, second)]
     at = next(k for k, cycle in enumerate(moving) if cycle.motion == second)
+    assert moving[0].speed == 1.0
+    for before, cycle in itertools.pairwise(moving[: at + 5]):
+        assert cycle.speed >= before.speed or is_from_rest(cycle)
     around = moving[at - 5 : at + 5]
     assert {cycle.state for cycle in around} == {ServoState.STREAMING}
-    assert min(np.linalg.norm(cycle.omega_body) for cycle in around) > 0.1
-    assert {cycle.speed for cycle in around} == {1.0}
+    for cycle in around:
+        assert np.linalg.norm(cycle.omega_body) >= 0.1 * cycle.speed
 
 
 def numbers(cycles):
@@ -170,12 +160,12 @@ def numbers(cycles):
 
 
 def test_gimbal_is_given_a_new_target_on_its_way(gimbal):
-    first = gimbal.robot.move([key(0, 0, 0), key(0, -0.6, 2.0)], approach=True)
-    until(lambda: gimbal.is_at_speed_after(0.5), "a motion under way")
+    first = gimbal.robot.move(round_and_round(), approach=True)
+    until(lambda: gimbal.report.path_time > 0.5, "a motion under way")
     second = gimbal.robot.move([key(0.4, 0.5, 0.6)], approach=True)
     assert second.wait(30.0).outcome == pb.OUTCOME_DONE
     assert first.wait(5.0).outcome == pb.OUTCOME_REPLACED
-    cycles = gimbal.sent()
+    cycles = gimbal.log.cycles()
     assert_never_at_rest(cycles, *numbers(cycles))
     assert_smooth(cycles)
     assert rotation.angle(np.array(cycles[-1].q), rotation.exp([0.4, 0.5, 0.6])) < 1e-6
@@ -203,19 +193,19 @@ def test_gimbal_is_given_new_targets_again_and_again(gimbal):
         pb.OUTCOME_REPLACED,
         pb.OUTCOME_STOPPED,
     }
-    cycles = gimbal.sent()
+    cycles = gimbal.log.cycles()
     assert_smooth(cycles)
     assert rotation.angle(np.array(cycles[-1].q), rotation.exp(target)) < 1e-6
 
 
 def test_gimbal_is_given_a_new_target_in_the_midst_of_a_passage_by_the_pole(gimbal):
     first = gimbal.robot.move(over_the_top(), approach=True)
-    until(lambda: gimbal.pitch() < -84, "the pole")
+    until(lambda: gimbal.pitch() < -79, "the pole")
     # Straight on and a little aside.
     second = gimbal.robot.move([key(0.1, -2.2, 0)], approach=True)
     assert second.wait(30.0).outcome == pb.OUTCOME_DONE
     assert first.wait(5.0).outcome == pb.OUTCOME_REPLACED
-    cycles = gimbal.sent()
+    cycles = gimbal.log.cycles()
     assert_smooth(cycles)
     assert_never_at_rest(cycles, *numbers(cycles))
     at = next(k for k, cycle in enumerate(cycles) if cycle.motion == numbers(cycles)[1])
@@ -231,7 +221,7 @@ def test_gimbal_slows_down_and_stops_in_the_midst_of_a_passage_by_the_pole(gimba
     gimbal.robot.stop()
     assert first.wait(30.0).outcome == pb.OUTCOME_STOPPED
     assert gimbal.report.state == pb.STATE_HOLDING
-    cycles = gimbal.sent()
+    cycles = gimbal.log.cycles()
     assert_smooth(cycles)
     slow = [cycle.speed for cycle in cycles if cycle.state is ServoState.STREAMING]
     assert min(slow) == pytest.approx(0.5, abs=1e-9) or len(stretches(cycles)) > 1
@@ -241,7 +231,7 @@ def test_gimbal_slows_down_and_stops_in_the_midst_of_a_passage_by_the_pole(gimba
     gimbal.robot.set_speed(1.0)
     second = gimbal.robot.move([key(0, -2.0, 0)], approach=True)
     assert second.wait(30.0).outcome == pb.OUTCOME_DONE
-    cycles = gimbal.sent()
+    cycles = gimbal.log.cycles()
     assert_smooth(cycles)
     assert abs(np.rad2deg(axes_of(cycles)[-1, 0]) - at[0]) < 30
 
@@ -255,7 +245,7 @@ def test_gimbal_stops_and_slews_where_an_axis_has_no_way_on(gimbal):
     assert "to -" in note
     move = gimbal.robot.move(plan)
     assert move.wait(60.0).outcome == pb.OUTCOME_DONE
-    cycles = gimbal.sent()
+    cycles = gimbal.log.cycles()
     assert_smooth(cycles, velocity=3.5, acceleration=30.0)
     axes = np.rad2deg(axes_of(cycles))
     assert np.max(np.abs(axes[:, 0])) <= 100.5
@@ -277,7 +267,7 @@ def test_kept_plan_is_refused_where_the_gimbal_is_on_another_turn_by_now(gimbal)
     with pytest.raises(StartError, match="other axis angles"):
         gimbal.robot.move(kept)
     assert gimbal.report.state == pb.STATE_HOLDING
-    assert np.rad2deg(axes_of(gimbal.sent())[-1, 0]) == pytest.approx(190, abs=0.1)
+    assert np.rad2deg(axes_of(gimbal.log.cycles())[-1, 0]) == pytest.approx(190, abs=0.1)
     turn(190, 60, -60, -170)
     assert gimbal.robot.move(kept).wait(30.0).outcome == pb.OUTCOME_DONE
 
@@ -285,17 +275,18 @@ def test_kept_plan_is_refused_where_the_gimbal_is_on_another_turn_by_now(gimbal)
 def test_gimbal_follows_targets_and_says_how_far_it_is_from_them(gimbal):
     began = time.monotonic()
     with gimbal.robot.track() as tracking:
-        while (elapsed := time.monotonic() - began) < 2.0:
-            omega = [0.0, 0.0, 0.5]
-            q = rotation.exp(np.multiply(omega, elapsed))
-            w, x, y, z = q.tolist()
-            tracking.aim(orientd.Quaternion(w=w, x=x, y=y, z=z), angular_velocity=omega,
-                         time_to_live=0.2)  # fmt: skip
+
+        def aim(yaw, rate):
+            tracking.aim(key(0, 0, yaw), angular_velocity=[0.0, 0.0, rate], time_to_live=0.2)
             time.sleep(1 / 60)
-        assert tracking.report.error is not None
+            return tracking.report.error
+
+        while (elapsed := time.monotonic() - began) < 2.0:
+            aim(0.5 * elapsed, 0.5)
+        until(lambda: aim(1.0, 0.0) < 0.1, "the last target")
     until(lambda: gimbal.report.state == pb.STATE_HOLDING, "rest")
     assert gimbal.report.fault_text == ""
-    cycles = gimbal.sent()
+    cycles = gimbal.log.cycles()
     assert_smooth(cycles)
     assert 0.9 < axes_of(cycles)[-1, 0] < 1.1
     move = gimbal.robot.move([key(0, 0, 0)], approach=True)

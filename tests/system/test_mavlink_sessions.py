@@ -181,8 +181,9 @@ def test_retract_turns_every_axis_back_to_zero(gimbal_daemon):
         assert station.point(-30, -160, flags=retract) == ACCEPTED
         station.await_attitude(0, 0, 0)
         with connect(gimbal_daemon.socket) as robot:
-            cycle = next(robot.watch())[-1]
-            assert cycle.sent_joints == pytest.approx((0, 0, 0), abs=1e-6)
+            cycles = robot.watch()
+            zero = pytest.approx((0, 0, 0), abs=1e-6)
+            until(lambda: next(cycles)[-1].sent_joints == zero, "every axis to be sent to zero")
         assert station.point(NAN, 10) == ACCEPTED
         station.await_attitude(0, 0, 10)
 

@@ -14,7 +14,7 @@ from orientd.errors import AxisFaultError, LinkError
 from orientd.mechanism import Gimbal
 
 TICK, CENTRE = math.tau / 4096, 2048
-_ANSWER_S = 0.2
+_ANSWER_S = 1.0
 _TOLERANCE = math.radians(1.0)
 _LIMITS = {"limit_deg": 170.0, "velocity_deg": 180.0, "acceleration_deg": 2000.0}
 

@@ -15,8 +15,10 @@ WELL = Probe((5, 12, 6, 0), True, 7, 1, 1, True, 0.0005, 0.0008)
 
 def settings_of(host, **options):
     return DeviceSettings(
-        name="arm", driver="ur", priority=0, feedback_timeout=1.0, heartbeat_timeout=3.0,
-        options={"host": host, "feedback_timeout": 0.3, "watchdog_hz": 1.5, **options},
+        # A busy machine may let nobody run for longer than a real controller ever pauses.
+        name="arm", driver="ur", priority=0, feedback_timeout=5.0, heartbeat_timeout=5.0,
+        stall_timeout=5.0,
+        options={"host": host, "feedback_timeout": 2.0, "watchdog_hz": 1.0, **options},
     )  # fmt: skip
 
 
