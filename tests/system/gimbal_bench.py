@@ -17,7 +17,8 @@ from orientd.protocol import control_pb2 as pb
 ROOT = Path(__file__).parents[2]
 
 # A busy machine lets any process wait for a second: that is no fault here.
-STEADY = "stall_timeout = 5.0\nheartbeat_timeout = 5.0\nfeedback_timeout = "
+STALLS = "stall_timeout = 5.0\nheartbeat_timeout = 5.0\n"
+STEADY = f"{STALLS}feedback_timeout = "
 PATIENT = (
     ("max_losses = 10 ", "max_losses = 100 "),
     ("latency_ms = 16.0 ", "latency_ms = 100.0 "),
@@ -61,8 +62,8 @@ class EmulatedGimbal:
 
 
 SLOW_MACHINE = (
-    ("feedback_timeout = 0.1     # s; older", f"{STEADY}1.0     # s; older"),
-    ("feedback_timeout = 0.1     # s; if", "feedback_timeout = 1.0     # s; if"),
+    ('driver = "ur"\n', f'driver = "ur"\n{STALLS}'),
+    ("feedback_timeout = 0.1 ", "feedback_timeout = 1.0 "),
     ("link_timeout = 0.5 ", "link_timeout = 2.0 "),
     ("watchdog_hz = 10 ", "watchdog_hz = 1 "),
 )

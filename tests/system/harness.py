@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
+import math
 import os
 import signal
 import subprocess
@@ -228,16 +230,19 @@ class DaemonProcess:
         self.stub.RenewLease(pb.RenewLeaseRequest(token=self.token))
 
     def stretches(self, begin: int = 0) -> list[np.ndarray]:
-        """Return the setpoints from *begin* on, divided where the servo process did not run.
+        """Return the setpoints from *begin* on, cut where motion resumes from rest after a stall.
 
         The device comes to rest there, and each section begins where the previous one ends.
         """
         setpoints = read_recording(self.recording)[begin:]
         q = np.array([setpoint.q for setpoint in setpoints])
+        speeds = np.array([math.hypot(*setpoint.omega_body) for setpoint in setpoints])
         gaps = np.diff([setpoint.time_ns for setpoint in setpoints])
-        cuts = np.flatnonzero(gaps > SHORTEST_NS).tolist()
-        ends = [cut + 1 for cut in cuts] + [len(q)]
-        return [q[a:b] for a, b in zip([0, *cuts], ends, strict=True)]
+        # The gap follows the first setpoint from rest if the process was stalled within a cycle.
+        gaps = np.maximum(gaps, np.append(gaps[1:], 0)) + 2e9 * self.period
+        is_from_rest = (gaps > SHORTEST_NS) & (speeds[1:] <= 0.5 * speeds[:-1])
+        ends = [*np.flatnonzero(is_from_rest) + 1, len(q)]
+        return [q[a:b] for a, b in itertools.pairwise([0, *ends])]
 
     def assert_limits_kept(self, begin: int = 0) -> None:
         """Check that the setpoints from *begin* on keep the default limits."""

@@ -24,7 +24,7 @@ from harness import CycleLog, DaemonProcess, run_first, until
 
 from emulated_ur import EmulatedRobot, LaunchError
 from orientd import connect, motion_file
-from orientd.errors import DeviceError, OrientdError
+from orientd.errors import DeviceError, FeedbackError, OrientdError
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import to_quaternion
 from orientd.rotation import conjugate, exp, log, multiply
@@ -245,6 +245,16 @@ def arm(tmp_path_factory):
             daemon.end()
 
 
+def takes(teaching, truths):
+    """Take the last of *truths* as a keyframe once it is measured; return whether that worked."""
+    # On a busy machine the measurement may be too old to be taken.
+    with contextlib.suppress(FeedbackError):
+        if np.allclose(teaching.pose().position, truths[-1][:3], atol=1e-9):
+            teaching.take(f"pose {len(truths)}")
+            return True
+    return False
+
+
 def test_an_arm_in_freedrive_is_taught_and_passes_every_pose_again(arm, tmp_path):
     emulated, daemon = arm
     push = "push {} {} {} {} {} {} 0.8"
@@ -262,11 +272,7 @@ def test_an_arm_in_freedrive_is_taught_and_passes_every_pose_again(arm, tmp_path
                     return np.allclose(state["actual_q"], joints, atol=1e-9)
 
                 truths.append(emulated.wait_until(has_arrived)["actual_pose"])
-                until(
-                    lambda: np.allclose(teaching.pose().position, truths[-1][:3], atol=1e-9),
-                    "feedback",
-                )
-                teaching.take(f"pose {len(truths)}")
+                until(lambda: takes(teaching, truths), "a keyframe of what was measured")
         with pytest.raises(LaunchError, match="freedrive is off"):
             emulated.ask(push.format(*JOINTS[0]))
         report = robot.state().devices["arm"]

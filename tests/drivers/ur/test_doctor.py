@@ -18,7 +18,10 @@ def settings_of(host, **options):
         # A busy machine may let nobody run for longer than a real controller ever pauses.
         name="arm", driver="ur", priority=0, feedback_timeout=5.0, heartbeat_timeout=5.0,
         stall_timeout=5.0,
-        options={"host": host, "feedback_timeout": 2.0, "watchdog_hz": 1.0, **options},
+        options={
+            "host": host, "feedback_timeout": 1.0, "link_timeout": 2.0, "watchdog_hz": 1.0,
+            **options,
+        },
     )  # fmt: skip
 
 
