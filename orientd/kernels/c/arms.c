@@ -60,7 +60,7 @@ static quat_t quat_of(frame_axes_t f) {
     return quat(s * wz, s * xz, s * yz, s * z);
 }
 
-/* Go on from one joint's frame to the next by a row of a table. */
+/* Advance from one joint's frame to the next by a row of a table. */
 static void go_on(frame_axes_t *f, vec_t *p, const double row[DH_COLUMNS], double joint) {
     double c = cos(row[0] + joint), s = sin(row[0] + joint);
     vec_t across = minus(times(c, f->y), times(s, f->x)), along = f->z;

@@ -29,7 +29,7 @@ enum { COMING_STOP = sizeof(coming_stop_t) / sizeof(double) };
  * poses: receives orientation and position, shape (n, 7). */
 index_t foresee_stop(const coming_stop_t *stop, row_t seconds, matrix_t poses);
 
-/* What an axis cannot do. */
+/* Limits of an axis that a stop would exceed. */
 enum { TOO_FAST, TOO_SUDDEN, AT_ITS_END };
 /* The place of the axis, which of the three, the value, and its limit. */
 enum { STRAIN = 4 };
