@@ -35,4 +35,5 @@ from orientd.kernels.native import (  # noqa: E402
     time_map,
     time_quickest,
     try_joins,
+    turn_sizes,
 )

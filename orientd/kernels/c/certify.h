@@ -11,6 +11,9 @@ enum { HISTORY = 3 };
 /* Numbers of a state: orientation, angular velocity and acceleration, position. */
 enum { STATE_ROWS = 13, POSITION = 10 };
 
+/* Most parts of a period, and the longest reach. */
+enum { MOST_PARTS = 1000 };
+
 /* That are looked at in one call: days of them. */
 enum { MOST_SETPOINTS = 200000000 };
 
@@ -87,6 +90,20 @@ typedef struct { double rate; index_t place; } slowest_t;
  * most, most_jerk: limits; infinite if there is no limit. */
 int least_rate(matrix_t velocity, matrix_t acceleration, row_t jerk, double most, double most_jerk,
                brake_law_t law, slowest_t *found);
+
+/* turn_sizes.c */
+
+/* Write the largest differences of setpoints' rotation vectors, period by period.
+ *
+ * q: orientations at even parts of a period, shape (n, 4).
+ * order: 1 for the turn from a setpoint to the next, 2 for its difference from the turn before.
+ * reach: from a setpoint to the next, in parts of a period.
+ * parts: of a period.
+ * out: the norm and the components' sizes, shape (m, 4); a difference counts in the period of its
+ *     last setpoint.
+ *
+ * Return 0 or OUT_OF_MEMORY. */
+int turn_sizes(matrix_t q, index_t order, index_t reach, index_t parts, matrix_t out);
 
 /* certificate.c */
 

@@ -53,6 +53,18 @@ KERNEL(certify) {
     return failed ? PyErr_NoMemory() : Py_NewRef(Py_None);
 }
 
+/* q, order, reach, parts, out */
+KERNEL(turn_sizes) {
+    TAKE("miiiM");
+    index_t order = a[1].i, reach = a[2].i, parts = a[3].i;
+    CHECK(a[0].m.m == 4 && a[4].m.m == 4 && order >= 1 && order <= HISTORY);
+    CHECK(parts > 0 && parts <= MOST_PARTS && reach > 0 && reach <= MOST_PARTS);
+    CHECK(order * reach <= a[0].m.n);
+    int failed;
+    RUN(failed = turn_sizes(a[0].m, order, reach, parts, a[4].m));
+    return failed ? PyErr_NoMemory() : Py_NewRef(Py_None);
+}
+
 PyMethodDef certify_methods[] = {
-    ENTRY(between), ENTRY(least_rate), ENTRY(certify), LAST_ENTRY,
+    ENTRY(between), ENTRY(least_rate), ENTRY(turn_sizes), ENTRY(certify), LAST_ENTRY,
 };

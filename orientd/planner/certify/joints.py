@@ -35,8 +35,9 @@ import numpy as np
 
 from orientd.driver import AxisLimits
 from orientd.errors import LimitError, LimitKind
+from orientd.kernels import turn_sizes
 from orientd.planner.certify.brake import FASTEST_BRAKE_RATE, brake_rate
-from orientd.rotation import Floats, conjugate, log, multiply
+from orientd.rotation import Floats
 from orientd.tolerances import GUARD_TOLERANCE
 
 PARTS = 8
@@ -191,16 +192,6 @@ class _Ride(ABC):
         """Return the largest velocities around each period, rad/s."""
         return _widest(self.differences(1, 1) * PARTS, 2) / period
 
-    def _around(self, sizes: Floats, lead: int) -> Floats:
-        """Return the largest of *sizes* in each period; the first *lead* eighths are before it.
-
-        Each size counts at its last setpoint, as for the device.
-        """
-        sizes = np.concatenate([np.zeros((lead, sizes.shape[1])), sizes])
-        rows = sizes[: (self.count + 2) * PARTS].reshape(-1, PARTS, sizes.shape[1])
-        largest: Floats = rows.max(axis=1)
-        return largest
-
 
 class _JointRide(_Ride):
     """The joints, with two records before the path and one after it."""
@@ -226,9 +217,16 @@ class _JointRide(_Ride):
         found = self._fine
         for _ in range(order):
             found = found[reach:] - found[:-reach]
-        curve, found = np.abs(np.diff(found, 2, axis=0)) / 8.0, np.abs(found)
-        found[1:-1] += curve
-        return self._around(found, order * reach)
+        curve = np.abs(found[2:] + found[:-2] - 2.0 * found[1:-1])
+        found = np.abs(found)
+        found[1:-1] += 0.125 * curve
+        # Each one counts at its last setpoint, as for the device.
+        sizes = np.zeros(((self.count + 2) * PARTS, found.shape[1]))
+        sizes[order * reach :] = found[: len(sizes) - order * reach]
+        largest = sizes[::PARTS].copy()
+        for part in range(1, PARTS):
+            np.maximum(largest, sizes[part::PARTS], out=largest)
+        return largest
 
     def check(self, axes: Sequence[AxisLimits], period: float) -> None:
         """Raise :class:`.LimitError` if a difference at the full rate exceeds a limit.
@@ -272,11 +270,9 @@ class _ToolRide(_Ride):
 
     def differences(self, order: int, reach: int) -> Floats:
         """Return the largest differences around each period; see :class:`_Ride`."""
-        found = log(multiply(conjugate(self._fine[:-reach]), self._fine[reach:]))
-        for _ in range(order - 1):
-            found = found[reach:] - found[:-reach]
-        norms = np.linalg.norm(found, axis=1, keepdims=True)
-        return self._around(np.concatenate([norms, np.abs(found)], axis=1), order * reach)
+        found: Floats = np.empty((self.count + 2, 4))
+        turn_sizes(self._fine, order, reach, PARTS, found)
+        return found
 
 
 def _widest(sizes: Floats, reach: int) -> Floats:

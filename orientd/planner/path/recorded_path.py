@@ -13,7 +13,14 @@ import numpy as np
 
 from orientd.planner.facts import HISTORY
 from orientd.planner.path.path import Path, PathSamples
-from orientd.planner.recorded import STATE_FLOATS, joint_rates, joints_of, rates_of, states_at
+from orientd.planner.recorded import (
+    STATE_FLOATS,
+    joint_rates,
+    joints_of,
+    rates_of,
+    states_at,
+    states_between,
+)
 from orientd.planner.state import State
 from orientd.rotation import Floats, align, angle, conjugate, exp, log, multiply
 
@@ -135,8 +142,12 @@ class RecordedPath:
 
     def between_records(self, parts: int) -> Floats:
         """Return the orientations at *parts* places per period, shape ``(m, 4)``."""
-        places = np.arange((len(self.table) - 1) * parts + 1) / parts
-        found: Floats = states_at(self.table[:, :10], places, self.period)[:, :4]
+        rows = self.table[:, :10]
+        found: Floats = np.empty(((len(rows) - 1) * parts + 1, 4))
+        found[::parts] = rows[:, :4]
+        for part in range(1, parts):
+            shares = np.full(len(rows) - 1, part / parts)
+            found[part::parts] = states_between(rows[:-1], rows[1:], self.period, shares)[:, :4]
         return found
 
     def sample(self, times: Floats) -> PathSamples:

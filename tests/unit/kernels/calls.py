@@ -9,6 +9,7 @@ import numpy as np
 from orientd import kernels
 from orientd.curves import METHODS
 from orientd.errors import OrientdError
+from orientd.kernels import turn_sizes
 from orientd.planner import Keyframe, Limits, MotionRequest, State, plan, states_between
 from orientd.planner.certify.brake import brake_rate
 from orientd.planner.connect import try_joins
@@ -37,6 +38,7 @@ def make_calls():
     start = State.at_rest(keyframes(2)[0])
     rows = np.concatenate([keyframes(9), np.full((9, 6), 0.1)], axis=1)
     states_between(rows[:-1], rows[1:], PERIOD, np.linspace(0.1, 0.9, 8))
+    turn_sizes(rows[:, :4].copy(), 2, 2, 4, np.empty((3, 4)))
     brake_rate(rows[:, 4:7], rows[:, 7:10], np.full(9, 2.0), 8.0, 200.0)
     ends = [(rows[k : k + 4, :4], rows[:4, 4:7], rows[:4, 7:10]) for k in (0, 1)]
     try_joins(*ends, np.linspace(0.5, 2.0, 4), start, LIMITS)
