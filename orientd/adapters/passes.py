@@ -14,13 +14,13 @@ import orientd
 from orientd.adapters.served import Served
 from orientd.adapters.sky import Floats, Pass, Target, find_pass
 from orientd.client import MoveHandle
-from orientd.errors import OrientdError
+from orientd.errors import DeadlineError, OrientdError
 
 _SIGHT = math.radians(1.5)
 """Largest angle from a target to a position that still means it, rad."""
 _MARGIN = 1.0
 """Seconds from the end of planning to the start of the motion."""
-_PLANNING = 4.0
+_PLANNING = 2.0
 """Usual time to plan a pass, s."""
 _LEAST = 0.2
 """Seconds that the daemon needs to arm a motion."""
@@ -106,7 +106,9 @@ class Passes:
         except OrientdError as error:
             if self._pass is not wanted:
                 return
-            self._refused.add(_key(wanted))
+            # Before the rise nothing is lost if the next position has it planned again.
+            if not isinstance(error, DeadlineError) or time.time() > wanted.start:
+                self._refused.add(_key(wanted))
             self._notify(f"{name}: no plan of the whole pass: {error}")
         finally:
             self._planning = None

@@ -29,7 +29,7 @@ _SEAM = 0.8
 _START = 0.1
 """Seconds from a position until a new prediction takes effect."""
 _NEAR = math.radians(15.0)
-"""Largest angle from which the device joins a path without a planned motion."""
+"""Largest angle from which a device at rest joins a path without a planned motion."""
 _ZENITH = 5.0
 """Degrees from the zenith within which it does not show whether a device has tipped over."""
 _THERE = 1e-3
@@ -62,6 +62,8 @@ class Pointer:
         self._north, self._tips = north, tips
         self._prediction = Prediction()
         self._motion: MoveHandle | None = None
+        self._goal: Floats | None = None
+        self._is_following = False
         self._is_tipped = False
         self.asked: Direction | None = None
 
@@ -84,7 +86,7 @@ class Pointer:
             OrientdError: the servo does not answer, or no daemon does.
         """
         self._passes.leave()
-        self._motion, self._prediction = None, Prediction()
+        self._begin()
         self._served.stop()
 
     def go(self, wanted: Direction, rounding: float = 0.0) -> None:
@@ -98,7 +100,8 @@ class Pointer:
             OrientdError: the daemon refuses it.
         """
         if self._passes.takes(vector(wanted)):
-            self._motion, self._prediction, self.asked = None, Prediction(), wanted
+            self._begin()
+            self.asked = wanted
             return
         now, old = time.monotonic(), self._prediction
         if not old.is_confirmed:
@@ -107,7 +110,7 @@ class Pointer:
         path = self._prediction = old.added(now, vector(wanted))
         if path.is_confirmed and not (is_same and path.speed < _STILL):
             self._follow(now, wanted, old if old.is_confirmed else path)
-        elif not (is_same and self._is_heading(wanted)):
+        elif not (is_same and self._is_heading(wanted, _THERE)):
             self._move(wanted)
 
     def turn(
@@ -132,20 +135,27 @@ class Pointer:
             for angle in _TURN
         ]
         poses = [self._pose(self._form(vector(one), form)) for one in stages]
-        self._motion, self._prediction, self.asked = None, Prediction(), stages[-1]
+        self._begin()
+        self.asked = stages[-1]
         limits = {"velocity": share * self._served.report().limits.velocity}
         self._served.move(poses, approach=True, limits=limits)
 
-    def _is_heading(self, wanted: Direction) -> bool:
-        """Return whether the device is at a direction, or on a motion of this pointer."""
-        if self._motion is not None and not self._motion.is_done:
-            return True
-        return math.dist(vector(self._now()), vector(wanted)) < _THERE
+    def _begin(self) -> None:
+        """Start over: the next position continues none before it."""
+        self._motion, self._goal, self._is_following = None, None, False
+        self._prediction = Prediction()
+
+    def _is_heading(self, wanted: Direction, tolerance: float) -> bool:
+        """Return whether the device is close to a direction, or moves to where that is."""
+        is_moving = self._motion is not None and not self._motion.is_done
+        end = self._goal if is_moving and self._goal is not None else vector(self._now())
+        return math.dist(end, vector(wanted)) < tolerance
 
     def _move(self, wanted: Direction) -> None:
         form = self._now()
         pose = self._pose(self._form(vector(wanted), form))
-        self._motion = self._served.move([pose], approach=True)
+        self._motion, self._is_following = self._served.move([pose], approach=True), False
+        self._goal = vector(wanted)
 
     def _now(self) -> Direction:
         """Return the direction of the newest setpoint, tipped over if the device is."""
@@ -163,8 +173,10 @@ class Pointer:
         path = self._prediction
         form = self._now()
         apart = math.dist(vector(form), path.at(now))
-        if apart > _NEAR:
-            self._move(wanted)
+        # A device that follows continues: its axes may have to unwind, far from the target.
+        if apart > _NEAR and not self._is_following:
+            if not self._is_heading(wanted, _NEAR):
+                self._move(wanted)
             return
         gap = max(path.gap, _QUICKEST)
         beyond = min(_BEYOND * gap, gap + _LONGEST_BEYOND)
@@ -177,8 +189,9 @@ class Pointer:
         for point in points / np.linalg.norm(points, axis=1, keepdims=True):
             form = self._form(point, form)
             poses.append(self._pose(form))
-        self._motion = None
+        self._motion, self._is_following = None, False
         self._served.track().chunk(poses, times=times)
+        self._is_following = True
 
     def _form(self, point: Floats, near: Direction) -> Direction:
         """Return a unit vector as the direction of a tool, tipped over or not as the device is."""
