@@ -11,11 +11,12 @@ from rotator import rotctld
 
 from orientd.client import connect
 from orientd.protocol import control_pb2 as pb
+from orientd.rotation import rotate
 
 PERIOD = 0.002
 """Of the device, s."""
 
-SECONDS = 14.0
+SECONDS = 8.0
 """Of the pass."""
 
 
@@ -31,13 +32,11 @@ def vector(azimuth, elevation):
     return np.stack([level * np.cos(azimuth), -level * np.sin(azimuth), np.sin(elevation)], -1)
 
 
-# It needs a servo that is not kept waiting; test_a_stop_ends_a_planned_pass plans one anywhere.
-@pytest.mark.slow
 def test_a_pass_of_a_table_is_planned_whole(daemon, tmp_path):
     """A client asks for the place of the rise alone, and the device follows the table."""
-    rise = time.time() + 25.0
+    rise = time.time() + 10.0
     table = tmp_path / "pass.csv"
-    rows = [(rise + t, *direction(t)) for t in np.arange(0.0, SECONDS + 0.1, 0.5)]
+    rows = [(rise + t, *direction(t)) for t in np.arange(0.0, SECONDS + 0.1, 0.25)]
     table.write_text("time,azimuth,elevation\n" + "".join(f"{a},{b},{c}\n" for a, b, c in rows))
     seen = []
     with rotctld(daemon, "--ephemeris", table) as client, connect(daemon.socket) as robot:
@@ -46,14 +45,13 @@ def test_a_pass_of_a_table_is_planned_whole(daemon, tmp_path):
         while time.time() < rise + SECONDS + 0.5:
             seen += next(cycles)
         assert math.dist(client.position(), direction(SECONDS)) < 20.0
-    offset = time.time() - time.monotonic() - rise
-    since = np.array([1e-9 * one.deadline_ns for one in seen]) + offset
-    # A servo that the machine does not run keeps its path, and loses time on it.
-    first = next(one for one in seen if one.motion == seen[-1].motion)
-    since -= PERIOD * np.array([max(one.missed - first.missed, 0) for one in seen])
-    q = np.array([one.q for one in seen])
-    w, x, y, z = q.T
-    ahead = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], -1)
+    # The motion begins at its time.  A servo that the machine keeps waiting stays on the path, and
+    # goes on from the place that it had: a setpoint counts at its own time of the path.
+    sent = [one for one in seen if one.motion == seen[-1].motion and one.path_index > 0]
+    places = np.array([one.path_index + one.path_fraction for one in sent])
+    begun = 1e-9 * sent[0].deadline_ns + time.time() - time.monotonic() - rise
+    since = begun + PERIOD * (places - places[0])
+    ahead = rotate(np.array([one.q for one in sent]), [1.0, 0.0, 0.0])
     apart = np.degrees(np.linalg.norm(ahead - vector(*direction(since)), axis=-1))
     # On a busy machine the pass may be planned late, and is then followed from later on.
     found = since[(apart < 0.1) & (since > 0.0)]
