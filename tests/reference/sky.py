@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from sgp4.api import WGS72, Satrec
+from sgp4.exporter import export_tle
 
 EARTH, FLATTENING = 6378.137, 1.0 / 298.257223563
 MU = 0.0743669161  # sqrt(GM) in earth radii and minutes
@@ -25,11 +26,17 @@ class Pass:
         times: whole seconds from its beginning, shape ``(n,)``.
         azimuth: degrees from north towards east, unwrapped.
         elevation: degrees.
+        satellite: its orbit, from the epoch on.
+        observer: latitude and longitude, degrees.
+        peak: minutes from the epoch to the highest point, to half a minute.
     """
 
     times: np.ndarray
     azimuth: np.ndarray
     elevation: np.ndarray
+    satellite: Satrec
+    observer: tuple[float, float]
+    peak: float
 
 
 def site(latitude, longitude):
@@ -46,10 +53,15 @@ def in_earth(satellite, minutes):
     """Return positions fixed to the earth, km, at minutes from the epoch, shape ``(n, 3)``."""
     day = satellite.jdsatepoch + satellite.jdsatepochF + np.asarray(minutes) / 1440.0
     _, place, _ = satellite.sgp4_array(np.floor(day), day - np.floor(day))
-    turn = np.radians((280.46061837 + 360.98564736629 * (day - 2451545.0)) % 360.0)
+    turn = sidereal(day)
     x, y, z = place.T
     cos, sin = np.cos(turn), np.sin(turn)
     return np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=1)
+
+
+def sidereal(day):
+    """Return the sidereal time of Greenwich at a Julian day, rad."""
+    return np.radians((280.46061837 + 360.98564736629 * (day - 2451545.0)) % 360.0)
 
 
 def look(satellite, minutes, seen_from):
@@ -63,11 +75,34 @@ def look(satellite, minutes, seen_from):
 
 
 def below(satellite, minute, rng):
-    """Return a site within about half a degree of the point under a satellite."""
+    """Return latitude and longitude within about half a degree of the point under a satellite."""
     ((x, y, z),) = in_earth(satellite, [minute])
     latitude = math.atan(z / math.hypot(x, y) / (1 - FLATTENING) ** 2)
     aside = rng.uniform(-0.08, 0.08, 2)
-    return site(math.degrees(latitude) + aside[0], math.degrees(math.atan2(y, x)) + aside[1])
+    return math.degrees(latitude) + aside[0], math.degrees(math.atan2(y, x)) + aside[1]
+
+
+def at_highest(one, when):
+    """Return the orbit of a pass, moved so that it is highest at a time.
+
+    The orbit keeps its place over the earth: its node turns as far as the earth does meanwhile.
+
+    Args:
+        one: the pass.
+        when: s since the epoch of Unix.
+
+    Returns:
+        The satellite as its two-line elements have it, and their two lines.
+    """
+    old, epoch = one.satellite, when / 86400.0 + 2440587.5 - one.peak / 1440.0
+    moved = Satrec()
+    turn = sidereal(epoch) - sidereal(old.jdsatepoch + old.jdsatepochF)
+    moved.sgp4init(
+        WGS72, "i", old.satnum, epoch - 2433281.5, old.bstar, 0.0, 0.0, old.ecco, old.argpo,
+        old.inclo, old.mo, old.no_kozai, (old.nodeo + turn) % (2.0 * math.pi),
+    )  # fmt: skip
+    lines = export_tle(moved)
+    return Satrec.twoline2rv(*lines), lines
 
 
 def passes(count, seed=1):
@@ -81,21 +116,21 @@ def passes(count, seed=1):
 
 
 def _pass(rng, kind):
-    latitude, longitude = SITES[rng.integers(len(SITES))]
+    observer = SITES[rng.integers(len(SITES))]
     altitude, inclination = rng.uniform(400.0, 900.0), float(rng.choice(INCLINATIONS))
     satellite = Satrec()
     motion = MU / ((EARTH + altitude) / EARTH) ** 1.5
     raan, anomaly = np.radians(rng.uniform(0.0, 360.0, 2))
     satellite.sgp4init(WGS72, "i", 1, 27700.0, 1e-5, 0.0, 0.0, 0.001, 0.0,
                        math.radians(inclination), anomaly, motion, raan)  # fmt: skip
-    seen_from, minutes = site(latitude, longitude), np.arange(0.0, 5760.0, 0.5)
-    _, height = look(satellite, minutes, seen_from)
+    minutes = np.arange(0.0, 5760.0, 0.5)
+    _, height = look(satellite, minutes, site(*observer))
     peaks = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
     for peak in minutes[peaks[height[peaks] > 20.0]]:
         if kind == "zenith":
-            seen_from = below(satellite, peak, rng)
+            observer = below(satellite, peak, rng)
         fine = peak + np.arange(-720, 721) / 60.0
-        azimuth, height = look(satellite, fine, seen_from)
+        azimuth, height = look(satellite, fine, site(*observer))
         is_up = height >= LEAST_ELEVATION
         if not is_up[720]:
             continue
@@ -106,5 +141,6 @@ def _pass(rng, kind):
         is_meant = {"zenith": height.max() > 89.0, "north": crosses, "any": True}[kind]
         if is_meant and last - first > 200:
             turned = np.degrees(np.unwrap(np.radians(azimuth[part])))
-            return Pass(np.arange(last - first - 1.0), turned, height[part])
+            times = np.arange(last - first - 1.0)
+            return Pass(times, turned, height[part], satellite, observer, float(peak))
     return None
