@@ -230,7 +230,7 @@ class Station:
                     if _AZIMUTH.fullmatch(line.strip()):
                         answers.readline()  # the elevation
                         break
-                    if line.startswith("get_pos: error"):
+                    if "get_pos: error" in line:
                         break
                 time.sleep(1.0 - (time.time() - begun) % 1.0)
             client.stdin.close()
