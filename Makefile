@@ -120,7 +120,7 @@ standard: $(VENV)/.dev
 proto:
 	$(PYTHON) -m venv build/proto
 	build/proto/bin/python -m pip install --quiet --disable-pip-version-check "grpcio-tools==1.78.0"
-	build/proto/bin/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. --grpc_python_out=. orientd/protocol/control.proto
+	build/proto/bin/python -m grpc_tools.protoc -I. --python_out=. --pyi_out=. orientd/protocol/control.proto
 
 $(VENV)/.pip:
 	$(PYTHON) -m venv $(VENV)

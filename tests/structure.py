@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = {"orientd": "", "orientd_dynamixel": "drivers", "orientd_loopback": "drivers",
             "orientd_ur": "drivers", "emulated_base": "sim", "emulated_dynamixel": "sim",
             "emulated_ur": "sim"}  # fmt: skip
-GENERATED = ("_pb2", "_pb2_grpc")
+GENERATED = ("_pb2",)
 
 MOST_LINES = 650
 MOST_MODULES = 20

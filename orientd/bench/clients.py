@@ -12,8 +12,8 @@ import threading
 from pathlib import Path
 
 from orientd.client import Way
+from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.control_pb2_grpc import ControlStub
 
 WATCHERS = 4
 KEYFRAMES = 200
@@ -41,7 +41,7 @@ def watch(stub: ControlStub, device: str) -> None:
 def main(socket: str, device: str, only: str = "") -> None:
     """Keep the daemon at *socket* busy until this process is killed."""
     channel = Way(Path(socket)).open()
-    stub = ControlStub(channel)  # type: ignore[no-untyped-call] # generated
+    stub = ControlStub(channel)
     for _ in range(WATCHERS):
         threading.Thread(target=watch, args=(stub, device), daemon=True).start()
     if only == "watch":

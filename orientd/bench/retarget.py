@@ -31,8 +31,8 @@ import numpy as np
 
 from orientd.bench.servo import DEVICE, control, daemon
 from orientd.errors import OrientdError
+from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.control_pb2_grpc import ControlStub
 
 PARTS = ("rpc", "planning", "splicing", "waiting", "total")
 

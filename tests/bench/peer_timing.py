@@ -20,8 +20,8 @@ from orientd.bench.clients import motion as wave
 from orientd.bench.servo import DEVICE, daemon
 from orientd.errors import PlanError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
+from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.control_pb2_grpc import ControlStub
 
 PERIOD = 0.002
 V, A, J = 2.0, 10.0, 100.0  # rad/s, rad/s^2, rad/s^3: of the norms

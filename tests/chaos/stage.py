@@ -26,8 +26,8 @@ from harness import (
 )
 from ledger import Tally, rounds_of
 
+from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.control_pb2_grpc import ControlStub
 
 LONGEST = 1.0
 """Longest permitted duration of a call, s."""

@@ -12,8 +12,8 @@ from scenes import under_way
 from stage import rehearse
 
 from orientd.client.channel import MAX_MESSAGE_BYTES
+from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.control_pb2_grpc import ControlStub
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 

@@ -12,8 +12,8 @@ from crowd import endless_motion, large_motion, raw_channel
 from harness import nudge, spin, until
 from storm_rig import Rig, await_idle, memory_mib
 
+from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.control_pb2_grpc import ControlStub
 
 DEVICE = "arm"
 PLAN_TIMEOUT = 2.0

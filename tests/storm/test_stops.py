@@ -26,8 +26,8 @@ from harness import DaemonProcess, resident_kib, spin, until
 
 import orientd
 from orientd.client import ask_to_stop
+from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.control_pb2_grpc import ControlStub
 
 pytestmark = [
     pytest.mark.storm,
@@ -126,7 +126,7 @@ def watchers(daemon):
     """Have 120 watchers that do not read, in a process of their own."""
     program = (
         "import sys, grpc; from orientd.protocol import control_pb2 as pb\n"
-        "from orientd.protocol.control_pb2_grpc import ControlStub\n"
+        "from orientd.protocol import ControlStub\n"
         "stub = ControlStub(grpc.insecure_channel('unix:' + sys.argv[1]))\n"
         "kept = [stub.WatchState(pb.WatchStateRequest(rate_hz=100.0)) for _ in range(120)]\n"
         "print('ready', flush=True); sys.stdin.read()"

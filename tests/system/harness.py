@@ -23,8 +23,8 @@ from grpclib.health.v1.health_pb2 import HealthCheckRequest, HealthCheckResponse
 
 from orientd import connect, rotation
 from orientd.errors import OrientdError
+from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.control_pb2_grpc import ControlStub
 from orientd.servo.watchdog import SHORTEST_NS
 from orientd.stream import CYCLE_RECORD, Cycle, CycleFlag, unpack_cycle
 from orientd_loopback import read_recording

@@ -24,8 +24,8 @@ import orientd
 from orientd.config import Role
 from orientd.daemon.access.rules import RULES
 from orientd.errors import AccessError, DaemonError, LeaseError, RequestError
+from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.control_pb2_grpc import ControlStub
 
 pytestmark = pytest.mark.skipif(OPENSSL is None, reason="there is no openssl here")
 

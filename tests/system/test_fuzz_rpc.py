@@ -12,8 +12,8 @@ from every_call import SERVICE, call
 from harness import DaemonProcess, is_alive, resident_kib, until
 from nonsense import pour
 
+from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.control_pb2_grpc import ControlStub
 
 LONG = int(os.environ.get("ORIENTD_FUZZ_CALLS", "1000000"))
 PARTS = 10

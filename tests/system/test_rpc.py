@@ -26,9 +26,8 @@ from orientd.errors import (
     StateError,
     UnknownNameError,
 )
+from orientd.protocol import ControlStub, samples, to_quaternion
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol import samples, to_quaternion
-from orientd.protocol.control_pb2_grpc import ControlStub
 from orientd.rotation import Quaternion
 
 LEASE_SECONDS = 3.0

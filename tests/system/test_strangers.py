@@ -11,8 +11,8 @@ import pytest
 from access_cell import GROUP, MEMBER, OBSERVER, OPERATOR, STRANGER, as_user
 from authority import OPENSSL, QUICK_KEY
 
+from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.control_pb2_grpc import ControlStub
 
 pytestmark = pytest.mark.skipif(OPENSSL is None, reason="there is no openssl here")
 

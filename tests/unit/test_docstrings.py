@@ -13,7 +13,7 @@ FILES = sorted(
     path
     for folder in ("orientd", "drivers", "sim")
     for path in (ROOT / folder).rglob("*.py")
-    if not path.stem.endswith(("_pb2", "_pb2_grpc"))
+    if not path.stem.endswith("_pb2")
 )
 SECTION = re.compile(r"^(?:Args|Attributes):\n((?:    .*\n?|\n)*)", re.MULTILINE)
 ENTRY = re.compile(r"^    ([^\s:][^:\n]*):(?:\s|$)", re.MULTILINE)

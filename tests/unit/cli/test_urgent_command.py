@@ -15,7 +15,6 @@ import pytest
 from orientd import first_stop
 from orientd.cli import urgent
 from orientd.protocol import control_pb2 as pb
-from orientd.protocol.control_pb2_grpc import ControlServicer, add_ControlServicer_to_server
 
 
 def run(arguments):
@@ -24,19 +23,20 @@ def run(arguments):
     return asked is not None and urgent.run(asked, first_stop.first(asked))
 
 
-class Daemon(ControlServicer):
-    """One device that was stopped."""
-
-    def GetState(self, request, context):  # noqa: N802 - gRPC's name
-        device = pb.DeviceReport(name=request.device or "arm")
-        device.state = pb.STATE_STOPPING
-        return pb.GetStateResponse(devices=[device])
+def stopping(request, context):
+    """Report one device that was stopped."""
+    device = pb.DeviceReport(name=request.device or "arm", state=pb.STATE_STOPPING)
+    return pb.GetStateResponse(devices=[device])
 
 
 @pytest.fixture
 def there(tmp_path):
     server = grpc.server(futures.ThreadPoolExecutor(1))
-    add_ControlServicer_to_server(Daemon(), server)
+    handler = grpc.unary_unary_rpc_method_handler(
+        stopping, pb.GetStateRequest.FromString, pb.GetStateResponse.SerializeToString
+    )
+    calls = grpc.method_handlers_generic_handler("orientd.v1.Control", {"GetState": handler})
+    server.add_generic_rpc_handlers([calls])
     server.add_insecure_port(f"unix:{tmp_path / 'socket'}")
     server.start()
     yield

@@ -47,12 +47,6 @@ def test_messages_run_with_the_oldest_protobuf_admitted():
     assert tuple(map(int, version.split("."))) <= lower_bound("protobuf")
 
 
-def test_stubs_run_with_the_oldest_grpc_admitted():
-    text = (ROOT / "orientd/protocol/control_pb2_grpc.py").read_text()
-    version = re.search(r"GRPC_GENERATED_VERSION = '([0-9.]+)'", text)[1]
-    assert tuple(map(int, version.split(".")))[:2] <= lower_bound("grpcio")
-
-
 def test_every_number_of_the_proto_says_its_unit_or_is_a_count():
     """Floating-point fields have a comment of their own, or share the one of the field above."""
     lines = (ROOT / PROTO).read_text().splitlines()
