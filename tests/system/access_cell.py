@@ -40,7 +40,7 @@ class Cell:
         self.port = free_port()
         self.daemon = DaemonProcess(folder, lease=30.0)
         text = self.daemon.config.read_text()
-        names = ("pendant", "revoked", "listed", "expired", "server", "early", "short")
+        names = ("pendant", "revoked", "listed", "expired", "server", "early")
         ca = folder / "ca"
         self.daemon.config.write_text(
             f"[access.users]\n{OBSERVER} = 'observer'\n{OPERATOR} = 'operator'\n"

@@ -147,6 +147,7 @@ def test_who_has_far_too_many_connections_in_use_is_turned_away(tmp_path):
             next(held[-1])
         one_more = opened.enter_context(connection(daemon))
         assert call(one_more, LOOK, [pb.ListDevicesRequest()]) == "UNAVAILABLE"
+        assert "has 4 connections already, all in use" in (daemon.folder / "log").read_text()
         held.pop().cancel()
         # An idle one gives way.
         until(lambda: call(one_more, LOOK, [pb.ListDevicesRequest()]) == "OK", "room")

@@ -11,17 +11,14 @@ from fake_device import FakeServo, servo_of, tend
 
 from orientd import config
 from orientd.clock import ManualClock
-from orientd.daemon.calls.requests import moving
 from orientd.daemon.device import AT_ONCE, MoveOptions
 from orientd.daemon.devices import Devices
 from orientd.daemon.plan_store import KEPT_PLANS
-from orientd.daemon.planners import PlanCall
 from orientd.errors import (
     DaemonError,
     Fault,
     LateError,
     LeaseError,
-    LimitError,
     NotYetError,
     RequestError,
     StartError,
@@ -105,40 +102,6 @@ def ended(device, run):
     return run.ended.result(0)
 
 
-def test_a_motion_runs_to_its_end(devices, arm, servo):
-    run = begin(devices, arm, devices.leases.acquire("ana").token)
-    assert not run.ended.done()
-    servo.finish()
-    assert ended(arm, run) == (pb.OUTCOME_DONE, "")
-
-
-def test_a_motion_needs_the_lease(devices, arm, servo):
-    motion = plan(devices, arm)
-    with pytest.raises(LeaseError, match="needs the lease"):
-        start(arm, "", motion)
-    devices.leases.acquire("ana")
-    with pytest.raises(LeaseError, match="held by 'ana'"):
-        start(arm, "nonsense", motion)
-    assert servo.asked == []
-    assert arm.unfinished() == []
-
-
-def test_a_motion_of_an_expired_lease_is_stopped(devices, arm, clock):
-    run = begin(devices, arm, devices.leases.acquire("ana").token)
-    devices.leases.expire()
-    assert not run.ended.done()
-    clock.advance(5 * SECOND)
-    devices.leases.expire()
-    assert ended(arm, run) == (pb.OUTCOME_STOPPED, "the lease of 'ana' has expired")
-
-
-def test_a_motion_of_a_released_lease_is_stopped(devices, arm):
-    lease = devices.leases.acquire("ana")
-    run = begin(devices, arm, lease.token)
-    devices.leases.release(lease.token)
-    assert ended(arm, run) == (pb.OUTCOME_STOPPED, "the lease of 'ana' was released")
-
-
 def test_only_motions_of_that_lease_are_stopped_with_it(devices, arm, servo):
     lease = devices.leases.acquire("ana")
     run = begin(devices, arm, lease.token)
@@ -148,23 +111,21 @@ def test_only_motions_of_that_lease_are_stopped_with_it(devices, arm, servo):
     assert "stop" not in servo.asked
 
 
+def test_an_expiry_alone_ends_hand_guiding(devices, arm, clock):
+    arm.disable(is_freed=True)
+    devices.leases.release(devices.leases.acquire("ana").token)
+    assert arm.is_free
+    devices.leases.acquire("ana")
+    clock.advance(5 * SECOND)
+    devices.leases.expire()
+    assert not arm.is_free
+
+
 def test_whoever_takes_an_expired_lease_finds_its_motion_stopped(devices, arm, clock):
     run = begin(devices, arm, devices.leases.acquire("ana").token)
     clock.advance(5 * SECOND)
     devices.leases.acquire("ben")
     assert ended(arm, run)[0] == pb.OUTCOME_STOPPED
-
-
-def test_anybody_may_stop_and_is_named(devices, arm):
-    run = begin(devices, arm, devices.leases.acquire("ana").token)
-    devices.stop("arm", "ben")
-    assert ended(arm, run) == (pb.OUTCOME_STOPPED, "stopped by ben")
-
-
-def test_an_empty_name_stops_every_device(devices, servo):
-    devices.stop("", "ben")
-    assert "stop" in servo.asked
-    assert "stop" in servo_of(devices.device("leg")).asked
 
 
 def test_one_dead_servo_does_not_keep_the_others_from_stopping(devices, servo):
@@ -278,25 +239,6 @@ def test_a_motion_whose_caller_goes_away_is_stopped(devices, arm, servo):
     assert servo.asked == ["start", "stop"]
 
 
-def test_a_device_that_is_not_ready_to_move_is_refused(devices, arm, servo):
-    servo.be(ServoState.IDLE)
-    with pytest.raises(StateError, match="idle, not holding"):
-        plan(devices, arm)
-
-
-def test_a_bad_motion_is_refused_by_its_field(devices, arm):
-    with pytest.raises(RequestError, match=r"^keyframes: expected at least 1, got 0"):
-        asyncio.run(devices.plan(arm, PlanCall(b"")))
-    with pytest.raises(RequestError, match=r"^motion: cannot be read"):
-        asyncio.run(devices.plan(arm, PlanCall(b"nonsense")))
-    keyframes = [
-        Keyframe(tuple(exp([0.0, 0.0, angle])), time) for angle, time in ((0.0, 0.0), (1.0, 0.1))
-    ]
-    with pytest.raises(LimitError) as refused:
-        plan(devices, arm, MotionRequest(keyframes))
-    assert refused.value.value > refused.value.limit
-
-
 def test_a_kept_plan_is_found_by_its_name_and_device(devices, arm):
     motion = plan(devices, arm)
     assert devices.plans.find(arm.name, motion.id).id == motion.id
@@ -335,20 +277,6 @@ def test_a_name_may_be_left_out_where_there_is_one_device(devices):
         devices.device("tail")
     alone = Devices(config.default_settings(), planners=devices.planners)
     assert alone.device("").name == "arm"
-
-
-def test_only_a_motion_can_be_paused_and_resumed(devices, arm):
-    for name in ("pause", "resume"):
-        with pytest.raises(StateError, match=f"device arm is holding: no motion to {name}"):
-            moving(arm, name)
-    begin(devices, arm, devices.leases.acquire("ana").token)
-    assert moving(arm, "pause") is arm
-
-
-def test_a_holder_has_a_name_of_one_line(devices):
-    with pytest.raises(RequestError, match=r"^holder: "):
-        devices.leases.acquire(" \n ")
-    assert devices.leases.acquire("ana\nben " + "x" * 1000).holder.startswith("ana ben xxx")
 
 
 def test_shutdown_stops_what_runs_and_takes_no_more(devices, arm, servo):

@@ -133,16 +133,6 @@ def test_a_move_that_does_not_begin_gives_the_lease_back_that_it_took(service, d
     assert devices.leases.held() == []
 
 
-def test_more_keyframes_than_the_settings_permit_are_refused(service):
-    motion = pb.MotionRequest(keyframes=[TURN.keyframes[0]] * 4)
-    with pytest.raises(RequestError, match=r"^keyframes: expected at most 3, got 4"):
-        asyncio.run(service.Plan(pb.PlanRequest(device="arm", motion=motion), ANA))
-    columns = pb.MotionRequest()
-    columns.columns.quaternions.extend([1.0, 0.0, 0.0, 0.0] * 5)
-    with pytest.raises(RequestError, match=r"^keyframes: expected at most 3, got 5"):
-        asyncio.run(service.Plan(pb.PlanRequest(device="arm", motion=columns), ANA))
-
-
 def test_the_daemon_reports_its_leases_in_the_order_in_which_they_were_taken(service):
     lease_of(service, devices=["leg"])
     lease_of(service, BEN, devices=["arm"])
