@@ -14,7 +14,7 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from typing import TYPE_CHECKING, TypeVar, TypeVarTuple
 
 from orientd.clock import Clock, MonotonicClock
-from orientd.config import DeviceSettings, Settings
+from orientd.config import Settings
 from orientd.daemon.device import Device, DeviceEvent
 from orientd.daemon.leases import EXPIRED, Lease, Leases
 from orientd.daemon.observe import EventLog, FlightRecorder, Journal
@@ -22,7 +22,6 @@ from orientd.daemon.plan_store import PlanStore
 from orientd.daemon.planners import (
     PlanCall,
     PlannedMotion,
-    PlannerDevice,
     Planners,
     default_processes,
 )
@@ -92,7 +91,7 @@ class Devices:
         self._event_log = EventLog()
         self._flight = FlightRecorder(settings, self.journal, self.by_name)
         self.planners = planners or Planners(
-            [planner_device(device) for device in settings.devices.values()],
+            list(settings.devices.values()),
             processes=settings.planner.processes or default_processes(),
             timeout=settings.planner.plan_timeout,
         )
@@ -281,16 +280,3 @@ def _stop(
             _log.warning("%s: stop failed: %s", device.name, error)
             failures.append(error)
     return failures
-
-
-def planner_device(settings: DeviceSettings) -> PlannerDevice:
-    """Return the description of a device for the planners."""
-    return PlannerDevice(
-        settings.name,
-        settings.driver,
-        settings.options,
-        settings.period_ns,
-        settings.limits.to_limits(),
-        dict(settings.to_frames()),  # a plain mapping crosses to the processes
-        settings.to_keep_out(),
-    )

@@ -16,7 +16,6 @@ import numpy as np
 from orientd import rotation
 from orientd.config import DeviceSettings
 from orientd.daemon.device import Device
-from orientd.daemon.devices import planner_device
 from orientd.daemon.planners import PlanCall, Planners
 from orientd.driver import Quaternion
 from orientd.errors import DaemonError, OrientdError
@@ -79,7 +78,7 @@ def measure_latency(settings: DeviceSettings) -> Latency:
 
 
 async def _measure(settings: DeviceSettings) -> list[Cycle]:
-    planners = Planners([planner_device(settings)], processes=1, timeout=_READY)
+    planners = Planners([settings], processes=1, timeout=_READY)
     device = Device(settings, planners=planners, on_event=lambda _event: None)
     planners.start()
     device.launch()

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from orientd.daemon.planners.task import (
         PlanCall,
         PlanInput,
-        PlannerDevice,
         Rank,
         record_at_rest,
     )
@@ -30,7 +29,6 @@ __getattr__ = lazily(
         "orientd.daemon.planners.task": (
             "PlanCall",
             "PlanInput",
-            "PlannerDevice",
             "Rank",
             "record_at_rest",
         ),

@@ -13,13 +13,13 @@ from collections.abc import Coroutine, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 
+from orientd.config import DeviceSettings
 from orientd.daemon.planners.planned_motion import PlannedMotion
 from orientd.daemon.planners.process import ForkServer, PlannerProcess
 from orientd.daemon.planners.task import (
     PlanCall,
     PlanInput,
     Planned,
-    PlannerDevice,
     Rank,
     RecordFile,
     Rest,
@@ -67,7 +67,7 @@ class Planners:
 
     def __init__(
         self,
-        devices: Sequence[PlannerDevice],
+        devices: Sequence[DeviceSettings],
         *,
         processes: int,
         timeout: float,

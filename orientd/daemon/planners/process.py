@@ -13,10 +13,10 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from orientd.config import DeviceSettings
 from orientd.daemon.planners.task import (
     HEADER,
     Planned,
-    PlannerDevice,
     RecordFile,
     Rest,
     Task,
@@ -43,7 +43,7 @@ class ForkServer:
         methods: the families of curves, as a serialised ``ListMethodsResponse``.
     """
 
-    def __init__(self, devices: Sequence[PlannerDevice]) -> None:
+    def __init__(self, devices: Sequence[DeviceSettings]) -> None:
         """Start the process, which loads what plans for *devices*.
 
         Raises:

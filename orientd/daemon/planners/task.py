@@ -17,14 +17,13 @@ import pickle
 import struct
 import time
 import weakref
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, NamedTuple
 
 from orientd.driver import ZERO, Joints, Quaternion, Vector3
-from orientd.keep_out import KeepOut
-from orientd.planner import HISTORY, MOTION_RECORD, Frame, Limits, MotionFacts
+from orientd.planner import HISTORY, MOTION_RECORD, Frame, MotionFacts
 from orientd.stream import JOINTS
 
 CHUNK = 65_536
@@ -48,29 +47,6 @@ class Rank(IntEnum):
     URGENT = 0
     SMALL = 1
     LARGE = 2
-
-
-@dataclass(frozen=True, slots=True)
-class PlannerDevice:
-    """Describe a device to a planner.
-
-    Attributes:
-        name: of the device.
-        driver: the registry's name of its driver.
-        options: of the driver.
-        period_ns: of its cycle.
-        limits: what no motion may exceed.
-        frames: that motions may name.
-        keep_out: cones that every motion stays out of.
-    """
-
-    name: str
-    driver: str
-    options: Mapping[str, Any]
-    period_ns: int
-    limits: Limits
-    frames: Mapping[str, Frame] = field(default_factory=dict)
-    keep_out: tuple[KeepOut, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

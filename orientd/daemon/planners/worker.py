@@ -20,24 +20,22 @@ from typing import Any
 
 from google.protobuf.message import DecodeError
 
+from orientd.config import DeviceSettings
 from orientd.daemon.planners import reporting
 from orientd.daemon.planners.task import (
     FIRST,
     HEADER,
     PlanInput,
     Planned,
-    PlannerDevice,
     RecordFile,
     Rest,
     Task,
     packed,
     unpacked,
 )
-from orientd.driver import make_driver
 from orientd.errors import OrientdError, PlanError, RequestError
 from orientd.planner import (
     HISTORY,
-    DevicePlanner,
     Frame,
     Keyframe,
     Motion,
@@ -62,9 +60,9 @@ _PR_SET_PDEATHSIG = 1
 class Worker:
     """Plans for some devices, and remembers the last motions."""
 
-    def __init__(self, devices: Iterable[PlannerDevice]) -> None:
+    def __init__(self, devices: Iterable[DeviceSettings]) -> None:
         """Make a planner for each device."""
-        self._planners = {device.name: _planner(device) for device in devices}
+        self._planners = {device.name: device.planner() for device in devices}
         self._known: OrderedDict[str, tuple[Motion, int, Frame | None]] = OrderedDict()
 
     def warm_up(self) -> None:
@@ -141,17 +139,6 @@ class Worker:
         while len(self._known) > KEPT:
             self._known.popitem(last=False)
         return known
-
-
-def _planner(device: PlannerDevice) -> DevicePlanner:
-    driver = make_driver(device.name, device.driver, device.options, device.period_ns)
-    return DevicePlanner(
-        driver,
-        limits=device.limits,
-        period=device.period_ns * 1e-9,
-        frames=device.frames,
-        keep_out=device.keep_out,
-    )
 
 
 def main(channel: int) -> None:

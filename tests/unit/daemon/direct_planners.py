@@ -6,7 +6,6 @@ import asyncio
 from concurrent.futures import Future
 
 from orientd.daemon.device import AT_ONCE
-from orientd.daemon.devices import planner_device
 from orientd.daemon.planners import PlanCall, PlanInput, PlannedMotion, reporting
 from orientd.daemon.planners.task import Planned, RecordFile, Rest, Task
 from orientd.daemon.planners.worker import Worker
@@ -20,7 +19,7 @@ class DirectPlanners:
     timeout = 10.0
 
     def __init__(self, settings):
-        self.worker = Worker(map(planner_device, settings))
+        self.worker = Worker(settings)
 
     async def plan(self, plan_input: PlanInput, call: PlanCall, *, rank=None) -> PlannedMotion:
         task, file = Task(plan_input, rate_hz=call.rate_hz), RecordFile()

@@ -12,7 +12,6 @@ import pytest
 from direct_planners import DirectPlanners
 
 from orientd import config
-from orientd.daemon.devices import planner_device
 from orientd.daemon.planners import PlanCall, PlanInput, Planners, Rank, record_at_rest
 from orientd.daemon.planners.pool import MOST_WAITING
 from orientd.daemon.planners.task import CHUNK, FIRST
@@ -55,7 +54,7 @@ def run(test, *, processes=1, timeout=60.0):
 
     async def main():
         planners = Planners(
-            [planner_device(SETTINGS)],
+            [SETTINGS],
             processes=processes,
             timeout=timeout,
         )
@@ -151,7 +150,7 @@ def test_a_plan_ends_at_its_deadline_and_says_what_took_so_long():
 
 def test_a_planner_that_cannot_be_started_is_named(monkeypatch, tmp_path):
     async def main():
-        planners = Planners([planner_device(SETTINGS)], processes=1, timeout=60.0)
+        planners = Planners([SETTINGS], processes=1, timeout=60.0)
         planners.start()
         try:
             await planners.plan(job(), PlanCall(SMALL, timeout=0.5))
