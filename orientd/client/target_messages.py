@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal, get_args
 
-from orientd.client.motion_request import keyframe_mappings
 from orientd.driver import Quaternion as Orientation
 from orientd.driver import Vector3
 from orientd.errors import RequestError
-from orientd.model import FORMS, joined, read_keyframe
+from orientd.model import FORMS, joined, keyframe_mappings, read_keyframe
 from orientd.protocol import control_pb2 as pb
 from orientd.protocol import quaternion, vector
 from orientd.rotation import Quaternion

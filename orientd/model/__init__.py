@@ -9,6 +9,7 @@ from orientd.lazy import lazily
 if TYPE_CHECKING:
     from orientd.model.cones import read_cones, written_cone
     from orientd.model.fields import AngularRate, LinearRate
+    from orientd.model.keyframes import keyframe_mappings
     from orientd.model.limits import (
         ACCELERATION_RESERVE,
         ANGULAR,
@@ -44,6 +45,7 @@ __getattr__ = lazily(
     {
         "orientd.model.cones": ("read_cones", "written_cone"),
         "orientd.model.fields": ("AngularRate", "LinearRate"),
+        "orientd.model.keyframes": ("keyframe_mappings",),
         "orientd.model.limits": (
             "ACCELERATION_RESERVE",
             "ANGULAR",

@@ -20,16 +20,14 @@ from functools import partial
 from importlib.util import find_spec
 from typing import Any, Literal, TypeVar, get_args
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from orientd.errors import OrientdError, RequestError
-from orientd.model import DEFAULT_LIMITS, Limits, MotionRequest, Rate
+from orientd.model import DEFAULT_LIMITS, Limits, MotionRequest, Rate, keyframe_mappings
 from orientd.planner.motion import Motion
 from orientd.planner.planning import plan
 from orientd.planner.resolve import in_device_coordinates
 from orientd.planner.state import State
-from orientd.rotation import Quaternion, is_rotation, unnamed
 from orientd.spelling import unknown_key
 
 Part = TypeVar("Part")
@@ -61,7 +59,7 @@ _NEEDED = {
 
 
 def plan_offline(
-    keys: object,
+    keys: Iterable[object] | MotionRequest,
     *,
     times: ArrayLike | None = None,
     positions: ArrayLike | None = None,
@@ -74,8 +72,9 @@ def plan_offline(
     """Return the motion through keyframes, certified as for a device.
 
     Args:
-        keys: SciPy ``Rotation``, list of ``Rotation`` or ``Quaternion``, or a
-            :class:`.MotionRequest`. With a request give only *limits*, *period* and *start*.
+        keys: SciPy ``Rotation``; list of ``Rotation``, ``Quaternion`` or mappings as in a motion
+            file; or a :class:`.MotionRequest`.  With a request give only *limits*, *period* and
+            *start*.
         times: time of each keyframe, s; ``None`` passes them as fast as the limits permit.
         positions: of the tool, m, shape ``(n, 3)``.
         turns: whole turns in each interval, shape ``(n - 1,)``.
@@ -104,63 +103,14 @@ def plan_offline(
             if name not in known:
                 expected = ["times", "positions", "turns", "limits", "period", "start", *known]
                 raise RequestError(name, unknown_key(name, expected))
-        request = MotionRequest(_keyframes(keys, times, positions, turns), **fields)
+        mappings: Any = keyframe_mappings(keys, times=times, positions=positions, turns=turns)
+        request = MotionRequest(mappings, **fields)
     request = in_device_coordinates(request, start)
     if start is None:
         start = State.at_rest(request.keys[0], request.keyframes[0].position or (0.0, 0.0, 0.0))
     if not isinstance(limits, Limits):
         limits = DEFAULT_LIMITS.with_rates(limits or {})
     return plan(request, start=start, limits=limits, period=period)
-
-
-def _keyframes(
-    orientations: object,
-    times: ArrayLike | None,
-    positions: ArrayLike | None,
-    turns: ArrayLike | None,
-) -> list[Any]:
-    """Return the arguments of keyframes."""
-    keys = _keys(orientations)
-    count = len(keys)
-    columns = [
-        _column("times", times, count),
-        _column("positions", positions, count),
-        [0, *_column("turns", turns, count - 1, usual=0)][:count],
-    ]
-    return [
-        {"q": tuple(q), "time": time, "position": position, "turns": turn}
-        for q, time, position, turn in zip(keys, *columns, strict=True)
-    ]
-
-
-def _column(
-    name: str, given: ArrayLike | None, count: int, *, usual: int | None = None
-) -> list[Any]:
-    if given is None:
-        return [usual] * count
-    # Object arrays keep the type of each entry: whole turns do not become floats.
-    listed = np.asarray(given, dtype=object).tolist()
-    if not isinstance(listed, list) or len(listed) != count:
-        got = len(listed) if isinstance(listed, list) else repr(listed)
-        raise RequestError(name, f"expected {count} of them, got {got}")
-    return listed
-
-
-def _keys(orientations: object) -> list[list[float]]:
-    problem = "expected a scipy Rotation, or a list of Rotation or Quaternion(w=, x=, y=, z=)"
-    if is_rotation(orientations):
-        stacked: list[list[float]] = np.atleast_2d(unnamed(orientations)).tolist()
-        return stacked
-    if not isinstance(orientations, Iterable):
-        raise RequestError("keyframes", f"{problem}, got {type(orientations).__name__}")
-    rows = list(orientations)
-    for index, row in enumerate(rows):
-        if not (isinstance(row, Quaternion) or is_rotation(row)):
-            raise RequestError(
-                f"keyframes[{index}]", f"{problem}; the order of a bare sequence is ambiguous"
-            )
-    listed: list[list[float]] = [unnamed(row).tolist() for row in rows]
-    return listed
 
 
 def plan_many(

@@ -16,11 +16,11 @@ KEYS = Rotation.from_rotvec([[0, 0, 0], [0, 0.2, 0.5], [0.3, 0, 1]])
 @pytest.mark.parametrize(
     ("given", "field", "problem"),
     [
-        ({"turns": [1]}, "turns", "expected 2 of them, got 1"),
-        ({"turns": 1}, "turns", "expected 2 of them, got 1"),
+        ({"turns": [1]}, "turns", "expected 2, one for each interval, got 1"),
+        ({"turns": 1}, "turns", "expected 2, one for each interval, got 1"),
         ({"turns": [0, 0.5]}, "keyframes[2].turns", "expected a whole number, got 0.5"),
-        ({"times": 5}, "times", "expected 3 of them, got 5"),
-        ({"times": [0, 1]}, "times", "expected 3 of them, got 2"),
+        ({"times": 5}, "times", "expected 3, one for each keyframe, got 5"),
+        ({"times": [0, 1]}, "times", "expected 3, one for each keyframe, got 2"),
         ({"positions": [1, 2, 3]}, "keyframes[0].position", "expected a list, got 1"),
     ],
 )
@@ -28,6 +28,12 @@ def test_a_column_that_does_not_fit_is_named_with_what_came(given, field, proble
     with pytest.raises(RequestError) as caught:
         orientd.plan(KEYS, **given)
     assert (caught.value.field, caught.value.problem) == (field, problem)
+
+
+def test_orientations_have_every_form_that_a_client_takes():
+    named = [{"rotation_vector": one} for one in KEYS.as_rotvec()]
+    assert np.abs(orientd.plan(named).request.keys - orientd.plan(KEYS).request.keys).max() < 1e-15
+    assert len(orientd.plan(KEYS[1], start=orientd.plan(KEYS).start_state).request.keyframes) == 1
 
 
 def test_no_keyframes_are_refused():

@@ -209,11 +209,11 @@ def test_a_motion_gives_rotations():
 def test_keyframes_of_a_plan_say_their_order():
     named = Quaternion.from_array(KEYS.as_quat(), order="xyzw")
     assert orientd.plan(named, times=[0, 1, 2.2]) == MOTIONS["plain"]
-    with pytest.raises(RequestError, match="order of a bare sequence is ambiguous"):
+    with pytest.raises(RequestError, match="a bare sequence does not say its order"):
         orientd.plan([[1, 0, 0, 0], [0, 1, 0, 0]])
-    with pytest.raises(RequestError, match="times: expected 3 of them, got 2"):
+    with pytest.raises(RequestError, match="times: expected 3, one for each keyframe, got 2"):
         orientd.plan(KEYS, times=[0, 1])
-    with pytest.raises(RequestError, match="turns: expected 2 of them"):
+    with pytest.raises(RequestError, match="turns: expected 2, one for each interval"):
         orientd.plan(KEYS, turns=[0, 1, 0])
 
 
