@@ -1,7 +1,7 @@
 """The devices of a daemon, with the leases to command them and the plans for them.
 
-Nothing here knows of gRPC.  The event loop awaits the methods that plan.  Every other method may be
-called from any thread.  A command may take as long as the device does: call it in a worker thread.
+Nothing here knows of gRPC.  Every method may be called from any thread.  A command may take as long
+as the device does: call it in a worker thread.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from orientd.daemon.leases import EXPIRED, Lease, Leases
 from orientd.daemon.observe import EventLog, FlightRecorder, Journal
 from orientd.daemon.plan_store import PlanStore
 from orientd.daemon.planners import (
-    PlanCall,
     PlannedMotion,
     Planners,
     default_processes,
@@ -201,20 +200,6 @@ class Devices:
     def named(self, names: Iterable[str]) -> list[str]:
         """Return the names of devices that are called *names*; see :meth:`device`."""
         return [self.device(name).name for name in names]
-
-    async def plan(self, device: Device, order: PlanCall) -> PlannedMotion:
-        """Plan what *order* asks of *device*, and keep the plan.
-
-        It begins where the device will be once it has come to rest.
-
-        Raises:
-            RequestError: it is not well formed.
-            StateError: the device is not ready to move.
-            PlanError: it cannot be planned, or would break a limit.
-        """
-        motion = await device.plan(order)
-        self.plans.keep(device.name, motion)
-        return motion
 
     def present(self, device: Device, motion_id: str) -> PlannedMotion | None:
         """Return the motion that *device* runs or ran last, or the plan called *motion_id*.

@@ -236,18 +236,13 @@ class Leases:
         now = self._clock.now_ns()
         return (lease for lease in self._leases.values() if now < lease.expires_ns)
 
-    def _find(self, token: str) -> Lease | None:
-        # In a time that does not tell how much of a token was right.
-        given = token.encode()
-        return next(
-            (one for one in self._valid() if secrets.compare_digest(one.token.encode(), given)),
-            None,
-        )
-
     def _check(self, token: str, device: str = "", owner: str | None = None) -> Lease:
         if not token:
             raise LeaseError("a command needs the lease: acquire it and send its token")
-        lease = self._find(token)
+        given = token.encode()
+        # In a time that does not tell how much of a token was right.
+        found = (one for one in self._valid() if secrets.compare_digest(one.token.encode(), given))
+        lease = next(found, None)
         if lease is not None and owner is not None and lease.owner != owner:
             problem = f"the lease is held by {lease.owner}, its token is of no use to {owner}"
             raise LeaseError(problem)

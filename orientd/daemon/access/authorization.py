@@ -12,7 +12,7 @@ import itertools
 import logging
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import aclosing
 from dataclasses import dataclass, field
 from functools import partial
@@ -266,17 +266,11 @@ def describe(request: Message) -> dict[str, Any]:
     {'device': 'arm', 'speed': 0.5}
     """
     kinds = (FieldDescriptor.TYPE_MESSAGE, FieldDescriptor.TYPE_BYTES)
+    # The first request of a stream wraps what it asks for.
+    parts = [part for part in (request, getattr(request, "start", None)) if part is not None]
     return {
         one.name: content[:_MOST_TEXT] if isinstance(content, str) else content
-        for part in _parts(request)
+        for part in parts
         for one, content in part.ListFields()
         if one.type not in kinds and not one.is_repeated and one.name not in SECRETS
     }
-
-
-def _parts(request: Message) -> Iterator[Message]:
-    """Yield *request*, and the beginning that it wraps if it is one of a stream."""
-    yield request
-    part = getattr(request, "start", None)
-    if isinstance(part, Message):
-        yield part

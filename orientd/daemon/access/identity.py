@@ -155,20 +155,15 @@ class RolePolicy:
     def identify(self, credentials: Credentials) -> Identity | None:
         """Return the client with these *credentials*; ``None`` if it has no role."""
         if isinstance(credentials, Process):
-            return self._user(credentials.uid, credentials.gids)
-        if credentials.serial in self._revoked or credentials.expires <= time.time():
-            return None
-        return self._certificate(credentials.name)
-
-    def _user(self, uid: int, gids: Sequence[int]) -> Identity | None:
-        roles = [self._groups[gid] for gid in gids if gid in self._groups]
-        if uid in self._users:
-            roles.append(self._users[uid])
-        return Identity(f"user:{uid}", user_name(uid), max(roles)) if roles else None
-
-    def _certificate(self, name: str) -> Identity | None:
+            uid = credentials.uid
+            roles = [self._groups[gid] for gid in credentials.gids if gid in self._groups]
+            if uid in self._users:
+                roles.append(self._users[uid])
+            return Identity(f"user:{uid}", user_name(uid), max(roles)) if roles else None
+        name = credentials.name
         role = self._certificates.get(name)
-        return None if role is None else Identity(f"certificate:{name}", name, role)
+        is_over = credentials.serial in self._revoked or credentials.expires <= time.time()
+        return None if role is None or is_over else Identity(f"certificate:{name}", name, role)
 
 
 def _uid(name: str) -> int:

@@ -226,7 +226,8 @@ class Service:
         with self._refused_after(received_ns):
             device = self._devices.device(request.device)
             rate_hz = sample_rate(request.sample_rate_hz, device)
-            motion = await self._devices.plan(device, self._plan_call(request, caller, rate_hz))
+            motion = await device.plan(self._plan_call(request, caller, rate_hz))
+            self._devices.plans.keep(device.name, motion)
         # Messages put one behind the other are merged.
         took = pb.PlanResponse(plan=pb.Plan(planning=_seconds_since(received_ns)))
         return (motion.response or _unsampled(motion)) + took.SerializeToString()

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import logging
 import os
+import pickle
 import signal
 import socket
 import subprocess
@@ -21,7 +22,6 @@ from orientd.daemon.planners.task import (
     Rest,
     Task,
     packed,
-    unpacked,
 )
 from orientd.errors import DaemonError, OrientdError
 
@@ -181,4 +181,4 @@ class PlannerProcess:
 
 async def _message(reader: asyncio.StreamReader) -> Any:  # noqa: ANN401 - whatever was sent
     (length,) = HEADER.unpack(await reader.readexactly(HEADER.size))
-    return unpacked(await reader.readexactly(length))
+    return pickle.loads(await reader.readexactly(length))

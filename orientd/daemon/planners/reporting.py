@@ -8,7 +8,7 @@ import numpy as np
 
 from orientd.curves import METHODS
 from orientd.errors import RequestError
-from orientd.planner import Certificate, Frame, Motion
+from orientd.planner import Frame, Motion
 from orientd.planner import PathSamples as Sampled
 from orientd.protocol import Samples, cone_message, from_request, quaternion, vector
 from orientd.protocol import control_pb2 as pb
@@ -24,23 +24,21 @@ EVENT_RATE_HZ = 50.0
 
 def plan_of(motion: Motion) -> pb.Plan:
     """Return the plan of *motion*, without samples."""
+    of = motion.certificate
+    # The message of a certificate has the same fields.
+    figures = [figure._asdict() for figure in of.figures]
+    losses = [loss._asdict() for loss in of.losses]
+    certificate = pb.Certificate(**{**asdict(of), "figures": figures, "losses": losses})
     return pb.Plan(
         motion_id=motion.id,
         duration=motion.duration,
         start_time=motion.start_time,
         end_time=motion.end_time,
         keyframe_times=motion.keyframe_times.tolist(),
-        certificate=certificate(motion.certificate),
+        certificate=certificate,
         name=motion.request.name,
         keep_out=map(cone_message, motion.keep_out),
     )
-
-
-def certificate(of: Certificate) -> pb.Certificate:
-    """Return the message of a certificate; the two have the same fields."""
-    figures = [figure._asdict() for figure in of.figures]
-    losses = [loss._asdict() for loss in of.losses]
-    return pb.Certificate(**{**asdict(of), "figures": figures, "losses": losses})
 
 
 def samples_of(motion: Motion, rate_hz: float, frame: Frame | None = None) -> Samples:

@@ -20,7 +20,7 @@ import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from orientd.driver import ZERO, Joints, Quaternion, Vector3
 from orientd.planner import HISTORY, MOTION_RECORD, Frame, MotionFacts
@@ -239,8 +239,3 @@ def packed(content: object) -> bytes:
     """Return a message: *content* with its length in front."""
     body = pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL)
     return HEADER.pack(len(body)) + body
-
-
-def unpacked(body: bytes | bytearray) -> Any:  # noqa: ANN401 - whatever was packed
-    """Return the content of a message."""
-    return pickle.loads(body)

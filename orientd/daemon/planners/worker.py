@@ -12,6 +12,7 @@ import ctypes
 import gc
 import mmap
 import os
+import pickle
 import signal
 import socket
 from collections import OrderedDict
@@ -31,7 +32,6 @@ from orientd.daemon.planners.task import (
     Rest,
     Task,
     packed,
-    unpacked,
 )
 from orientd.errors import OrientdError, PlanError, RequestError
 from orientd.planner import (
@@ -207,7 +207,7 @@ def _received(peer: socket.socket, descriptors: list[int]) -> Any:  # noqa: ANN4
     descriptors += received
     more = _exactly(peer, HEADER.size - len(header)) if header else None
     body = None if more is None else _exactly(peer, HEADER.unpack(header + more)[0])
-    return None if body is None else unpacked(body)
+    return None if body is None else pickle.loads(body)
 
 
 def _exactly(peer: socket.socket, count: int) -> bytearray | None:

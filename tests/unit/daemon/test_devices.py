@@ -70,7 +70,9 @@ def servo(arm):
 
 
 def plan(devices, device, request=MOTION):
-    return asyncio.run(devices.plan(device, order_of(request)))
+    motion = asyncio.run(device.plan(order_of(request)))
+    devices.plans.keep(device.name, motion)
+    return motion
 
 
 def start(device, token, motion, options=AT_ONCE):
