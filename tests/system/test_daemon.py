@@ -3,7 +3,6 @@
 import contextlib
 import os
 import signal
-import socket
 import stat
 import subprocess
 import sys
@@ -113,18 +112,6 @@ def test_a_second_daemon_is_refused_and_the_first_goes_on(daemon):
     assert daemon.device().state == pb.STATE_HOLDING
 
 
-def test_a_killed_daemon_does_not_keep_the_next_from_starting(tmp_path):
-    with DaemonProcess(tmp_path / "daemon") as daemon:
-        servo = daemon.device().servo_pid
-        daemon.process.kill()
-        daemon.end()
-        assert daemon.socket.exists()
-        daemon.start()
-        assert daemon.device().state == pb.STATE_HOLDING
-        until(lambda: not is_alive(servo), "the first servo's end")
-        assert daemon.end() == 0
-
-
 def test_a_servo_is_out_of_reach_of_the_terminal_and_in_the_session_of_its_daemon(tmp_path):
     # The kernel shares processor time by session; in one of its own a servo has waited for 1 s.
     with DaemonProcess(tmp_path / "daemon") as daemon:
@@ -205,21 +192,6 @@ def test_a_daemon_that_is_told_to_end_while_it_starts_ends(tmp_path):
     _, errors = process.communicate(timeout=20)
     assert process.returncode == 0
     assert "Traceback" not in errors
-
-
-def test_systemd_is_told_when_it_is_ready(tmp_path):
-    daemon = DaemonProcess(tmp_path / "daemon")
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as receiver:
-        receiver.bind(str(tmp_path / "notify"))
-        receiver.settimeout(20.0)
-        os.environ["NOTIFY_SOCKET"] = str(tmp_path / "notify")
-        try:
-            daemon.start()
-        finally:
-            del os.environ["NOTIFY_SOCKET"]
-        assert receiver.recv(100) == b"READY=1"
-        assert daemon.end() == 0
-        assert receiver.recv(100) == b"STOPPING=1"
 
 
 def test_it_ends_with_its_input_where_it_is_told_to(tmp_path):

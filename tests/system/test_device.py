@@ -136,15 +136,6 @@ def test_a_device_that_has_ended_says_why_and_does_not_begin_again(device):
     assert device.snapshot().servo_pid is None
 
 
-def test_a_servo_that_is_gone_is_a_fault_although_no_cycle_says_so(device):
-    os.kill(device.snapshot().servo_pid, signal.SIGKILL)
-    until(lambda: device.snapshot().fault is not Fault.NONE, "the fault")
-    snapshot = device.snapshot()
-    assert (snapshot.state, snapshot.fault) == (ServoState.FAULT, Fault.SERVO_DIED)
-    assert snapshot.cycle is None
-    assert "signal 9" in snapshot.fault_text
-
-
 def test_a_servo_that_is_gone_before_it_answers_is_told_as_gone(device, events, monkeypatch):
     def asking():
         os.kill(device.snapshot().servo_pid, signal.SIGKILL)

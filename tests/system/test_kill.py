@@ -6,7 +6,6 @@ import random
 import signal
 import time
 
-import grpc
 import numpy as np
 import pytest
 from harness import (
@@ -135,26 +134,6 @@ def test_a_killed_servo_is_told_and_reset_brings_it_back(tmp_path):
         assert daemon.device().servo_pid not in (0, servo)
         *_, last = daemon.move(spin(1.0))
         assert last.summary.outcome == pb.OUTCOME_DONE
-
-
-def test_sigterm_stops_on_the_path_before_the_daemon_leaves(tmp_path):
-    with DaemonProcess(tmp_path, patience=None) as daemon:
-        stream = daemon.move(spin(12.0))
-        servo = daemon.device().servo_pid
-        until(lambda: is_moving(daemon.sent()), "the motion")
-        daemon.process.send_signal(signal.SIGTERM)
-        answers = []
-        try:
-            answers.extend(stream)
-        except grpc.RpcError as error:
-            raise AssertionError(f"the stream broke: {error}") from error
-        assert answers[-1].summary.outcome == pb.OUTCOME_STOPPED
-        assert daemon.end() == 0
-        assert not is_alive(servo)
-        assert not daemon.socket.exists()
-        sent = daemon.sent()
-        daemon.assert_limits_kept()
-        assert np.array_equal(sent[-1], sent[-2])
 
 
 def test_a_stopped_daemon_process_is_a_lost_heartbeat(tmp_path):

@@ -1,5 +1,6 @@
 """A daemon as systemd runs it: ready, watched, reloaded, and started again without moving."""
 
+import contextlib
 import os
 import signal
 import socket
@@ -17,7 +18,7 @@ def log(daemon):
     return (daemon.folder / "log").read_text()
 
 
-def test_systemd_is_told_that_it_is_ready_and_makes_progress(tmp_path, monkeypatch):
+def test_systemd_is_told_that_it_is_ready_makes_progress_and_ends(tmp_path, monkeypatch):
     path = tmp_path / "notify"
     monkeypatch.setenv("NOTIFY_SOCKET", str(path))
     monkeypatch.setenv("WATCHDOG_USEC", "800000")
@@ -34,8 +35,21 @@ def test_systemd_is_told_that_it_is_ready_and_makes_progress(tmp_path, monkeypat
             os.kill(servo, signal.SIGSTOP)
             try:
                 until(lambda: f"watchdog: no cycle of {DEVICE}" in log(daemon), "the alarm")
+                receiver.settimeout(0.0)
+                with contextlib.suppress(BlockingIOError):
+                    while receiver.recv(100):
+                        pass
+                receiver.settimeout(0.5)
+                with pytest.raises(TimeoutError):
+                    receiver.recv(100)
             finally:
                 os.kill(servo, signal.SIGCONT)
+            receiver.settimeout(20.0)
+            assert receiver.recv(100) == b"WATCHDOG=1"
+            assert daemon.end() == 0
+            while (told := receiver.recv(100)) == b"WATCHDOG=1":
+                pass
+            assert told == b"STOPPING=1"
 
 
 def test_a_reload_changes_what_can_change_and_names_what_cannot(tmp_path):

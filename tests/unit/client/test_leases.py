@@ -93,12 +93,6 @@ def test_the_only_device_needs_no_name(leases):
     assert leases.token() == ""
 
 
-def test_a_lease_that_a_move_has_taken_is_kept(daemon, leases):
-    leases.keep(pb.Lease(token="of the move", seconds=60.0, devices=["arm"]))
-    assert leases.needed("arm") == "of the move"
-    assert daemon.acquired == []
-
-
 def test_a_seized_lease_goes_before_one_that_was_refused(leases):
     leases.needed("arm")
     leases.seize("in the way", ["arm"])
@@ -112,12 +106,6 @@ def test_a_lease_is_given_back_even_if_the_daemon_knows_better(daemon, leases):
     leases.release()
     assert daemon.released == ["t1"]
     assert not leases.is_held("arm")
-
-
-def test_a_lease_is_renewed_in_the_background(daemon, leases):
-    quick(daemon, leases)
-    for _ in range(5):
-        assert daemon.renewed.acquire(timeout=10.0)
 
 
 def test_a_lost_lease_is_an_error_once_then_acquired_again(daemon, leases):
