@@ -10,10 +10,11 @@ import math
 import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 from orientd.client import Way
-from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol import control_stub
 
 WATCHERS = 4
 KEYFRAMES = 200
@@ -32,7 +33,7 @@ def motion(count: int = KEYFRAMES) -> pb.MotionRequest:
     return pb.MotionRequest(keyframes=keyframes, approach=True)
 
 
-def watch(stub: ControlStub, device: str) -> None:
+def watch(stub: SimpleNamespace, device: str) -> None:
     """Read every cycle of *device* as it comes."""
     for _ in stub.WatchState(pb.WatchStateRequest(device=device, rate_hz=20.0)):
         pass
@@ -41,7 +42,7 @@ def watch(stub: ControlStub, device: str) -> None:
 def main(socket: str, device: str, only: str = "") -> None:
     """Keep the daemon at *socket* busy until this process is killed."""
     channel = Way(Path(socket)).open()
-    stub = ControlStub(channel)
+    stub = control_stub(channel)
     for _ in range(WATCHERS):
         threading.Thread(target=watch, args=(stub, device), daemon=True).start()
     if only == "watch":

@@ -25,13 +25,13 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import grpc
 import numpy as np
 
 from orientd.bench.servo import DEVICE, control, daemon
 from orientd.errors import OrientdError
-from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
 
 PARTS = ("rpc", "planning", "splicing", "waiting", "total")
@@ -116,7 +116,7 @@ def measure_retargets(
 
 
 def _measure(
-    stub: ControlStub, first: dict[int, int], keyframes: int, count: int, chance: random.Random
+    stub: SimpleNamespace, first: dict[int, int], keyframes: int, count: int, chance: random.Random
 ) -> RetargetLatency:
     token = stub.AcquireLease(pb.AcquireLeaseRequest(holder="orientd bench")).lease.token
     found: list[_Retarget] = []
@@ -146,7 +146,7 @@ def _measure(
 
 
 def _retarget(
-    stub: ControlStub, token: str, motion: pb.MotionRequest
+    stub: SimpleNamespace, token: str, motion: pb.MotionRequest
 ) -> tuple[Iterator[pb.MoveResponse], _Retarget]:
     request = pb.MoveRequest(lease_token=token, device=DEVICE, motion=motion, progress_rate_hz=0.1)
     sent_ns = time.monotonic_ns()
@@ -171,7 +171,7 @@ def aims(count: int, chance: random.Random) -> pb.MotionRequest:
 
 
 @contextlib.contextmanager
-def _first_setpoints(stub: ControlStub) -> Iterator[dict[int, int]]:
+def _first_setpoints(stub: SimpleNamespace) -> Iterator[dict[int, int]]:
     """Record the time of the first setpoint of each motion, while the context lasts.
 
     Two consecutive motions share a setpoint, which counts for the first of them.  So the recorded

@@ -14,7 +14,7 @@ from google.rpc import status_pb2
 from orientd.client.channel import Way
 from orientd.client.stop_call import refusal
 from orientd.errors import AccessError, DaemonError, MessageSizeError, OrientdError
-from orientd.protocol import DETAILS_KEY, ControlStub, from_status
+from orientd.protocol import DETAILS_KEY, control_stub, from_status
 
 Answer = TypeVar("Answer")
 
@@ -59,7 +59,7 @@ class Connection:
         self._timeout = timeout
         self._channel = way.open()
         self._is_closed = False
-        self.stub: Any = ControlStub(self._channel)
+        self.stub: Any = control_stub(self._channel)
 
     def close(self) -> None:
         """Close the channel, which ends every call."""

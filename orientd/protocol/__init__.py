@@ -28,7 +28,7 @@ if TYPE_CHECKING:
         word,
     )
     from orientd.protocol.status import DETAILS_KEY, from_status, to_status
-    from orientd.protocol.stub import ControlStub
+    from orientd.protocol.stub import control_stub
     from orientd.protocol.targets import poses_from_message, target_from_message
     from orientd.protocol.values import quaternion, to_quaternion, to_vector, vector
 
@@ -56,7 +56,7 @@ __getattr__ = lazily(
             "word",
         ),
         "orientd.protocol.status": ("DETAILS_KEY", "from_status", "to_status"),
-        "orientd.protocol.stub": ("ControlStub",),
+        "orientd.protocol.stub": ("control_stub",),
         "orientd.protocol.targets": ("poses_from_message", "target_from_message"),
         "orientd.protocol.values": ("quaternion", "to_quaternion", "to_vector", "vector"),
     },

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from types import SimpleNamespace
+from typing import TYPE_CHECKING
 
 from google.protobuf.message_factory import GetMessageClass
 
@@ -11,29 +12,20 @@ from orientd.protocol import control_pb2 as pb
 if TYPE_CHECKING:
     import grpc
 
-_SERVICE = pb.DESCRIPTOR.services_by_name["Control"]
 
+def control_stub(channel: grpc.Channel) -> SimpleNamespace:
+    """Return the daemon's calls by their names in ``control.proto``.
 
-class ControlStub:
-    """Call the daemon: ``stub.GetState(request, timeout=...)``, by the names of ``control.proto``.
-
-    Each call is a multi-callable of gRPC, made when it is first used.
+    >>> control_stub(channel).GetState(GetStateRequest(), timeout=1.0)  # doctest: +SKIP
     """
-
-    def __init__(self, channel: grpc.Channel) -> None:
-        """Call over *channel*."""
-        self._channel = channel
-
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - one of gRPC's four kinds
-        method = _SERVICE.methods_by_name.get(name)
-        if method is None:
-            raise AttributeError(f"{_SERVICE.full_name} has no call {name!r}")
+    service, calls = pb.DESCRIPTOR.services_by_name["Control"], SimpleNamespace()
+    for method in service.methods:
         kinds = (method.client_streaming, method.server_streaming)
-        make = getattr(self._channel, "_".join("stream" if one else "unary" for one in kinds))
+        make = getattr(channel, "_".join("stream" if one else "unary" for one in kinds))
         call = make(
-            f"/{_SERVICE.full_name}/{name}",
+            f"/{service.full_name}/{method.name}",
             request_serializer=GetMessageClass(method.input_type).SerializeToString,
             response_deserializer=GetMessageClass(method.output_type).FromString,
         )
-        setattr(self, name, call)
-        return call
+        setattr(calls, method.name, call)
+    return calls

@@ -20,8 +20,8 @@ from orientd.bench.clients import motion as wave
 from orientd.bench.servo import DEVICE, daemon
 from orientd.errors import PlanError
 from orientd.planner import DEFAULT_LIMITS, Keyframe, MotionRequest, State, plan
-from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol import control_stub
 
 PERIOD = 0.002
 V, A, J = 2.0, 10.0, 100.0  # rad/s, rad/s^2, rad/s^3: of the norms
@@ -317,7 +317,7 @@ def _streamed():
         daemon(Path(folder), 500.0, 0) as socket,
         grpc.insecure_channel(f"unix:{socket}") as channel,
     ):
-        stub = ControlStub(channel)
+        stub = control_stub(channel)
         token = stub.AcquireLease(pb.AcquireLeaseRequest(holder="peers")).lease.token
         call = stub.Move(pb.MoveRequest(lease_token=token, device=DEVICE, motion=wave()))
         next(call)

@@ -26,8 +26,8 @@ from harness import (
 )
 from ledger import Tally, rounds_of
 
-from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol import control_stub
 
 LONGEST = 1.0
 """Longest permitted duration of a call, s."""
@@ -112,7 +112,7 @@ class Probe(threading.Thread):
     def run(self) -> None:
         stage = self._stage
         with channel_to(stage.daemon.socket) as channel:
-            stub = ControlStub(channel)
+            stub = control_stub(channel)
             while not self._ending.wait(0.02):
                 with contextlib.suppress(grpc.RpcError):
                     stage.calls.measure(

@@ -12,8 +12,8 @@ from scenes import under_way
 from stage import rehearse
 
 from orientd.client.channel import MAX_MESSAGE_BYTES
-from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol import control_stub
 
 pytestmark = [pytest.mark.chaos, pytest.mark.timeout(7200)]
 
@@ -167,10 +167,10 @@ def slow(stage, generator, tally):
     channels = [channel_to(stage.daemon.socket) for _ in range(20)]
     for channel in channels:
         request = pb.WatchStateRequest(device=DEVICE, rate_hz=100.0, decimation=1)
-        stream = ControlStub(channel).WatchState(request)
+        stream = control_stub(channel).WatchState(request)
         next(stream)
         stage.streams.append(stream)
-        stage.streams.append(ControlStub(channel).WatchEvents(pb.WatchEventsRequest()))
+        stage.streams.append(control_stub(channel).WatchEvents(pb.WatchEventsRequest()))
     time.sleep(0.5)
     return channels
 

@@ -12,8 +12,8 @@ from crowd import endless_motion, large_motion, raw_channel
 from harness import nudge, spin, until
 from storm_rig import Rig, await_idle, memory_mib
 
-from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol import control_stub
 
 DEVICE = "arm"
 PLAN_TIMEOUT = 2.0
@@ -177,11 +177,11 @@ def test_many_large_plans_of_one_caller_do_not_hold_up_another(rig):
     # The processors are shared while they plan.
     longest, waits = 2.0 * alone + 1.0, []
     with raw_channel(rig.socket) as greedy, raw_channel(rig.socket) as modest:
-        calls = [ControlStub(greedy).Plan.future(large) for _ in range(50)]
+        calls = [control_stub(greedy).Plan.future(large) for _ in range(50)]
         time.sleep(0.5)
         for _ in range(5):
             begun = time.monotonic()
-            ControlStub(modest).Plan(SMALL, timeout=longest)
+            control_stub(modest).Plan(SMALL, timeout=longest)
             waits.append(time.monotonic() - begun)
         done = sum(call.done() for call in calls)
         for call in calls:

@@ -26,8 +26,8 @@ from harness import DaemonProcess, resident_kib, spin, until
 
 import orientd
 from orientd.client import ask_to_stop
-from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol import control_stub
 
 pytestmark = [
     pytest.mark.storm,
@@ -114,7 +114,7 @@ def plans(daemon):
     """Have 100 large plans wait."""
     motion = spin(8000.0)
     with grpc.insecure_channel(f"unix:{daemon.socket}") as channel:
-        stub = ControlStub(channel)
+        stub = control_stub(channel)
         asked = [stub.Plan.future(pb.PlanRequest(motion=motion)) for _ in range(100)]
         yield
         for one in asked:
@@ -126,8 +126,8 @@ def watchers(daemon):
     """Have 120 watchers that do not read, in a process of their own."""
     program = (
         "import sys, grpc; from orientd.protocol import control_pb2 as pb\n"
-        "from orientd.protocol import ControlStub\n"
-        "stub = ControlStub(grpc.insecure_channel('unix:' + sys.argv[1]))\n"
+        "from orientd.protocol import control_stub\n"
+        "stub = control_stub(grpc.insecure_channel('unix:' + sys.argv[1]))\n"
         "kept = [stub.WatchState(pb.WatchStateRequest(rate_hz=100.0)) for _ in range(120)]\n"
         "print('ready', flush=True); sys.stdin.read()"
     )

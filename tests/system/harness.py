@@ -23,8 +23,8 @@ from grpclib.health.v1.health_pb2 import HealthCheckRequest, HealthCheckResponse
 
 from orientd import connect, rotation
 from orientd.errors import OrientdError
-from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol import control_stub
 from orientd.servo.watchdog import SHORTEST_NS
 from orientd.stream import CYCLE_RECORD, Cycle, CycleFlag, unpack_cycle
 from orientd_loopback import read_recording
@@ -187,7 +187,7 @@ class DaemonProcess:
             line = self.process.stdout.readline()
             assert "ready at" in line, (line, (self.folder / "log").read_text())
             self.channel = channel_to(self.socket)
-            self.stub = ControlStub(self.channel)
+            self.stub = control_stub(self.channel)
             self.token = self.stub.AcquireLease(pb.AcquireLeaseRequest(holder="test")).lease.token
         except BaseException:
             # If a test cannot begin, its end does not stop the daemon either.

@@ -24,8 +24,8 @@ import orientd
 from orientd.config import Role
 from orientd.daemon.access.rules import RULES
 from orientd.errors import AccessError, DaemonError, LeaseError, RequestError
-from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol import control_stub
 
 pytestmark = pytest.mark.skipif(OPENSSL is None, reason="there is no openssl here")
 
@@ -399,7 +399,7 @@ def test_a_revocation_counts_at_once_and_for_the_one_revoked_alone(cell):
         until(lambda: (cell.folder / "log").read_text().count("reload: changed") > told, "it")
 
     with cell.channel("watcher") as channel:
-        stream = ControlStub(channel).WatchState(pb.WatchStateRequest())
+        stream = control_stub(channel).WatchState(pb.WatchStateRequest())
         next(stream)
         reload()
         next(stream)
@@ -416,7 +416,7 @@ def test_a_revocation_counts_at_once_and_for_the_one_revoked_alone(cell):
 
 def test_a_role_that_is_taken_away_counts_at_once(cell):
     with cell.channel("chief") as channel:
-        stream = ControlStub(channel).WatchState(pb.WatchStateRequest())
+        stream = control_stub(channel).WatchState(pb.WatchStateRequest())
         next(stream)
         text = cell.daemon.config.read_text()
         cell.daemon.config.write_text(text.replace("chief = 'administrator'\n", ""))

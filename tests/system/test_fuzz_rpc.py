@@ -12,8 +12,8 @@ from every_call import SERVICE, call
 from harness import DaemonProcess, is_alive, resident_kib, until
 from nonsense import pour
 
-from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol import control_stub
 
 LONG = int(os.environ.get("ORIENTD_FUZZ_CALLS", "1000000"))
 PARTS = 10
@@ -102,7 +102,7 @@ def test_a_message_too_large_or_a_motion_too_long_is_refused(tmp_path, name):
         return pb.MotionRequest(keyframes=keyframes)
 
     with limited(tmp_path, "message_bytes = 20000\nkeyframes = 50") as daemon:
-        stub = ControlStub(daemon.channel)
+        stub = control_stub(daemon.channel)
         stub.Plan(pb.PlanRequest(motion=motion(50)))
         with pytest.raises(grpc.RpcError, match="keyframes: expected at most 50, got 51"):
             stub.Plan(pb.PlanRequest(motion=motion(51)))
@@ -127,7 +127,7 @@ def test_a_key_that_is_no_longer_used_is_named(tmp_path):
 
 def test_who_has_too_many_calls_open_is_refused_but_may_stop(tmp_path):
     with limited(tmp_path, "streams = 2") as daemon, connection(daemon) as busy:
-        watch = ControlStub(busy).WatchState
+        watch = control_stub(busy).WatchState
         held = [watch(pb.WatchStateRequest()) for _ in range(2)]
         for stream in held:
             next(stream)
@@ -143,7 +143,7 @@ def test_who_has_far_too_many_connections_in_use_is_turned_away(tmp_path):
         held = []
         for _ in range(4):
             channel = opened.enter_context(connection(daemon))
-            held.append(ControlStub(channel).WatchState(pb.WatchStateRequest()))
+            held.append(control_stub(channel).WatchState(pb.WatchStateRequest()))
             next(held[-1])
         one_more = opened.enter_context(connection(daemon))
         assert call(one_more, LOOK, [pb.ListDevicesRequest()]) == "UNAVAILABLE"
@@ -161,7 +161,7 @@ def test_who_has_every_connection_in_use_may_stop_and_is_told_what_is_too_much(t
         held = []
         for _ in range(2):
             channel = opened.enter_context(connection(daemon))
-            held.append(ControlStub(channel).WatchState(pb.WatchStateRequest()))
+            held.append(control_stub(channel).WatchState(pb.WatchStateRequest()))
             next(held[-1])
         third = opened.enter_context(connection(daemon))
         assert call(third, STOP, [pb.StopRequest()]) == "OK"

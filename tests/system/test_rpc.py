@@ -26,8 +26,8 @@ from orientd.errors import (
     StateError,
     UnknownNameError,
 )
-from orientd.protocol import ControlStub, samples, to_quaternion
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol import control_stub, samples, to_quaternion
 from orientd.rotation import Quaternion
 
 LEASE_SECONDS = 3.0
@@ -416,7 +416,7 @@ def test_refused_plans_leave_no_memory(tmp_path):
         motion = spin(8000.0)
         for _ in range(5):
             asked = [
-                ControlStub(channel).Plan.future(pb.PlanRequest(motion=motion)) for _ in range(80)
+                control_stub(channel).Plan.future(pb.PlanRequest(motion=motion)) for _ in range(80)
             ]
             time.sleep(0.5)
             for one in asked:

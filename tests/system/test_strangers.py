@@ -10,8 +10,8 @@ import pytest
 from access_cell import OPERATOR, STRANGER, as_user
 from authority import OPENSSL, QUICK_KEY
 
-from orientd.protocol import ControlStub
 from orientd.protocol import control_pb2 as pb
+from orientd.protocol import control_stub
 
 pytestmark = pytest.mark.skipif(OPENSSL is None, reason="there is no openssl here")
 
@@ -104,7 +104,7 @@ def test_the_token_of_a_lease_that_has_ended_is_not_renewed(cell, kind):
 )
 def test_an_operator_with_anothers_token_is_refused(cell, name, request_):
     with cell.channel("pendant") as channel:
-        answer = getattr(ControlStub(channel), name)
+        answer = getattr(control_stub(channel), name)
         with pytest.raises(grpc.RpcError) as caught:
             for _ in (
                 [answer(request_(cell.daemon.token))]
@@ -164,8 +164,8 @@ def code_of(channel):
     """Return the status of a look and of a command."""
     codes = set()
     for call, request in (
-        (ControlStub(channel).GetState, pb.GetStateRequest()),
-        (ControlStub(channel).Enable, pb.CommandRequest()),
+        (control_stub(channel).GetState, pb.GetStateRequest()),
+        (control_stub(channel).Enable, pb.CommandRequest()),
     ):
         try:
             call(request, timeout=20.0)
