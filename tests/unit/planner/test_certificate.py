@@ -1,4 +1,3 @@
-import dataclasses
 from math import sqrt
 
 import numpy as np
@@ -167,11 +166,6 @@ def test_the_brake_rate_is_that_of_the_position_where_that_is_the_least():
     assert peaks.brake_rate == pytest.approx(rate, rel=1e-6)
     assert peaks.brake_rate < FASTEST_BRAKE_RATE
     assert peaks.brake_time == pytest.approx(place * H)
-
-
-def test_peaks_cannot_be_changed():
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        look(*walk()).brake_rate = 1.0
 
 
 def test_the_device_holds_with_no_rates_after_the_last_record():

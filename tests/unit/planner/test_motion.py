@@ -67,10 +67,5 @@ def test_records_that_are_not_there_are_refused():
         MOTION.records(-1, 2)
 
 
-def test_a_motion_cannot_be_changed():
-    with pytest.raises(AttributeError):
-        MOTION.period = 0.1
-
-
 def test_motions_have_different_names():
     assert len({motion.id for motion in MOTIONS}) == len(MOTIONS)
