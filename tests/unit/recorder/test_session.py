@@ -8,7 +8,6 @@ import pytest
 from recorded import OFFSET_NS, RATE_HZ, decoded, moving
 
 from orientd.client import Configuration
-from orientd.errors import UnknownNameError
 from orientd.protocol import control_pb2 as pb
 from orientd.recorder import DaemonRecorder, LiveRecording, RecordingSession, load_recording
 from orientd.recorder.writer import RecordingError, RecordingWriter
@@ -115,33 +114,6 @@ def test_only_the_devices_that_are_named_are_recorded(tmp_path):
     recording = load_recording(tmp_path / "a.mcap")
     assert set(recording.cycles) == {"leg"}
     assert recording.events == events()[1:]
-
-
-def test_a_device_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(UnknownNameError, match="expected one of arm, leg, got 'hip'"):
-        RecordingSession(Daemon({}), tmp_path / "a.mcap", ["hip"])
-
-
-def test_in_a_cell_the_daemons_name_is_in_front_and_its_clock_is_taken_off(tmp_path):
-    table, path = moving(50), tmp_path / "a.mcap"
-    shifted = table.copy()
-    for name in ("deadline_ns", "feedback_time_ns"):
-        shifted[name] += 1_000_000_000
-    daemon, looks = Daemon({"arm": [(shifted, 0)]}, events()[:1]), []
-    recorder = DaemonRecorder(daemon, ["arm"], daemon="arm-1", shift_ns=lambda: 1_000_000_000)
-    live = LiveRecording(path)
-    end_when_served(daemon, live, 2)
-    with RecordingWriter(path, offset_ns=OFFSET_NS) as writer:
-        configuration = daemon.configuration()
-        recorder.run(writer, configuration, live, on_state=lambda: looks.append(1))
-    recording = load_recording(path)
-    found = recording.cycles["arm-1/arm"]
-    for name in ("deadline_ns", "feedback_time_ns"):
-        np.testing.assert_array_equal(found[name], table[name])
-    (event,) = recording.events
-    assert (event.device, event.time_ns) == ("arm-1/arm", 6_000_000_000)
-    assert looks == [1]
-    assert {topic for topic, *_ in decoded(path)} >= {"/arm-1/state", "/arm-1/arm/cycles"}
 
 
 def test_a_daemon_that_is_lost_ends_the_recording_with_what_there_is(tmp_path):

@@ -2,7 +2,6 @@
 
 import json
 import re
-import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -132,68 +131,6 @@ def test_a_recording_that_has_ended_takes_no_more(table, tmp_path):
         with pytest.raises(RecordingError, match=r"a\.mcap has ended"):
             add()
     assert path.read_bytes() == content
-
-
-_FILL = """
-import sys
-from pathlib import Path
-sys.path[:0] = sys.argv[2:]
-from recorded import moving
-from orientd.recorder.writer import RecordingError, RecordingWriter
-writer = RecordingWriter(Path(sys.argv[1]), offset_ns=0)
-writer.add_device("arm", 500.0)
-try:
-    while True:
-        writer.add_cycles("arm", moving(256))
-except RecordingError as error:
-    print(error)
-writer.close()
-"""
-
-
-def test_a_full_disk_ends_the_recording_with_one_line(tmp_path):
-    path, most = tmp_path / "a.mcap", 300_000
-
-    def limited():
-        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
-
-    here = str(Path(__file__).parent)
-    done = subprocess.run(
-        [sys.executable, "-c", _FILL, str(path), here],
-        preexec_fn=limited, capture_output=True, text=True, check=False, timeout=60,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    (line,) = done.stdout.splitlines()
-    assert line.endswith("File too large")
-    assert path.stat().st_size <= most
-    with pytest.raises(RecordingError, match="it has no end"):
-        reader.load_recording(path)
-    assert (
-        reader.load_recording(path, partial=True).facts == {}
-    )  # it holds cycles, but this writer was told nothing of a daemon
-
-
-@pytest.mark.slow
-def test_ten_minutes_validate(tmp_path):
-    table = moving(300_000, joints=6)
-    path = write(tmp_path / "a.mcap", table)
-    assert validated(path) == {"/arm/cycles": 300_000, "/tf": 2 * 25 * 600}
-    assert path.stat().st_size < 10 * 6_000_000
-    np.testing.assert_array_equal(
-        reader.load_recording(path).cycles["arm"]["index"], table["index"]
-    )
-
-
-def test_what_was_flushed_is_in_the_file_whatever_happens_to_the_writer(table, tmp_path):
-    path = tmp_path / "a.mcap"
-    with RecordingWriter(path, offset_ns=OFFSET_NS) as writer:
-        writer.add_device("arm", RATE_HZ)
-        writer.add_configuration("{}", {})
-        for begin, end in ((0, 50), (50, 100), (100, 101)):
-            writer.add_cycles("arm", table[begin:end])
-            writer.flush()
-            there = reader.load_recording(path, partial=True).cycles["arm"]
-            np.testing.assert_array_equal(there["index"], table["index"][:end])
 
 
 _KILLED = """
