@@ -141,25 +141,6 @@ def test_a_bad_message_is_refused_in_the_words_of_the_file(daemon, name):
     assert str(caught.value).startswith(line)
 
 
-@pytest.mark.parametrize(
-    ("content", "line"),
-    [
-        (b"", "the file is empty"),
-        (b"keyframes: [1, 2", "not YAML"),
-        (b"\xff\xfe", "not UTF-8"),
-        (b"[1, 2]", "a motion must be a mapping"),
-        (b"keyframes: 5", "keyframes: expected a list"),
-    ],
-)
-def test_what_is_no_motion_file_is_refused(tmp_path, content, line):
-    path = tmp_path / "motion.yaml"
-    path.write_bytes(content)
-    result = inside("plan", path)
-    assert (result.returncode, result.stdout) == (1, "")
-    assert line in result.stderr
-    assert result.stderr.count("\n") == 1
-
-
 def test_a_file_that_is_not_there_is_refused(tmp_path):
     assert_refused(orientd("plan", tmp_path / "absent.yaml"), "cannot read", "No such file")
 

@@ -47,10 +47,6 @@ def test_a_request_cannot_be_changed():
         request.options["align"] = False
 
 
-def test_at_least_one_keyframe_is_needed():
-    assert refusal() == ("keyframes", "expected at least 1, got 0")
-
-
 def test_a_single_keyframe_is_approached():
     assert MotionRequest([Keyframe(ONE)]).approach
 
@@ -69,7 +65,6 @@ def test_a_norm_within_tolerance_is_accepted_and_made_exact():
 @pytest.mark.parametrize(
     ("q", "problem"),
     [
-        ((1.1, 0, 0, 0), "norm must be 1 within 0.001, got 1.1"),
         ((1.002, 0, 0, 0), "norm must be 1 within 0.001, got 1.002"),
         ((1, 0, 0), "expected four numbers w, x, y, z, got (1, 0, 0)"),
         ("north", "expected {w: ..., x: ..., y: ..., z: ...}, got the text 'north'"),
@@ -90,8 +85,6 @@ def test_a_component_that_is_not_finite_is_named(part):
 @pytest.mark.parametrize(
     ("times", "index", "words"),
     [
-        ((0, 1, 1), 2, "interval of length zero"),
-        ((0, 2, 1), 2, r"must be later than keyframes\[1\] at 2 s, got 1"),
         ((0, None, 1), 1, "every keyframe needs one"),
         ((None, None, 1), 0, r"keyframes\[2\] has one"),
     ],

@@ -121,13 +121,12 @@ def test_a_velocity_without_its_frame_is_refused():
     ("keyframe", "field"),
     [
         (pb.Keyframe(), "keyframes[1]"),
-        (pb.Keyframe(quaternion=pb.Quaternion(w=1.1)), "keyframes[1].quaternion"),
         (pb.Keyframe(quaternion=pb.Quaternion(w=math.nan)), "keyframes[1].quaternion.w"),
         (pb.Keyframe(matrix=pb.Matrix(elements=[1.0] * 8)), "keyframes[1].matrix"),
         (pb.Keyframe(euler=pb.EulerAngles(axes="xyz")), "keyframes[1].euler.degrees"),
         (pb.Keyframe(euler=pb.EulerAngles(axes="xyq")), "keyframes[1].euler.axes"),
     ],
-    ids=["nothing", "norm", "nan", "matrix", "angles", "axes"],
+    ids=["nothing", "nan", "matrix", "angles", "axes"],
 )
 def test_a_bad_keyframe_is_named_as_in_a_file(keyframe, field):
     good = pb.Keyframe(quaternion=pb.Quaternion(w=1.0))
