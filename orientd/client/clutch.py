@@ -10,7 +10,7 @@ import math
 import time
 from typing import TYPE_CHECKING, Self
 
-from orientd.client.target_messages import Frame, orientation_of, vector_of
+from orientd.client.target_messages import Frame, is_in_world, orientation_of, vector_of
 from orientd.driver import ZERO, Vector3
 from orientd.driver import Quaternion as Orientation
 from orientd.errors import RequestError
@@ -122,11 +122,9 @@ class Clutch:
         """
         if not 0.0 < scale < math.inf:
             raise RequestError("scale", f"expected more than 0, got {scale!r}")
-        if frame not in ("body", "world"):
-            raise RequestError("frame", f"expected 'body' or 'world', got {frame!r}")
         self.q, self.position = anchor.newest
         self._tracking, self._anchor = tracking, anchor
-        self._scale, self._is_world = scale, frame == "world"
+        self._scale, self._is_world = scale, is_in_world(frame, "frame")
         self._time_to_live = time_to_live
         self._hand: tuple[Orientation, Vector3 | None] | None = None
         self._has_braked = False

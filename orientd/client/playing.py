@@ -6,12 +6,12 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from orientd.client.smoothing import smoothed_orientations, smoothed_positions
-from orientd.client.target_messages import Frame, orientation_of
+from orientd.client.target_messages import Frame, is_in_world, orientation_of
 from orientd.client.tracking import Tracking
 from orientd.driver import Quaternion as Orientation
 from orientd.errors import RequestError
@@ -110,10 +110,7 @@ class Playing(Tracking):
             RequestError: the chunk is not well formed.
             OrientdError: the device no longer plays.
         """
-        if velocity_frame not in get_args(Frame):
-            raise RequestError(
-                "velocity_frame", f"expected 'body' or 'world', got {velocity_frame!r}"
-            )
+        is_world = is_in_world(velocity_frame)
         orientations, places = _poses(poses)
         stamps = _stamps(len(orientations), rate, start, times)
         if positions is not None:
@@ -135,7 +132,7 @@ class Playing(Tracking):
         if angular_velocities is not None:
             rows = _rows("angular_velocities", angular_velocities, len(orientations))
             message.angular_velocities.extend(number for row in rows for number in row)
-            message.velocity_frame = pb.FRAME_WORLD if velocity_frame == "world" else pb.FRAME_BODY
+            message.velocity_frame = pb.FRAME_WORLD if is_world else pb.FRAME_BODY
         self.send(pb.TrackRequest(chunk=message))
         self._sent += 1
         self._last_ns = max(stamps)

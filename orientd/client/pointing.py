@@ -20,7 +20,7 @@ from typing import NamedTuple, get_args
 from orientd.client.connection import Connection
 from orientd.client.prediction import LONGEST_NS, Predictor, turning
 from orientd.client.sight import AXES, NEAREST, Axis, PlanSight, PointSight, Roll, Sight, TurnSight
-from orientd.client.target_messages import Frame, orientation_of, vector_of
+from orientd.client.target_messages import Frame, is_in_world, orientation_of, vector_of
 from orientd.driver import IDENTITY, ZERO, Quaternion, Vector3
 from orientd.errors import RequestError, StaleBaseError, StateError
 from orientd.floats import conjugate, multiply, norm, normalize, plus, rotate_back
@@ -476,10 +476,8 @@ def _body_rate(q: Quaternion, given: object, frame: Frame) -> Vector3 | None:
     Raises:
         RequestError: it is malformed.
     """
-    omega = _optional(given, "angular_velocity")
-    if frame not in get_args(Frame):
-        raise RequestError("velocity_frame", f"expected 'body' or 'world', got {frame!r}")
-    return rotate_back(q, omega) if omega is not None and frame == "world" else omega
+    omega, is_world = _optional(given, "angular_velocity"), is_in_world(frame)
+    return rotate_back(q, omega) if omega is not None and is_world else omega
 
 
 def _stamp(time_ns: int, now_ns: int) -> int:

@@ -36,10 +36,7 @@ def target_message(
     Raises:
         RequestError: the target is malformed.
     """
-    if velocity_frame not in get_args(Frame):
-        raise RequestError(
-            "target.velocity_frame", f"expected 'body' or 'world', got {velocity_frame!r}"
-        )
+    is_world = is_in_world(velocity_frame, "target.velocity_frame")
     if not isinstance(time_ns, int):
         raise RequestError("target.time_ns", f"expected a whole number, got {time_ns!r}")
     if not isinstance(time_to_live, int | float):
@@ -50,10 +47,21 @@ def target_message(
         message.angular_velocity.CopyFrom(
             vector(vector_of(angular_velocity, "target.angular_velocity"))
         )
-        message.velocity_frame = pb.FRAME_WORLD if velocity_frame == "world" else pb.FRAME_BODY
+        message.velocity_frame = pb.FRAME_WORLD if is_world else pb.FRAME_BODY
     if position is not None:
         message.position.CopyFrom(vector(vector_of(position, "target.position")))
     return message
+
+
+def is_in_world(frame: object, place: str = "velocity_frame") -> bool:
+    """Return whether velocities are given in the world frame; *place* is its name in messages.
+
+    Raises:
+        RequestError: it is neither that of the body nor that of the world.
+    """
+    if frame not in get_args(Frame):
+        raise RequestError(place, f"expected 'body' or 'world', got {frame!r}")
+    return frame == "world"
 
 
 def vector_of(given: object, place: str) -> Vector3:
