@@ -3,7 +3,6 @@
 import contextlib
 import shutil
 import signal
-import socket
 import statistics
 import sys
 import threading
@@ -11,7 +10,7 @@ import urllib.request
 
 import pytest
 from command_line import begin, environment
-from harness import until
+from harness import free_port, until
 from test_servo import show
 
 from orientd.bench.lateness import processes
@@ -32,12 +31,6 @@ RATE_HZ, PAIRS, SECONDS = 500.0, 6, 10.0
 PAGES = 2
 # As a page is drawn without a graphics card, by the same processor that the servo has.
 SOFTWARE = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-
-
-def free_port():
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return listener.getsockname()[1]
 
 
 @contextlib.contextmanager

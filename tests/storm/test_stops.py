@@ -22,7 +22,7 @@ import pytest
 from authority import OPENSSL, Authority
 from browser import CHROMIUM, open_browser, page_of, view_of
 from command_line import orientd as orientd_command
-from harness import DaemonProcess, resident_kib, spin, until
+from harness import DaemonProcess, free_port, resident_kib, spin, until
 
 import orientd
 from orientd.client import ask_to_stop
@@ -39,12 +39,6 @@ ADMISSION = 2.0
 """Until a new client has been answered, s."""
 MEMORY = 256 * 1024
 """That the daemon may have used, KiB."""
-
-
-def free_port():
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return listener.getsockname()[1]
 
 
 @pytest.fixture(scope="module")

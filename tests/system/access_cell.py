@@ -1,26 +1,19 @@
 """A daemon with roles for users and certificates, and the authorities of those."""
 
 import json
-import socket
 import subprocess
 import sys
 from pathlib import Path
 
 import grpc
 from authority import Authority
-from harness import DaemonProcess
+from harness import DaemonProcess, free_port
 
 import orientd
 from orientd.protocol import control_pb2 as pb
 
 OBSERVER, OPERATOR, MEMBER, STRANGER = 54301, 54302, 54303, 54304
 GROUP = 54399
-
-
-def free_port():
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return listener.getsockname()[1]
 
 
 class Cell:

@@ -3,12 +3,12 @@
 import contextlib
 import os
 import signal
-import socket
 import subprocess
 import sys
 from pathlib import Path
 
 from authority import Authority
+from harness import free_port
 
 from orientd.fleet import connect_fleet
 
@@ -21,12 +21,6 @@ ROLES = {"watcher": "observer", "pendant": "operator", "chief": "administrator"}
 def can_have_own_clocks():
     done = subprocess.run([*AHEAD, "1", "true"], check=False, stderr=subprocess.DEVNULL)
     return done.returncode == 0
-
-
-def free_port():
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return listener.getsockname()[1]
 
 
 class RunningCell:

@@ -7,6 +7,7 @@ import itertools
 import math
 import os
 import signal
+import socket as sockets
 import subprocess
 import sys
 import threading
@@ -34,6 +35,13 @@ VELOCITY, ACCELERATION, JERK = 2.5, 17.0, 8500.0
 
 DEVICE_PRIORITY = 70
 """SCHED_FIFO priority of an emulated device."""
+
+
+def free_port():
+    """Return a TCP port that nobody listens at."""
+    with sockets.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return listener.getsockname()[1]
 
 
 def until(condition, what, seconds=30.0):

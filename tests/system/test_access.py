@@ -11,13 +11,13 @@ import urllib.request
 
 import grpc
 import pytest
-from access_cell import GROUP, MEMBER, OBSERVER, OPERATOR, STRANGER, as_user, free_port
+from access_cell import GROUP, MEMBER, OBSERVER, OPERATOR, STRANGER, as_user
 from authority import OPENSSL
 from browser import view_of
 from command_line import assert_refused, begin, environment
 from command_line import orientd as orientd_command
 from every_call import SERVICE, walk
-from harness import DaemonProcess, resident_kib, spin, until
+from harness import DaemonProcess, free_port, resident_kib, spin, until
 from page import page_at
 
 import orientd

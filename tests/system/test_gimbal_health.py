@@ -1,13 +1,12 @@
 """The health of servos, from their bus to those who look: status, metrics, recordings, the log."""
 
 import re
-import socket
 import urllib.request
 
 import pytest
 from command_line import begin, environment, orientd
 from gimbal_bench import GimbalDaemon
-from harness import until
+from harness import free_port, until
 from recorded_facts import states
 
 from orientd import connect
@@ -23,12 +22,6 @@ def daemon(bus, tmp_path):
     yield it
     if it.process is not None and it.process.poll() is None:
         it.end()
-
-
-def free_port():
-    with socket.socket() as it:
-        it.bind(("127.0.0.1", 0))
-        return it.getsockname()[1]
 
 
 def test_what_servos_measure_is_told_everywhere_with_a_warning_in_time(bus, daemon, tmp_path):

@@ -4,28 +4,20 @@ import time
 
 import numpy as np
 import pytest
-from harness import DaemonProcess, until
+from harness import until
 
 import orientd
 from orientd.compat import RTDEInterpolationController
 from orientd.compat.interpolation_controller import KEYS
 from orientd.errors import StateError
-from orientd.protocol import control_pb2 as pb
 
 A, B = [1.4108558893203735, -0.14490126, 2.29686666], [-1.98694757, -0.20934335, -2.12741767]
 """Rotation vectors of a policy that are 46.66 degrees apart; their components change sign."""
 
 
-@pytest.fixture(scope="module")
-def process(tmp_path_factory):
-    with DaemonProcess(tmp_path_factory.mktemp("daemon")) as process:
-        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
-        yield process
-
-
 @pytest.fixture
-def controller(process):
-    with orientd.connect(process.socket) as robot:
+def controller(daemon):
+    with orientd.connect(daemon.socket) as robot:
         robot.move([{"rotation_vector": A, "position": [0, 0, 0]}], approach=True).wait(30.0)
     with RTDEInterpolationController(
         None,
@@ -34,7 +26,7 @@ def controller(process):
         max_pos_speed=0.25,
         gain=300,
         receive_latency=0.25,
-        socket=process.socket,
+        socket=daemon.socket,
     ) as controller:
         yield controller
 
@@ -43,15 +35,15 @@ def pose(controller):
     return controller.get_state()["TargetTCPPose"]
 
 
-def test_waypoints_are_passed_at_their_times_and_the_last_one_is_kept(process, controller):
-    before = len(process.sent())
+def test_waypoints_are_passed_at_their_times_and_the_last_one_is_kept(daemon, controller):
+    before = len(daemon.sent())
     begin = time.time() + 0.1
     for k in range(20):
         controller.schedule_waypoint([0.005 * k, 0.0, 0.0, *A], begin + k / 20)
     until(lambda: pose(controller)[0] == pytest.approx(0.095, abs=1e-6), "the last waypoint")
     x = [state[0] for state in controller.get_all_state()["TargetTCPPose"]]
     assert max(x) < 0.096
-    process.assert_limits_kept(max(0, before - 3))
+    daemon.assert_limits_kept(max(0, before - 3))
 
 
 def test_a_later_waypoint_is_dropped_for_one_before_it(controller):
@@ -62,14 +54,14 @@ def test_a_later_waypoint_is_dropped_for_one_before_it(controller):
     assert pose(controller)[0] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_a_twin_of_a_rotation_vector_is_the_short_way(process, controller):
-    before = len(process.sent())
+def test_a_twin_of_a_rotation_vector_is_the_short_way(daemon, controller):
+    before = len(daemon.sent())
     here = pose(controller)[:3]
     controller.servoL([*here, *A], duration=0.1)
     controller.servoL([*here, *B], duration=1.5)
     goal = orientd.rotation.exp(B)
-    until(lambda: orientd.rotation.angle(process.sent()[-1], goal) < 1e-4, "the pose")
-    sent = process.sent()[before:]
+    until(lambda: orientd.rotation.angle(daemon.sent()[-1], goal) < 1e-4, "the pose")
+    sent = daemon.sent()[before:]
     way = orientd.rotation.angle(sent[1:], sent[:-1]).sum()
     assert np.degrees(way) == pytest.approx(46.66, abs=1.0)
 
@@ -87,13 +79,13 @@ def test_states_have_the_names_and_shapes_of_the_original(controller):
     assert one["ActualTCPPose"] == pytest.approx(one["TargetTCPPose"], abs=1e-2)
 
 
-def test_it_is_ready_once_started_and_refuses_poses_of_another_shape(process, controller):
+def test_it_is_ready_once_started_and_refuses_poses_of_another_shape(daemon, controller):
     assert controller.is_ready
     with pytest.raises(ValueError, match=r"\(6,\)"):
         controller.servoL([0.0, 0.0, 0.0])
     with pytest.raises(ValueError, match="positive"):
         controller.servoL([0.0] * 6, duration=0.0)
-    idle = RTDEInterpolationController(socket=process.socket, device="no such")
+    idle = RTDEInterpolationController(socket=daemon.socket, device="no such")
     with pytest.raises(StateError, match="not started"):
         idle.servoL([0.0] * 6)
     with pytest.raises(StateError, match="no such"):

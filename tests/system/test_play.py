@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from harness import DaemonProcess, until
+from harness import until
 from scipy.spatial.transform import Rotation
 
 import orientd
@@ -20,22 +20,15 @@ Q = orientd.Quaternion
 RATE = 30.0
 
 
-@pytest.fixture(scope="module")
-def process(tmp_path_factory):
-    with DaemonProcess(tmp_path_factory.mktemp("daemon")) as process:
-        process.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=process.token))
-        yield process
-
-
 @pytest.fixture
-def before(process):
+def before(daemon):
     """How many setpoints the driver got before the test, but for those that differences take."""
-    return max(0, len(process.sent()) - 3)
+    return max(0, len(daemon.sent()) - 3)
 
 
 @pytest.fixture
-def robot(process, before):
-    with orientd.connect(process.socket) as robot:
+def robot(daemon, before):
+    with orientd.connect(daemon.socket) as robot:
         robot.move([Q(w=1, x=0, y=0, z=0)], approach=True).wait(20.0)
         yield robot
 
@@ -48,16 +41,16 @@ def angle_of(report):
     return 2.0 * math.atan2(report.q.z, report.q.w)
 
 
-def test_a_chunk_is_played_to_its_last_pose(process, robot, before):
+def test_a_chunk_is_played_to_its_last_pose(daemon, robot, before):
     with robot.play() as play:
         play.chunk(about_z(0.01 * np.arange(30)), rate=RATE)
     assert angle_of(play.report) == pytest.approx(0.29, abs=1e-5)
     timing = play.timing()
     assert (timing.chunks, timing.live, timing.stale, timing.starved) == (1, 30, 0, 0)
-    process.assert_limits_kept(before)
+    daemon.assert_limits_kept(before)
 
 
-def test_chunks_of_a_policy_make_one_motion(process, robot, before):
+def test_chunks_of_a_policy_make_one_motion(daemon, robot, before):
     begin = time.monotonic()
 
     def pose(t):
@@ -73,7 +66,7 @@ def test_chunks_of_a_policy_make_one_motion(process, robot, before):
         timing = play.timing()
         assert timing.stale >= 8 * 3
         assert 0.1 <= timing.inference < math.inf > timing.longest_inference
-    process.assert_limits_kept(before)
+    daemon.assert_limits_kept(before)
 
 
 def test_every_form_of_a_pose_is_taken_and_no_pose_is_skipped(robot):
@@ -146,7 +139,7 @@ def test_a_chunk_that_the_daemon_refuses_is_counted(robot):
         assert "chunk.orientations" in play.report.refusal
 
 
-def test_a_stop_ends_the_playing(process, robot, before):
+def test_a_stop_ends_the_playing(daemon, robot, before):
     play = robot.play()
     play.chunk(about_z(0.02 * np.arange(60)), rate=RATE)
     threading.Timer(0.3, robot.stop).start()
@@ -154,14 +147,14 @@ def test_a_stop_ends_the_playing(process, robot, before):
         play.wait(10.0)
     assert getpass.getuser() in str(error.value)
     play.close()
-    process.assert_limits_kept(before)
+    daemon.assert_limits_kept(before)
 
 
 def at_rest(play):
     until(lambda: math.hypot(*to_vector(play.report.omega_body)) < 1e-9, "rest")
 
 
-def test_a_hand_moves_the_device_and_letting_go_moves_nothing(process, robot, before):
+def test_a_hand_moves_the_device_and_letting_go_moves_nothing(daemon, robot, before):
     with robot.play() as play:
         for k in range(10):
             with play.engage(scale=0.5) as clutch:
@@ -176,14 +169,14 @@ def test_a_hand_moves_the_device_and_letting_go_moves_nothing(process, robot, be
                     clutch.move(Rotation.from_rotvec([2.0, 0.1 * k, 0.0]), position=[5.0, k, 0.0])
                     time.sleep(0.02)
             at_rest(play)
-            setpoints = read_recording(process.recording)
+            setpoints = read_recording(daemon.recording)
             sent = np.array([one.q for one in setpoints if one.time_ns > begin_ns])
             assert np.abs(sent - sent[0]).max() < 1e-7
         assert angle_of(play.report) > 0.5
-    process.assert_limits_kept(before)
+    daemon.assert_limits_kept(before)
 
 
-def test_a_hand_takes_over_from_a_policy_once_the_device_rests(process, robot, before):
+def test_a_hand_takes_over_from_a_policy_once_the_device_rests(daemon, robot, before):
     with robot.play() as play:
         play.chunk(about_z(0.02 * np.arange(60)), rate=RATE)
         until(lambda: angle_of(play.report) > 0.1, "motion")
@@ -191,4 +184,4 @@ def test_a_hand_takes_over_from_a_policy_once_the_device_rests(process, robot, b
             until(lambda: clutch.holds or clutch.move(Rotation.identity()), "the clutch")
         at_rest(play)
         assert 0.1 < angle_of(play.report) < 0.5
-    process.assert_limits_kept(before)
+    daemon.assert_limits_kept(before)
