@@ -2,6 +2,7 @@
 
 import json
 import re
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -131,6 +132,45 @@ def test_a_recording_that_has_ended_takes_no_more(table, tmp_path):
         with pytest.raises(RecordingError, match=r"a\.mcap has ended"):
             add()
     assert path.read_bytes() == content
+
+
+_FILL = """
+import sys
+from pathlib import Path
+sys.path[:0] = sys.argv[2:]
+from recorded import moving
+from orientd.recorder.writer import RecordingError, RecordingWriter
+writer = RecordingWriter(Path(sys.argv[1]), offset_ns=0)
+writer.add_device("arm", 500.0)
+try:
+    while True:
+        writer.add_cycles("arm", moving(256))
+except RecordingError as error:
+    print(error)
+writer.close()
+"""
+
+
+def test_a_full_disk_ends_the_recording_with_one_line(tmp_path):
+    path, most = tmp_path / "a.mcap", 300_000
+
+    def limited():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+
+    here = str(Path(__file__).parent)
+    done = subprocess.run(
+        [sys.executable, "-c", _FILL, str(path), here],
+        preexec_fn=limited, capture_output=True, text=True, check=False, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    (line,) = done.stdout.splitlines()
+    assert line.endswith("File too large")
+    assert path.stat().st_size <= most
+    with pytest.raises(RecordingError, match="it has no end"):
+        reader.load_recording(path)
+    assert (
+        reader.load_recording(path, partial=True).facts == {}
+    )  # it holds cycles, but this writer was told nothing of a daemon
 
 
 _KILLED = """
