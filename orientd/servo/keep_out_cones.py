@@ -30,6 +30,8 @@ class KeepOutCones:
     Attributes:
         cones: as configured.
         directions: their current directions in the world.
+        turned: angle by which they have turned so far, all together, rad.
+        rate: current angular velocity of the fastest one, rad/s.
     """
 
     def __init__(
@@ -47,6 +49,10 @@ class KeepOutCones:
         self._every = max(1, round(REFRESH / period))
         self._most = self._every * period * MOST_DRIFT
         self._count = 0
+        self.turned = self.rate = 0.0
+        # Those of the last orientation, which several ask for in a cycle.
+        self._q: Quaternion | None = None
+        self._found: list[float] = []
 
     def tick(self) -> None:
         """Follow the directions that move; call it once a cycle."""
@@ -55,15 +61,20 @@ class KeepOutCones:
         self._count += 1
         if self._count % self._every:
             return
-        now_ns = self._unix_ns()
+        now_ns, fastest = self._unix_ns(), 0.0
         for place in self._moving:
             before = self.directions[place]
-            self.directions[place] = _nearer(
-                before, self.cones[place].direction_at(now_ns), self._most
-            )
+            after = _nearer(before, self.cones[place].direction_at(now_ns), self._most)
+            self.directions[place] = after
+            fastest = max(fastest, norm(plus(after, before, -1.0)))
+        self._q = None
+        self.turned += fastest
+        self.rate = fastest * MOST_DRIFT / self._most
 
     def clearances(self, q: Quaternion) -> list[float]:
         """Return the angles from the tool's axis to the edges at *q*, rad; negative inside."""
+        if q is self._q:
+            return self._found
         found, axis, pointing = [], None, (0.0, 0.0, 0.0)
         for one, (a, b, c) in zip(self.cones, self.directions, strict=True):
             if one.axis is not axis:
@@ -73,17 +84,24 @@ class KeepOutCones:
             u, v, w = y * c - z * b, z * a - x * c, x * b - y * a
             angle = atan2(sqrt(u * u + v * v + w * w), a * x + b * y + c * z)
             found.append(angle - one.half_angle)
+        self._q, self._found = q, found
         return found
 
-    def intrusion(self, before: Quaternion, q: Quaternion) -> str:
+    def intrusion(self, before: Quaternion, q: Quaternion, slack: float = SLACK) -> str:
         """Return into which cone the step between two orientations leads, and how far inside.
 
         Empty if it leads into none.  Inside a cone, a step outwards leads into none.
+
+        Args:
+            before: orientation before the step.
+            q: orientation after it.
+            slack: depth that is tolerated, rad; negative to keep farther away.
         """
         found, earlier = self.clearances(q), self.clearances(before)
         for one, clearance, last in zip(self.cones, found, earlier, strict=True):
-            if clearance < -SLACK and clearance < last:
-                return f"{degrees(-clearance):.3g} deg inside the keep-out cone {one.name!r}"
+            if clearance < -slack and clearance < last:
+                depth = max(degrees(-clearance), 0.0)
+                return f"{depth:.3g} deg inside the keep-out cone {one.name!r}"
         return ""
 
 

@@ -17,6 +17,7 @@ from orientd.servo.guard import Guard
 from orientd.servo.keep_out_cones import KeepOutCones
 from orientd.servo.motion_law import NO_LIMITS, linear_limits_of, loosened
 from orientd.servo.path import (
+    KeepOutAhead,
     PathFollower,
     PathPart,
     PathPoint,
@@ -60,6 +61,7 @@ class SetpointGenerator:
         follower: position of the setpoint on the path.
         is_from_rest: whether motion resumes from rest in this cycle, after a stall.
         pursuit: the followed targets, or a stop off the path, which has none.
+        cones: keep-out cones of the device; ``None`` if it has none.
     """
 
     def __init__(
@@ -82,7 +84,8 @@ class SetpointGenerator:
         self.is_from_rest = False
         self.time_scaling = TimeScaling(period)
         self.follower = PathFollower(memory.path, period, NO_LIMITS)
-        self._cones = cones
+        self.cones = cones
+        self._cones_ahead = None if cones is None else KeepOutAhead(cones, self.follower, period)
         self._guard = Guard(period, cones)
         self._quick_stop = QuickStop(self.time_scaling, self.follower, self._guard)
         self.pursuit = TargetFollower(memory.targets, memory.chunks, self._guard, cones)
@@ -107,8 +110,8 @@ class SetpointGenerator:
 
     def step(self, deadline_ns: int, now_ns: int) -> PathPoint:
         """Return the setpoint of the cycle with deadline *deadline_ns* that runs at *now_ns*."""
-        if self._cones is not None:
-            self._cones.tick()
+        if self.cones is not None:
+            self.cones.tick()
         gap_ns, self._moved_ns = now_ns - self._moved_ns, now_ns
         self.is_from_rest = gap_ns > self._gap_ns and self.state in _MOVING
         if self.is_from_rest:
@@ -143,8 +146,8 @@ class SetpointGenerator:
         self.pursuit.foresight = self._following = None
         if self._takes_joints and mechanism is not None:
             self._following = Following(mechanism, period)
-            if self._cones is not None:
-                self._joint_stop = JointStop(mechanism, self._cones, period)
+            if self.cones is not None:
+                self._joint_stop = JointStop(mechanism, self.cones, period)
         elif mechanism is not None:
             self.pursuit.foresight = Foresight(mechanism, period)
         joints = feedback.joints if self._takes_joints else ()
@@ -306,6 +309,10 @@ class SetpointGenerator:
             scaling.target = speed
             if not follower.reaches(scaling.braking_cycles):
                 self.brake(Fault.PATH_STARVED, "the daemon did not deliver the path in time")
+            if self._cones_ahead is not None:
+                problem = self._cones_ahead.intrusion(scaling.braking_cycles)
+                if problem:
+                    self.brake(Fault.LIMIT_GUARD, f"the path would reach {problem}")
         before, part = scaling.rate, follower.part
         if scaling.target == 0.0 < before and not scaling.plan:
             self._quick_stop.seek(self._servo_limits, may_end=self.state is _STOPPING)
@@ -401,9 +408,9 @@ class SetpointGenerator:
 
     def _enters_cone(self, sent: Quaternion, joints: Joints) -> str:
         """Return into which cone axes lead that take another path than their poses."""
-        if self._cones is None or not joints:
+        if self.cones is None or not joints:
             return ""
-        return self._cones.intrusion(self._sent, sent)
+        return self.cones.intrusion(self._sent, sent)
 
     def _joints_towards(self, q: Quaternion, position: Vector3) -> Joints:
         """Return the joints of the next cycle towards a pose; empty if the pose itself is sent."""

@@ -1,5 +1,6 @@
-"""Follow the path and stop on it: time scaling, feasible rates, quick stop."""
+"""Follow the path and stop on it: time scaling, feasible rates, quick stop, cones ahead."""
 
+from orientd.servo.path.keep_out_ahead import KeepOutAhead
 from orientd.servo.path.path_follower import PathFollower, PathPart, StarvedError, joint_gap
 from orientd.servo.path.quick_stop import QuickStop
 from orientd.servo.path.segment import PathPoint

@@ -137,6 +137,11 @@ class PathFollower:
         return min(part.servo_limits.brake_rate for part in (self.part, *self._ahead))
 
     @property
+    def fastest(self) -> float:
+        """The largest velocity limit of all parts from here on, rad/s."""
+        return max(part.servo_limits.velocity for part in (self.part, *self._ahead))
+
+    @property
     def _final(self) -> int:
         """Index of the last part's last record, or :data:`UNKNOWN`."""
         part = self._ahead[-1] if self._ahead else self.part
@@ -170,9 +175,17 @@ class PathFollower:
 
         It is also ``None`` beyond a splice to a part with other servo limits.
         """
-        index, part = self._walk(records)
+        part = self._walk(records)[1]
         if part is not self.part and not part.servo_limits.has_limits_of(self.part.servo_limits):
             return None
+        return self.record_ahead(records)
+
+    def record_ahead(self, records: int) -> PathPoint | None:
+        """Return the record at a distance beyond :attr:`index`, whatever the servo limits there.
+
+        ``None`` beyond the end, or if it is not in the ring yet.
+        """
+        index, part = self._walk(records)
         is_last = part is (self._ahead[-1] if self._ahead else self.part)
         if is_last and index > self._final != UNKNOWN:
             return None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -56,6 +58,7 @@ class Rig:
     """Methods that the driver has besides, by name."""
     kind: type[RecordingLoopback] = RecordingLoopback
     cones: tuple[KeepOut, ...] = ()
+    unix_ns: Callable[[], int] = time.time_ns
 
     def __post_init__(self):
         self.clock = ManualClock(10**9)
@@ -73,7 +76,7 @@ class Rig:
             watch=WatchdogTimeouts(self.heartbeat_ns, self.feedback_ns, self.stall_ns),
             clock=self.clock,
             parent_is_alive=lambda: self.parent_is_alive,
-            cones=KeepOutCones(self.cones, PERIOD) if self.cones else None,
+            cones=KeepOutCones(self.cones, PERIOD, self.unix_ns) if self.cones else None,
         )
         self.memory.beat(self.clock.now_ns())
         self.noted = 0

@@ -47,6 +47,31 @@ def test_a_path_into_a_cone_is_stopped_with_a_fault_that_names_it():
     assert rig.cycle.fault == Fault.LIMIT_GUARD
     assert "inside the keep-out cone 'laser'" in rig.notes(NoteKind.FAULT)[0].text
     assert "deg" in rig.notes(NoteKind.FAULT)[0].text
+    assert clearance(rig, cone) >= 0.0
+    assert keeps_limits(rig)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_path_that_a_cone_moves_into_is_stopped_outside_of_it(seed):
+    random = np.random.default_rng(seed)
+    now_ns = 1_780_000_000 * 10**9
+    cone = KeepOut("sun", Sun(48.0, 11.0), random.uniform(0.05, 0.3))
+    # The path leads through the place of the sun once the clock has been set.
+    direction = np.array(cone.direction_at(now_ns))
+    axis = np.cross([1.0, 0.0, 0.0], direction)
+    path = turn(angle=2.5, duration=random.uniform(2.0, 4.0), axis=axis / np.linalg.norm(axis))
+    set_by_ns = round(random.uniform(-30.0, 30.0) * 60e9)
+    now_ns -= set_by_ns
+    rig = Rig(cones=(cone,), unix_ns=lambda: now_ns)
+    rig.start(path)
+    rig.run(int(random.integers(1, 300)))
+    now_ns += set_by_ns
+    least, cones = np.inf, rig.servo.setpoints.cones
+    while rig.servo.is_moving:
+        rig.run()
+        least = min(least, *cones.clearances(rig.driver.setpoints[-1].q))
+    assert rig.cycle.fault == Fault.LIMIT_GUARD
+    assert degrees(least) >= -0.01
     assert keeps_limits(rig)
 
 
