@@ -586,10 +586,19 @@ def test_a_restart_of_the_daemon_needs_no_restart_of_the_server(tmp_path):
             daemon.end()
             daemon.start()
             daemon.stub.ReleaseLease(pb.ReleaseLeaseRequest(token=daemon.token))
-            until(lambda: not served.telescope.Slewing, "the end of the turn")
+            until(lambda: answers(served), "the server to connect to the daemon again")
+            assert not served.telescope.Slewing
             served.slew(40.0, 5.0)
             assert served.direction() == pytest.approx((40.0, 5.0), abs=CLOSE)
             assert is_near(served.rotator.Position, 0.0)
+
+
+def answers(served):
+    try:
+        served.direction()
+    except exceptions.DriverException:
+        return False
+    return True
 
 
 def test_a_daemon_that_is_gone_is_a_driver_error(tmp_path):
