@@ -190,7 +190,7 @@ class Pointer:
             form = self._form(point, form)
             poses.append(self._pose(form))
         self._motion, self._is_following = None, False
-        self._served.track().chunk(poses, times=times)
+        self._served.follow(poses, float(times[0]), float(times[1] - times[0]))
         self._is_following = True
 
     def _form(self, point: Floats, near: Direction) -> Direction:

@@ -45,6 +45,11 @@ class Rotator:
     velocity: float
     acceleration: float = 60.0
 
+    @property
+    def longest_turn(self):
+        """How long a turn all the way round and the way back to the target take, s."""
+        return 1.2 * 360.0 / self.velocity + 10.0
+
     def settings(self, socket, port):
         """Return the daemon's settings."""
         axes = "".join(

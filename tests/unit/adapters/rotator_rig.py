@@ -72,16 +72,13 @@ class Rotator:
         w, x, y, z = self.rig.cycle.q
         return SimpleNamespace(cycle=SimpleNamespace(q=pb.Quaternion(w=w, x=x, y=y, z=z)))
 
-    def track(self):
+    def follow(self, poses, start, step):
         if self.rig.cycle.state is not ServoState.TRACKING:
             self._motion += 1
             self.rig.ask(Command.TRACK, motion=self._motion, servo_limits=LIMITS)
-        return self
-
-    def chunk(self, poses, *, times):
         samples = [
-            Sample(round(1e9 * at), (one.w, one.x, one.y, one.z))
-            for at, one in zip(times, poses, strict=True)
+            Sample(round(1e9 * (start + step * k)), (one.w, one.x, one.y, one.z))
+            for k, one in enumerate(poses)
         ]
         publish_chunk(self.rig.memory.chunks, samples)
 
@@ -91,7 +88,7 @@ class Rotator:
 
     # The run
 
-    def follow(self, times, azimuth, elevation, *, tips):
+    def errors(self, times, azimuth, elevation, *, tips):
         """Send a position a second, and return setpoints at the times between.
 
         Args:

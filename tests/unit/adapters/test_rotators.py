@@ -24,7 +24,7 @@ def test_an_axis_at_the_end_of_its_range_unwinds_at_once_and_rejoins_the_target(
     """It loses the target for hardly longer than a whole turn takes: 12 s."""
     times, azimuth, elevation = straight(80.0, 50.0, turns[0] - 90.0)
     rotator = Rotator(turns, (0.0, 90.0), 30.0, (azimuth[0], elevation[0]))
-    error, joints = rotator.follow(times, azimuth, elevation, tips=False)
+    error, joints = rotator.errors(times, azimuth, elevation, tips=False)
     assert np.ptp(joints[:, 0]) > 300.0
     assert lost(error) < 1.15 * 12.0
     assert np.max(error[times[:-1] > 60.0]) < TOLERANCE
@@ -34,7 +34,7 @@ def test_a_slow_axis_turns_half_round_after_the_zenith():
     """At 3 degrees a second that takes 60 s."""
     times, azimuth, elevation = straight(170.0, 0.3, 200.0, rate_deg=0.5)
     rotator = Rotator((0.0, 450.0), (0.0, 90.0), 3.0, (azimuth[0], elevation[0]))
-    error, _ = rotator.follow(times, azimuth, elevation, tips=False)
+    error, _ = rotator.errors(times, azimuth, elevation, tips=False)
     assert lost(error) < 66.0
     assert np.max(error[times[:-1] > 155.0]) < TOLERANCE
 
@@ -43,7 +43,7 @@ def test_an_elevation_beyond_90_degrees_takes_a_slow_axis_over_the_zenith():
     """The azimuth axis turns after the target near the zenith, as far as it can, and back."""
     times, azimuth, elevation = straight(120.0, 0.3, 200.0)
     rotator = Rotator((0.0, 450.0), (0.0, 180.0), 3.0, (azimuth[0], elevation[0]))
-    error, joints = rotator.follow(times, azimuth, elevation, tips=True)
+    error, joints = rotator.errors(times, azimuth, elevation, tips=True)
     assert joints[-1, 1] > 120.0
     assert lost(error) < 9.0
     assert np.max(error[times[:-1] > 75.0]) < TOLERANCE
